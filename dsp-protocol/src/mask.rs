@@ -1,0 +1,158 @@
+//! The status mask: which groups of values a status message carries (`docs/protocol.md` section 4.1).
+
+use std::fmt;
+
+/// One group of values in a status message; its discriminant is its bit in the mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Group {
+    /// Milliseconds since the DSP's boot (`tiempo_local`).
+    Time = 0,
+    /// Latitude, longitude, altitude.
+    Geographic = 1,
+    /// Flat position around the first valid GPS fix.
+    Xy = 2,
+    /// GPS horizontal speed, vertical speed, heading.
+    GpsVelocity = 3,
+    /// GPS quality (`qos_GPS`).
+    GpsQuality = 4,
+    /// IMU pitch, roll, yaw.
+    Attitude = 5,
+    /// IMU linear acceleration.
+    Acceleration = 6,
+    /// IMU angular rate.
+    AngularRate = 7,
+    /// PWM signals from the pilot.
+    PilotPwm = 8,
+    /// Sonar.
+    Sonar = 9,
+    /// Battery level, fuel level, auto/manual switch.
+    Supply = 10,
+    /// Pan and tilt potentiometers.
+    PanTilt = 11,
+    /// Main rotor speed.
+    RotorSpeed = 12,
+    /// Barometric altimeter.
+    Barometer = 13,
+    /// Actuation values to the servos.
+    Actuation = 14,
+    /// Controller references.
+    References = 15,
+}
+
+impl Group {
+    /// All groups in the order of their bits, which is their order on the wire.
+    pub const ALL: [Group; 16] = [
+        Group::Time,
+        Group::Geographic,
+        Group::Xy,
+        Group::GpsVelocity,
+        Group::GpsQuality,
+        Group::Attitude,
+        Group::Acceleration,
+        Group::AngularRate,
+        Group::PilotPwm,
+        Group::Sonar,
+        Group::Supply,
+        Group::PanTilt,
+        Group::RotorSpeed,
+        Group::Barometer,
+        Group::Actuation,
+        Group::References,
+    ];
+
+    /// The group's bit in the mask.
+    pub const fn bit(self) -> u16 {
+        1 << self as u8
+    }
+
+    /// Bytes that the group takes on the wire.
+    pub const fn wire_len(self) -> usize {
+        match self {
+            Group::Time => 5,
+            Group::Geographic => 15,
+            Group::Xy => 10,
+            Group::GpsVelocity | Group::Attitude | Group::Acceleration | Group::AngularRate => 9,
+            Group::GpsQuality => 1,
+            Group::PilotPwm | Group::Actuation => 10,
+            Group::Sonar | Group::RotorSpeed | Group::Barometer => 2,
+            Group::Supply => 5,
+            Group::PanTilt => 4,
+            Group::References => 20,
+        }
+    }
+
+    /// The group's name in configuration files and logs.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Group::Time => "time",
+            Group::Geographic => "geographic",
+            Group::Xy => "xy",
+            Group::GpsVelocity => "gps_velocity",
+            Group::GpsQuality => "gps_quality",
+            Group::Attitude => "attitude",
+            Group::Acceleration => "acceleration",
+            Group::AngularRate => "angular_rate",
+            Group::PilotPwm => "pilot_pwm",
+            Group::Sonar => "sonar",
+            Group::Supply => "supply",
+            Group::PanTilt => "pan_tilt",
+            Group::RotorSpeed => "rotor_speed",
+            Group::Barometer => "barometer",
+            Group::Actuation => "actuation",
+            Group::References => "references",
+        }
+    }
+}
+
+/// A set of [`Group`]s: the 16-bit status mask (`mascara`).
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct StatusMask(pub u16);
+
+impl StatusMask {
+    /// No group: a status that carries the flying flag alone.
+    pub const NONE: StatusMask = StatusMask(0);
+    /// All sixteen groups.
+    pub const ALL: StatusMask = StatusMask(u16::MAX);
+
+    /// Whether `group` is in the set.
+    pub const fn contains(self, group: Group) -> bool {
+        self.0 & group.bit() != 0
+    }
+
+    /// The set with `group` added.
+    #[must_use]
+    pub const fn with(self, group: Group) -> StatusMask {
+        StatusMask(self.0 | group.bit())
+    }
+
+    /// The set with `group` taken out.
+    #[must_use]
+    pub const fn without(self, group: Group) -> StatusMask {
+        StatusMask(self.0 & !group.bit())
+    }
+
+    /// The groups of the set in the order of their bits.
+    pub fn groups(self) -> impl Iterator<Item = Group> {
+        Group::ALL
+            .into_iter()
+            .filter(move |group| self.contains(*group))
+    }
+
+    /// Length of a whole status frame with this mask, header and checksum included.
+    pub fn status_frame_len(self) -> usize {
+        6 + self.groups().map(Group::wire_len).sum::<usize>()
+    }
+}
+
+impl FromIterator<Group> for StatusMask {
+    fn from_iter<I: IntoIterator<Item = Group>>(groups: I) -> Self {
+        groups.into_iter().fold(StatusMask::NONE, StatusMask::with)
+    }
+}
+
+impl fmt::Debug for StatusMask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "StatusMask({:#06x})", self.0)
+    }
+}

@@ -1,0 +1,267 @@
+//! Numbers in shared memory that stand for something: typed enums with a checked way back.
+//!
+//! A payload holds plain integers, because any bit pattern may lie in shared memory. Each enum here converts with
+//! `From` into its number and with `from_code` out of it; an unknown number is `None`, never undefined behaviour.
+
+/// Defines a `u32` code with names for people and tools.
+macro_rules! codes {
+    (
+        $(#[$meta:meta])*
+        pub enum $name:ident {
+            $( $(#[$variant_meta:meta])* $variant:ident = $code:literal => $text:literal, )+
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(u32)]
+        pub enum $name {
+            $( $(#[$variant_meta])* $variant = $code, )+
+        }
+
+        impl $name {
+            /// All values, in the order of their numbers.
+            pub const ALL: &'static [$name] = &[$( $name::$variant, )+];
+
+            /// The value with this number, or nothing if the number is not one of the contract.
+            pub const fn from_code(code: u32) -> Option<$name> {
+                match code {
+                    $( $code => Some($name::$variant), )+
+                    _ => None,
+                }
+            }
+
+            /// The number in shared memory.
+            pub const fn code(self) -> u32 {
+                self as u32
+            }
+
+            /// The name that tools print: lower case with dashes.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $( $name::$variant => $text, )+
+                }
+            }
+        }
+
+        impl From<$name> for u32 {
+            fn from(value: $name) -> u32 {
+                value.code()
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad(self.name())
+            }
+        }
+    };
+}
+
+codes! {
+    /// What a control request asks of the module (`ModuleControl`).
+    pub enum ControlCommand {
+        /// `START_MODULE`
+        Start = 1 => "start",
+        /// `STOP_MODULE`
+        Stop = 2 => "stop",
+    }
+}
+
+codes! {
+    /// What a movement request asks for (`type_of_request`).
+    pub enum MovementKind {
+        /// One waypoint of a path (`RS_GOTO_WP`).
+        GoToWaypoint = 1 => "goto",
+        /// Take off to an altitude (`RS_TAKE_OFF`).
+        TakeOff = 2 => "takeoff",
+        /// Land on the spot (`RS_LAND`).
+        Land = 3 => "land",
+    }
+}
+
+codes! {
+    /// Which module a state is of.
+    pub enum ModuleId {
+        /// The bridge (`HERO_BRIDGE_MODULE_ID`).
+        HeroBridge = 1 => "hero-bridge",
+    }
+}
+
+codes! {
+    /// State of a module (`ModuleState`).
+    pub enum ModuleStatus {
+        /// Never started (`MODULE_WAITING_DATA_TO_START`).
+        WaitingDataToStart = 1 => "waiting-data-to-start",
+        /// Started; takes movements or executes one (`MODULE_RUNNING`).
+        Running = 2 => "running",
+        /// The last movement has ended, or the module was stopped at rest (`MODULE_ENDED`).
+        Ended = 3 => "ended",
+        /// A stop or an error ended the functionality early (`MODULE_ABORTED`).
+        Aborted = 4 => "aborted",
+    }
+}
+
+codes! {
+    /// What the module's functionality, the following of movements, is doing.
+    pub enum Functionality {
+        /// No movement; a new one is taken if the module is not blocked.
+        AtRest = 1 => "at-rest",
+        /// A path is being received; nothing of it has gone to the DSP.
+        ReceivingPath = 2 => "receiving-path",
+        /// A take-off is under way (`unable2abort`).
+        TakingOff = 3 => "taking-off",
+        /// A path is being flown.
+        FollowingPath = 4 => "following-path",
+        /// A landing is under way (`unable2abort`).
+        Landing = 5 => "landing",
+        /// A stop is being carried out.
+        Stopping = 6 => "stopping",
+    }
+}
+
+codes! {
+    /// State of the line to the DSP.
+    pub enum LinkState {
+        /// The port is open; the DSP has not yet answered the start-up sequence.
+        Connecting = 1 => "connecting",
+        /// Start-up is done and messages arrive.
+        Up = 2 => "up",
+        /// The port is open, but no valid message came for the configured time.
+        Silent = 3 => "silent",
+        /// There is no port.
+        Gone = 4 => "gone",
+    }
+}
+
+codes! {
+    /// How far a request has come. `Accepted` and `Progress` may be followed by more; the others are final words.
+    pub enum Stage {
+        /// Taken; more will follow.
+        Accepted = 1 => "accepted",
+        /// Something went on: sent to the DSP, or waypoints reached.
+        Progress = 2 => "progress",
+        /// Final: done.
+        Done = 16 => "done",
+        /// Final: refused, nothing was done.
+        Refused = 17 => "refused",
+        /// Final: begun and ended early.
+        Aborted = 18 => "aborted",
+        /// Final: what became of it cannot be known.
+        Unknown = 19 => "unknown",
+    }
+}
+
+impl Stage {
+    /// Whether no further report follows.
+    pub const fn is_final(self) -> bool {
+        self.code() >= Stage::Done.code()
+    }
+}
+
+codes! {
+    /// Why a report says what it says.
+    pub enum Reason {
+        /// Nothing special.
+        None = 0 => "none",
+        /// The request holds a number that the contract does not have.
+        InvalidRequest = 1 => "invalid-request",
+        /// A coordinate, altitude or deadline that is not finite.
+        NotFinite = 2 => "not-finite",
+        /// A coordinate or altitude outside its range.
+        OutOfRange = 3 => "out-of-range",
+        /// The waypoint is farther away than the configuration allows.
+        TooFar = 4 => "too-far",
+        /// The module has not been started, or was stopped.
+        NotStarted = 5 => "not-started",
+        /// Start while running (`MODULE_RUNNING_TO_RESTART_STOP_IT_BEFORE`).
+        AlreadyRunning = 6 => "already-running",
+        /// Stop during take-off or landing (`ERROR_IMPOSSIBLE_TO_STOP_MODULE`).
+        UnableToAbort = 7 => "unable-to-abort",
+        /// Another movement or stop is under way.
+        Busy = 8 => "busy",
+        /// The DSP cannot be reached.
+        LinkDown = 9 => "link-down",
+        /// The helicopter is on the ground.
+        NotFlying = 10 => "not-flying",
+        /// The helicopter is in the air already.
+        AlreadyFlying = 11 => "already-flying",
+        /// The position is not known or not transmitted, so that the arrival could not be seen.
+        NoPosition = 12 => "no-position",
+        /// A waypoint that continues or closes a path that was never opened.
+        PathWithoutHead = 13 => "path-without-head",
+        /// A new path was begun before this one was closed.
+        PathReplaced = 14 => "path-replaced",
+        /// More waypoints than a path can have.
+        PathTooLong = 15 => "path-too-long",
+        /// Another waypoint of the same path was refused, or its sender vanished.
+        PathBroken = 16 => "path-broken",
+        /// A bounded table is full; try again later.
+        TooManyRequests = 17 => "too-many-requests",
+        /// The request could not be delivered before its deadline.
+        DeadlineExpired = 18 => "deadline-expired",
+        /// The movement took longer than the configuration allows.
+        MovementTimeout = 19 => "movement-timeout",
+        /// The module was stopped.
+        Stopped = 20 => "stopped",
+        /// The DSP reported an error that ends the functionality.
+        DspFatalError = 21 => "dsp-fatal-error",
+        /// A command was not acknowledged, or the line is broken.
+        CommunicationFatalError = 22 => "communication-fatal-error",
+        /// The DSP rebooted.
+        DspRebooted = 23 => "dsp-rebooted",
+        /// The bridge is ending.
+        BridgeEnding = 24 => "bridge-ending",
+        /// The bridge vanished; reported by the client's port, never by the bridge.
+        BridgeGone = 25 => "bridge-gone",
+    }
+}
+
+codes! {
+    /// Error codes of the Inter Modular Interface: general 0–99, UAV 100–200, DSP errors + 200 in 201–500.
+    pub enum ImiError {
+        /// `NO_ERROR_IMI`
+        None = 0 => "no-error",
+        /// `MODULE_RUNNING_TO_RESTART_STOP_IT_BEFORE`
+        ModuleRunningToRestartStopItBefore = 1 => "module-running-to-restart-stop-it-before",
+        /// `ERROR_IMPOSSIBLE_TO_STOP_MODULE`
+        ImpossibleToStopModule = 2 => "impossible-to-stop-module",
+        /// `HERO_DSP_FATAL_ERROR`
+        HeroDspFatalError = 100 => "hero-dsp-fatal-error",
+        /// `COMMUNICATION_FATAL_ERROR`
+        CommunicationFatalError = 101 => "communication-fatal-error",
+    }
+}
+
+/// Added to a DSP error code to make it an IMI error code (201 … 500).
+pub const IMI_DSP_OFFSET: u32 = 200;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_back_as_themselves_and_unknown_ones_as_nothing() {
+        for reason in Reason::ALL {
+            assert_eq!(Reason::from_code(reason.code()), Some(*reason));
+        }
+        for stage in Stage::ALL {
+            assert_eq!(Stage::from_code(stage.code()), Some(*stage));
+        }
+        assert_eq!(Stage::from_code(0), None);
+        assert_eq!(Reason::from_code(u32::MAX), None);
+    }
+
+    #[test]
+    fn the_final_words_are_done_refused_aborted_unknown() {
+        let finals: Vec<_> = Stage::ALL.iter().filter(|stage| stage.is_final()).collect();
+        assert_eq!(
+            finals,
+            [
+                &Stage::Done,
+                &Stage::Refused,
+                &Stage::Aborted,
+                &Stage::Unknown
+            ]
+        );
+    }
+}

@@ -1,0 +1,189 @@
+//! [`HeroTelemetry`]: the helicopter's state for the layers above, in SI units (`HERO_TELEMETRY`).
+
+use iceoryx2::prelude::ZeroCopySend;
+
+shared_struct! {
+    /// The state of the helicopter in SI units, angles in radians, axes named. Service `hero_telemetry`, written by
+    /// status.
+    ///
+    /// A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
+    /// status mask; the others are zero.
+    pub struct HeroTelemetry("hero.HeroTelemetry.v1") = 272 {
+        /// Counts the samples of this publisher from 1; a gap is a loss.
+        pub sequence: u64,
+        /// When the publishing process began, host monotonic ns.
+        pub epoch_ns: u64,
+        /// `sequence` of the [`DspTelemetry`](super::DspTelemetry) that this was made of.
+        pub source_sequence: u64,
+        /// `epoch_ns` of the [`DspTelemetry`](super::DspTelemetry) that this was made of.
+        pub source_epoch_ns: u64,
+        /// When the bridge read the message's last byte, host monotonic ns.
+        pub received_ns: u64,
+        /// When status published this, host monotonic ns.
+        pub published_ns: u64,
+        /// Time since the DSP's boot, s (group 0).
+        pub dsp_time_s: f64,
+        /// Bit *k* is set when group *k* of the status mask is valid.
+        pub valid_groups: u32,
+        /// 1 when the helicopter is in the air, else 0.
+        pub flying: u32,
+        /// How often the DSP was seen to boot since `source_epoch_ns`.
+        pub dsp_boots: u32,
+        /// DSP errors received since `source_epoch_ns`.
+        pub dsp_errors: u32,
+        /// The last DSP error as IMI code (201 … 500); 0 when `dsp_errors` is 0.
+        pub last_dsp_error_imi: u32,
+        /// NMEA fix quality, 0 … 8 (group 4).
+        pub gps_quality: u32,
+        /// WGS 84 position (group 1).
+        pub geodetic: HeroGeodetic,
+        /// Position in the local east-north plane (group 2).
+        pub local: HeroLocal,
+        /// Velocity over ground (group 3).
+        pub velocity: HeroVelocity,
+        /// Attitude of the body (forward, right, down) against north, east, down (group 5).
+        pub attitude: HeroAttitude,
+        /// Specific force along the body's axes (group 6).
+        pub acceleration: HeroAcceleration,
+        /// Angular rate about the body's axes (group 7).
+        pub angular_rate: HeroAngularRate,
+        /// Pilot's sticks, −1 … 1 at the ends of the servo's travel (group 8).
+        pub pilot: HeroServos,
+        /// Actuation of the servos, −1 … 1 at the ends of the servo's travel (group 14).
+        pub actuation: HeroServos,
+        /// Height over ground by sonar, m (group 9).
+        pub sonar_height_m: f32,
+        /// Barometric altitude, m (group 13).
+        pub barometer_altitude_m: f32,
+        /// Battery, fuel, switch (group 10).
+        pub supply: HeroSupply,
+        /// Camera's pan, rad, right positive (group 11).
+        pub pan_rad: f32,
+        /// Camera's tilt, rad, up positive (group 11).
+        pub tilt_rad: f32,
+        /// Main rotor, rad/s (group 12).
+        pub rotor_radps: f32,
+        /// Controller references (group 15).
+        pub references: HeroReferences,
+    }
+}
+
+shared_struct! {
+    /// WGS 84 position.
+    pub struct HeroGeodetic("hero.HeroGeodetic.v1") = 24 {
+        /// Latitude, rad, north positive.
+        pub latitude_rad: f64,
+        /// Longitude, rad, east positive.
+        pub longitude_rad: f64,
+        /// Altitude, m, up positive.
+        pub altitude_m: f64,
+    }
+}
+
+shared_struct! {
+    /// Position in the plane that touches the Earth at the DSP's first valid GPS fix.
+    pub struct HeroLocal("hero.HeroLocal.v1") = 16 {
+        /// East, m.
+        pub east_m: f64,
+        /// North, m.
+        pub north_m: f64,
+    }
+}
+
+shared_struct! {
+    /// Velocity over ground.
+    pub struct HeroVelocity("hero.HeroVelocity.v1") = 20 {
+        /// To the north, m/s.
+        pub north_mps: f32,
+        /// To the east, m/s.
+        pub east_mps: f32,
+        /// Upwards, m/s.
+        pub up_mps: f32,
+        /// Horizontal speed, m/s.
+        pub ground_speed_mps: f32,
+        /// Course over ground, rad clockwise from true north, −π … π.
+        pub course_rad: f32,
+    }
+}
+
+shared_struct! {
+    /// Attitude: roll, pitch, yaw of the body (forward, right, down) against north, east, down.
+    pub struct HeroAttitude("hero.HeroAttitude.v1") = 12 {
+        /// Right side down positive, rad.
+        pub roll_rad: f32,
+        /// Nose up positive, rad.
+        pub pitch_rad: f32,
+        /// Clockwise from true north, rad, −π … π.
+        pub yaw_rad: f32,
+    }
+}
+
+shared_struct! {
+    /// Specific force along the body's axes.
+    pub struct HeroAcceleration("hero.HeroAcceleration.v1") = 12 {
+        /// Forward, m/s².
+        pub forward_mps2: f32,
+        /// Right, m/s².
+        pub right_mps2: f32,
+        /// Down, m/s²; about −9.81 at rest.
+        pub down_mps2: f32,
+    }
+}
+
+shared_struct! {
+    /// Angular rate about the body's axes.
+    pub struct HeroAngularRate("hero.HeroAngularRate.v1") = 12 {
+        /// About the forward axis, rad/s.
+        pub forward_radps: f32,
+        /// About the right axis, rad/s.
+        pub right_radps: f32,
+        /// About the down axis, rad/s.
+        pub down_radps: f32,
+    }
+}
+
+shared_struct! {
+    /// Five servo channels, −1 … 1 at the ends of the travel.
+    pub struct HeroServos("hero.HeroServos.v1") = 20 {
+        /// Collective pitch.
+        pub collective: f32,
+        /// Lateral cyclic.
+        pub roll: f32,
+        /// Longitudinal cyclic.
+        pub pitch: f32,
+        /// Tail rotor.
+        pub tail: f32,
+        /// Throttle.
+        pub throttle: f32,
+    }
+}
+
+shared_struct! {
+    /// Battery, fuel, switch.
+    pub struct HeroSupply("hero.HeroSupply.v1") = 12 {
+        /// Battery, volts.
+        pub battery_v: f32,
+        /// Fuel, 0 … 1.
+        pub fuel_fraction: f32,
+        /// 0 manual, 1 auto.
+        pub auto_switch: u32,
+    }
+}
+
+shared_struct! {
+    /// References of the DSP's controllers.
+    pub struct HeroReferences("hero.HeroReferences.v1") = 24 {
+        /// Velocity to the north, m/s.
+        pub north_mps: f32,
+        /// Velocity to the east, m/s.
+        pub east_mps: f32,
+        /// Altitude, m.
+        pub altitude_m: f32,
+        /// Roll, rad.
+        pub roll_rad: f32,
+        /// Pitch, rad.
+        pub pitch_rad: f32,
+        /// Yaw, rad.
+        pub yaw_rad: f32,
+    }
+}

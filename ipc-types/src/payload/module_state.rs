@@ -1,0 +1,142 @@
+//! [`ModuleState`]: how the bridge, its movement, its line and the DSP are (`ModuleState`).
+
+use iceoryx2::prelude::ZeroCopySend;
+
+shared_struct! {
+    /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
+    ///
+    /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
+    pub struct ModuleState("hero.ModuleState.v1") = 336 {
+        /// Counts the samples of this publisher from 1.
+        pub sequence: u64,
+        /// When the publishing process began.
+        pub epoch_ns: u64,
+        /// When this was published.
+        pub published_ns: u64,
+        /// A [`ModuleId`](crate::code::ModuleId).
+        pub module_id: u32,
+        /// A [`ModuleStatus`](crate::code::ModuleStatus).
+        pub status: u32,
+        /// IMI error code: general 0–99, UAV 100–200, DSP 201–500.
+        pub imi_error: u32,
+        /// 1 when no movement is taken until the next start.
+        pub blocked: u32,
+        /// A [`Functionality`](crate::code::Functionality).
+        pub functionality: u32,
+        /// 1 when the movement under way cannot be aborted (`unable2abort`).
+        pub unable_to_abort: u32,
+        /// The movement under way, or the last one; all zero before the first.
+        pub movement: MovementState,
+        /// The line to the DSP.
+        pub link: LinkHealth,
+        /// What was discarded and why.
+        pub refused: RefusedCounters,
+        /// DSP errors by code.
+        pub dsp_errors: DspErrorCounters,
+    }
+}
+
+shared_struct! {
+    /// Progress of a movement.
+    pub struct MovementState("hero.MovementState.v1") = 40 {
+        /// Request that began or closed it.
+        pub request_id: u64,
+        /// Its path, 0 for take-off and landing.
+        pub path_id: u64,
+        /// A [`MovementKind`](crate::code::MovementKind), 0 before the first movement.
+        pub kind: u32,
+        /// Waypoints of the path.
+        pub waypoints_total: u32,
+        /// Waypoints sent to the DSP.
+        pub waypoints_sent: u32,
+        /// Waypoints that the helicopter was seen to reach, in order.
+        pub waypoints_reached: u32,
+        /// Horizontal distance to the last waypoint, m; meaningful when `distance_valid` is 1.
+        pub distance_to_go_m: f32,
+        /// 1 when `distance_to_go_m` is known.
+        pub distance_valid: u32,
+    }
+}
+
+shared_struct! {
+    /// The line to the DSP.
+    pub struct LinkHealth("hero.LinkHealth.v1") = 80 {
+        /// When the last valid message came.
+        pub last_message_ns: u64,
+        /// When the last status message was published.
+        pub last_telemetry_ns: u64,
+        /// Since when `state` holds.
+        pub state_since_ns: u64,
+        /// Bytes received.
+        pub bytes_received: u64,
+        /// Valid messages received.
+        pub messages_received: u64,
+        /// A [`LinkState`](crate::code::LinkState).
+        pub state: u32,
+        /// How often the port was opened.
+        pub port_openings: u32,
+        /// How often the DSP was seen to boot.
+        pub dsp_boots: u32,
+        /// Commands acknowledged.
+        pub commands_acknowledged: u32,
+        /// Commands sent again after a timeout.
+        pub commands_repeated: u32,
+        /// Commands given up after the last attempt.
+        pub commands_failed: u32,
+        /// Acknowledgements that matched no outstanding command.
+        pub acks_unmatched: u32,
+        /// Waypoints sent.
+        pub waypoints_sent: u32,
+        /// Telemetry samples published.
+        pub telemetry_published: u32,
+        /// Status samples that coherence in time dropped.
+        pub telemetry_incoherent: u32,
+    }
+}
+
+shared_struct! {
+    /// Bytes and values that were discarded, by reason.
+    pub struct RefusedCounters("hero.RefusedCounters.v1") = 48 {
+        /// Runs of bytes without a header.
+        pub stray: u32,
+        /// Unknown headers.
+        pub unknown_header: u32,
+        /// Messages cut short by the next header.
+        pub truncated: u32,
+        /// Wrong checksums.
+        pub checksum: u32,
+        /// Unused bits that were not zero.
+        pub padding: u32,
+        /// Impossible field values.
+        pub value: u32,
+        /// Groups whose validity was withdrawn because a value was implausible.
+        pub implausible_groups: u32,
+        /// The groups withdrawn so far, as bits of the status mask.
+        pub implausible_mask: u32,
+        /// Requests refused.
+        pub requests: u32,
+        /// Bytes for the DSP that the line did not take in time.
+        pub transmit_overflows: u32,
+        /// Always zero; room for the extended profile.
+        pub reserved: [u32; 2],
+    }
+}
+
+/// Number of documented DSP error codes; `docs/protocol.md` section 7 lists them in the order of the counters.
+pub const KNOWN_DSP_ERRORS: usize = 26;
+
+shared_struct! {
+    /// DSP errors received since the bridge began.
+    pub struct DspErrorCounters("hero.DspErrorCounters.v1") = 120 {
+        /// All errors.
+        pub total: u32,
+        /// Errors with a code that the documentation does not have.
+        pub unknown: u32,
+        /// The last error as IMI code (DSP code + 200); 0 when `total` is 0.
+        pub last_imi: u32,
+        /// Errors that ended the functionality.
+        pub transcended: u32,
+        /// By documented code, ascending: 1 … 15, 18, 20, 21, 22, 30, 40, 45, 46, 100, 102, 300.
+        pub known: [u32; KNOWN_DSP_ERRORS],
+    }
+}

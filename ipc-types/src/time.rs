@@ -1,0 +1,37 @@
+//! Host time: nanoseconds of `CLOCK_MONOTONIC`, comparable between the processes of one machine.
+
+use std::fmt;
+use std::ops::Add;
+use std::time::Duration;
+
+/// A moment of the host's `CLOCK_MONOTONIC`, in nanoseconds since boot. Not affected by changes of the wall clock.
+#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct MonotonicNs(pub u64);
+
+impl MonotonicNs {
+    /// The present moment. The only place where this crate reads a clock; pure code is given its result.
+    pub fn now() -> MonotonicNs {
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        MonotonicNs(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
+    }
+
+    /// How long ago `earlier` was; zero if it lies in the future.
+    pub fn since(self, earlier: MonotonicNs) -> Duration {
+        Duration::from_nanos(self.0.saturating_sub(earlier.0))
+    }
+}
+
+impl Add<Duration> for MonotonicNs {
+    type Output = MonotonicNs;
+
+    fn add(self, duration: Duration) -> MonotonicNs {
+        let nanos = u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX);
+        MonotonicNs(self.0.saturating_add(nanos))
+    }
+}
+
+impl fmt::Debug for MonotonicNs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", Duration::from_nanos(self.0))
+    }
+}
