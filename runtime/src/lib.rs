@@ -1,1 +1,66 @@
-//! placeholder
+//! What every process of the RIL does alike at its edges, so that a user who knows one knows them all.
+//!
+//! * [`args`]: the options that every process takes: robot, configuration, verbosity;
+//! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
+//! * [`exit`]: exit codes, and how an error is told once;
+//! * [`logging`]: diagnostics on standard error;
+//! * [`notify`]: readiness and watchdog for a supervisor;
+//! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on.
+//!
+//! Nothing here knows the helicopter, the serial line or shared memory.
+//!
+//! # Example
+//!
+//! A process with a configuration of its own:
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use clap::Parser;
+//! use runtime::args::CommonArgs;
+//! use runtime::exit::{self, Failure};
+//! use runtime::{config, logging};
+//!
+//! runtime::ranged! {
+//!     /// Bits per second.
+//!     fn baud_rate(u32) in 50..=4_000_000;
+//! }
+//!
+//! #[derive(Debug, serde::Deserialize)]
+//! #[serde(default, deny_unknown_fields)]
+//! struct Config {
+//!     #[serde(deserialize_with = "baud_rate")]
+//!     baud_rate: u32,
+//! }
+//!
+//! impl Default for Config {
+//!     fn default() -> Self {
+//!         Config { baud_rate: 115_200 }
+//!     }
+//! }
+//!
+//! #[derive(Parser)]
+//! struct Args {
+//!     #[command(flatten)]
+//!     common: CommonArgs,
+//! }
+//!
+//! fn run(args: Args) -> Result<(), Failure> {
+//!     logging::init(args.common.verbosity())?;
+//!     let config = config::load::<Config>(args.common.config.as_deref(), Path::new("example.toml"))?;
+//!     assert_eq!(config.value.baud_rate, 115_200);
+//!     Ok(())
+//! }
+//!
+//! fn main() -> std::process::ExitCode {
+//!     let args = Args::parse_from(["example", "--robot", "7"]);
+//!     exit::main_with(|| run(args))
+//! }
+//! ```
+
+pub mod args;
+pub mod config;
+pub mod exit;
+pub mod logging;
+pub mod notify;
+pub mod signal;
