@@ -2,12 +2,41 @@
 
 use std::marker::PhantomData;
 
-/// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
-/// [`crate::Uplink`].
-pub trait Direction: Sized {}
+use crate::frame::{MAX_FRAME_LEN, checksum};
+use crate::header::is_header;
 
-impl Direction for crate::Downlink {}
-impl Direction for crate::Uplink {}
+/// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
+/// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give.
+pub trait Direction: Sized + sealed::Sealed {
+    /// How long the message is that begins with `prefix`, as far as its bytes tell. `prefix` begins with a header; it may
+    /// be shorter than the message or reach beyond it. Never panics, whatever the bytes.
+    fn extent(prefix: &[u8]) -> Extent;
+
+    /// The message in `frame`, which is one whole frame (as [`Direction::extent`] measures it) with a right checksum.
+    /// Never panics, whatever the bytes.
+    ///
+    /// # Errors
+    /// [`Refusal::Padding`] or [`Refusal::Value`], in this order when both hold; other refusals only for a slice that is
+    /// not a whole frame of this direction.
+    fn parse(frame: &[u8]) -> Result<Self, Refusal>;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for crate::Downlink {}
+    impl Sealed for crate::Uplink {}
+}
+
+/// What the first bytes of a message tell about its length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// The whole frame has this many bytes, 3 … [`MAX_FRAME_LEN`].
+    Exactly(usize),
+    /// The length is known once this many bytes are there; more than the prefix has.
+    AtLeast(usize),
+    /// No message begins like this.
+    Unknown(Refusal),
+}
 
 /// What a call of [`Decoder::decode`] found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,23 +65,48 @@ pub enum Refusal {
     Padding,
     /// The checksum is right, but a field has a value that it cannot have.
     Value,
+    /// A command whose code is over 7; only the DSP's side sees it, and reports it as error 30.
+    UnknownCommand,
 }
 
 impl Refusal {
     /// All reasons, in the order of their counters.
-    pub const ALL: [Refusal; 6] = [
+    pub const ALL: [Refusal; 7] = [
         Refusal::Stray,
         Refusal::UnknownHeader,
         Refusal::Truncated,
         Refusal::Checksum,
         Refusal::Padding,
         Refusal::Value,
+        Refusal::UnknownCommand,
     ];
+
+    /// The reason in logs and test vectors.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Refusal::Stray => "stray",
+            Refusal::UnknownHeader => "unknown_header",
+            Refusal::Truncated => "truncated",
+            Refusal::Checksum => "checksum",
+            Refusal::Padding => "padding",
+            Refusal::Value => "value",
+            Refusal::UnknownCommand => "unknown_command",
+        }
+    }
 }
 
 /// Finds the messages of one direction in a stream of bytes, however it is cut.
+///
+/// The sequence of messages and refusals depends on the bytes alone, never on how they are cut into slices. At most one
+/// message is held, in a fixed buffer; a frame that lies whole in the input is read where it lies.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {
+    /// The bytes of the message that has begun.
+    buffer: [u8; MAX_FRAME_LEN],
+    /// How many they are; 0 when no message is open.
+    held: usize,
+    /// Bytes up to the next header belong to a refusal that has been told.
+    skipping: bool,
     direction: PhantomData<M>,
 }
 
@@ -60,19 +114,117 @@ impl<M: Direction> Decoder<M> {
     /// A decoder that waits for the first header.
     pub fn new() -> Self {
         Decoder {
+            buffer: [0; MAX_FRAME_LEN],
+            held: 0,
+            skipping: false,
             direction: PhantomData,
         }
     }
 
     /// Takes bytes from the front of `input` up to the end of the next message or refusal. Returns how many it took and
     /// what they gave; call again with the rest until it answers [`Decoded::Incomplete`], which takes all.
+    ///
+    /// A header that interrupts a message ends it as [`Refusal::Truncated`] and is itself not taken: the next call begins
+    /// with it. So a refusal may take no byte, but never twice in a row.
     pub fn decode(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
-        unimplemented!("{}", input.len())
+        if self.held > 0 {
+            return self.continue_message(input);
+        }
+        let strays = run_without_header(input);
+        if strays > 0 && !self.skipping {
+            self.skipping = true;
+            return (strays, Decoded::Refused(Refusal::Stray));
+        }
+        let rest = &input[strays..];
+        let (taken, decoded) = self.begin_message(rest);
+        (strays + taken, decoded)
+    }
+
+    /// `input` is empty or begins with a header, and no message is open.
+    fn begin_message(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
+        let Some((header, rest)) = input.split_first() else {
+            return (0, Decoded::Incomplete);
+        };
+        self.skipping = false;
+        if let Some(frame) = whole_frame::<M>(input) {
+            return (frame.len(), judge(frame));
+        }
+        // Cut off by the end of the input or by a header, or unknown: byte by byte tells which.
+        self.buffer[0] = *header;
+        self.held = 1;
+        let (taken, decoded) = self.continue_message(rest);
+        (1 + taken, decoded)
+    }
+
+    /// A message is open; `input` goes on with it, or breaks it off with a header.
+    fn continue_message(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
+        let mut taken = 0;
+        loop {
+            let wanted = match M::extent(&self.buffer[..self.held]) {
+                Extent::Unknown(refusal) => {
+                    self.held = 0;
+                    self.skipping = true;
+                    return (taken, Decoded::Refused(refusal));
+                }
+                Extent::Exactly(len) if len <= self.held => {
+                    let decoded = judge(&self.buffer[..self.held]);
+                    self.held = 0;
+                    return (taken, decoded);
+                }
+                Extent::Exactly(len) | Extent::AtLeast(len) => len - self.held,
+            };
+            let rest = &input[taken..];
+            let offered = &rest[..wanted.min(rest.len())];
+            let fresh = &offered[..run_without_header(offered)];
+            self.buffer[self.held..self.held + fresh.len()].copy_from_slice(fresh);
+            self.held += fresh.len();
+            taken += fresh.len();
+            if fresh.len() < offered.len() {
+                self.held = 0;
+                return (taken, Decoded::Refused(Refusal::Truncated));
+            }
+            if fresh.len() < wanted {
+                return (taken, Decoded::Incomplete);
+            }
+        }
     }
 }
 
 impl<M: Direction> Default for Decoder<M> {
     fn default() -> Self {
         Decoder::new()
+    }
+}
+
+/// How many bytes `input` has before its first header.
+fn run_without_header(input: &[u8]) -> usize {
+    input
+        .iter()
+        .position(|byte| is_header(*byte))
+        .unwrap_or(input.len())
+}
+
+/// The frame at the front of `input`, if it lies there whole and no header breaks it off.
+fn whole_frame<M: Direction>(input: &[u8]) -> Option<&[u8]> {
+    // A header among the bytes that tell the length gives a wrong length, but also lies inside that length.
+    let Extent::Exactly(len) = M::extent(input) else {
+        return None;
+    };
+    let frame = input.get(..len)?;
+    let inside = frame[1..].iter().fold(0, |bits, byte| bits | byte);
+    (!is_header(inside)).then_some(frame)
+}
+
+/// What a whole frame is: its checksum is judged first, then what [`Direction::parse`] judges.
+fn judge<M: Direction>(frame: &[u8]) -> Decoded<M> {
+    let Some((sum, summed)) = frame.split_last() else {
+        return Decoded::Refused(Refusal::Truncated);
+    };
+    if *sum != checksum(summed) {
+        return Decoded::Refused(Refusal::Checksum);
+    }
+    match M::parse(frame) {
+        Ok(message) => Decoded::Message(message),
+        Err(refusal) => Decoded::Refused(refusal),
     }
 }

@@ -1,8 +1,18 @@
 //! Messages from the DSP to the PC (`docs/protocol.md` section 4).
 
+use crate::decoder::{Direction, Extent, Refusal};
 use crate::error_code::DspErrorCode;
-use crate::frame::Frame;
-use crate::mask::StatusMask;
+use crate::frame::{Frame, Reader, Writer};
+use crate::header;
+use crate::layout::Layout;
+use crate::mask::{Group, StatusMask};
+
+/// Bytes of a status from which its mask, and so its length, can be read.
+const STATUS_MASK_END: usize = 4;
+/// The greatest code of a command, hence of an acknowledgement.
+const MAX_COMMAND_CODE: u8 = 7;
+/// The flying flag in the flags of a status.
+const FLYING: u8 = 1;
 
 /// One message from the DSP. Each variant carries only its own fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,8 +47,92 @@ pub enum Downlink {
 impl Downlink {
     /// The message as one frame.
     pub fn encode(&self) -> Frame {
-        unimplemented!("{self:?}")
+        let mut writer = Writer::new(self.header());
+        match *self {
+            Downlink::Status(ref status) => status.write(&mut writer),
+            Downlink::FlowControl(FlowControl::Stop) => writer.u7(0),
+            Downlink::FlowControl(FlowControl::Send) => writer.u7(1),
+            Downlink::Ack { command } => writer.u7(command),
+            Downlink::Ack16 { command, value } => {
+                writer.u7(command);
+                writer.u16(value);
+            }
+            Downlink::Ack32 { command, value } => {
+                writer.u7(command);
+                writer.f32(value);
+            }
+            Downlink::Error(DspErrorCode(code)) => writer.u16(code),
+        }
+        writer.finish()
     }
+
+    const fn header(&self) -> u8 {
+        match self {
+            Downlink::Status(_) => header::STATUS,
+            Downlink::FlowControl(_) => header::FLOW_CONTROL,
+            Downlink::Ack { .. } => header::ACK,
+            Downlink::Ack16 { .. } => header::ACK_16,
+            Downlink::Ack32 { .. } => header::ACK_32,
+            Downlink::Error(_) => header::ERROR,
+        }
+    }
+}
+
+impl Direction for Downlink {
+    fn extent(prefix: &[u8]) -> Extent {
+        match *prefix {
+            [header::STATUS, high, middle, low, ..] => {
+                Extent::Exactly(mask_of([high, middle, low]).status_frame_len())
+            }
+            [header::STATUS, ..] => Extent::AtLeast(STATUS_MASK_END),
+            [header::FLOW_CONTROL | header::ACK, ..] => Extent::Exactly(3),
+            [header::ERROR, ..] => Extent::Exactly(5),
+            [header::ACK_16, ..] => Extent::Exactly(6),
+            [header::ACK_32, ..] => Extent::Exactly(8),
+            _ => Extent::Unknown(Refusal::UnknownHeader),
+        }
+    }
+
+    fn parse(frame: &[u8]) -> Result<Self, Refusal> {
+        let mut reader = Reader::payload_of(frame);
+        // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
+        let message = match frame.first() {
+            Some(&header::STATUS) => return Status::parse(reader).map(Downlink::Status),
+            Some(&header::FLOW_CONTROL) => {
+                return FlowControl::parse(reader).map(Downlink::FlowControl);
+            }
+            Some(&header::ACK) => Downlink::Ack {
+                command: reader.u7(),
+            },
+            Some(&header::ACK_16) => Downlink::Ack16 {
+                command: reader.u7(),
+                value: reader.u16(),
+            },
+            Some(&header::ACK_32) => Downlink::Ack32 {
+                command: reader.u7(),
+                value: reader.f32(),
+            },
+            Some(&header::ERROR) => Downlink::Error(DspErrorCode(reader.u16())),
+            _ => return Err(Refusal::UnknownHeader),
+        };
+        reader.finish()?;
+        match message {
+            Downlink::Ack { command }
+            | Downlink::Ack16 { command, .. }
+            | Downlink::Ack32 { command, .. }
+                if command > MAX_COMMAND_CODE =>
+            {
+                Err(Refusal::Value)
+            }
+            _ => Ok(message),
+        }
+    }
+}
+
+/// The mask in bytes 1 … 3 of a status. Its unused bits do not count here: the length follows from the 16 bits of the
+/// mask, and the frame is refused for its padding once its checksum is known to be right.
+fn mask_of([high, middle, low]: [u8; 3]) -> StatusMask {
+    StatusMask(u16::from(high) << 14 | u16::from(middle) << 7 | u16::from(low))
 }
 
 /// The DSP's request for waypoints (`peticion_de_tx`).
@@ -48,6 +142,18 @@ pub enum FlowControl {
     Stop,
     /// One new waypoint may be sent.
     Send,
+}
+
+impl FlowControl {
+    fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
+        let request = reader.u7();
+        reader.finish()?;
+        match request {
+            0 => Ok(FlowControl::Stop),
+            1 => Ok(FlowControl::Send),
+            _ => Err(Refusal::Value),
+        }
+    }
 }
 
 /// A status message: the flying flag and the groups that the DSP's mask selects.
@@ -92,7 +198,130 @@ pub struct Status {
 impl Status {
     /// The groups that the message carries.
     pub fn mask(&self) -> StatusMask {
-        unimplemented!()
+        [
+            (Group::Time, self.time_ms.is_some()),
+            (Group::Geographic, self.geographic.is_some()),
+            (Group::Xy, self.xy.is_some()),
+            (Group::GpsVelocity, self.gps_velocity.is_some()),
+            (Group::GpsQuality, self.gps_quality.is_some()),
+            (Group::Attitude, self.attitude.is_some()),
+            (Group::Acceleration, self.acceleration.is_some()),
+            (Group::AngularRate, self.angular_rate.is_some()),
+            (Group::PilotPwm, self.pilot_pwm.is_some()),
+            (Group::Sonar, self.sonar_adc.is_some()),
+            (Group::Supply, self.supply.is_some()),
+            (Group::PanTilt, self.pan_tilt.is_some()),
+            (Group::RotorSpeed, self.rotor_rpm.is_some()),
+            (Group::Barometer, self.barometer_adc.is_some()),
+            (Group::Actuation, self.actuation.is_some()),
+            (Group::References, self.references.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(group, carried)| carried.then_some(group))
+        .collect()
+    }
+
+    fn write(&self, writer: &mut Writer) {
+        let Status {
+            flying,
+            time_ms,
+            geographic,
+            xy,
+            gps_velocity,
+            gps_quality,
+            attitude,
+            acceleration,
+            angular_rate,
+            pilot_pwm,
+            sonar_adc,
+            supply,
+            pan_tilt,
+            rotor_rpm,
+            barometer_adc,
+            actuation,
+            references,
+        } = self;
+        writer.u16(self.mask().0);
+        writer.u7(if *flying { FLYING } else { 0 });
+        if let Some(value) = time_ms {
+            writer.u32(*value);
+        }
+        if let Some(value) = geographic {
+            value.write(writer);
+        }
+        if let Some(value) = xy {
+            value.write(writer);
+        }
+        if let Some(value) = gps_velocity {
+            value.write(writer);
+        }
+        if let Some(value) = gps_quality {
+            writer.u7(*value);
+        }
+        if let Some(value) = attitude {
+            value.write(writer);
+        }
+        if let Some(value) = acceleration {
+            value.write(writer);
+        }
+        if let Some(value) = angular_rate {
+            value.write(writer);
+        }
+        if let Some(value) = pilot_pwm {
+            value.write(writer);
+        }
+        if let Some(value) = sonar_adc {
+            writer.u14(*value);
+        }
+        if let Some(value) = supply {
+            value.write(writer);
+        }
+        if let Some(value) = pan_tilt {
+            value.write(writer);
+        }
+        if let Some(value) = rotor_rpm {
+            writer.u14(*value);
+        }
+        if let Some(value) = barometer_adc {
+            writer.u14(*value);
+        }
+        if let Some(value) = actuation {
+            value.write(writer);
+        }
+        if let Some(value) = references {
+            value.write(writer);
+        }
+    }
+
+    fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
+        let mask = StatusMask(reader.u16());
+        let flags = reader.u7();
+        let carries = |group| mask.contains(group);
+        // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
+        let status = Status {
+            flying: flags == FLYING,
+            time_ms: carries(Group::Time).then(|| reader.u32()),
+            geographic: carries(Group::Geographic).then(|| Layout::read(&mut reader)),
+            xy: carries(Group::Xy).then(|| Layout::read(&mut reader)),
+            gps_velocity: carries(Group::GpsVelocity).then(|| Layout::read(&mut reader)),
+            gps_quality: carries(Group::GpsQuality).then(|| reader.u7()),
+            attitude: carries(Group::Attitude).then(|| Layout::read(&mut reader)),
+            acceleration: carries(Group::Acceleration).then(|| Layout::read(&mut reader)),
+            angular_rate: carries(Group::AngularRate).then(|| Layout::read(&mut reader)),
+            pilot_pwm: carries(Group::PilotPwm).then(|| Layout::read(&mut reader)),
+            sonar_adc: carries(Group::Sonar).then(|| reader.u14()),
+            supply: carries(Group::Supply).then(|| Layout::read(&mut reader)),
+            pan_tilt: carries(Group::PanTilt).then(|| Layout::read(&mut reader)),
+            rotor_rpm: carries(Group::RotorSpeed).then(|| reader.u14()),
+            barometer_adc: carries(Group::Barometer).then(|| reader.u14()),
+            actuation: carries(Group::Actuation).then(|| Layout::read(&mut reader)),
+            references: carries(Group::References).then(|| Layout::read(&mut reader)),
+        };
+        reader.finish()?;
+        if flags & !FLYING != 0 {
+            return Err(Refusal::Value);
+        }
+        Ok(status)
     }
 }
 

@@ -1,5 +1,12 @@
 //! Errors that the DSP reports (`docs/protocol.md` section 7).
 
+use std::fmt;
+
+/// What shifts a DSP error into the interval that the IMI error codes keep for the DSP.
+const IMI_OFFSET: u32 = 200;
+/// The last code of that interval.
+const IMI_LAST: u32 = 500;
+
 /// A DSP error code; unknown ones are carried along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct DspErrorCode(pub u16);
@@ -43,4 +50,109 @@ impl DspErrorCode {
         DspErrorCode(102),
         DspErrorCode(300),
     ];
+
+    /// The code's place in [`DspErrorCode::KNOWN`]; `None` for an unknown code.
+    pub fn counter_index(self) -> Option<usize> {
+        Self::KNOWN.binary_search(&self).ok()
+    }
+
+    /// The IMI error code, 201 … 500: the DSP's code shifted by 200.
+    ///
+    /// Every documented code fits. An unknown one that does not, 0 or over 300, saturates at the interval's nearer end;
+    /// whoever needs to tell it apart looks at the DSP's own code, which is always carried beside.
+    pub fn imi_code(self) -> u32 {
+        (u32::from(self.0) + IMI_OFFSET).clamp(IMI_OFFSET + 1, IMI_LAST)
+    }
+
+    /// The code's meaning in words.
+    pub const fn text(self) -> &'static str {
+        match self.0 {
+            1 => "receive queue of sci_a full (interrupt)",
+            2 => "receive queue of sci_b full (interrupt)",
+            3 => "blocking read of sci_a with an empty queue",
+            4 => "blocking read of sci_b with an empty queue",
+            5 => "write to sci_a with a full queue",
+            6 => "write to sci_b with a full queue",
+            7 => "invalid port when sending by sci",
+            8 => "PWM output write error (nwords is not 1)",
+            9 => "invalid uart in read or write",
+            10 => "receive queue of uart 1 full",
+            11 => "receive queue of uart 2 full",
+            12 => "framing error in uart 1 (interrupt)",
+            13 => "framing error in uart 2 (interrupt)",
+            14 => "uart queue empty",
+            15 => "uart queue full, or a waypoint found the path buffer full",
+            18 => "scheduler: the foreground process ran over 1 s",
+            20 => "default read driver routine",
+            21 => "default write driver routine",
+            22 => "default interrupt routine",
+            30 => "invalid command",
+            40 => "IMU checksum",
+            45 => "GPS CRC",
+            46 => "GPS unexpected state",
+            100 => "unknown header from the PC",
+            102 => "checksum error from the PC",
+            300 => "DDS-10 radio receiver checksum",
+            _ => "unknown DSP error",
+        }
+    }
+}
+
+impl fmt::Display for DspErrorCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "DSP error {}: {}", self.0, self.text())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_known_code_has_its_place_and_a_text_of_its_own() {
+        for (index, code) in DspErrorCode::KNOWN.into_iter().enumerate() {
+            assert_eq!(code.counter_index(), Some(index));
+            assert_ne!(code.text(), "unknown DSP error", "{}", code.0);
+            for other in &DspErrorCode::KNOWN[..index] {
+                assert_ne!(code.text(), other.text());
+            }
+        }
+    }
+
+    #[test]
+    fn only_known_codes_have_a_place_and_a_text() {
+        for code in (0..=u16::MAX).map(DspErrorCode) {
+            let known = DspErrorCode::KNOWN.contains(&code);
+            assert_eq!(code.counter_index().is_some(), known, "{}", code.0);
+            assert_eq!(code.text() != "unknown DSP error", known, "{}", code.0);
+        }
+    }
+
+    #[test]
+    fn the_imi_code_is_shifted_by_200_and_stays_in_its_interval() {
+        for (code, imi) in [
+            (0, 201),
+            (1, 201),
+            (8, 208),
+            (102, 302),
+            (299, 499),
+            (300, 500),
+            (301, 500),
+            (u16::MAX, 500),
+        ] {
+            assert_eq!(DspErrorCode(code).imi_code(), imi, "code {code}");
+        }
+    }
+
+    #[test]
+    fn it_is_shown_with_its_number_and_meaning() {
+        assert_eq!(
+            DspErrorCode::PC_CHECKSUM.to_string(),
+            "DSP error 102: checksum error from the PC"
+        );
+        assert_eq!(
+            DspErrorCode(777).to_string(),
+            "DSP error 777: unknown DSP error"
+        );
+    }
 }

@@ -1,7 +1,16 @@
 //! Frames: 7-bit packing, header, checksum (`docs/protocol.md` sections 2 and 3).
+//!
+//! [`Writer`] and [`Reader`] know how a value becomes bytes, never which values a message has.
+
+use crate::decoder::Refusal;
 
 /// The longest frame: a status with all groups.
 pub const MAX_FRAME_LEN: usize = 128;
+
+/// The information bits of a byte on the line.
+const DIGIT_MASK: u8 = 0x7F;
+/// How many they are.
+const DIGIT_BITS: u32 = 7;
 
 /// One encoded message, ready for the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,5 +23,206 @@ impl Frame {
     /// The bytes to send.
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes[..self.len]
+    }
+}
+
+impl AsRef<[u8]> for Frame {
+    fn as_ref(&self) -> &[u8] {
+        self.as_bytes()
+    }
+}
+
+/// The checksum of a frame's bytes before the checksum: their sum, cut to 7 bits.
+pub fn checksum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)) & DIGIT_MASK
+}
+
+/// Packs values into a frame.
+///
+/// A scaled value is rounded to the nearest step, halves away from zero, and saturates at the ends of its type. The wire
+/// has no word for "not a number": NaN is written as 0, so that an encoder never fails; senders withhold such groups.
+pub(crate) struct Writer {
+    frame: Frame,
+}
+
+impl Writer {
+    /// Opens a frame with its header.
+    pub(crate) fn new(header: u8) -> Self {
+        let mut bytes = [0; MAX_FRAME_LEN];
+        bytes[0] = header;
+        Writer {
+            frame: Frame { bytes, len: 1 },
+        }
+    }
+
+    /// Appends the low 7·N bits of `value`, most significant digit first. No message is longer than `MAX_FRAME_LEN`, so
+    /// the place is always there.
+    fn digits<const N: usize>(&mut self, value: u32) {
+        let place = &mut self.frame.bytes[self.frame.len..self.frame.len + N];
+        let mut rest = value;
+        for byte in place.iter_mut().rev() {
+            *byte = rest as u8 & DIGIT_MASK;
+            rest >>= DIGIT_BITS;
+        }
+        self.frame.len += N;
+    }
+
+    /// Appends a `u7`; greater values saturate at 127.
+    pub(crate) fn u7(&mut self, value: u8) {
+        self.digits::<1>(u32::from(value.min(DIGIT_MASK)));
+    }
+
+    /// Appends a `u14`; greater values saturate at 16383.
+    pub(crate) fn u14(&mut self, value: u16) {
+        self.digits::<2>(u32::from(value.min((1 << 14) - 1)));
+    }
+
+    /// Appends a `u16`.
+    pub(crate) fn u16(&mut self, value: u16) {
+        self.digits::<3>(u32::from(value));
+    }
+
+    /// Appends an `i16`.
+    pub(crate) fn i16(&mut self, value: i16) {
+        self.u16(value.cast_unsigned());
+    }
+
+    /// Appends a `u32`.
+    pub(crate) fn u32(&mut self, value: u32) {
+        self.digits::<5>(value);
+    }
+
+    /// Appends an `i32`.
+    pub(crate) fn i32(&mut self, value: i32) {
+        self.u32(value.cast_unsigned());
+    }
+
+    /// Appends the bit pattern of an `f32`, NaN and infinities as they are.
+    pub(crate) fn f32(&mut self, value: f32) {
+        self.u32(value.to_bits());
+    }
+
+    // `f64::round` takes halves away from zero and `as` saturates and turns NaN into 0: the rules of section 3.
+
+    /// Appends `value` as a `u16` of 1/`steps` each.
+    pub(crate) fn scaled_u16(&mut self, value: f32, steps: f32) {
+        self.u16((f64::from(value) * f64::from(steps)).round() as u16);
+    }
+
+    /// Appends `value` as an `i16` of 1/`steps` each.
+    pub(crate) fn scaled_i16(&mut self, value: f32, steps: f32) {
+        self.i16((f64::from(value) * f64::from(steps)).round() as i16);
+    }
+
+    /// Appends `value` as an `i32` of 1/`steps` each.
+    pub(crate) fn scaled_i32(&mut self, value: f64, steps: f64) {
+        self.i32((value * steps).round() as i32);
+    }
+
+    /// Closes the frame with its checksum.
+    pub(crate) fn finish(mut self) -> Frame {
+        let sum = checksum(self.frame.as_bytes());
+        self.u7(sum);
+        self.frame
+    }
+}
+
+/// Unpacks the values of a frame. It never fails in the middle: what was wrong is remembered and told by
+/// [`Reader::finish`], so that a parser reads straight on.
+pub(crate) struct Reader<'a> {
+    rest: &'a [u8],
+    short: bool,
+    excess: u64,
+}
+
+impl<'a> Reader<'a> {
+    /// Reads what lies between the header and the checksum of `frame`.
+    pub(crate) fn payload_of(frame: &'a [u8]) -> Self {
+        match frame {
+            [_, payload @ .., _] => Reader {
+                rest: payload,
+                short: false,
+                excess: 0,
+            },
+            _ => Reader {
+                rest: &[],
+                short: true,
+                excess: 0,
+            },
+        }
+    }
+
+    /// Takes N digits that carry a value of `bits` bits.
+    fn digits<const N: usize>(&mut self, bits: u32) -> u32 {
+        let Some((digits, rest)) = self.rest.split_first_chunk::<N>() else {
+            self.short = true;
+            return 0;
+        };
+        self.rest = rest;
+        let value = digits.iter().fold(0u64, |value, digit| {
+            value << DIGIT_BITS | u64::from(digit & DIGIT_MASK)
+        });
+        self.excess |= value >> bits;
+        (value & ((1 << bits) - 1)) as u32
+    }
+
+    pub(crate) fn u7(&mut self) -> u8 {
+        self.digits::<1>(7) as u8
+    }
+
+    pub(crate) fn u14(&mut self) -> u16 {
+        self.digits::<2>(14) as u16
+    }
+
+    pub(crate) fn u16(&mut self) -> u16 {
+        self.digits::<3>(16) as u16
+    }
+
+    pub(crate) fn i16(&mut self) -> i16 {
+        self.u16().cast_signed()
+    }
+
+    pub(crate) fn u32(&mut self) -> u32 {
+        self.digits::<5>(32)
+    }
+
+    pub(crate) fn i32(&mut self) -> i32 {
+        self.u32().cast_signed()
+    }
+
+    pub(crate) fn f32(&mut self) -> f32 {
+        f32::from_bits(self.u32())
+    }
+
+    // Dividing by the steps, not multiplying by a step, gives the floating-point number nearest to the decimal one.
+
+    /// Takes a `u16` of 1/`steps` each.
+    pub(crate) fn scaled_u16(&mut self, steps: f32) -> f32 {
+        f32::from(self.u16()) / steps
+    }
+
+    /// Takes an `i16` of 1/`steps` each.
+    pub(crate) fn scaled_i16(&mut self, steps: f32) -> f32 {
+        f32::from(self.i16()) / steps
+    }
+
+    /// Takes an `i32` of 1/`steps` each.
+    pub(crate) fn scaled_i32(&mut self, steps: f64) -> f64 {
+        f64::from(self.i32()) / steps
+    }
+
+    /// Tells whether all that was taken was there and canonical, and whether anything is left over.
+    ///
+    /// # Errors
+    /// [`Refusal::Truncated`] when the payload's length is not that of the values taken, [`Refusal::Padding`] when an
+    /// unused bit was set.
+    pub(crate) fn finish(self) -> Result<(), Refusal> {
+        if self.short || !self.rest.is_empty() {
+            Err(Refusal::Truncated)
+        } else if self.excess != 0 {
+            Err(Refusal::Padding)
+        } else {
+            Ok(())
+        }
     }
 }

@@ -12,14 +12,16 @@ pub mod decoder;
 pub mod downlink;
 pub mod error_code;
 mod frame;
+pub mod header;
+mod layout;
 pub mod mask;
 pub mod plausibility;
 pub mod port;
 pub mod uplink;
 
-pub use decoder::{Decoded, Decoder, Direction, Refusal};
+pub use decoder::{Decoded, Decoder, Direction, Extent, Refusal};
 pub use downlink::{Downlink, FlowControl, Status};
 pub use error_code::DspErrorCode;
-pub use frame::{Frame, MAX_FRAME_LEN};
+pub use frame::{Frame, MAX_FRAME_LEN, checksum};
 pub use mask::{Group, StatusMask};
 pub use uplink::{Command, Uplink, Waypoint};

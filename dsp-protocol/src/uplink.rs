@@ -1,6 +1,14 @@
 //! Messages from the PC to the DSP (`docs/protocol.md` section 5).
 
-use crate::frame::Frame;
+use crate::decoder::{Direction, Extent, Refusal};
+use crate::frame::{Frame, Reader, Writer};
+use crate::header;
+use crate::layout::Layout;
+
+/// Lengths of the command frames, by code.
+const COMMAND_LEN: [usize; 8] = [6, 9, 6, 11, 3, 3, 3, 4];
+/// Length of a waypoint frame.
+const WAYPOINT_LEN: usize = 17;
 
 /// One message from the PC.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +22,45 @@ pub enum Uplink {
 impl Uplink {
     /// The message as one frame.
     pub fn encode(&self) -> Frame {
-        unimplemented!("{self:?}")
+        match self {
+            Uplink::Command(command) => {
+                let mut writer = Writer::new(header::COMMAND);
+                command.write(&mut writer);
+                writer.finish()
+            }
+            Uplink::Waypoint(waypoint) => {
+                let mut writer = Writer::new(header::WAYPOINT);
+                waypoint.write(&mut writer);
+                writer.finish()
+            }
+        }
+    }
+}
+
+impl Direction for Uplink {
+    fn extent(prefix: &[u8]) -> Extent {
+        match *prefix {
+            [header::WAYPOINT, ..] => Extent::Exactly(WAYPOINT_LEN),
+            [header::COMMAND] => Extent::AtLeast(2),
+            [header::COMMAND, code, ..] => match COMMAND_LEN.get(usize::from(code)) {
+                Some(len) => Extent::Exactly(*len),
+                None => Extent::Unknown(Refusal::UnknownCommand),
+            },
+            _ => Extent::Unknown(Refusal::UnknownHeader),
+        }
+    }
+
+    fn parse(frame: &[u8]) -> Result<Self, Refusal> {
+        let mut reader = Reader::payload_of(frame);
+        match frame.first() {
+            Some(&header::COMMAND) => Command::parse(reader).map(Uplink::Command),
+            Some(&header::WAYPOINT) => {
+                let waypoint = Waypoint::read(&mut reader);
+                reader.finish()?;
+                Ok(Uplink::Waypoint(waypoint))
+            }
+            _ => Err(Refusal::UnknownHeader),
+        }
     }
 }
 
@@ -71,6 +117,53 @@ impl Command {
             Command::InvalidatePath => 6,
             Command::Following { .. } => 7,
         }
+    }
+
+    fn write(&self, writer: &mut Writer) {
+        writer.u7(self.code());
+        match *self {
+            Command::Read16 { port } | Command::Read32 { port } => writer.u16(port),
+            Command::Write16 { port, value } => {
+                writer.u16(port);
+                writer.u16(value);
+            }
+            Command::Write32 { port, value } => {
+                writer.u16(port);
+                writer.f32(value);
+            }
+            Command::ClearErrors | Command::ActivateStatus | Command::InvalidatePath => {}
+            Command::Following { on } => writer.u7(u8::from(on)),
+        }
+    }
+
+    fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
+        let mut switch = 0;
+        // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
+        let command = match reader.u7() {
+            0 => Command::Read16 { port: reader.u16() },
+            1 => Command::Write16 {
+                port: reader.u16(),
+                value: reader.u16(),
+            },
+            2 => Command::Read32 { port: reader.u16() },
+            3 => Command::Write32 {
+                port: reader.u16(),
+                value: reader.f32(),
+            },
+            4 => Command::ClearErrors,
+            5 => Command::ActivateStatus,
+            6 => Command::InvalidatePath,
+            7 => {
+                switch = reader.u7();
+                Command::Following { on: switch == 1 }
+            }
+            _ => return Err(Refusal::UnknownCommand),
+        };
+        reader.finish()?;
+        if switch > 1 {
+            return Err(Refusal::Value);
+        }
+        Ok(command)
     }
 }
 
