@@ -15,6 +15,10 @@ const MAX_COMMAND_CODE: u8 = 7;
 const FLYING: u8 = 1;
 
 /// One message from the DSP. Each variant carries only its own fields.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most messages are a status, and a box would allocate for each"
+)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Downlink {
     /// Periodic state of the helicopter (`ESTADOS`).
@@ -219,6 +223,30 @@ impl Status {
         .into_iter()
         .filter_map(|(group, carried)| carried.then_some(group))
         .collect()
+    }
+
+    /// Takes `groups` out of the message, as if they had not been sent.
+    pub fn withdraw(&mut self, groups: StatusMask) {
+        for group in groups.groups() {
+            match group {
+                Group::Time => self.time_ms = None,
+                Group::Geographic => self.geographic = None,
+                Group::Xy => self.xy = None,
+                Group::GpsVelocity => self.gps_velocity = None,
+                Group::GpsQuality => self.gps_quality = None,
+                Group::Attitude => self.attitude = None,
+                Group::Acceleration => self.acceleration = None,
+                Group::AngularRate => self.angular_rate = None,
+                Group::PilotPwm => self.pilot_pwm = None,
+                Group::Sonar => self.sonar_adc = None,
+                Group::Supply => self.supply = None,
+                Group::PanTilt => self.pan_tilt = None,
+                Group::RotorSpeed => self.rotor_rpm = None,
+                Group::Barometer => self.barometer_adc = None,
+                Group::Actuation => self.actuation = None,
+                Group::References => self.references = None,
+            }
+        }
     }
 
     fn write(&self, writer: &mut Writer) {
