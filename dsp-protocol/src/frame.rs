@@ -226,3 +226,80 @@ impl<'a> Reader<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What `write` puts between header and checksum.
+    fn payload(write: impl FnOnce(&mut Writer)) -> Vec<u8> {
+        let mut writer = Writer::new(0x80);
+        write(&mut writer);
+        let frame = writer.finish();
+        let [_, payload @ .., _] = frame.as_bytes() else {
+            panic!("no frame");
+        };
+        payload.to_vec()
+    }
+
+    #[test]
+    fn values_are_packed_as_section_3_says() {
+        assert_eq!(payload(|w| w.u16(10_000)), [0x00, 0x4E, 0x10]);
+        assert_eq!(payload(|w| w.i16(-1)), [0x03, 0x7F, 0x7F]);
+        assert_eq!(payload(|w| w.f32(1.0)), [0x03, 0x7C, 0x00, 0x00, 0x00]);
+        assert_eq!(payload(|w| w.u32(u32::MAX)), [0x0F, 0x7F, 0x7F, 0x7F, 0x7F]);
+        assert_eq!(payload(|w| w.i32(i32::MIN)), [0x08, 0x00, 0x00, 0x00, 0x00]);
+        assert_eq!(payload(|w| w.u14(300)), [0x02, 0x2C]);
+        assert_eq!(payload(|w| w.u7(127)), [0x7F]);
+    }
+
+    #[test]
+    fn scaled_values_are_rounded_away_from_zero_and_saturate() {
+        for (value, steps, expected) in [
+            (0.5, 1.0, 1),
+            (-0.5, 1.0, -1),
+            (1.5, 1.0, 2),
+            (-2.5, 1.0, -3),
+            (0.49, 1.0, 0),
+            (1e9, 100.0, i16::MAX),
+            (-1e9, 100.0, i16::MIN),
+            (f32::INFINITY, 1.0, i16::MAX),
+            (f32::NEG_INFINITY, 1.0, i16::MIN),
+            (f32::NAN, 1.0, 0),
+        ] {
+            assert_eq!(
+                payload(|w| w.scaled_i16(value, steps)),
+                payload(|w| w.i16(expected)),
+                "{value}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_reader_tells_what_was_wrong() {
+        let read = |frame: &[u8]| {
+            let mut reader = Reader::payload_of(frame);
+            let value = reader.u16();
+            reader.finish().map(|()| value)
+        };
+        assert_eq!(read(&[0x80, 0x03, 0x7F, 0x7F, 0]), Ok(u16::MAX));
+        assert_eq!(read(&[0x80, 0x04, 0, 0, 0]), Err(Refusal::Padding));
+        assert_eq!(read(&[0x80, 0, 0, 0]), Err(Refusal::Truncated));
+        assert_eq!(read(&[0x80, 0, 0, 0, 0, 0]), Err(Refusal::Truncated));
+        assert_eq!(read(&[0x80]), Err(Refusal::Truncated));
+        assert_eq!(read(&[]), Err(Refusal::Truncated));
+    }
+
+    #[test]
+    fn the_checksum_is_the_sum_cut_to_seven_bits() {
+        for (bytes, expected) in [
+            (&[][..], 0),
+            (&[0x80], 0),
+            (&[0xAA, 0x01], 0x2B),
+            (&[0x7F; 128], 0),
+            (&[0x7F; 127], 1),
+        ] {
+            assert_eq!(checksum(bytes), expected, "{bytes:02X?}");
+        }
+    }
+}

@@ -2,7 +2,9 @@
 
 mod common;
 
-use dsp_protocol::{Decoded, Decoder, Direction, Downlink, Uplink};
+use dsp_protocol::{
+    Command, Decoded, Decoder, Direction, Downlink, MAX_FRAME_LEN, StatusMask, Uplink, Waypoint,
+};
 use proptest::prelude::*;
 
 /// Decodes `bytes`, which must be one message and nothing else.
@@ -17,6 +19,8 @@ fn decode_one<M: Direction + std::fmt::Debug>(bytes: &[u8]) -> M {
 }
 
 proptest! {
+    #![proptest_config(common::config(1000))]
+
     #[test]
     fn downlink_on_the_grid_comes_back_as_itself(message in common::downlink()) {
         prop_assert_eq!(decode_one::<Downlink>(message.encode().as_bytes()), message);
@@ -26,4 +30,50 @@ proptest! {
     fn uplink_on_the_grid_comes_back_as_itself(message in common::uplink()) {
         prop_assert_eq!(decode_one::<Uplink>(message.encode().as_bytes()), message);
     }
+
+    #[test]
+    fn every_frame_is_as_long_as_its_mask_says(status in common::status()) {
+        let frame = Downlink::Status(status).encode();
+        prop_assert_eq!(frame.as_bytes().len(), status.mask().status_frame_len());
+    }
+
+    #[test]
+    fn every_bit_pattern_of_a_float_comes_back(bits in any::<u32>()) {
+        let value = f32::from_bits(bits);
+        let ack = Downlink::Ack32 { command: 2, value };
+        let Downlink::Ack32 { value: acked, .. } = decode_one(ack.encode().as_bytes()) else {
+            panic!("another message");
+        };
+        prop_assert_eq!(acked.to_bits(), bits);
+        let write = Uplink::Command(Command::Write32 { port: 20_000, value });
+        let Uplink::Command(Command::Write32 { value: written, .. }) =
+            decode_one(write.encode().as_bytes())
+        else {
+            panic!("another message");
+        };
+        prop_assert_eq!(written.to_bits(), bits);
+    }
+}
+
+#[test]
+fn a_nan_is_written_as_zero() {
+    let waypoint = Waypoint {
+        latitude_deg: f64::NAN,
+        longitude_deg: 1.0,
+        altitude_m: f64::NAN,
+    };
+    let expected = Waypoint {
+        latitude_deg: 0.0,
+        altitude_m: 0.0,
+        ..waypoint
+    };
+    assert_eq!(
+        decode_one::<Uplink>(Uplink::Waypoint(waypoint).encode().as_bytes()),
+        Uplink::Waypoint(expected)
+    );
+}
+
+#[test]
+fn the_longest_frame_fills_the_buffer_exactly() {
+    assert_eq!(StatusMask::ALL.status_frame_len(), MAX_FRAME_LEN);
 }

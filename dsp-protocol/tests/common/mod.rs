@@ -11,6 +11,17 @@ use dsp_protocol::{
 };
 use proptest::option;
 use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed};
+
+/// The same cases in every run, so that a failure is the change's and not the day's.
+pub fn config(cases: u32) -> Config {
+    Config {
+        cases,
+        rng_seed: RngSeed::Fixed(0x4845_524F),
+        failure_persistence: None,
+        ..Config::default()
+    }
+}
 
 fn grid_f64(steps_per_unit: f64) -> impl Strategy<Value = f64> {
     any::<i32>().prop_map(move |steps| f64::from(steps) / steps_per_unit)
@@ -224,4 +235,28 @@ pub fn decode_all<'a, M: Direction>(slices: impl IntoIterator<Item = &'a [u8]>) 
         assert!(rest.is_empty(), "incomplete, but {} bytes left", rest.len());
     }
     found
+}
+
+/// Reproducible random bytes (xorshift64*, Vigna).
+pub struct Random(u64);
+
+impl Random {
+    /// `seed` must not be 0.
+    pub fn new(seed: u64) -> Self {
+        assert_ne!(seed, 0);
+        Random(seed)
+    }
+
+    /// The next 64 random bits.
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+
+    /// A number below `bound`.
+    pub fn below(&mut self, bound: usize) -> usize {
+        ((self.next() >> 32) as usize) % bound
+    }
 }

@@ -1,0 +1,330 @@
+//! The golden vectors of `vectors/`, in both directions. `vectors/README.md` explains the files.
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
+use std::str::FromStr;
+
+use dsp_protocol::downlink::{
+    Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, PanTilt, References, ServoPulses,
+    Status, Supply, Xy,
+};
+use dsp_protocol::{
+    Command, Decoded, Direction, Downlink, DspErrorCode, FlowControl, Refusal, StatusMask, Uplink,
+    Waypoint,
+};
+
+const DOWNLINK: &str = include_str!("../vectors/downlink.tsv");
+const UPLINK: &str = include_str!("../vectors/uplink.tsv");
+const ENCODE: &str = include_str!("../vectors/encode.tsv");
+const REFUSALS: &str = include_str!("../vectors/refusals.tsv");
+
+/// The rows of a file, each cut into its four columns; the names are unique.
+fn rows(file: &'static str) -> Vec<[&'static str; 4]> {
+    let rows: Vec<[&str; 4]> = file
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let columns: Vec<&str> = line.split('\t').collect();
+            columns
+                .try_into()
+                .unwrap_or_else(|columns| panic!("not four columns: {columns:?}"))
+        })
+        .collect();
+    let names: BTreeSet<&str> = rows.iter().map(|[name, ..]| *name).collect();
+    assert_eq!(names.len(), rows.len(), "a name stands twice");
+    rows
+}
+
+fn bytes_of(hex: &str) -> Vec<u8> {
+    hex.split(' ')
+        .map(|byte| u8::from_str_radix(byte, 16).expect("two hexadecimal digits"))
+        .collect()
+}
+
+/// The `field=value` pairs of a vector, each of which must be used.
+struct Fields(BTreeMap<&'static str, &'static str>);
+
+impl Fields {
+    fn of(column: &'static str) -> Self {
+        Fields(
+            column
+                .split(' ')
+                .filter(|pair| *pair != "-")
+                .map(|pair| pair.split_once('=').expect("field=value"))
+                .collect(),
+        )
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.0.contains_key(name)
+    }
+
+    fn text(&mut self, name: &str) -> &'static str {
+        self.0
+            .remove(name)
+            .unwrap_or_else(|| panic!("no field {name}"))
+    }
+
+    fn get<T: FromStr<Err: Debug>>(&mut self, name: &str) -> T {
+        self.text(name).parse().expect(name)
+    }
+
+    fn switch(&mut self, name: &str) -> bool {
+        self.get::<u8>(name) == 1
+    }
+
+    /// The fields of a group when the first of them is there.
+    fn group<T>(&mut self, first: &str, read: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        self.has(first).then(|| read(self))
+    }
+
+    fn number<T: FromStr<Err: Debug>>(&mut self, name: &str) -> Option<T> {
+        self.group(name, |fields| fields.get(name))
+    }
+
+    fn pulses(&mut self, of: &str) -> Option<ServoPulses> {
+        self.group(&format!("{of}_collective_us"), |fields| ServoPulses {
+            collective_us: fields.get(&format!("{of}_collective_us")),
+            roll_us: fields.get(&format!("{of}_roll_us")),
+            pitch_us: fields.get(&format!("{of}_pitch_us")),
+            tail_us: fields.get(&format!("{of}_tail_us")),
+            throttle_us: fields.get(&format!("{of}_throttle_us")),
+        })
+    }
+
+    fn finish(self, name: &str) {
+        assert!(self.0.is_empty(), "{name}: unused fields {:?}", self.0);
+    }
+}
+
+fn status_of(fields: &mut Fields) -> Status {
+    let mask = fields.text("mask").trim_start_matches("0x");
+    let mask = StatusMask(u16::from_str_radix(mask, 16).expect("mask"));
+    let status = Status {
+        flying: fields.switch("flying"),
+        time_ms: fields.number("time_ms"),
+        geographic: fields.group("latitude_deg", |fields| Geographic {
+            latitude_deg: fields.get("latitude_deg"),
+            longitude_deg: fields.get("longitude_deg"),
+            altitude_m: fields.get("altitude_m"),
+        }),
+        xy: fields.group("x_m", |fields| Xy {
+            x_m: fields.get("x_m"),
+            y_m: fields.get("y_m"),
+        }),
+        gps_velocity: fields.group("heading_deg", |fields| GpsVelocity {
+            horizontal_speed_mps: fields.get("horizontal_speed_mps"),
+            vertical_speed_mps: fields.get("vertical_speed_mps"),
+            heading_deg: fields.get("heading_deg"),
+        }),
+        gps_quality: fields.number("gps_quality"),
+        attitude: fields.group("pitch_deg", |fields| Attitude {
+            pitch_deg: fields.get("pitch_deg"),
+            roll_deg: fields.get("roll_deg"),
+            yaw_deg: fields.get("yaw_deg"),
+        }),
+        acceleration: fields.group("acceleration_x_mps2", |fields| Acceleration {
+            x_mps2: fields.get("acceleration_x_mps2"),
+            y_mps2: fields.get("acceleration_y_mps2"),
+            z_mps2: fields.get("acceleration_z_mps2"),
+        }),
+        angular_rate: fields.group("rate_x_radps", |fields| AngularRate {
+            x_radps: fields.get("rate_x_radps"),
+            y_radps: fields.get("rate_y_radps"),
+            z_radps: fields.get("rate_z_radps"),
+        }),
+        pilot_pwm: fields.pulses("pilot"),
+        sonar_adc: fields.number("sonar_adc"),
+        supply: fields.group("battery_mv", |fields| Supply {
+            battery_mv: fields.get("battery_mv"),
+            fuel_percent: fields.get("fuel_percent"),
+            auto_switch: fields.get("auto_switch"),
+        }),
+        pan_tilt: fields.group("pan_adc", |fields| PanTilt {
+            pan_adc: fields.get("pan_adc"),
+            tilt_adc: fields.get("tilt_adc"),
+        }),
+        rotor_rpm: fields.number("rotor_rpm"),
+        barometer_adc: fields.number("barometer_adc"),
+        actuation: fields.pulses("actuation"),
+        references: fields.group("reference_yaw_deg", |fields| References {
+            x_speed_mps: fields.get("reference_x_speed_mps"),
+            y_speed_mps: fields.get("reference_y_speed_mps"),
+            altitude_m: fields.get("reference_altitude_m"),
+            pitch_deg: fields.get("reference_pitch_deg"),
+            roll_deg: fields.get("reference_roll_deg"),
+            yaw_deg: fields.get("reference_yaw_deg"),
+        }),
+    };
+    assert_eq!(status.mask(), mask);
+    status
+}
+
+fn downlink_of(kind: &str, fields: &mut Fields) -> Option<Downlink> {
+    Some(match kind {
+        "status" => Downlink::Status(status_of(fields)),
+        "flow_control" if fields.switch("request") => Downlink::FlowControl(FlowControl::Send),
+        "flow_control" => Downlink::FlowControl(FlowControl::Stop),
+        "ack" => Downlink::Ack {
+            command: fields.get("command"),
+        },
+        "ack16" => Downlink::Ack16 {
+            command: fields.get("command"),
+            value: fields.get("value"),
+        },
+        "ack32" => Downlink::Ack32 {
+            command: fields.get("command"),
+            value: fields.get("value"),
+        },
+        "error" => Downlink::Error(DspErrorCode(fields.get("code"))),
+        _ => return None,
+    })
+}
+
+fn uplink_of(kind: &str, fields: &mut Fields) -> Option<Uplink> {
+    let command = match kind {
+        "waypoint" => {
+            return Some(Uplink::Waypoint(Waypoint {
+                latitude_deg: fields.get("latitude_deg"),
+                longitude_deg: fields.get("longitude_deg"),
+                altitude_m: fields.get("altitude_m"),
+            }));
+        }
+        "read16" => Command::Read16 {
+            port: fields.get("port"),
+        },
+        "write16" => Command::Write16 {
+            port: fields.get("port"),
+            value: fields.get("value"),
+        },
+        "read32" => Command::Read32 {
+            port: fields.get("port"),
+        },
+        "write32" => Command::Write32 {
+            port: fields.get("port"),
+            value: fields.get("value"),
+        },
+        "clear_errors" => Command::ClearErrors,
+        "activate_status" => Command::ActivateStatus,
+        "invalidate_path" => Command::InvalidatePath,
+        "following" => Command::Following {
+            on: fields.switch("on"),
+        },
+        _ => return None,
+    };
+    Some(Uplink::Command(command))
+}
+
+/// `bytes` decode to `message`, whole and byte by byte, and to nothing else.
+fn check_decoding<M: Direction + Debug + PartialEq>(name: &str, bytes: &[u8], message: M) {
+    let expected = [Decoded::Message(message)];
+    assert_eq!(common::decode_all::<M>([bytes]), expected, "{name}");
+    assert_eq!(
+        common::decode_all::<M>(bytes.chunks(1)),
+        expected,
+        "{name} byte by byte"
+    );
+}
+
+#[test]
+fn every_downlink_vector_is_encoded_and_decoded() {
+    for [name, kind, hex, column] in rows(DOWNLINK) {
+        let mut fields = Fields::of(column);
+        let message = downlink_of(kind, &mut fields).expect(name);
+        fields.finish(name);
+        let bytes = bytes_of(hex);
+        assert_eq!(message.encode().as_bytes(), bytes, "{name}");
+        check_decoding(name, &bytes, message);
+    }
+}
+
+#[test]
+fn every_uplink_vector_is_encoded_and_decoded() {
+    for [name, kind, hex, column] in rows(UPLINK) {
+        let mut fields = Fields::of(column);
+        let message = uplink_of(kind, &mut fields).expect(name);
+        fields.finish(name);
+        let bytes = bytes_of(hex);
+        assert_eq!(message.encode().as_bytes(), bytes, "{name}");
+        check_decoding(name, &bytes, message);
+    }
+}
+
+#[test]
+fn values_off_the_grid_are_rounded_and_saturate() {
+    for [name, kind, hex, column] in rows(ENCODE) {
+        let mut fields = Fields::of(column);
+        let frame = match downlink_of(kind, &mut fields) {
+            Some(message) => message.encode(),
+            None => uplink_of(kind, &mut fields).expect(name).encode(),
+        };
+        fields.finish(name);
+        assert_eq!(frame.as_bytes(), bytes_of(hex), "{name}");
+    }
+}
+
+/// The outcomes of a stream in the words of the file, cut in every way that one cut allows and byte by byte.
+fn outcomes<M: Direction + Debug>(name: &str, bytes: &[u8]) -> String {
+    let words = |decoded: Vec<Decoded<M>>| {
+        let words: Vec<&str> = decoded
+            .iter()
+            .map(|decoded| match decoded {
+                Decoded::Message(_) => "message",
+                Decoded::Refused(refusal) => refusal.name(),
+                Decoded::Incomplete => unreachable!("not collected"),
+            })
+            .collect();
+        if words.is_empty() {
+            String::from("-")
+        } else {
+            words.join(" ")
+        }
+    };
+    let whole = words(common::decode_all([bytes]));
+    assert_eq!(words(common::decode_all(bytes.chunks(1))), whole, "{name}");
+    for cut in 0..=bytes.len() {
+        let (front, back) = bytes.split_at(cut);
+        assert_eq!(
+            words(common::decode_all([front, back])),
+            whole,
+            "{name} cut at {cut}"
+        );
+    }
+    whole
+}
+
+#[test]
+fn every_refusal_vector_gives_its_outcomes() {
+    for [name, direction, hex, expected] in rows(REFUSALS) {
+        let bytes = bytes_of(hex);
+        let outcomes = match direction {
+            "downlink" => outcomes::<Downlink>(name, &bytes),
+            "uplink" => outcomes::<Uplink>(name, &bytes),
+            other => panic!("{name}: direction {other}"),
+        };
+        assert_eq!(outcomes, expected, "{name}");
+    }
+}
+
+#[test]
+fn the_vectors_cover_every_message_every_group_and_every_refusal() {
+    let kinds: BTreeSet<&str> = rows(DOWNLINK)
+        .into_iter()
+        .chain(rows(UPLINK))
+        .map(|[_, kind, ..]| kind)
+        .collect();
+    assert_eq!(kinds.len(), 6 + 8 + 1, "{kinds:?}");
+    for bit in 0..16 {
+        let alone = format!("mask=0x{:04X}", 1 << bit);
+        assert!(DOWNLINK.contains(&alone), "no status with {alone} alone");
+    }
+    let outcomes: BTreeSet<&str> = rows(REFUSALS)
+        .into_iter()
+        .flat_map(|[.., outcomes]| outcomes.split(' '))
+        .collect();
+    for refusal in Refusal::ALL {
+        assert!(outcomes.contains(refusal.name()), "{refusal:?}");
+    }
+}
