@@ -1,1 +1,46 @@
-//! placeholder
+//! The bridge between the PC and the flight-control DSP of the HERO helicopter (`BRIDGEMOD`).
+//!
+//! A pure core and a thin shell. The core, [`Bridge`], is two state machines side by side:
+//!
+//! ```text
+//!              bytes                LineEvent               reports, state, telemetry
+//! serial port ──────▶ line::Line ───────────▶ flight::Flight ───────────▶ Outputs
+//!             ◀──────            ◀───────────       ▲
+//!              bytes       commands, waypoints      └── requests, manager::Manager
+//! ```
+//!
+//! [`line`] knows bytes, acknowledgements, start-up and liveness; [`flight`] knows movements, paths and arrival;
+//! [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the shared-memory ports, the
+//! clock and the one wait.
+//!
+//! ```
+//! use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+//! use ipc_types::MonotonicNs;
+//! use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
+//!
+//! struct Nobody;
+//! impl Outputs for Nobody {
+//!     fn telemetry(&mut self, _fill: impl FnOnce(&mut DspTelemetry)) {}
+//!     fn state(&mut self, _state: &ModuleState) {}
+//!     fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
+//! }
+//!
+//! let mut bridge = Bridge::new(&BridgeConfig::default());
+//! bridge.port_opened(MonotonicNs(0), &mut Nobody);
+//! // The first command of the start-up sequence: write the status mask to port 10000.
+//! assert_eq!(bridge.transmit(MonotonicNs(0))[..5], [0xF0, 0x01, 0x00, 0x4E, 0x10]);
+//! ```
+
+pub mod config;
+mod core;
+pub mod errors;
+pub mod flight;
+pub mod line;
+pub mod manager;
+pub mod outputs;
+pub mod translate;
+
+pub use config::BridgeConfig;
+pub use core::Bridge;
+pub use flight::request::RequestKey;
+pub use outputs::Outputs;

@@ -1,0 +1,49 @@
+//! The last state of the helicopter that telemetry gave, as far as the flight needs it, with its age.
+
+use std::time::Duration;
+
+use dsp_protocol::downlink::Geographic;
+use ipc_types::MonotonicNs;
+
+use crate::line::Sample;
+
+/// What was last seen. A value that is too old is not known any more.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation {
+    fresh_for: Duration,
+    flying: Option<(bool, MonotonicNs)>,
+    position: Option<(Geographic, MonotonicNs)>,
+}
+
+impl Observation {
+    /// Nothing seen; what will be seen counts as known for `fresh_for`.
+    pub fn new(fresh_for: Duration) -> Self {
+        Observation {
+            fresh_for,
+            flying: None,
+            position: None,
+        }
+    }
+
+    /// Takes a sample. A sample without a position leaves the last one to age.
+    pub fn take(&mut self, sample: &Sample) {
+        self.flying = Some((sample.status.flying, sample.received));
+        if let Some(position) = sample.status.geographic {
+            self.position = Some((position, sample.received));
+        }
+    }
+
+    /// Whether the helicopter is in the air, if that is known.
+    pub fn flying(&self, now: MonotonicNs) -> Option<bool> {
+        self.fresh(self.flying, now)
+    }
+
+    /// Where the helicopter is, if that is known.
+    pub fn position(&self, now: MonotonicNs) -> Option<Geographic> {
+        self.fresh(self.position, now)
+    }
+
+    fn fresh<T>(&self, value: Option<(T, MonotonicNs)>, now: MonotonicNs) -> Option<T> {
+        value.and_then(|(value, seen)| (now.since(seen) <= self.fresh_for).then_some(value))
+    }
+}

@@ -1,0 +1,240 @@
+//! Requests as they are read from shared memory, parsed once into what the core works with.
+//!
+//! Any bit pattern may lie in a request: here is where it either becomes a typed value or a refusal with its reason.
+//! Inside the core nothing is checked again, but for what depends on the state of the flight.
+
+use std::time::Duration;
+
+use dsp_protocol::{Waypoint, port};
+use ipc_types::code::{ControlCommand, MovementKind, Reason};
+use ipc_types::payload::{ModuleControl, MovementData};
+
+use crate::config::MovementLimits;
+use crate::flight::path::Segment;
+
+/// Which request, as the shell knows it. The core only compares and returns it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct RequestKey(pub u64);
+
+/// What every request carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Envelope {
+    /// To whom the reports go.
+    pub key: RequestKey,
+    /// The sender's id for the request.
+    pub request_id: u64,
+    /// The sender's id for the path, 0 if there is none.
+    pub path_id: u64,
+    /// Within what time the request must have begun on the DSP.
+    pub begin_within: Duration,
+}
+
+/// A movement with values that can be flown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Movement {
+    /// Take off to `altitude_m` above the point of take-off.
+    TakeOff {
+        /// Height, m.
+        altitude_m: f32,
+    },
+    /// Land on the spot.
+    Land,
+    /// One waypoint of a path.
+    Waypoint(Segment),
+}
+
+/// Reads a control request.
+pub fn parse_control(
+    key: RequestKey,
+    control: &ModuleControl,
+    limits: &MovementLimits,
+) -> (Envelope, Result<ControlCommand, Reason>) {
+    let envelope = Envelope {
+        key,
+        request_id: control.request_id,
+        path_id: 0,
+        begin_within: begin_within(control.deadline_ms, limits),
+    };
+    let command = ControlCommand::from_code(control.command).ok_or(Reason::InvalidRequest);
+    (envelope, command)
+}
+
+/// Reads a movement request.
+pub fn parse_movement(
+    key: RequestKey,
+    data: &MovementData,
+    limits: &MovementLimits,
+) -> (Envelope, Result<Movement, Reason>) {
+    let envelope = Envelope {
+        key,
+        request_id: data.request_id,
+        path_id: data.path_id,
+        begin_within: begin_within(data.deadline_ms, limits),
+    };
+    let movement = match MovementKind::from_code(data.kind) {
+        Some(MovementKind::TakeOff) => take_off(data.altitude_m),
+        Some(MovementKind::Land) => Ok(Movement::Land),
+        Some(MovementKind::GoToWaypoint) => segment(data, limits).map(Movement::Waypoint),
+        None => Err(Reason::InvalidRequest),
+    };
+    (envelope, movement)
+}
+
+fn begin_within(deadline_ms: u32, limits: &MovementLimits) -> Duration {
+    match deadline_ms {
+        0 => limits.begin_within(),
+        ms => Duration::from_millis(u64::from(ms)),
+    }
+}
+
+fn take_off(altitude_m: f64) -> Result<Movement, Reason> {
+    if !altitude_m.is_finite() {
+        return Err(Reason::NotFinite);
+    }
+    let altitude_m = altitude_m as f32;
+    let in_range = port::port32(port::TAKE_OFF_ALTITUDE_M)
+        .is_some_and(|port| (port.min..=port.max).contains(&altitude_m));
+    if in_range {
+        Ok(Movement::TakeOff { altitude_m })
+    } else {
+        Err(Reason::OutOfRange)
+    }
+}
+
+fn segment(data: &MovementData, limits: &MovementLimits) -> Result<Segment, Reason> {
+    let values = [data.latitude_deg, data.longitude_deg, data.altitude_m];
+    if !values.iter().all(|value| value.is_finite()) {
+        return Err(Reason::NotFinite);
+    }
+    if data.latitude_deg.abs() > 90.0
+        || data.longitude_deg.abs() > 180.0
+        || !(limits.min_altitude_m..=limits.max_altitude_m).contains(&data.altitude_m)
+    {
+        return Err(Reason::OutOfRange);
+    }
+    Ok(Segment {
+        path_id: data.path_id,
+        first: flag(data.first)?,
+        last: flag(data.last)?,
+        waypoint: Waypoint {
+            latitude_deg: data.latitude_deg,
+            longitude_deg: data.longitude_deg,
+            altitude_m: data.altitude_m,
+        },
+    })
+}
+
+fn flag(value: u16) -> Result<bool, Reason> {
+    match value {
+        0 => Ok(false),
+        1 => Ok(true),
+        _ => Err(Reason::InvalidRequest),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: RequestKey = RequestKey(1);
+
+    fn goto() -> MovementData {
+        MovementData {
+            request_id: 9,
+            path_id: 4,
+            kind: MovementKind::GoToWaypoint.code(),
+            latitude_deg: 37.0,
+            longitude_deg: -6.0,
+            altitude_m: 20.0,
+            first: 1,
+            last: 1,
+            ..MovementData::default()
+        }
+    }
+
+    fn parse(change: impl FnOnce(&mut MovementData)) -> Result<Movement, Reason> {
+        let mut data = goto();
+        change(&mut data);
+        parse_movement(KEY, &data, &MovementLimits::default()).1
+    }
+
+    #[test]
+    fn what_cannot_be_flown_is_refused_with_its_reason() {
+        assert!(parse(|_| ()).is_ok());
+        assert_eq!(
+            parse(|data| data.latitude_deg = f64::NAN),
+            Err(Reason::NotFinite)
+        );
+        assert_eq!(
+            parse(|data| data.longitude_deg = f64::INFINITY),
+            Err(Reason::NotFinite)
+        );
+        assert_eq!(
+            parse(|data| data.altitude_m = f64::NEG_INFINITY),
+            Err(Reason::NotFinite)
+        );
+        assert_eq!(
+            parse(|data| data.latitude_deg = 90.1),
+            Err(Reason::OutOfRange)
+        );
+        assert_eq!(
+            parse(|data| data.longitude_deg = -180.1),
+            Err(Reason::OutOfRange)
+        );
+        assert_eq!(parse(|data| data.altitude_m = 1e9), Err(Reason::OutOfRange));
+        assert_eq!(parse(|data| data.first = 2), Err(Reason::InvalidRequest));
+        assert_eq!(
+            parse(|data| data.last = 0xFFFF),
+            Err(Reason::InvalidRequest)
+        );
+        assert_eq!(parse(|data| data.kind = 0), Err(Reason::InvalidRequest));
+        assert_eq!(
+            parse(|data| data.kind = u32::MAX),
+            Err(Reason::InvalidRequest)
+        );
+    }
+
+    #[test]
+    fn a_take_off_must_fit_the_port_that_takes_its_altitude() {
+        let altitude = |altitude_m| {
+            parse(|data| {
+                data.kind = MovementKind::TakeOff.code();
+                data.altitude_m = altitude_m;
+            })
+        };
+        assert_eq!(altitude(10.0), Ok(Movement::TakeOff { altitude_m: 10.0 }));
+        assert_eq!(altitude(0.0), Err(Reason::OutOfRange));
+        assert_eq!(altitude(200.5), Err(Reason::OutOfRange));
+        assert_eq!(altitude(f64::NAN), Err(Reason::NotFinite));
+    }
+
+    #[test]
+    fn the_envelope_survives_a_refusal() {
+        let mut data = goto();
+        data.kind = 77;
+        data.deadline_ms = 250;
+        let (envelope, movement) = parse_movement(KEY, &data, &MovementLimits::default());
+        assert_eq!(movement, Err(Reason::InvalidRequest));
+        assert_eq!((envelope.request_id, envelope.path_id), (9, 4));
+        assert_eq!(envelope.begin_within, Duration::from_millis(250));
+    }
+
+    #[test]
+    fn a_control_request_is_start_or_stop() {
+        for (code, expected) in [
+            (1, Ok(ControlCommand::Start)),
+            (2, Ok(ControlCommand::Stop)),
+            (0, Err(Reason::InvalidRequest)),
+            (3, Err(Reason::InvalidRequest)),
+        ] {
+            let control = ModuleControl {
+                command: code,
+                ..ModuleControl::default()
+            };
+            assert_eq!(
+                parse_control(KEY, &control, &MovementLimits::default()).1,
+                expected
+            );
+        }
+    }
+}

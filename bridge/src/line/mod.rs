@@ -1,0 +1,468 @@
+//! The line to the DSP: bytes in both directions, commands, start-up, liveness and time coherence in one value.
+//!
+//! It is told when the port opens and closes, is given bytes and the time, and answers with [`LineEvent`]s. It never
+//! decides anything about a flight and never touches a port.
+//!
+//! | state | enters | leaves |
+//! |---|---|---|
+//! | gone | the port closed | the port opened → connecting |
+//! | connecting | port opened, DSP rebooted, probe failed | start-up acknowledged → up (event `Ready`) |
+//! | up | start-up acknowledged, message while silent | no message for a time → silent; reboot → connecting |
+//! | silent | no valid message for the configured time | any message → up; probe failed → connecting (`Lost`) |
+//!
+//! In silence the DSP is probed by reading its status mask, which disturbs nothing. A mask that is not ours, or a DSP
+//! that answers probes but sends nothing else, has rebooted.
+
+pub mod coherence;
+pub mod delivery;
+pub mod outgoing;
+pub mod startup;
+
+use std::collections::VecDeque;
+
+use dsp_protocol::{
+    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Refusal, Status, StatusMask,
+    Uplink, Waypoint, plausibility, port,
+};
+use ipc_types::MonotonicNs;
+use ipc_types::code::LinkState;
+use ipc_types::payload::{LinkHealth, RefusedCounters};
+
+use crate::config::BridgeConfig;
+use coherence::Coherence;
+use delivery::{Ack, AckData, Delivery, Overdue, QueueFull};
+use outgoing::Outgoing;
+
+/// Probes that are answered without anything else being heard before the DSP counts as rebooted.
+const LONELY_PROBES: u32 = 2;
+
+/// Events that one message or deadline can cause at most: a reboot, two samples, and the end of the start-up.
+const EVENTS: usize = 4;
+
+/// What a command is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Part of the start-up sequence.
+    StartUp {
+        /// Its last command.
+        last: bool,
+    },
+    /// Is the DSP there, and does it still have our mask?
+    Probe,
+    /// For the flight.
+    Flight(FlightCommand),
+}
+
+/// What a command of the flight does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlightCommand {
+    /// Writes the take-off altitude.
+    TakeOffAltitude,
+    /// Begins the take-off.
+    TakeOff,
+    /// Begins the landing.
+    Land,
+    /// Empties the DSP's path buffer.
+    InvalidatePath,
+    /// Empties the DSP's error queue; the last command of a stop.
+    ClearErrors,
+}
+
+/// One status message, and when it came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// The message without its implausible groups.
+    pub status: Status,
+    /// When its last byte was read.
+    pub received: MonotonicNs,
+}
+
+/// What happened on the line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+// A sample is most of what comes, fifty times a second; a box would allocate for each.
+#[allow(clippy::large_enum_variant)]
+pub enum LineEvent {
+    /// The start-up sequence is done: the DSP takes commands.
+    Ready,
+    /// The DSP has rebooted; the start-up sequence runs again.
+    Rebooted,
+    /// The DSP cannot be reached any more.
+    Lost,
+    /// A status sample in its place in time.
+    Sample(Sample),
+    /// One waypoint may be sent.
+    Grant,
+    /// A command of the flight arrived at the DSP.
+    Delivered(FlightCommand),
+    /// A command of the flight was not acknowledged: an ack error.
+    Undelivered(FlightCommand),
+    /// The DSP reports an error; `starting` while start-up is not done, when errors are to be expected.
+    DspError {
+        /// The error.
+        code: DspErrorCode,
+        /// Start-up is not done.
+        starting: bool,
+    },
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct Line {
+    config: BridgeConfig,
+    decoder: Decoder<Downlink>,
+    coherence: Coherence<Sample>,
+    delivery: Delivery<Purpose>,
+    outgoing: Outgoing,
+    health: LinkHealth,
+    refused: RefusedCounters,
+    state: LinkState,
+    silence_deadline: Option<MonotonicNs>,
+    start_up_retry: Option<MonotonicNs>,
+    failed_start_ups: u32,
+    lonely_probes: u32,
+    discard_unsent: bool,
+    events: VecDeque<LineEvent>,
+}
+
+impl Line {
+    /// A line without a port.
+    pub fn new(config: &BridgeConfig) -> Self {
+        Line {
+            config: config.clone(),
+            decoder: Decoder::new(),
+            coherence: Coherence::new(config.status.coherence),
+            delivery: Delivery::new(config.link.ack_timeout()),
+            outgoing: Outgoing::default(),
+            health: LinkHealth::default(),
+            refused: RefusedCounters::default(),
+            state: LinkState::Gone,
+            silence_deadline: None,
+            start_up_retry: None,
+            failed_start_ups: 0,
+            lonely_probes: 0,
+            discard_unsent: false,
+            events: VecDeque::with_capacity(EVENTS),
+        }
+    }
+
+    /// The port was opened: nothing is known of the DSP.
+    pub fn opened(&mut self, now: MonotonicNs) {
+        self.health.port_openings = self.health.port_openings.saturating_add(1);
+        self.decoder = Decoder::new();
+        self.coherence.reset();
+        self.failed_start_ups = 0;
+        self.begin_start_up(now);
+    }
+
+    /// The port is gone.
+    pub fn closed(&mut self, now: MonotonicNs) {
+        self.abandon();
+        self.start_up_retry = None;
+        if self.state != LinkState::Gone {
+            self.enter(LinkState::Gone, now);
+            self.events.push_back(LineEvent::Lost);
+        }
+    }
+
+    /// Takes bytes from the front of `input` until something happens or all are used.
+    pub fn receive(&mut self, now: MonotonicNs, input: &mut &[u8]) -> Option<LineEvent> {
+        while self.events.is_empty() && !input.is_empty() {
+            let (used, decoded) = self.decoder.decode(input);
+            self.health.bytes_received += used as u64;
+            *input = input.get(used..).unwrap_or_default();
+            match decoded {
+                Decoded::Incomplete => {}
+                Decoded::Refused(refusal) => self.count_refusal(refusal),
+                Decoded::Message(message) => self.message(now, message),
+            }
+        }
+        self.events.pop_front()
+    }
+
+    /// Handles the next deadline that has passed; call until it answers nothing.
+    pub fn expire(&mut self, now: MonotonicNs) -> Option<LineEvent> {
+        while self.events.is_empty() {
+            if let Some(overdue) = self.delivery.overdue(now) {
+                self.command_overdue(now, overdue);
+            } else if passed(self.start_up_retry, now) {
+                self.begin_start_up(now);
+            } else if passed(self.silence_deadline, now) {
+                self.silence(now);
+            } else {
+                break;
+            }
+        }
+        self.events.pop_front()
+    }
+
+    /// When [`Line::expire`] has something to do.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        [
+            self.delivery.deadline(),
+            self.start_up_retry,
+            self.silence_deadline,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Queues a command for the flight.
+    pub fn command(&mut self, command: Command, purpose: FlightCommand) -> Result<(), QueueFull> {
+        self.delivery.push(command, Purpose::Flight(purpose))
+    }
+
+    /// Sends a waypoint; false when there is no room, and then it must be offered again at the next grant.
+    pub fn waypoint(&mut self, waypoint: &Waypoint) -> bool {
+        let sent = self.outgoing.push(&Uplink::Waypoint(*waypoint).encode());
+        if sent {
+            self.health.waypoints_sent = self.health.waypoints_sent.saturating_add(1);
+        } else {
+            self.refused.transmit_overflows = self.refused.transmit_overflows.saturating_add(1);
+        }
+        sent
+    }
+
+    /// Forgets all commands of the flight that have not been acknowledged.
+    pub fn forget_flight(&mut self) {
+        self.delivery
+            .forget(|purpose| matches!(purpose, Purpose::Flight(_)));
+    }
+
+    /// The bytes to write to the port.
+    pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
+        if let Some(command) = self.delivery.poll(now) {
+            self.send(&command);
+        }
+        self.outgoing.as_bytes()
+    }
+
+    /// The first `count` bytes of [`Line::transmit`] have been written.
+    pub fn transmitted(&mut self, count: usize) {
+        self.outgoing.consume(count);
+    }
+
+    /// Whether the kernel should drop what it has not sent yet; asking resets it.
+    pub fn take_discard_unsent(&mut self) -> bool {
+        std::mem::take(&mut self.discard_unsent)
+    }
+
+    /// State of the link.
+    pub fn state(&self) -> LinkState {
+        self.state
+    }
+
+    /// Whether the DSP takes commands.
+    pub fn is_up(&self) -> bool {
+        self.state == LinkState::Up
+    }
+
+    /// Figures of the line.
+    pub fn health(&self) -> &LinkHealth {
+        &self.health
+    }
+
+    /// What was discarded.
+    pub fn refused(&self) -> &RefusedCounters {
+        &self.refused
+    }
+
+    /// A sample was published.
+    pub fn count_published(&mut self, received: MonotonicNs) {
+        self.health.last_telemetry_ns = received.0;
+        self.health.telemetry_published = self.health.telemetry_published.saturating_add(1);
+    }
+
+    fn message(&mut self, now: MonotonicNs, message: Downlink) {
+        self.health.messages_received += 1;
+        self.health.last_message_ns = now.0;
+        if self.state == LinkState::Silent {
+            self.enter(LinkState::Up, now);
+        }
+        if self.state == LinkState::Up {
+            self.silence_deadline = Some(now + self.config.link.silent_after());
+        }
+        match message {
+            Downlink::Ack { command } => self.acknowledged(now, command, AckData::None),
+            Downlink::Ack16 { command, value } => {
+                self.acknowledged(now, command, AckData::Bits16(value))
+            }
+            Downlink::Ack32 { command, value } => {
+                self.acknowledged(now, command, AckData::Bits32(value))
+            }
+            Downlink::Status(status) => self.status(now, status),
+            Downlink::FlowControl(FlowControl::Send) => self.heard(LineEvent::Grant),
+            Downlink::FlowControl(FlowControl::Stop) => self.lonely_probes = 0,
+            Downlink::Error(code) => {
+                let starting = !self.is_up();
+                self.heard(LineEvent::DspError { code, starting });
+            }
+        }
+    }
+
+    fn heard(&mut self, event: LineEvent) {
+        self.lonely_probes = 0;
+        self.events.push_back(event);
+    }
+
+    fn status(&mut self, now: MonotonicNs, mut status: Status) {
+        self.lonely_probes = 0;
+        let implausible = plausibility::implausible_groups(&status);
+        if implausible != StatusMask::NONE {
+            self.refused.implausible_groups = self
+                .refused
+                .implausible_groups
+                .saturating_add(implausible.0.count_ones());
+            self.refused.implausible_mask |= u32::from(implausible.0);
+            status.withdraw(implausible);
+        }
+        let sample = Sample {
+            status,
+            received: now,
+        };
+        // Without the DSP's time there is nothing to compare; the line's order has to do.
+        let Some(time_ms) = status.time_ms else {
+            self.events.push_back(LineEvent::Sample(sample));
+            return;
+        };
+        let verdict = self.coherence.arrive(time_ms, sample);
+        self.health.telemetry_incoherent = self
+            .health
+            .telemetry_incoherent
+            .saturating_add(verdict.dropped);
+        if verdict.rebooted {
+            self.rebooted(now);
+        }
+        self.events
+            .extend(verdict.send.into_iter().flatten().map(LineEvent::Sample));
+    }
+
+    fn acknowledged(&mut self, now: MonotonicNs, command: u8, data: AckData) {
+        let Some(purpose) = self.delivery.acknowledge(&Ack { command, data }) else {
+            self.health.acks_unmatched = self.health.acks_unmatched.saturating_add(1);
+            return;
+        };
+        self.health.commands_acknowledged = self.health.commands_acknowledged.saturating_add(1);
+        match purpose {
+            Purpose::StartUp { last: false } => {}
+            Purpose::StartUp { last: true } => {
+                self.failed_start_ups = 0;
+                self.lonely_probes = 0;
+                self.enter(LinkState::Up, now);
+                self.silence_deadline = Some(now + self.config.link.silent_after());
+                self.events.push_back(LineEvent::Ready);
+            }
+            Purpose::Probe => {
+                self.lonely_probes += 1;
+                let ours = data == AckData::Bits16(self.config.status.mask().0);
+                if !ours || self.lonely_probes >= LONELY_PROBES {
+                    self.rebooted(now);
+                }
+            }
+            Purpose::Flight(purpose) => self.events.push_back(LineEvent::Delivered(purpose)),
+        }
+    }
+
+    fn command_overdue(&mut self, now: MonotonicNs, overdue: Overdue<Purpose>) {
+        match overdue {
+            Overdue::SendAgain(command) => {
+                self.health.commands_repeated = self.health.commands_repeated.saturating_add(1);
+                self.send(&command);
+                return;
+            }
+            Overdue::Failed(Purpose::StartUp { .. }) => {
+                self.abandon();
+                self.failed_start_ups = self.failed_start_ups.saturating_add(1);
+                self.start_up_retry =
+                    Some(now + self.config.link.start_up_retry(self.failed_start_ups));
+            }
+            Overdue::Failed(Purpose::Probe) => {
+                // Something else may have been heard meanwhile; then the line is not lost.
+                if self.state == LinkState::Silent {
+                    self.events.push_back(LineEvent::Lost);
+                    self.begin_start_up(now);
+                }
+            }
+            Overdue::Failed(Purpose::Flight(purpose)) => {
+                self.discard_waiting_bytes();
+                self.events.push_back(LineEvent::Undelivered(purpose));
+            }
+        }
+        self.health.commands_failed = self.health.commands_failed.saturating_add(1);
+    }
+
+    fn rebooted(&mut self, now: MonotonicNs) {
+        self.health.dsp_boots = self.health.dsp_boots.saturating_add(1);
+        self.events.push_back(LineEvent::Rebooted);
+        self.begin_start_up(now);
+    }
+
+    fn begin_start_up(&mut self, now: MonotonicNs) {
+        self.abandon();
+        self.start_up_retry = None;
+        if self.state != LinkState::Connecting {
+            self.enter(LinkState::Connecting, now);
+        }
+        let mut commands =
+            startup::sequence(self.config.status.mask(), &self.config.parameters).peekable();
+        while let Some(command) = commands.next() {
+            let last = commands.peek().is_none();
+            // The queue is empty, and its length is derived from the longest start-up.
+            let queued = self.delivery.push(command, Purpose::StartUp { last });
+            debug_assert_eq!(queued, Ok(()));
+        }
+    }
+
+    /// Gives up every command and all bytes that have not left.
+    fn abandon(&mut self) {
+        self.delivery.forget(|_| true);
+        self.silence_deadline = None;
+        self.discard_waiting_bytes();
+    }
+
+    /// A command that was given up must not reach the DSP later, when nobody expects it any more.
+    fn discard_waiting_bytes(&mut self) {
+        self.outgoing.clear();
+        self.discard_unsent = true;
+    }
+
+    fn silence(&mut self, now: MonotonicNs) {
+        self.enter(LinkState::Silent, now);
+        self.silence_deadline = None;
+        if !self.delivery.has(|purpose| *purpose == Purpose::Probe) {
+            let probe = Command::Read16 {
+                port: port::STATUS_MASK,
+            };
+            // A queue full of unanswered commands is itself a probe: its failure ends the silence.
+            let _ = self.delivery.push(probe, Purpose::Probe);
+        }
+    }
+
+    fn send(&mut self, command: &Command) {
+        if !self.outgoing.push(&Uplink::Command(*command).encode()) {
+            self.refused.transmit_overflows = self.refused.transmit_overflows.saturating_add(1);
+        }
+    }
+
+    fn enter(&mut self, state: LinkState, now: MonotonicNs) {
+        self.state = state;
+        self.health.state_since_ns = now.0;
+    }
+
+    fn count_refusal(&mut self, refusal: Refusal) {
+        let counter = match refusal {
+            Refusal::Stray => &mut self.refused.stray,
+            // The DSP sends no commands; its decoder never gives this one.
+            Refusal::UnknownHeader | Refusal::UnknownCommand => &mut self.refused.unknown_header,
+            Refusal::Truncated => &mut self.refused.truncated,
+            Refusal::Checksum => &mut self.refused.checksum,
+            Refusal::Padding => &mut self.refused.padding,
+            Refusal::Value => &mut self.refused.value,
+        };
+        *counter = counter.saturating_add(1);
+    }
+}
+
+fn passed(deadline: Option<MonotonicNs>, now: MonotonicNs) -> bool {
+    deadline.is_some_and(|deadline| now >= deadline)
+}
