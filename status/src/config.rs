@@ -1,0 +1,176 @@
+//! The configuration of the process, with complete defaults; `status.toml` shows and explains each value.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+
+use crate::calibration::Calibration;
+use crate::group::GroupSet;
+
+/// Most logs at once: each field group in one of its own. More are refused.
+pub const MAX_LOGS: usize = 16;
+
+/// Longest name of a log, characters; a file name has room for it ten times over.
+const MAX_NAME_CHARS: usize = 24;
+
+/// The file that is read when none is named; it may be absent.
+pub const DEFAULT_FILE: &str = "status.toml";
+
+/// All of it.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// From raw numbers to SI units.
+    pub calibration: Calibration,
+    /// Logs, none by default.
+    #[serde(deserialize_with = "logs")]
+    pub log: Vec<LogConfig>,
+}
+
+/// One log.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LogConfig {
+    /// Distinguishes the file from those of other logs.
+    pub name: LogName,
+    /// Where the file goes; created when it is absent. A relative path starts at the working directory.
+    pub directory: PathBuf,
+    /// What is logged; nothing is created when this is empty.
+    pub groups: GroupSet,
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        LogConfig {
+            name: LogName::default(),
+            directory: PathBuf::from("log"),
+            groups: GroupSet::default(),
+        }
+    }
+}
+
+/// A piece of a file name: up to 24 letters, digits, dashes and underscores.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LogName(String);
+
+impl LogName {
+    /// The name; empty when the log has none.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+/// The text cannot be part of a file name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{0}` is not a name for a log: it must be up to {MAX_NAME_CHARS} letters, digits, `-` and `_`"
+)]
+pub struct InvalidLogName(String);
+
+impl FromStr for LogName {
+    type Err = InvalidLogName;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if text.len() <= MAX_NAME_CHARS && text.chars().all(plain) {
+            Ok(LogName(text.to_owned()))
+        } else {
+            Err(InvalidLogName(text.to_owned()))
+        }
+    }
+}
+
+impl fmt::Display for LogName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for LogName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?
+            .parse()
+            .map_err(D::Error::custom)
+    }
+}
+
+/// Reads the logs, at most [`MAX_LOGS`].
+fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D::Error> {
+    let logs = Vec::<LogConfig>::deserialize(deserializer)?;
+    if logs.len() > MAX_LOGS {
+        let count = logs.len();
+        return Err(D::Error::custom(format_args!(
+            "{count} logs are too many: at most {MAX_LOGS} can be written at once"
+        )));
+    }
+    Ok(logs)
+}
+
+#[cfg(test)]
+mod tests {
+    use runtime::config::{ConfigError, parse};
+
+    use super::*;
+    use crate::group::Group;
+
+    const EXAMPLE: &str = include_str!("../status.toml");
+
+    #[test]
+    fn the_annotated_example_is_the_default() {
+        let example: Config = parse(EXAMPLE, "status.toml").unwrap();
+        assert_eq!(example, Config::default());
+        assert_eq!(parse::<Config>("", "empty.toml").unwrap(), example);
+    }
+
+    #[test]
+    fn the_examples_that_are_commented_out_work() {
+        // In the example a comment is `# text`, a disabled setting `#setting`.
+        let enable = |line: &str| match line.strip_prefix('#') {
+            Some(setting) if !setting.starts_with(' ') => format!("{setting}\n"),
+            _ => format!("{line}\n"),
+        };
+        let text: String = EXAMPLE.lines().map(enable).collect();
+        let config: Config = parse(&text, "status.toml").unwrap();
+        assert_eq!(config.log.len(), 2);
+        assert_eq!(config.log[0].groups, GroupSet::ALL);
+        assert_eq!(config.log[1].name.as_str(), "imu");
+        let imu = [
+            Group::Time,
+            Group::Attitude,
+            Group::Acceleration,
+            Group::AngularRate,
+        ];
+        assert_eq!(config.log[1].groups, imu.into_iter().collect());
+    }
+
+    #[test]
+    fn mistakes_are_told_with_line_and_reason() {
+        let too_many = "[[log]]\n".repeat(MAX_LOGS + 1);
+        #[rustfmt::skip]
+        let cases = [
+            ("[calibraton]", 1, "did you mean `calibration`?"),
+            ("[calibration.sonar]\nm_per_stpe = 1", 2, "did you mean `m_per_step`?"),
+            ("[calibration.servo]\n\nhalf_travel_us = 0", 3, "must be from 1.0 to 2000.0"),
+            ("[calibration.pan]\ndeg_per_step = nan", 2, "NaN is out of range"),
+            ("[calibration.barometer]\nzero_adc = '500'", 2, "invalid type: string"),
+            ("[[log]]\ngroups = ['time']\n[[log]]\ngroups = ['altitude']", 4, "did you mean `attitude`?"),
+            ("[[log]]\ngroups = 'time'", 2, "invalid type: string"),
+            ("[[log]]\nname = '../x'", 2, "is not a name for a log"),
+            ("[[log]]\nname = 'aaaaaaaaaaaaaaaaaaaaaaaaa'", 2, "up to 24 letters"),
+            ("[log]\ngroups = []", 1, "invalid type: map, expected a sequence"),
+            (&too_many, 1, "17 logs are too many"),
+        ];
+        for (text, expected_line, expected_reason) in cases {
+            match parse::<Config>(text, "status.toml") {
+                Err(ConfigError::Invalid { line, reason, .. }) => {
+                    assert!(reason.contains(expected_reason), "{text}: {reason}");
+                    assert_eq!(line, expected_line, "{text}");
+                }
+                other => panic!("{text}: {other:?}"),
+            }
+        }
+    }
+}

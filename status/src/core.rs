@@ -1,0 +1,366 @@
+//! What the process decides: a value that is given samples and the time, and asked what to publish, what happened, and
+//! when it wants to be woken next.
+//!
+//! It knows no port, no clock and no thread. It never holds a sample back: publishing comes before logging.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+
+use crate::calibration::Calibration;
+use crate::log::{LogEvent, LogSummary, Logs};
+use crate::translate::{Publication, translate};
+
+/// How long no sample must come until the input counts as silent: the bridge's default is 50 samples a second, so fifty
+/// in a row are missing.
+pub const SILENT_AFTER: Duration = Duration::from_secs(1);
+
+/// How often losses are told while they go on. Each telling has the sum of those since the last.
+pub const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(5);
+
+/// What a subscriber counted since it began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InputCounts {
+    /// Samples that came.
+    pub received: u64,
+    /// Samples that were published and never came.
+    pub lost: u64,
+    /// How often another bridge took over.
+    pub publisher_changes: u64,
+}
+
+/// Something that the operator should know.
+#[derive(Debug)]
+pub enum Event {
+    /// Telemetry arrives: for the first time, or after a silence.
+    InputBegan,
+    /// No telemetry for [`SILENT_AFTER`].
+    InputSilent,
+    /// Another bridge publishes now, as after a restart of it.
+    PublisherChanged,
+    /// Samples were lost since the last such event.
+    InputLost {
+        /// How many since the last such event.
+        lost: u64,
+        /// How many in all.
+        lost_in_all: u64,
+    },
+    /// A sample could not be published; told at the first of a row.
+    OutputFailed {
+        /// Why.
+        reason: String,
+    },
+    /// About a log.
+    Log(LogEvent),
+}
+
+/// What the process did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Samples in.
+    pub received: u64,
+    /// Samples lost on the way in.
+    pub lost: u64,
+    /// Samples out.
+    pub published: u64,
+    /// What each log's file holds.
+    pub logs: Vec<LogSummary>,
+}
+
+/// The process without its surroundings.
+pub struct Status {
+    calibration: Calibration,
+    logs: Logs,
+    input: Input,
+    output: Output,
+    /// Drained by the caller after each step: at most a handful for a step and a log.
+    events: Vec<Event>,
+}
+
+/// The state of the input.
+#[derive(Default)]
+struct Input {
+    counts: InputCounts,
+    /// When the last sample came, while the input is not silent.
+    flowing_since: Option<MonotonicNs>,
+    /// Of `counts.lost`, how many were told.
+    lost_told: u64,
+    /// Before this, no losses are told.
+    next_telling: MonotonicNs,
+}
+
+/// The state of the output.
+#[derive(Default)]
+struct Output {
+    published: u64,
+    /// Whether the last sample could not be published.
+    failing: bool,
+}
+
+impl Status {
+    /// The process with `calibration`, which writes `logs`.
+    pub fn new(calibration: Calibration, logs: Logs) -> Status {
+        Status {
+            calibration,
+            logs,
+            input: Input::default(),
+            output: Output::default(),
+            events: Vec::new(),
+        }
+    }
+
+    /// What to publish for `dsp`.
+    pub fn translate(&self, dsp: &DspTelemetry, publication: Publication) -> HeroTelemetry {
+        translate(dsp, &self.calibration, publication)
+    }
+
+    /// Takes note of `dsp` at `now`, after what [`translate`](Self::translate) gave was published or could not be.
+    pub fn record(&mut self, dsp: &DspTelemetry, outcome: Result<(), String>, now: MonotonicNs) {
+        if self.input.flowing_since.replace(now).is_none() {
+            self.events.push(Event::InputBegan);
+        }
+        match outcome {
+            Ok(()) => {
+                self.output.published += 1;
+                self.output.failing = false;
+            }
+            Err(reason) => {
+                if !std::mem::replace(&mut self.output.failing, true) {
+                    self.events.push(Event::OutputFailed { reason });
+                }
+            }
+        }
+        let log_events = self.logs.record(dsp, now);
+        self.events.extend(log_events.into_iter().map(Event::Log));
+    }
+
+    /// Takes note of what the subscriber has counted by `now`.
+    pub fn count(&mut self, counts: InputCounts, now: MonotonicNs) {
+        if counts.publisher_changes > self.input.counts.publisher_changes {
+            self.events.push(Event::PublisherChanged);
+        }
+        self.input.counts = counts;
+        self.tell_losses(now);
+    }
+
+    /// Does what is due at `now`.
+    pub fn on_time(&mut self, now: MonotonicNs) {
+        let log_events = self.logs.flush_if_due(now);
+        self.events.extend(log_events.into_iter().map(Event::Log));
+        self.tell_losses(now);
+        if self.input.silent_at().is_some_and(|at| at <= now) {
+            self.input.flowing_since = None;
+            self.events.push(Event::InputSilent);
+        }
+    }
+
+    /// When [`on_time`](Self::on_time) wants to be called next; nothing means not before the next sample.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let tell_losses = (self.input.untold() > 0).then_some(self.input.next_telling);
+        [self.logs.deadline(), self.input.silent_at(), tell_losses]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// What happened since the last call.
+    pub fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events)
+    }
+
+    /// Writes what the logs have in memory; the last thing to do.
+    pub fn finish(&mut self) -> Summary {
+        let log_events = self.logs.flush();
+        self.events.extend(log_events.into_iter().map(Event::Log));
+        Summary {
+            received: self.input.counts.received,
+            lost: self.input.counts.lost,
+            published: self.output.published,
+            logs: self.logs.summaries().collect(),
+        }
+    }
+
+    fn tell_losses(&mut self, now: MonotonicNs) {
+        let lost = self.input.untold();
+        if lost > 0 && self.input.next_telling <= now {
+            let lost_in_all = self.input.counts.lost;
+            self.input.lost_told = lost_in_all;
+            self.input.next_telling = now + LOSS_REPORT_PERIOD;
+            self.events.push(Event::InputLost { lost, lost_in_all });
+        }
+    }
+}
+
+impl Input {
+    /// Losses that were not told.
+    fn untold(&self) -> u64 {
+        self.counts.lost.saturating_sub(self.lost_told)
+    }
+
+    /// When the input counts as silent, unless a sample comes.
+    fn silent_at(&self) -> Option<MonotonicNs> {
+        self.flowing_since.map(|since| since + SILENT_AFTER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::num::NonZeroU32;
+
+    use super::*;
+    use crate::config::LogConfig;
+    use crate::group::GroupSet;
+    use crate::log::FLUSH_PERIOD;
+    use crate::log::file_name::Utc;
+    use crate::test_samples::{Memory, MemoryStore, sample};
+
+    const START: MonotonicNs = MonotonicNs(10_000_000_000);
+
+    fn after_ms(ms: u64) -> MonotonicNs {
+        START + Duration::from_millis(ms)
+    }
+
+    fn without_logs() -> Status {
+        Status::new(Calibration::default(), Logs::default())
+    }
+
+    fn with_log() -> (Status, Memory) {
+        let mut store = MemoryStore::default();
+        let config = LogConfig {
+            groups: GroupSet::ALL,
+            ..LogConfig::default()
+        };
+        let at = Utc::from_unix(0);
+        let (logs, _) = Logs::open(&[config], NonZeroU32::MIN, at, &mut store);
+        (Status::new(Calibration::default(), logs), store.file(0))
+    }
+
+    /// Names of the events since the last call.
+    fn told(status: &mut Status) -> Vec<String> {
+        let events = status.take_events();
+        let name = |event: &Event| match event {
+            Event::InputLost { lost, lost_in_all } => format!("lost {lost} of {lost_in_all}"),
+            Event::Log(LogEvent::Failed { rows, .. }) => format!("log failed after {rows}"),
+            Event::OutputFailed { reason } => reason.clone(),
+            other => format!("{other:?}"),
+        };
+        events.iter().map(name).collect()
+    }
+
+    #[test]
+    fn input_that_begins_stops_and_comes_back_is_told_once_each() {
+        let mut status = without_logs();
+        assert_eq!(
+            status.deadline(),
+            None,
+            "before the first sample nothing is due"
+        );
+        status.on_time(after_ms(60_000));
+        assert!(told(&mut status).is_empty());
+
+        status.record(&sample(1, 1), Ok(()), START);
+        status.record(&sample(1, 2), Ok(()), after_ms(20));
+        assert_eq!(told(&mut status), ["InputBegan"]);
+        assert_eq!(status.deadline(), Some(after_ms(1020)));
+        status.on_time(after_ms(1019));
+        assert!(told(&mut status).is_empty());
+        status.on_time(after_ms(1020));
+        assert_eq!(told(&mut status), ["InputSilent"]);
+        assert_eq!(status.deadline(), None);
+        status.record(&sample(1, 3), Ok(()), after_ms(5000));
+        assert_eq!(told(&mut status), ["InputBegan"]);
+    }
+
+    #[test]
+    fn losses_are_told_at_once_and_then_summed_up() {
+        let mut status = without_logs();
+        let counts = |received, lost| InputCounts {
+            received,
+            lost,
+            publisher_changes: 0,
+        };
+        status.count(counts(1, 0), START);
+        assert!(told(&mut status).is_empty());
+        status.count(counts(2, 3), after_ms(10));
+        assert_eq!(told(&mut status), ["lost 3 of 3"]);
+        status.count(counts(3, 4), after_ms(20));
+        status.count(counts(4, 9), after_ms(30));
+        assert!(told(&mut status).is_empty());
+        assert_eq!(status.deadline(), Some(after_ms(5010)));
+        status.on_time(after_ms(5010));
+        assert_eq!(told(&mut status), ["lost 6 of 9"]);
+        assert_eq!(status.deadline(), None);
+    }
+
+    #[test]
+    fn another_bridge_is_told() {
+        let mut status = without_logs();
+        let counts = InputCounts {
+            publisher_changes: 1,
+            ..InputCounts::default()
+        };
+        status.count(counts, START);
+        status.count(counts, START);
+        assert_eq!(told(&mut status), ["PublisherChanged"]);
+    }
+
+    #[test]
+    fn an_output_that_fails_is_told_once_until_it_works_again() {
+        let mut status = without_logs();
+        let failed = || Err("no room".to_owned());
+        let outcomes = [failed(), failed(), Ok(()), failed()];
+        for (sequence, outcome) in (1..).zip(outcomes) {
+            status.record(&sample(1, sequence), outcome, START);
+        }
+        assert_eq!(told(&mut status), ["InputBegan", "no room", "no room"]);
+        assert_eq!(status.finish().published, 1);
+    }
+
+    #[test]
+    fn rows_are_flushed_at_the_deadline_and_at_the_end() {
+        let (mut status, file) = with_log();
+        status.record(&sample(1, 1), Ok(()), START);
+        assert_eq!(status.deadline(), Some(START + FLUSH_PERIOD));
+        status.on_time(START + FLUSH_PERIOD);
+        assert_eq!(file.text().lines().count(), 2);
+        status.record(&sample(1, 2), Ok(()), after_ms(600));
+        status.count(
+            InputCounts {
+                received: 2,
+                lost: 0,
+                publisher_changes: 0,
+            },
+            after_ms(600),
+        );
+        let summary = status.finish();
+        assert_eq!(file.text().lines().count(), 3);
+        assert_eq!((summary.received, summary.published), (2, 2));
+        assert_eq!(summary.logs[0].rows, 2);
+    }
+
+    #[test]
+    fn a_failing_log_never_stops_the_telemetry() {
+        let (mut status, file) = with_log();
+        file.fail();
+        for sequence in 1..=100 {
+            let now = after_ms(20 * sequence);
+            status.on_time(now);
+            let publication = Publication {
+                sequence,
+                epoch_ns: 1,
+                published_ns: now.0,
+            };
+            let dsp = sample(1, sequence);
+            assert_eq!(
+                status.translate(&dsp, publication).source_sequence,
+                sequence
+            );
+            status.record(&dsp, Ok(()), now);
+        }
+        assert_eq!(told(&mut status), ["InputBegan", "log failed after 0"]);
+        let summary = status.finish();
+        assert_eq!(summary.published, 100);
+        assert_eq!((summary.logs[0].rows, summary.logs[0].failed), (0, true));
+    }
+}
