@@ -356,6 +356,8 @@ impl Line {
                 self.lonely_probes += 1;
                 let ours = data == AckData::Bits16(self.config.status.mask().0);
                 if !ours || self.lonely_probes >= LONELY_PROBES {
+                    // Its clock has restarted as well; that must not be taken for a second reboot.
+                    self.coherence.reset();
                     self.rebooted(now);
                 }
             }

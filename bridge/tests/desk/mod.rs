@@ -1,0 +1,365 @@
+//! A desk to try the bridge's core on: a scripted DSP in a few lines, a recorder of everything the core says, and time
+//! that moves only when a test says so.
+
+#![allow(missing_docs, dead_code)] // Each test binary uses its own part of the desk.
+
+use bridge::flight::trajectory::{PassThrough, Trajectory};
+use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+use dsp_protocol::downlink::Geographic;
+use dsp_protocol::{
+    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Status, Uplink, Waypoint, port,
+};
+use ipc_types::MonotonicNs;
+use ipc_types::code::{
+    ControlCommand, Functionality, ImiError, LinkState, ModuleStatus, MovementKind, Reason, Stage,
+};
+use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, MovementData, RequestReport};
+
+/// Everything that the core said, in order.
+#[derive(Default)]
+pub struct Recorder {
+    pub telemetry: Vec<DspTelemetry>,
+    pub states: Vec<ModuleState>,
+    pub reports: Vec<(RequestKey, RequestReport)>,
+}
+
+impl Outputs for Recorder {
+    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+        let mut sample = DspTelemetry::default();
+        fill(&mut sample);
+        self.telemetry.push(sample);
+    }
+
+    fn state(&mut self, state: &ModuleState) {
+        self.states.push(*state);
+    }
+
+    fn report(&mut self, to: RequestKey, report: &RequestReport) {
+        assert_eq!(
+            to.0, report.request_id,
+            "a report must reach its own request"
+        );
+        self.reports.push((to, *report));
+    }
+}
+
+/// The DSP as a script: it acknowledges (or not), answers reads of the mask, and remembers what it was told.
+pub struct ScriptedDsp {
+    pub acknowledges: bool,
+    pub silent: bool,
+    pub grants: bool,
+    pub mask: u16,
+    pub time_ms: u32,
+    pub status: Status,
+    pub commands: Vec<Command>,
+    pub waypoints: Vec<Waypoint>,
+    decoder: Decoder<Uplink>,
+}
+
+impl Default for ScriptedDsp {
+    fn default() -> Self {
+        ScriptedDsp {
+            acknowledges: true,
+            silent: false,
+            grants: true,
+            mask: 0,
+            time_ms: 0,
+            status: Status {
+                geographic: Some(HOME),
+                ..Status::default()
+            },
+            commands: vec![],
+            waypoints: vec![],
+            decoder: Decoder::new(),
+        }
+    }
+}
+
+pub const HOME: Geographic = Geographic {
+    latitude_deg: 37.0,
+    longitude_deg: -6.0,
+    altitude_m: 10.0,
+};
+
+/// A point north of home by so many hundred-thousandths of a degree (1.1 m each), 20 m high.
+pub fn north(steps: i32) -> Waypoint {
+    Waypoint {
+        latitude_deg: HOME.latitude_deg + f64::from(steps) * 1e-5,
+        longitude_deg: HOME.longitude_deg,
+        altitude_m: 20.0,
+    }
+}
+
+impl ScriptedDsp {
+    fn hear(&mut self, bytes: &[u8]) -> Vec<Downlink> {
+        let (mut rest, mut answers) = (bytes, vec![]);
+        while !rest.is_empty() {
+            let (used, decoded) = self.decoder.decode(rest);
+            rest = &rest[used..];
+            match decoded {
+                Decoded::Message(Uplink::Command(command)) => {
+                    self.commands.push(command);
+                    if let Command::Write16 {
+                        port: port::STATUS_MASK,
+                        value,
+                    } = command
+                    {
+                        self.mask = value;
+                    }
+                    if self.acknowledges && !self.silent {
+                        answers.push(match command {
+                            Command::Read16 { .. } => Downlink::Ack16 {
+                                command: 0,
+                                value: self.mask,
+                            },
+                            _ => Downlink::Ack {
+                                command: command.code(),
+                            },
+                        });
+                    }
+                }
+                Decoded::Message(Uplink::Waypoint(waypoint)) => self.waypoints.push(waypoint),
+                Decoded::Incomplete => {}
+                Decoded::Refused(refusal) => panic!("the bridge sent garbage: {refusal:?}"),
+            }
+        }
+        answers
+    }
+
+    pub fn at(&mut self, waypoint: Waypoint) {
+        self.status.geographic = Some(Geographic {
+            latitude_deg: waypoint.latitude_deg,
+            longitude_deg: waypoint.longitude_deg,
+            altitude_m: waypoint.altitude_m,
+        });
+    }
+}
+
+/// Bridge, DSP, recorder and clock.
+pub struct Desk<T = PassThrough> {
+    pub bridge: Bridge<T>,
+    pub dsp: ScriptedDsp,
+    pub out: Recorder,
+    pub now: MonotonicNs,
+    next_request: u64,
+}
+
+impl Desk {
+    /// A bridge whose port is closed.
+    pub fn closed(config: &BridgeConfig) -> Desk {
+        Desk::with(Bridge::new(config))
+    }
+
+    /// A bridge that is up and started, with the helicopter on the ground.
+    pub fn started() -> Desk {
+        let mut desk = Desk::up(&BridgeConfig::default());
+        let start = desk.control(ControlCommand::Start);
+        assert_eq!(desk.last(start).0, Stage::Done);
+        desk
+    }
+
+    /// A bridge that is up, not started.
+    pub fn up(config: &BridgeConfig) -> Desk {
+        let mut desk = Desk::closed(config);
+        desk.open();
+        assert_eq!(desk.link(), LinkState::Up);
+        desk
+    }
+
+    /// A started bridge with the helicopter in the air.
+    pub fn flying() -> Desk {
+        let mut desk = Desk::started();
+        desk.lift_off();
+        desk
+    }
+}
+
+impl<T: Trajectory> Desk<T> {
+    pub fn with(bridge: Bridge<T>) -> Desk<T> {
+        Desk {
+            bridge,
+            dsp: ScriptedDsp::default(),
+            out: Recorder::default(),
+            now: MonotonicNs(1_000_000_000),
+            next_request: 1,
+        }
+    }
+
+    pub fn open(&mut self) {
+        self.bridge.port_opened(self.now, &mut self.out);
+        self.run(100);
+    }
+
+    pub fn lift_off(&mut self) {
+        self.dsp.status.flying = true;
+        self.dsp.at(north(0));
+        self.run(40);
+    }
+
+    /// Lets `ms` pass in steps of 10 ms: a status every 20 ms, flow control every 100 ms.
+    pub fn run(&mut self, ms: u32) {
+        for _ in 0..ms / 10 {
+            self.exchange();
+            self.now = MonotonicNs(self.now.0 + 10_000_000);
+            self.dsp.time_ms += 10;
+            if !self.dsp.silent && self.bridge.link() != LinkState::Gone {
+                if self.dsp.time_ms % 20 == 0 && self.dsp.mask != 0 {
+                    let mut status = self.dsp.status;
+                    status.time_ms = Some(self.dsp.time_ms);
+                    self.say(Downlink::Status(status));
+                }
+                if self.dsp.time_ms % 100 == 0 {
+                    let grant = if self.dsp.grants {
+                        FlowControl::Send
+                    } else {
+                        FlowControl::Stop
+                    };
+                    self.say(Downlink::FlowControl(grant));
+                }
+            }
+            self.bridge.advance(self.now, &mut self.out);
+        }
+        self.exchange();
+    }
+
+    /// Carries bytes both ways until neither side has any.
+    pub fn exchange(&mut self) {
+        loop {
+            let bytes = self.bridge.transmit(self.now).to_vec();
+            if bytes.is_empty() {
+                return;
+            }
+            self.bridge.transmitted(bytes.len());
+            for answer in self.dsp.hear(&bytes) {
+                self.say(answer);
+            }
+        }
+    }
+
+    pub fn say(&mut self, message: Downlink) {
+        self.bridge
+            .receive(self.now, message.encode().as_bytes(), &mut self.out);
+    }
+
+    pub fn dsp_error(&mut self, code: u16) {
+        self.say(Downlink::Error(DspErrorCode(code)));
+    }
+
+    pub fn control(&mut self, command: ControlCommand) -> u64 {
+        let request_id = self.request_id();
+        let control = ModuleControl {
+            request_id,
+            command: command.code(),
+            deadline_ms: 0,
+        };
+        self.bridge
+            .control(self.now, RequestKey(request_id), &control, &mut self.out);
+        self.exchange();
+        request_id
+    }
+
+    pub fn movement(&mut self, data: MovementData) -> u64 {
+        let request_id = self.request_id();
+        let data = MovementData { request_id, ..data };
+        self.bridge
+            .movement(self.now, RequestKey(request_id), &data, &mut self.out);
+        self.exchange();
+        request_id
+    }
+
+    pub fn take_off(&mut self) -> u64 {
+        self.movement(MovementData {
+            kind: MovementKind::TakeOff.code(),
+            altitude_m: 10.0,
+            ..MovementData::default()
+        })
+    }
+
+    pub fn land(&mut self) -> u64 {
+        self.movement(MovementData {
+            kind: MovementKind::Land.code(),
+            ..MovementData::default()
+        })
+    }
+
+    pub fn waypoint(&mut self, path_id: u64, first: u16, last: u16, point: Waypoint) -> u64 {
+        self.movement(MovementData {
+            path_id,
+            first,
+            last,
+            ..go_to(point)
+        })
+    }
+
+    /// A whole path; the requests of its waypoints.
+    pub fn path(&mut self, path_id: u64, points: &[Waypoint]) -> Vec<u64> {
+        let last = points.len() - 1;
+        (0..=last)
+            .map(|i| self.waypoint(path_id, u16::from(i == 0), u16::from(i == last), points[i]))
+            .collect()
+    }
+
+    /// The last report to a request: stage, reason, IMI error.
+    pub fn last(&self, request: u64) -> (Stage, Reason, ImiError) {
+        let report = self.last_report(request);
+        (
+            Stage::from_code(report.stage).unwrap(),
+            Reason::from_code(report.reason).unwrap(),
+            match report.imi_error {
+                0 => ImiError::None,
+                code => ImiError::from_code(code).unwrap(),
+            },
+        )
+    }
+
+    pub fn last_report(&self, request: u64) -> &RequestReport {
+        &self
+            .out
+            .reports
+            .iter()
+            .rfind(|(key, _)| key.0 == request)
+            .unwrap_or_else(|| panic!("nothing was said about request {request}"))
+            .1
+    }
+
+    /// All stages said about a request.
+    pub fn stages(&self, request: u64) -> Vec<Stage> {
+        self.out
+            .reports
+            .iter()
+            .filter(|(key, _)| key.0 == request)
+            .map(|(_, report)| Stage::from_code(report.stage).unwrap())
+            .collect()
+    }
+
+    pub fn link(&self) -> LinkState {
+        self.bridge.link()
+    }
+
+    pub fn module(&self) -> ModuleStatus {
+        ModuleStatus::from_code(self.bridge.state().status).unwrap()
+    }
+
+    pub fn functionality(&self) -> Functionality {
+        Functionality::from_code(self.bridge.state().functionality).unwrap()
+    }
+
+    pub fn imi_error(&self) -> ImiError {
+        ImiError::from_code(self.bridge.state().imi_error).unwrap()
+    }
+
+    fn request_id(&mut self) -> u64 {
+        self.next_request += 1;
+        self.next_request
+    }
+}
+
+pub fn go_to(point: Waypoint) -> MovementData {
+    MovementData {
+        kind: MovementKind::GoToWaypoint.code(),
+        latitude_deg: point.latitude_deg,
+        longitude_deg: point.longitude_deg,
+        altitude_m: point.altitude_m,
+        ..MovementData::default()
+    }
+}

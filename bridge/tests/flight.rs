@@ -1,0 +1,482 @@
+//! The core's side of the operator: control, movements, paths, and the one final word of every request.
+
+mod desk;
+
+use bridge::flight::path::MAX_WAYPOINTS;
+use bridge::flight::trajectory::{Trajectory, TrajectoryPoint};
+use bridge::{Bridge, BridgeConfig, RequestKey};
+use desk::{Desk, HOME, go_to, north};
+use dsp_protocol::downlink::Geographic;
+use dsp_protocol::{Command, Waypoint, port};
+use ipc_types::code::{ControlCommand, Functionality, ImiError, ModuleStatus, Reason, Stage};
+use ipc_types::payload::MovementData;
+
+const TAKE_OFF: [Command; 2] = [
+    Command::Write32 {
+        port: port::TAKE_OFF_ALTITUDE_M,
+        value: 10.0,
+    },
+    Command::Write16 {
+        port: port::TAKE_OFF,
+        value: 1,
+    },
+];
+const LAND: Command = Command::Write16 {
+    port: port::LAND,
+    value: 1,
+};
+const STOP: [Command; 2] = [Command::InvalidatePath, Command::ClearErrors];
+
+fn refused(reason: Reason) -> (Stage, Reason, ImiError) {
+    (Stage::Refused, reason, ImiError::None)
+}
+
+fn aborted(reason: Reason) -> (Stage, Reason, ImiError) {
+    (Stage::Aborted, reason, ImiError::None)
+}
+
+#[test]
+fn a_whole_mission() {
+    let mut desk = Desk::started();
+    let take_off = desk.take_off();
+    assert!(desk.dsp.commands.ends_with(&TAKE_OFF));
+    assert_eq!(desk.functionality(), Functionality::TakingOff);
+    desk.dsp.status.flying = true;
+    desk.run(100);
+    assert_eq!(desk.functionality(), Functionality::TakingOff, "10 m to go");
+    desk.dsp.at(north(0));
+    desk.run(40);
+    assert_eq!(
+        desk.stages(take_off),
+        [Stage::Accepted, Stage::Progress, Stage::Done]
+    );
+    assert_eq!(desk.module(), ModuleStatus::Ended);
+
+    let path = desk.path(7, &[north(3), north(6), north(9)]);
+    for point in [3, 6, 9] {
+        desk.run(400);
+        desk.dsp.at(north(point));
+    }
+    desk.run(40);
+    assert_eq!(desk.dsp.waypoints.len(), 3);
+    assert_eq!(desk.stages(path[0]), [Stage::Accepted, Stage::Done]);
+    let last = desk.last_report(path[2]);
+    assert_eq!(Stage::from_code(last.stage), Some(Stage::Done));
+    let counts = (
+        last.waypoints_total,
+        last.waypoints_sent,
+        last.waypoints_reached,
+    );
+    assert_eq!((last.path_id, counts), (7, (3, 3, 3)));
+
+    let land = desk.land();
+    assert_eq!(desk.dsp.commands.last(), Some(&LAND));
+    desk.run(500);
+    assert_eq!(desk.functionality(), Functionality::Landing);
+    desk.dsp.status.flying = false;
+    desk.run(40);
+    assert_eq!(desk.last(land).0, Stage::Done);
+
+    let stop = desk.control(ControlCommand::Stop);
+    assert_eq!(desk.stages(stop), [Stage::Accepted, Stage::Done]);
+    assert!(desk.dsp.commands.ends_with(&STOP));
+    assert_eq!(desk.module(), ModuleStatus::Ended);
+    assert_eq!(desk.bridge.state().blocked, 1);
+}
+
+#[test]
+fn what_is_refused_when() {
+    type Ask = fn(&mut Desk) -> u64;
+    let (take_off, land): (Ask, Ask) = (|desk| desk.take_off(), |desk| desk.land());
+    let go: Ask = |desk| desk.waypoint(1, 1, 1, north(5));
+    let start: Ask = |desk| desk.control(ControlCommand::Start);
+    let closed: fn() -> Desk = || Desk::closed(&BridgeConfig::default());
+    let not_started: fn() -> Desk = || Desk::up(&BridgeConfig::default());
+    let blind: fn() -> Desk = || {
+        let mut desk = Desk::started();
+        desk.dsp.status.geographic = None;
+        desk.dsp.status.flying = true;
+        desk.run(1200);
+        desk
+    };
+    let gone: fn() -> Desk = || {
+        let mut desk = Desk::flying();
+        desk.bridge.port_closed(desk.now, &mut desk.out);
+        desk
+    };
+    let taking_off: fn() -> Desk = || {
+        let mut desk = Desk::started();
+        desk.take_off();
+        desk
+    };
+    let following: fn() -> Desk = || {
+        let mut desk = Desk::flying();
+        desk.waypoint(9, 1, 1, north(90));
+        desk
+    };
+    let table: [(&str, fn() -> Desk, Ask, Reason); 16] = [
+        ("start without a DSP", closed, start, Reason::LinkDown),
+        (
+            "take-off before start",
+            not_started,
+            take_off,
+            Reason::NotStarted,
+        ),
+        ("go-to before start", not_started, go, Reason::NotStarted),
+        ("land before start", not_started, land, Reason::NotStarted),
+        ("land on the ground", Desk::started, land, Reason::NotFlying),
+        ("go-to on the ground", Desk::started, go, Reason::NotFlying),
+        (
+            "take-off in the air",
+            Desk::flying,
+            take_off,
+            Reason::AlreadyFlying,
+        ),
+        ("go-to without a position", blind, go, Reason::NoPosition),
+        ("land without a port", gone, land, Reason::LinkDown),
+        ("go-to without a port", gone, go, Reason::LinkDown),
+        ("take-off twice", taking_off, take_off, Reason::Busy),
+        ("go-to during take-off", taking_off, go, Reason::Busy),
+        ("go-to on the way", following, go, Reason::Busy),
+        ("land on the way", following, land, Reason::Busy),
+        (
+            "a far-away waypoint",
+            Desk::flying,
+            |desk| desk.waypoint(1, 1, 1, north(10_000)),
+            Reason::TooFar,
+        ),
+        (
+            "a waypoint that is none",
+            Desk::flying,
+            |desk| {
+                desk.movement(MovementData {
+                    latitude_deg: f64::NAN,
+                    ..go_to(north(1))
+                })
+            },
+            Reason::NotFinite,
+        ),
+    ];
+    for (what, situation, ask, reason) in table {
+        let mut desk = situation();
+        let before = desk.dsp.commands.len();
+        let request = ask(&mut desk);
+        assert_eq!(desk.last(request), refused(reason), "{what}");
+        assert_eq!(desk.stages(request).len(), 1, "{what}");
+        assert_eq!(
+            desk.dsp.commands.len(),
+            before,
+            "{what}: nothing goes to the DSP"
+        );
+    }
+}
+
+#[test]
+fn control_errors_have_their_names() {
+    let mut desk = Desk::started();
+    let again = desk.control(ControlCommand::Start);
+    let running = ImiError::ModuleRunningToRestartStopItBefore;
+    assert_eq!(
+        desk.last(again),
+        (Stage::Refused, Reason::AlreadyRunning, running)
+    );
+    assert_eq!(desk.imi_error(), running);
+    let take_off = desk.take_off();
+    let stop = desk.control(ControlCommand::Stop);
+    let impossible = ImiError::ImpossibleToStopModule;
+    assert_eq!(
+        desk.last(stop),
+        (Stage::Refused, Reason::UnableToAbort, impossible)
+    );
+    assert_eq!(desk.imi_error(), impossible);
+    assert!(!desk.last(take_off).0.is_final(), "the take-off goes on");
+}
+
+#[test]
+fn nothing_of_a_path_goes_out_until_it_is_closed_and_then_one_for_each_grant() {
+    let mut desk = Desk::flying();
+    desk.waypoint(1, 1, 0, north(3));
+    desk.waypoint(1, 0, 0, north(6));
+    desk.run(1000);
+    assert_eq!(desk.functionality(), Functionality::ReceivingPath);
+    assert!(desk.dsp.waypoints.is_empty());
+    desk.dsp.grants = false;
+    desk.waypoint(1, 0, 1, north(9));
+    desk.run(1000);
+    assert!(desk.dsp.waypoints.is_empty(), "the DSP's buffer is full");
+    desk.dsp.grants = true;
+    for sent in 1..=3 {
+        desk.run(100);
+        assert_eq!(desk.dsp.waypoints.len(), sent);
+    }
+}
+
+#[test]
+fn a_full_buffer_does_not_delay_the_command_that_empties_it() {
+    let mut desk = Desk::flying();
+    desk.dsp.grants = false;
+    let path = desk.path(1, &[north(3), north(6)]);
+    desk.run(500);
+    let stop = desk.control(ControlCommand::Stop);
+    assert!(desk.dsp.commands.ends_with(&STOP));
+    assert_eq!(desk.last(stop).0, Stage::Done);
+    assert_eq!(desk.last(path[1]), aborted(Reason::Stopped));
+    desk.dsp.grants = true;
+    desk.run(1000);
+    assert!(
+        desk.dsp.waypoints.is_empty(),
+        "nothing of a stopped path goes out"
+    );
+}
+
+#[test]
+fn no_path_is_dropped_in_silence() {
+    let mut desk = Desk::flying();
+    let headless = desk.waypoint(1, 0, 1, north(3));
+    assert_eq!(desk.last(headless), refused(Reason::PathWithoutHead));
+
+    let old = desk.waypoint(2, 1, 0, north(3));
+    let new = desk.waypoint(3, 1, 0, north(6));
+    assert_eq!(desk.last(old), aborted(Reason::PathReplaced));
+    let stranger = desk.waypoint(2, 0, 0, north(6));
+    assert_eq!(desk.last(stranger), refused(Reason::PathWithoutHead));
+    assert_eq!(
+        desk.last(new).0,
+        Stage::Accepted,
+        "the stranger does not harm it"
+    );
+
+    let bad = desk.movement(MovementData {
+        path_id: 3,
+        altitude_m: 1e9,
+        ..go_to(north(9))
+    });
+    assert_eq!(desk.last(bad), refused(Reason::OutOfRange));
+    assert_eq!(desk.last(new), aborted(Reason::PathBroken));
+    let closing = desk.waypoint(3, 0, 1, north(9));
+    assert_eq!(
+        desk.last(closing),
+        refused(Reason::PathWithoutHead),
+        "no path with a hole"
+    );
+
+    let land = desk.waypoint(4, 1, 0, north(3));
+    desk.land();
+    assert_eq!(desk.last(land), aborted(Reason::PathReplaced));
+}
+
+#[test]
+fn a_path_has_at_most_so_many_waypoints() {
+    let mut desk = Desk::flying();
+    let taken: Vec<u64> = (0..MAX_WAYPOINTS)
+        .map(|index| desk.waypoint(1, u16::from(index == 0), 0, north(index as i32)))
+        .collect();
+    let one_more = desk.waypoint(1, 0, 1, north(5));
+    assert_eq!(desk.last(one_more), refused(Reason::PathTooLong));
+    for request in taken {
+        assert_eq!(desk.last(request), aborted(Reason::PathTooLong));
+    }
+}
+
+#[test]
+fn a_path_whose_sender_stops_sending_is_given_up() {
+    let mut desk = Desk::flying();
+    let late = desk.waypoint(1, 1, 0, north(3));
+    desk.run(5100);
+    assert_eq!(desk.last(late), aborted(Reason::DeadlineExpired));
+    let vanished = desk.waypoint(2, 1, 0, north(3));
+    desk.bridge
+        .sender_gone(desk.now, RequestKey(vanished), &mut desk.out);
+    assert_eq!(desk.last(vanished), aborted(Reason::PathBroken));
+    assert_eq!(desk.functionality(), Functionality::AtRest);
+}
+
+#[test]
+fn a_sender_that_vanishes_does_not_stop_a_closed_path() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(3)]);
+    desk.bridge
+        .sender_gone(desk.now, RequestKey(path[0]), &mut desk.out);
+    assert_eq!(desk.functionality(), Functionality::FollowingPath);
+}
+
+#[test]
+fn a_command_that_nobody_acknowledges_ends_the_functionality() {
+    let mut desk = Desk::started();
+    desk.dsp.acknowledges = false;
+    desk.dsp.commands.clear();
+    let take_off = desk.take_off();
+    desk.run(1000);
+    assert_eq!(
+        desk.dsp.commands[..3],
+        [TAKE_OFF[0]; 3],
+        "three attempts in all"
+    );
+    let fatal = ImiError::CommunicationFatalError;
+    assert_eq!(
+        desk.last(take_off),
+        (Stage::Unknown, Reason::CommunicationFatalError, fatal)
+    );
+    assert_eq!(
+        (desk.module(), desk.imi_error()),
+        (ModuleStatus::Aborted, fatal)
+    );
+    assert!(
+        !desk.dsp.commands.contains(&TAKE_OFF[1]),
+        "no dangerous command arrives late"
+    );
+}
+
+#[test]
+fn a_stop_that_nobody_acknowledges_is_unknown() {
+    let mut desk = Desk::flying();
+    desk.path(1, &[north(3)]);
+    desk.dsp.acknowledges = false;
+    let stop = desk.control(ControlCommand::Stop);
+    assert_eq!(desk.functionality(), Functionality::Stopping);
+    let another = desk.control(ControlCommand::Stop);
+    assert_eq!(desk.last(another), refused(Reason::Busy));
+    desk.run(1000);
+    let fatal = ImiError::CommunicationFatalError;
+    assert_eq!(
+        desk.last(stop),
+        (Stage::Unknown, Reason::CommunicationFatalError, fatal)
+    );
+    assert_eq!(desk.functionality(), Functionality::AtRest);
+}
+
+#[test]
+fn a_movement_that_does_not_begin_or_end_in_time_is_given_up() {
+    let mut desk = Desk::flying();
+    desk.dsp.grants = false;
+    let path = desk.path(1, &[north(3)]);
+    desk.run(5100);
+    let timeout = ImiError::MovementTimeout;
+    assert_eq!(
+        desk.last(path[0]),
+        (Stage::Aborted, Reason::DeadlineExpired, timeout)
+    );
+    assert!(desk.dsp.commands.ends_with(&STOP));
+
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(3)]);
+    desk.run(601_000);
+    assert_eq!(
+        desk.last(path[0]),
+        (Stage::Aborted, Reason::MovementTimeout, timeout)
+    );
+    assert!(desk.dsp.commands.ends_with(&STOP));
+}
+
+#[test]
+fn an_aborted_module_flies_again_after_a_start() {
+    let mut desk = Desk::flying();
+    desk.path(1, &[north(3)]);
+    desk.control(ControlCommand::Stop);
+    assert_eq!(desk.module(), ModuleStatus::Aborted);
+    let path = desk.path(2, &[north(3)]);
+    assert_eq!(desk.last(path[0]), refused(Reason::NotStarted));
+    let start = desk.control(ControlCommand::Start);
+    assert_eq!(desk.last(start).0, Stage::Done);
+    let path = desk.path(3, &[north(3)]);
+    desk.run(200);
+    desk.dsp.at(north(3));
+    desk.run(40);
+    assert_eq!(desk.last(path[0]).0, Stage::Done);
+}
+
+#[test]
+fn a_mask_without_position_flies_no_path_but_lands() {
+    let mut config = BridgeConfig::default();
+    config.status.groups = vec![dsp_protocol::Group::Time];
+    let mut desk = Desk::up(&config);
+    desk.control(ControlCommand::Start);
+    desk.dsp.status.geographic = None;
+    desk.dsp.status.flying = true;
+    desk.run(1100);
+    let path = desk.path(1, &[north(3)]);
+    assert_eq!(desk.last(path[0]), refused(Reason::NoPosition));
+    let land = desk.land();
+    desk.dsp.status.flying = false;
+    desk.run(100);
+    assert_eq!(desk.last(land).0, Stage::Done);
+}
+
+#[test]
+fn ending_answers_everybody() {
+    let mut desk = Desk::flying();
+    let open = desk.waypoint(1, 1, 0, north(3));
+    desk.bridge.close(desk.now, &mut desk.out);
+    assert_eq!(desk.last(open), aborted(Reason::BridgeEnding));
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(3)]);
+    desk.run(200);
+    desk.bridge.close(desk.now, &mut desk.out);
+    assert_eq!(
+        desk.last(path[0]),
+        (Stage::Unknown, Reason::BridgeEnding, ImiError::None)
+    );
+}
+
+/// A generator that puts one point in the middle of each leg.
+#[derive(Default)]
+struct Midpoints(std::collections::VecDeque<TrajectoryPoint>);
+
+impl Trajectory for Midpoints {
+    fn begin(&mut self, start: Geographic, path: &[Waypoint]) {
+        let mut latitude_deg = start.latitude_deg;
+        for (index, waypoint) in path.iter().enumerate() {
+            let middle = Waypoint {
+                latitude_deg: (latitude_deg + waypoint.latitude_deg) / 2.0,
+                ..*waypoint
+            };
+            latitude_deg = waypoint.latitude_deg;
+            for (waypoint, path_index) in [(middle, None), (*waypoint, Some(index))] {
+                self.0.push_back(TrajectoryPoint {
+                    waypoint,
+                    path_index,
+                });
+            }
+        }
+    }
+
+    fn peek(&self) -> Option<TrajectoryPoint> {
+        self.0.front().copied()
+    }
+
+    fn advance(&mut self) {
+        self.0.pop_front();
+    }
+
+    fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
+#[test]
+fn a_trajectory_generator_fits_in_without_any_other_change() {
+    let bridge = Bridge::with_trajectory(&BridgeConfig::default(), Midpoints::default());
+    let mut desk = Desk::with(bridge);
+    desk.open();
+    desk.control(ControlCommand::Start);
+    desk.lift_off();
+    let path = desk.path(1, &[north(4), north(8)]);
+    desk.run(500);
+    let steps: Vec<i64> = desk
+        .dsp
+        .waypoints
+        .iter()
+        .map(|waypoint| ((waypoint.latitude_deg - HOME.latitude_deg) * 1e5).round() as i64)
+        .collect();
+    assert_eq!(steps, [2, 4, 6, 8]);
+    assert_eq!(
+        desk.last_report(path[1]).waypoints_sent,
+        2,
+        "two of them are the path's"
+    );
+    desk.dsp.at(north(4));
+    desk.run(40);
+    desk.dsp.at(north(8));
+    desk.run(40);
+    assert_eq!(desk.last(path[1]).0, Stage::Done);
+}
