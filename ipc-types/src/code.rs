@@ -229,11 +229,53 @@ codes! {
         HeroDspFatalError = 100 => "hero-dsp-fatal-error",
         /// `COMMUNICATION_FATAL_ERROR`
         CommunicationFatalError = 101 => "communication-fatal-error",
+        /// A movement did not begin or end in its time; the source has no such limit.
+        MovementTimeout = 102 => "movement-timeout",
     }
 }
 
 /// Added to a DSP error code to make it an IMI error code (201 … 500).
 pub const IMI_DSP_OFFSET: u32 = 200;
+
+/// A number of the Inter Modular Interface as it lies in shared memory: named, a DSP error, or unknown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct ImiCode(pub u32);
+
+impl ImiCode {
+    /// The error of this name, if it has one.
+    pub const fn named(self) -> Option<ImiError> {
+        ImiError::from_code(self.0)
+    }
+
+    /// The DSP's own error code, if it is a DSP error.
+    pub const fn dsp_code(self) -> Option<u32> {
+        match self.0 {
+            201..=500 => Some(self.0 - IMI_DSP_OFFSET),
+            _ => None,
+        }
+    }
+
+    /// Whether it stands for no error.
+    pub const fn is_none(self) -> bool {
+        self.0 == ImiError::None.code()
+    }
+}
+
+impl From<ImiError> for ImiCode {
+    fn from(error: ImiError) -> ImiCode {
+        ImiCode(error.code())
+    }
+}
+
+impl std::fmt::Display for ImiCode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.named(), self.dsp_code()) {
+            (Some(error), _) => error.fmt(f),
+            (None, Some(code)) => f.pad(&format!("dsp-error-{code}")),
+            (None, None) => f.pad(&format!("imi-error-{}", self.0)),
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -263,5 +305,20 @@ mod tests {
                 &Stage::Unknown
             ]
         );
+    }
+
+    #[test]
+    fn an_imi_code_is_named_or_a_dsp_error_or_unknown() {
+        let cases = [
+            (0, "no-error"),
+            (101, "communication-fatal-error"),
+            (200, "imi-error-200"),
+            (201, "dsp-error-1"),
+            (500, "dsp-error-300"),
+            (501, "imi-error-501"),
+        ];
+        for (code, text) in cases {
+            assert_eq!(ImiCode(code).to_string(), text);
+        }
     }
 }

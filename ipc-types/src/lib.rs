@@ -4,12 +4,65 @@
 //!
 //! * [`payload`]: the fixed-layout structs that lie in shared memory, with units, frames and validity;
 //! * [`code`]: the numbers in them that stand for states, reasons and errors, as typed enums;
+//! * [`group`]: the groups of a telemetry sample and their bits;
+//! * [`service`]: the one table of services, with every quality-of-service value;
+//! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
+//! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
+//!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time.
+//!
+//! It is the only crate that knows iceoryx2; no type of it appears here.
+//!
+//! # A consumer
+//!
+//! ```no_run
+//! use std::time::Duration;
+//! use ipc_types::payload::HeroTelemetry;
+//! use ipc_types::{Domain, Ipc, RobotId};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let ipc = Ipc::join(&Domain::from_environment()?, RobotId::DEFAULT, "example")?;
+//! let mut telemetry = ipc.subscriber::<HeroTelemetry>()?;
+//! loop {
+//!     telemetry.wait(Duration::from_secs(1))?;
+//!     telemetry.drain(|sample| {
+//!         println!("{} at {:.1} m", sample.sequence, sample.geodetic.altitude_m);
+//!     })?;
+//! }
+//! # }
+//! ```
 
+pub mod client;
 pub mod code;
+pub mod continuity;
+pub mod domain;
+pub mod group;
+mod iox;
+pub mod open;
 pub mod payload;
+pub mod publisher;
+pub mod request_id;
 pub mod robot;
+pub mod server;
+pub mod service;
+pub mod session;
+pub mod subscriber;
+pub mod ticket;
 pub mod time;
+pub mod waiter;
 
+pub use client::{Client, SendError};
+pub use continuity::Losses;
+pub use domain::{Domain, DomainError, Provider, Removal};
+pub use group::TelemetryGroup;
+pub use open::OpenError;
+pub use publisher::{PublishError, Publisher};
+pub use request_id::fresh_request_id;
 pub use robot::RobotId;
+pub use server::{ReportError, ServeError, Server};
+pub use service::{Request, ServiceId, Topic};
+pub use session::{Cleaning, Ipc, JoinError};
+pub use subscriber::{ReceiveError, Subscriber};
+pub use ticket::Ticket;
 pub use time::MonotonicNs;
+pub use waiter::{Descriptor, Ready, Source, WaitError, Waiter, Wake};

@@ -4,6 +4,8 @@
 pub trait SharedStruct: Copy + Default + 'static {
     /// Stable name without the version, such as `DspTelemetry`.
     const NAME: &'static str;
+    /// Name of the layout in shared memory, with its version, such as `hero.DspTelemetry.v1`.
+    const TYPE_NAME: &'static str;
     /// The fields in the order of their offsets.
     const FIELDS: &'static [FieldLayout];
 }
@@ -30,6 +32,63 @@ pub enum FieldKind {
     Array(&'static str, usize),
     /// A nested struct: its name and its fields.
     Struct(&'static str, &'static [FieldLayout]),
+}
+
+/// Hash of one or more layouts: 64-bit FNV-1a over each field's name, offset, size and kind, nested structs included.
+///
+/// A type's name says which layout is meant; the hash says which one was compiled, so that two fields that changed
+/// places are found even when somebody forgot to raise the version.
+pub const fn layout_hash(layouts: &[&[FieldLayout]]) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325;
+    let mut index = 0;
+    while index < layouts.len() {
+        hash = hash_fields(hash, layouts[index]);
+        index += 1;
+    }
+    hash
+}
+
+const fn hash_fields(mut hash: u64, fields: &[FieldLayout]) -> u64 {
+    let mut index = 0;
+    while index < fields.len() {
+        let field = &fields[index];
+        hash = hash_text(hash, field.name);
+        hash = hash_number(hash, field.offset);
+        hash = hash_number(hash, field.size);
+        hash = match field.kind {
+            FieldKind::Number(name) => hash_text(hash, name),
+            FieldKind::Array(name, len) => hash_number(hash_text(hash, name), len),
+            FieldKind::Struct(name, nested) => hash_fields(hash_text(hash, name), nested),
+        };
+        index += 1;
+    }
+    hash
+}
+
+/// The text's bytes and a zero, so that `ab`, `c` differs from `a`, `bc`.
+const fn hash_text(mut hash: u64, text: &str) -> u64 {
+    let bytes = text.as_bytes();
+    let mut index = 0;
+    while index < bytes.len() {
+        hash = hash_byte(hash, bytes[index]);
+        index += 1;
+    }
+    hash_byte(hash, 0)
+}
+
+/// The number's low 32 bits, least significant byte first; layouts are far smaller than that.
+const fn hash_number(mut hash: u64, number: usize) -> u64 {
+    let bytes = (number as u32).to_le_bytes();
+    let mut index = 0;
+    while index < bytes.len() {
+        hash = hash_byte(hash, bytes[index]);
+        index += 1;
+    }
+    hash
+}
+
+const fn hash_byte(hash: u64, byte: u8) -> u64 {
+    (hash ^ byte as u64).wrapping_mul(0x0000_0100_0000_01b3)
 }
 
 /// Types that may be a field of a shared struct.
@@ -81,6 +140,7 @@ macro_rules! shared_struct {
 
         impl $crate::payload::SharedStruct for $name {
             const NAME: &'static str = stringify!($name);
+            const TYPE_NAME: &'static str = $type_name;
             const FIELDS: &'static [$crate::payload::FieldLayout] = &[
                 $( $crate::payload::FieldLayout {
                     name: stringify!($field),

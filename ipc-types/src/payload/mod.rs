@@ -7,13 +7,15 @@
 #[macro_use]
 mod layout;
 
+mod access;
 mod dsp_telemetry;
 mod hero_telemetry;
 mod module_state;
 mod request;
 
+pub use access::WaypointPosition;
 pub use dsp_telemetry::*;
 pub use hero_telemetry::*;
-pub use layout::{FieldKind, FieldLayout, SharedStruct};
+pub use layout::{FieldKind, FieldLayout, SharedStruct, layout_hash};
 pub use module_state::*;
 pub use request::*;

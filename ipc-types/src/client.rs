@@ -1,0 +1,290 @@
+//! [`Client`]: sends requests, several at once, and follows the reports about each to its final word.
+//!
+//! Nothing is fire-and-forget: a request without a server is refused here, and one whose server vanishes ends with
+//! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::pending_response::PendingResponse;
+use iceoryx2::port::client::RequestSendError;
+use iceoryx2::port::{BackpressureAction, SendError as IoxSendError};
+use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::service::port_factory::client::ClientCreateError;
+
+use crate::code::{Reason, Stage};
+use crate::domain::Provider;
+use crate::iox::{Listener, Notifier, RequestService, Svc};
+use crate::open::{self, Channel, OpenError};
+use crate::payload::RequestReport;
+use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
+use crate::session::Session;
+use crate::time::MonotonicNs;
+use crate::waiter::{self, SAFETY_BOUND, WaitError, Wake, sealed};
+
+/// How often a waiting client looks whether its server still lives: it costs three system calls.
+const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
+
+/// A request was not sent.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SendError {
+    /// Nobody serves: the bridge of this robot does not run.
+    #[error("nobody serves {service} of robot {robot}: start its bridge")]
+    NoServer {
+        /// Which service.
+        service: &'static str,
+        /// Of which robot.
+        robot: u32,
+    },
+    /// Too many requests of this client are open.
+    #[error("{MAX_OUTSTANDING} requests are open: wait for final reports")]
+    TooManyOutstanding,
+    /// The server does not read its requests.
+    #[error("the server does not take requests: its queue is full")]
+    ServerFull,
+    /// iceoryx2 failed.
+    #[error("the request was not sent ({0})")]
+    Failed(String),
+}
+
+/// Sends requests and follows their reports.
+pub struct Client<R: Request> {
+    // First, so that the server sees the requests closed before it is woken by the notifier's end.
+    outstanding: Vec<Outstanding<R>>,
+    port: iceoryx2::port::client::Client<Svc, R, (), RequestReport, ()>,
+    listener: Listener,
+    notifier: Notifier,
+    service: RequestService<R>,
+    looked_ns: Cell<u64>,
+    session: Rc<Session>,
+}
+
+struct Outstanding<R: Request> {
+    pending: PendingResponse<Svc, R, (), RequestReport, ()>,
+    request_id: u64,
+    path_id: u64,
+    /// When the server that got it began to serve: another one knows nothing of it.
+    server_since_ns: u64,
+}
+
+impl<R: Request> Client<R> {
+    pub(crate) fn open(session: &Rc<Session>) -> Result<Client<R>, OpenError> {
+        let robot = session.robot();
+        let service = open::request::<R>(session, robot)?;
+        let requests = open::event(session, robot, R::SERVICE, Channel::Requests)?;
+        let responses = open::event(session, robot, R::SERVICE, Channel::Responses)?;
+        let listener = responses.listener(session)?;
+        let port = open::port(
+            session,
+            &R::SERVICE.name(robot),
+            ("clients", MAX_CLIENTS),
+            |error| error == ClientCreateError::ExceedsMaxSupportedClients,
+            || {
+                service
+                    .client_builder()
+                    .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    // Not in silence: a request that was not taken must be known.
+                    .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+                    .create()
+            },
+        )?;
+        let notifier = requests.notifier(session)?;
+        Ok(Client {
+            outstanding: Vec::with_capacity(MAX_OUTSTANDING),
+            port,
+            listener,
+            notifier,
+            service,
+            looked_ns: Cell::new(0),
+            session: Rc::clone(session),
+        })
+    }
+
+    /// Sends a request. Its reports come out of [`Client::drain`], the last with a final stage.
+    ///
+    /// # Errors
+    ///
+    /// See [`SendError`]; nothing was sent then.
+    pub fn send(&mut self, request: &R) -> Result<(), SendError> {
+        if self.outstanding.len() >= MAX_OUTSTANDING {
+            return Err(SendError::TooManyOutstanding);
+        }
+        let server = self.server().ok_or_else(|| self.no_server())?;
+        let loaned = self
+            .port
+            .loan_uninit()
+            .map_err(|error| SendError::Failed(format!("{error:?}")))?;
+        let pending = match loaned.write_payload(*request).send() {
+            Ok(pending) => pending,
+            Err(RequestSendError::ExceedsMaxActiveRequests) => {
+                return Err(SendError::TooManyOutstanding);
+            }
+            Err(RequestSendError::SendError(IoxSendError::UnableToDeliver)) => {
+                return Err(SendError::ServerFull);
+            }
+            Err(error) => return Err(SendError::Failed(format!("{error:?}"))),
+        };
+        if pending.number_of_server_connections() == 0 {
+            return Err(self.no_server());
+        }
+        self.outstanding.push(Outstanding {
+            pending,
+            request_id: request.request_id(),
+            path_id: request.path_id(),
+            server_since_ns: server.since_ns,
+        });
+        open::notify(&self.notifier, &self.service);
+        Ok(())
+    }
+
+    /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
+    /// report from here: [`Stage::Unknown`], [`Reason::BridgeGone`].
+    pub fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
+        open::drain_listener(&self.listener);
+        let mut taken = 0;
+        // Before the reports are read: whatever a server said before it went comes out first.
+        let server = if self.outstanding.is_empty() {
+            None
+        } else {
+            self.server()
+        };
+        let mut index = 0;
+        while let Some(outstanding) = self.outstanding.get(index) {
+            let is_served = outstanding.is_served(server.as_ref());
+            let mut is_closed = false;
+            let mut hand_on = |report: &RequestReport| {
+                is_closed |= Stage::from_code(report.stage).is_some_and(Stage::is_final);
+                taken += 1;
+                take(report);
+            };
+            outstanding.drain(&mut hand_on);
+            if !is_served && !is_closed {
+                hand_on_gone(outstanding, &mut take);
+                taken += 1;
+                is_closed = true;
+            }
+            if is_closed {
+                self.outstanding.swap_remove(index);
+            } else {
+                index += 1;
+            }
+        }
+        taken
+    }
+
+    /// Sleeps until there is a report, the server is gone, a signal comes or `timeout` has passed.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
+        waiter::wait_for(&self.listener, timeout, |_| self.has_reports())
+    }
+
+    /// Gives up all open requests: their server sees them as vanished.
+    pub fn give_up(&mut self) {
+        if !self.outstanding.is_empty() {
+            self.outstanding.clear();
+            open::notify(&self.notifier, &self.service);
+        }
+    }
+
+    /// Requests without a final report.
+    pub fn outstanding(&self) -> usize {
+        self.outstanding.len()
+    }
+
+    /// Whether a live process serves. One that hangs counts as alive.
+    pub fn is_server_alive(&self) -> bool {
+        self.server().is_some()
+    }
+
+    fn server(&self) -> Option<Provider> {
+        self.looked_ns.set(MonotonicNs::now().0);
+        match self.session.provider(R::SERVICE) {
+            Ok(provider) => provider,
+            Err(error) => {
+                tracing::debug!(%error, "the server cannot be looked for");
+                None
+            }
+        }
+    }
+
+    fn no_server(&self) -> SendError {
+        SendError::NoServer {
+            service: R::SERVICE.spec().key,
+            robot: self.session.robot().get(),
+        }
+    }
+
+    /// Whether draining would hand something on.
+    fn has_reports(&self) -> bool {
+        let has_reports = self.outstanding.iter().any(|outstanding| {
+            outstanding.pending.has_response() || !outstanding.pending.is_connected()
+        });
+        has_reports || self.is_server_gone()
+    }
+
+    /// Looks at most once per period, and only when somebody waits for a report.
+    fn is_server_gone(&self) -> bool {
+        let looked = MonotonicNs(self.looked_ns.get());
+        if self.outstanding.is_empty() || MonotonicNs::now().since(looked) < LIVENESS_PERIOD {
+            return false;
+        }
+        let server = self.server();
+        self.outstanding
+            .iter()
+            .any(|outstanding| !outstanding.is_served(server.as_ref()))
+    }
+}
+
+impl<R: Request> Outstanding<R> {
+    /// Whether the server that got the request still has it.
+    fn is_served(&self, server: Option<&Provider>) -> bool {
+        server.is_some_and(|server| server.since_ns == self.server_since_ns)
+            && self.pending.is_connected()
+    }
+
+    fn drain(&self, take: &mut impl FnMut(&RequestReport)) {
+        loop {
+            match self.pending.receive() {
+                Ok(Some(report)) => take(&report),
+                Ok(None) => return,
+                // The connection is broken; that the server is gone shows by its lock.
+                Err(error) => {
+                    tracing::debug!(?error, "reports cannot be received");
+                    return;
+                }
+            }
+        }
+    }
+}
+
+fn hand_on_gone<R: Request>(outstanding: &Outstanding<R>, take: &mut impl FnMut(&RequestReport)) {
+    take(&RequestReport {
+        request_id: outstanding.request_id,
+        path_id: outstanding.path_id,
+        reported_ns: MonotonicNs::now().0,
+        stage: Stage::Unknown.code(),
+        reason: Reason::BridgeGone.code(),
+        ..RequestReport::default()
+    });
+}
+
+impl<R: Request> Drop for Client<R> {
+    fn drop(&mut self) {
+        self.give_up();
+    }
+}
+
+impl<R: Request> sealed::Source for Client<R> {
+    fn has_something(&self) -> bool {
+        open::drain_listener(&self.listener);
+        self.has_reports()
+    }
+
+    fn watched(&self) -> &dyn sealed::Watched {
+        &self.listener
+    }
+}

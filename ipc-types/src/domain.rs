@@ -1,0 +1,503 @@
+//! [`Domain`]: which shared memory a process uses, who may use it, and how nothing of it is left behind.
+//!
+//! A domain is a prefix for the names of shared-memory segments and a folder for everything else; both together keep
+//! processes of different domains apart. Each user has one by default; a test makes its own.
+//!
+//! Every process that has joined a domain holds a shared `flock` on `<root>/domain.lock`. The kernel drops it when the
+//! process ends, however it ends, so that whoever gets the lock exclusively knows that nobody is there: it may remove
+//! everything, the remains of killed processes included. This is done by the first process that joins (what a crash
+//! left) and by the last one that leaves (so that nothing is left).
+//!
+//! This module never touches a segment whose name does not begin with the domain's prefix, nor a file in the root that
+//! is not one of the domain's.
+
+pub(crate) mod lock;
+pub(crate) mod remains;
+
+use std::ffi::{OsStr, OsString};
+use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use iceoryx2::config::Config;
+use iceoryx2::prelude::{FileName, FilePath, Path as IoxPath, SemanticString};
+
+pub use lock::Provider;
+pub(crate) use lock::{DomainLock, OwnerLock};
+
+use crate::time::MonotonicNs;
+
+/// Environment variable with the prefix of the domain's shared-memory names.
+pub const PREFIX_VARIABLE: &str = "RIL_IPC_PREFIX";
+
+/// Environment variable with the folder of the domain.
+pub const ROOT_VARIABLE: &str = "RIL_IPC_ROOT";
+
+/// Longest sum of the lengths of prefix and root, in bytes.
+///
+/// A listener's socket is `<root>/<prefix><id>.event`; its name must fit in the 108 bytes of a socket address with the
+/// final zero, and an id has up to 39 digits: 107 − 1 − 39 − 6.
+pub const MAX_PREFIX_AND_ROOT_LEN: usize = 61;
+
+/// Where the kernel shows shared-memory segments as files.
+pub(crate) const SHM_DIR: &str = "/dev/shm";
+
+/// The file in the root with the domain's settings, for consumers in other languages.
+pub(crate) const CONFIG_FILE: &str = "iceoryx2.toml";
+
+/// Which shared memory a process uses: a prefix of segment names and a root folder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Domain {
+    prefix: String,
+    root: PathBuf,
+    isolated: bool,
+}
+
+/// The domain cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DomainError {
+    /// One variable is set and the other is not.
+    #[error("{set} is set but {missing} is not: set both, or none for the user's default domain")]
+    OnlyOneVariable {
+        /// The variable that is set.
+        set: &'static str,
+        /// The one that is not.
+        missing: &'static str,
+    },
+    /// The prefix is not usable.
+    #[error(
+        "`{prefix}` is no prefix for shared-memory names: use 1 to 24 letters, digits and `-`, then one `_` (such as `hero1000_`)"
+    )]
+    InvalidPrefix {
+        /// What was given.
+        prefix: String,
+    },
+    /// The root is not usable.
+    #[error(
+        "`{}` is no root for shared memory: use an absolute path of letters, digits, `-`, `_`, `.` and `/`, without `..`", root.display()
+    )]
+    InvalidRoot {
+        /// What was given.
+        root: PathBuf,
+    },
+    /// Prefix and root together are too long for a socket's name.
+    #[error(
+        "root `{}` and prefix `{prefix}` have {len} bytes together, {MAX_PREFIX_AND_ROOT_LEN} are possible: choose a shorter root, such as a folder in /tmp", root.display()
+    )]
+    TooLong {
+        /// The root.
+        root: PathBuf,
+        /// The prefix.
+        prefix: String,
+        /// Their bytes.
+        len: usize,
+    },
+    /// Something of the domain belongs to another user, or others may write it.
+    #[error("`{}` is not safe to use: {reason}; {next_step}", path.display())]
+    Unsafe {
+        /// Which file, folder or segment.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+        /// What the operator can do.
+        next_step: &'static str,
+    },
+    /// This process already uses another domain.
+    #[error(
+        "this process already uses the domain with prefix `{present}`, it cannot enter `{wanted}` as well: enter a domain first thing in main, and only one"
+    )]
+    AnotherDomainEntered {
+        /// Prefix in use.
+        present: String,
+        /// Prefix that was asked for.
+        wanted: String,
+    },
+    /// The lock changed hands too often.
+    #[error(
+        "`{}` was removed and created again {attempts} times while this process tried to lock it: try again", path.display()
+    )]
+    Unsettled {
+        /// The lock file.
+        path: PathBuf,
+        /// How often it was tried.
+        attempts: u32,
+    },
+    /// The operating system refused something.
+    #[error("cannot {action} `{}`", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// Why not.
+        #[source]
+        source: io::Error,
+    },
+}
+
+impl DomainError {
+    fn io(action: &'static str, path: &Path, source: impl Into<io::Error>) -> DomainError {
+        DomainError::Io {
+            action,
+            path: path.to_owned(),
+            source: source.into(),
+        }
+    }
+}
+
+/// What [`Domain::remove_if_dead`] did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Removal {
+    /// There was nothing.
+    Nothing,
+    /// Everything of the domain was removed: so many files and segments.
+    Removed(usize),
+    /// A live process uses the domain; nothing was touched.
+    InUse,
+}
+
+impl Domain {
+    /// The user's own domain: prefix `hero<uid>_`, root `/tmp/hero<uid>`.
+    pub fn of_user() -> Domain {
+        let uid = rustix::process::getuid().as_raw();
+        Domain {
+            prefix: format!("hero{uid}_"),
+            root: PathBuf::from(format!("/tmp/hero{uid}")),
+            isolated: false,
+        }
+    }
+
+    /// The domain that `RIL_IPC_PREFIX` and `RIL_IPC_ROOT` name, or the user's own when neither is set.
+    ///
+    /// # Errors
+    ///
+    /// When only one of the two is set, or one is not usable.
+    pub fn from_environment() -> Result<Domain, DomainError> {
+        Domain::from_values(
+            std::env::var_os(PREFIX_VARIABLE).as_deref(),
+            std::env::var_os(ROOT_VARIABLE).as_deref(),
+        )
+    }
+
+    fn from_values(prefix: Option<&OsStr>, root: Option<&OsStr>) -> Result<Domain, DomainError> {
+        match (prefix, root) {
+            (None, None) => Ok(Domain::of_user()),
+            (Some(prefix), Some(root)) => {
+                let prefix = prefix.to_string_lossy();
+                Domain::new(&prefix, Path::new(root))
+            }
+            (Some(_), None) => Err(DomainError::OnlyOneVariable {
+                set: PREFIX_VARIABLE,
+                missing: ROOT_VARIABLE,
+            }),
+            (None, Some(_)) => Err(DomainError::OnlyOneVariable {
+                set: ROOT_VARIABLE,
+                missing: PREFIX_VARIABLE,
+            }),
+        }
+    }
+
+    /// The domain with this prefix and root.
+    ///
+    /// The prefix ends in `_` and has no other, so that no domain's prefix is the beginning of another's.
+    ///
+    /// # Errors
+    ///
+    /// When one of them is not usable; see [`DomainError`].
+    pub fn new(prefix: &str, root: &Path) -> Result<Domain, DomainError> {
+        if !is_prefix(prefix) {
+            return Err(DomainError::InvalidPrefix {
+                prefix: prefix.to_owned(),
+            });
+        }
+        if !is_root(root) {
+            return Err(DomainError::InvalidRoot {
+                root: root.to_owned(),
+            });
+        }
+        let len = prefix.len() + root.as_os_str().len();
+        if len > MAX_PREFIX_AND_ROOT_LEN {
+            return Err(DomainError::TooLong {
+                root: root.to_owned(),
+                prefix: prefix.to_owned(),
+                len,
+            });
+        }
+        Ok(Domain {
+            prefix: prefix.to_owned(),
+            root: root.to_owned(),
+            isolated: false,
+        })
+    }
+
+    /// A domain that nobody else has, with a root of its own in `/tmp`: for tests and demonstrations.
+    ///
+    /// Nothing is created before somebody joins. A process may join any number of isolated domains; the processes it
+    /// starts with [`Domain::environment`] take it as their one domain.
+    pub fn isolated() -> Domain {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        // The moment tells domains of processes apart that had the same id, one after the other or in containers that
+        // share /tmp and /dev/shm.
+        let moment = MonotonicNs::now().0 & 0xff_ffff;
+        let name = format!("hx{:x}-{count:x}-{moment:x}", std::process::id());
+        Domain {
+            prefix: format!("{name}_"),
+            root: Path::new("/tmp").join(name),
+            isolated: true,
+        }
+    }
+
+    /// Like [`Domain::isolated`], with the root in another folder.
+    ///
+    /// # Errors
+    ///
+    /// When `parent` is too long or has unusual characters.
+    pub fn isolated_in(parent: &Path) -> Result<Domain, DomainError> {
+        let domain = Domain::isolated();
+        let name = domain.prefix.trim_end_matches('_').to_owned();
+        Ok(Domain {
+            isolated: true,
+            ..Domain::new(&domain.prefix, &parent.join(name))?
+        })
+    }
+
+    /// Prefix of the names of shared-memory segments.
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// Folder of everything that is not a segment.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// What to set in the environment of a child process so that it uses this domain.
+    pub fn environment(&self) -> [(&'static str, OsString); 2] {
+        [
+            (PREFIX_VARIABLE, OsString::from(&self.prefix)),
+            (ROOT_VARIABLE, self.root.clone().into_os_string()),
+        ]
+    }
+
+    /// Makes this the one domain of the process, also for those parts of iceoryx2 that ask its global configuration.
+    ///
+    /// Joining a domain that is not isolated does this by itself. Without it, the clean-up after a process that was
+    /// killed while it started would look in iceoryx2's default domain.
+    ///
+    /// # Errors
+    ///
+    /// [`DomainError::AnotherDomainEntered`] when the process already has another; or when the root is not usable.
+    pub fn enter(&self) -> Result<(), DomainError> {
+        let lock = DomainLock::acquire(self)?;
+        let result = self.set_global_config();
+        lock.release(self);
+        result
+    }
+
+    /// Everything of the domain that exists now: the root, files in it, segments. Empty when nothing is left.
+    pub fn residue(&self) -> Vec<PathBuf> {
+        remains::list(self)
+    }
+
+    /// Removes everything of the domain, unless a live process uses it.
+    ///
+    /// # Errors
+    ///
+    /// When the root belongs to another user, or something cannot be removed.
+    pub fn remove_if_dead(&self) -> Result<Removal, DomainError> {
+        if self.residue().is_empty() {
+            return Ok(Removal::Nothing);
+        }
+        match DomainLock::acquire_exclusive(self)? {
+            None => Ok(Removal::InUse),
+            Some(lock) => lock.remove_domain(self),
+        }
+    }
+
+    pub(crate) fn is_isolated(&self) -> bool {
+        self.isolated
+    }
+
+    /// The iceoryx2 configuration of this domain. Only what names the domain and its clean-up matters; the rest is set
+    /// service by service.
+    pub(crate) fn config(&self) -> Result<Config, DomainError> {
+        let prefix =
+            FileName::new(self.prefix.as_bytes()).map_err(|_| DomainError::InvalidPrefix {
+                prefix: self.prefix.clone(),
+            })?;
+        let root = IoxPath::new(self.root.as_os_str().as_bytes()).map_err(|_| {
+            DomainError::InvalidRoot {
+                root: self.root.clone(),
+            }
+        })?;
+        let mut config = Config::default();
+        config.global.prefix = prefix;
+        config.global.set_root_path(&root);
+        config.global.service.cleanup_dead_nodes_on_open = true;
+        config.global.node.cleanup_dead_nodes_on_creation = true;
+        config.global.node.cleanup_dead_nodes_on_destruction = true;
+        Ok(config)
+    }
+
+    /// Writes the settings file and makes it iceoryx2's global configuration. The domain's lock must be held.
+    pub(crate) fn set_global_config(&self) -> Result<(), DomainError> {
+        let path = self.write_config_file()?;
+        let file =
+            FilePath::new(path.as_os_str().as_bytes()).map_err(|_| DomainError::InvalidRoot {
+                root: self.root.clone(),
+            })?;
+        let global = Config::setup_global_config_from_file(&file).map_err(|error| {
+            DomainError::io(
+                "read iceoryx2's settings from",
+                &path,
+                io::Error::other(format!("{error:?}")),
+            )
+        })?;
+        // iceoryx2 says Ok when another configuration was loaded before, so the result must be looked at.
+        if global.global.prefix.as_bytes() != self.prefix.as_bytes()
+            || global.global.root_path().as_bytes() != self.root.as_os_str().as_bytes()
+        {
+            return Err(DomainError::AnotherDomainEntered {
+                present: String::from_utf8_lossy(global.global.prefix.as_bytes()).into_owned(),
+                wanted: self.prefix.clone(),
+            });
+        }
+        Ok(())
+    }
+
+    /// The file is replaced as a whole, so that a process that reads it meanwhile never sees half of it.
+    fn write_config_file(&self) -> Result<PathBuf, DomainError> {
+        let path = self.root.join(CONFIG_FILE);
+        let draft = self
+            .root
+            .join(format!("{CONFIG_FILE}.{}", std::process::id()));
+        std::fs::write(&draft, self.settings())
+            .and_then(|()| std::fs::rename(&draft, &path))
+            .map_err(|error| DomainError::io("write", &path, error))?;
+        Ok(path)
+    }
+
+    /// The settings that a foreign consumer needs, as iceoryx2 reads them.
+    fn settings(&self) -> String {
+        format!(
+            "# The domain of the HERO RIL, for consumers in other languages. Written anew by every process.\n\
+             [global]\nroot-path = \"{}\"\nprefix = \"{}\"\n",
+            self.root.display(),
+            self.prefix
+        )
+    }
+}
+
+/// 1 to 24 letters, digits and `-`, then one `_`.
+fn is_prefix(prefix: &str) -> bool {
+    let Some(name) = prefix.strip_suffix('_') else {
+        return false;
+    };
+    (1..=24).contains(&name.len())
+        && name
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+}
+
+/// Absolute, at least one folder below `/`, no `.` and `..`, no trailing `/`, only characters that need no quoting.
+fn is_root(root: &Path) -> bool {
+    let bytes = root.as_os_str().as_bytes();
+    let Some(path) = bytes.strip_prefix(b"/") else {
+        return false;
+    };
+    path.split(|byte| *byte == b'/').all(|part| {
+        !part.is_empty()
+            && part != b"."
+            && part != b".."
+            && part
+                .iter()
+                .all(|byte| byte.is_ascii_alphanumeric() || b"-_.".contains(byte))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_variables_or_none() {
+        let some = |text| Some(OsStr::new(text));
+        assert_eq!(Domain::from_values(None, None).unwrap(), Domain::of_user());
+        let domain = Domain::from_values(some("lab_"), some("/tmp/lab")).unwrap();
+        assert_eq!(
+            (domain.prefix(), domain.root()),
+            ("lab_", Path::new("/tmp/lab"))
+        );
+        for (prefix, root, missing) in [
+            (some("lab_"), None, ROOT_VARIABLE),
+            (None, some("/tmp/lab"), PREFIX_VARIABLE),
+        ] {
+            let error = Domain::from_values(prefix, root).unwrap_err().to_string();
+            assert!(
+                error.contains(&format!("{missing} is not: set both")),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_prefix_is_letters_digits_and_dashes_then_one_underscore() {
+        for good in ["a_", "hero1000_", "hx1f-2-aabbcc_", "A-1_"] {
+            assert!(is_prefix(good), "{good}");
+        }
+        let long = format!("{}_", "a".repeat(25));
+        for bad in ["", "_", "a", "a__", "a_b_", "a/_", "ä_", "a _", &long] {
+            assert!(!is_prefix(bad), "{bad}");
+        }
+    }
+
+    #[test]
+    fn no_prefix_begins_another() {
+        let one = Domain::new("hero1_", Path::new("/tmp/one")).unwrap();
+        let ten = Domain::new("hero10_", Path::new("/tmp/ten")).unwrap();
+        assert!(!ten.prefix().starts_with(one.prefix()));
+    }
+
+    #[test]
+    fn a_root_is_absolute_and_plain() {
+        for good in ["/tmp/hero0", "/run/user/1000/hero", "/a.b/c-d_e"] {
+            assert!(is_root(Path::new(good)), "{good}");
+        }
+        for bad in [
+            "",
+            "/",
+            "tmp",
+            "/tmp/",
+            "/tmp//a",
+            "/tmp/../a",
+            "/tmp/a b",
+            "/tmp/\"",
+            "/.",
+        ] {
+            assert!(!is_root(Path::new(bad)), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_root_that_is_too_long_for_a_socket_is_refused_with_the_way_out() {
+        let root = format!("/tmp/{}", "r".repeat(60));
+        let error = Domain::new("lab_", Path::new(&root)).unwrap_err();
+        assert!(
+            error.to_string().contains("choose a shorter root"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn isolated_domains_differ_and_are_handed_on_by_the_environment() {
+        let (one, two) = (Domain::isolated(), Domain::isolated());
+        assert_ne!(one.prefix(), two.prefix());
+        assert_ne!(one.root(), two.root());
+        let [(_, prefix), (_, root)] = one.environment();
+        let child = Domain::from_values(Some(&prefix), Some(&root)).unwrap();
+        assert_eq!((child.prefix(), child.root()), (one.prefix(), one.root()));
+        assert!(one.isolated && !child.isolated);
+    }
+}

@@ -1,0 +1,140 @@
+//! What a domain consists of in the file system: finding it and removing it.
+
+use std::fs;
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use iceoryx2::prelude::{CallbackProgression, NodeState};
+
+use super::lock::{LOCK_FILE, OWNERS_DIR, check_owner};
+use super::{CONFIG_FILE, Domain, DomainError, SHM_DIR};
+use crate::iox::Node;
+
+/// Folders that iceoryx2 and we make in the root.
+const FOLDERS: [&str; 3] = ["nodes", "services", OWNERS_DIR];
+
+/// How deep [`list`] looks: root / nodes / node / file.
+const MAX_DEPTH: usize = 4;
+
+/// Everything of the domain that exists.
+pub(super) fn list(domain: &Domain) -> Vec<PathBuf> {
+    let mut found = segments(domain);
+    if domain.root.exists() {
+        found.push(domain.root.clone());
+        list_folder(&domain.root, MAX_DEPTH, &mut found);
+    }
+    found
+}
+
+fn list_folder(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) {
+    for path in entries(folder) {
+        if depth > 0 && path.is_dir() {
+            list_folder(&path, depth - 1, found);
+        }
+        found.push(path);
+    }
+}
+
+/// The domain's shared-memory segments.
+pub(super) fn segments(domain: &Domain) -> Vec<PathBuf> {
+    with_prefix(Path::new(SHM_DIR), &domain.prefix)
+}
+
+/// Paths in a folder, in no order; a folder that cannot be read has none.
+fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path())
+}
+
+fn with_prefix(folder: &Path, prefix: &str) -> Vec<PathBuf> {
+    entries(folder)
+        .filter(|path| {
+            path.file_name()
+                .and_then(|name| name.to_str())
+                .is_some_and(|name| name.starts_with(prefix))
+        })
+        .collect()
+}
+
+/// Whether a node of the domain belongs to a live process, also one of another language that knows no lock.
+///
+/// A process that is just making its node is not seen; therefore docs/ipc.md asks foreign consumers for the lock.
+pub(super) fn has_live_node(domain: &Domain) -> bool {
+    let Ok(config) = domain.config() else {
+        return true;
+    };
+    let mut live = false;
+    let listed = Node::list(&config, |node| {
+        live = matches!(node, NodeState::Alive(_) | NodeState::Inaccessible(_));
+        if live {
+            CallbackProgression::Stop
+        } else {
+            CallbackProgression::Continue
+        }
+    });
+    // Whoever cannot tell must not remove.
+    live || listed.is_err()
+}
+
+/// Removes everything of the domain but its lock file and root, and says how many files and segments that were.
+///
+/// Nobody may be in the domain.
+pub(super) fn remove(domain: &Domain) -> Result<usize, DomainError> {
+    let mut removed = 0;
+    for path in segments(domain) {
+        let Ok(metadata) = fs::symlink_metadata(&path) else {
+            continue;
+        };
+        check_owner(&path, &metadata)?;
+        removed += remove_path(&path, fs::remove_file)?;
+    }
+    for folder in FOLDERS {
+        removed += remove_path(&domain.root.join(folder), fs::remove_dir_all)?;
+    }
+    for path in with_prefix(&domain.root, &domain.prefix) {
+        removed += remove_path(&path, fs::remove_file)?;
+    }
+    for path in with_prefix(&domain.root, CONFIG_FILE) {
+        removed += remove_path(&path, fs::remove_file)?;
+    }
+    debug_assert!(domain.root.join(LOCK_FILE).exists());
+    Ok(removed)
+}
+
+fn remove_path<'a>(
+    path: &'a Path,
+    remove: impl FnOnce(&'a Path) -> io::Result<()>,
+) -> Result<usize, DomainError> {
+    match remove(path) {
+        Ok(()) => Ok(1),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
+        Err(error) => Err(DomainError::io("remove", path, error)),
+    }
+}
+
+/// Checks that iceoryx2's management segment is ours, and takes it away from everybody else.
+///
+/// iceoryx2 creates it with mode 0666: another user who zeroes or truncates it makes the creation of nodes fail or
+/// hang. The others of its segments are 0600 from the beginning.
+pub(crate) fn secure_management_segment(domain: &Domain) -> Result<(), DomainError> {
+    for path in segments(domain) {
+        let Ok(metadata) = fs::symlink_metadata(&path) else {
+            continue;
+        };
+        check_owner(&path, &metadata)?;
+        if metadata.mode() & 0o077 != 0 {
+            let mode = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+            match fs::set_permissions(&path, mode) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(DomainError::io("change the mode of", &path, error));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}

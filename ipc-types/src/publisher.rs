@@ -1,0 +1,143 @@
+//! [`Publisher`]: the writing end of a published service.
+//!
+//! Publishing never blocks and never allocates: a subscriber that does not read loses its oldest samples, and a stopped
+//! one costs nothing.
+
+use std::rc::Rc;
+
+use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::BackpressureStrategy;
+
+use crate::domain::OwnerLock;
+use crate::iox::{Listener, Notifier, Svc, TopicService};
+use crate::open::{self, Channel, OpenError};
+use crate::service::{MAX_PROVIDERS, Topic};
+use crate::session::Session;
+use crate::time::MonotonicNs;
+use crate::waiter::sealed;
+
+/// A sample could not be published. Nothing was sent; its number in the sequence is not used.
+#[derive(Debug, thiserror::Error)]
+#[error("a sample of {service} could not be published ({reason})")]
+pub struct PublishError {
+    service: &'static str,
+    reason: String,
+}
+
+/// The writing end of a published service, of which a robot has one.
+///
+/// Give it to the [`Waiter`](crate::Waiter) as well and call [`Publisher::welcome`] after every wake: subscribers that
+/// join between two samples then get the latest at once, not with the next one.
+pub struct Publisher<T: Topic> {
+    port: iceoryx2::port::publisher::Publisher<Svc, T, ()>,
+    service: TopicService<T>,
+    notifier: Notifier,
+    arrivals: Listener,
+    epoch_ns: u64,
+    sequence: u64,
+    _owner: OwnerLock,
+    _session: Rc<Session>,
+}
+
+impl<T: Topic> Publisher<T> {
+    pub(crate) fn open(session: &Rc<Session>) -> Result<Publisher<T>, OpenError> {
+        let robot = session.robot();
+        let owner = session.provide(T::SERVICE)?;
+        let service = open::topic::<T>(session, robot)?;
+        let samples = open::event(session, robot, T::SERVICE, Channel::Samples)?;
+        let subscribers = open::event(session, robot, T::SERVICE, Channel::Subscribers)?;
+        let arrivals = subscribers.listener(session)?;
+        let port = open::port(
+            session,
+            &T::SERVICE.name(robot),
+            ("publishers", MAX_PROVIDERS),
+            |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
+            || {
+                service
+                    .publisher_builder()
+                    .max_loaned_samples(1)
+                    // Without effect while the oldest gives way to the newest, but never anything that waits.
+                    .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    .create()
+            },
+        )?;
+        // Last, because it announces the publisher.
+        let notifier = samples.notifier(session)?;
+        Ok(Publisher {
+            port,
+            service,
+            notifier,
+            arrivals,
+            epoch_ns: MonotonicNs::now().0,
+            sequence: 0,
+            _owner: owner,
+            _session: Rc::clone(session),
+        })
+    }
+
+    /// Fills in a sample where it lies in shared memory, and sends it. Returns its number in the sequence, from 1.
+    ///
+    /// The sample begins as all zeros. `sequence` and `epoch_ns` are written after `fill`.
+    ///
+    /// # Errors
+    ///
+    /// [`PublishError`] when there is no memory for it, which does not happen with the settings of the table, or when
+    /// a connection is broken.
+    pub fn publish(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
+        let mut sample = self.port.loan().map_err(publish_error::<T>)?;
+        let sequence = self.sequence + 1;
+        let payload = sample.payload_mut();
+        fill(payload);
+        payload.stamp(sequence, self.epoch_ns);
+        sample.send().map_err(publish_error::<T>)?;
+        self.sequence = sequence;
+        open::notify(&self.notifier, &self.service);
+        Ok(sequence)
+    }
+
+    /// Gives the latest sample to subscribers that joined since the last call. Costs next to nothing when none did.
+    pub fn welcome(&mut self) {
+        if open::drain_listener(&self.arrivals) == 0 {
+            return;
+        }
+        if let Err(error) = self.port.update_connections() {
+            tracing::debug!(
+                service = T::SERVICE.spec().key,
+                ?error,
+                "a subscriber was not reached"
+            );
+        }
+        if self.sequence > 0 {
+            open::notify(&self.notifier, &self.service);
+        }
+    }
+
+    /// Number of the last sample, 0 before the first.
+    pub fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// When this publisher began, host monotonic ns; it is in every sample.
+    pub fn epoch_ns(&self) -> u64 {
+        self.epoch_ns
+    }
+}
+
+fn publish_error<T: Topic>(error: impl std::fmt::Debug) -> PublishError {
+    PublishError {
+        service: T::SERVICE.spec().key,
+        reason: format!("{error:?}"),
+    }
+}
+
+impl<T: Topic> sealed::Source for Publisher<T> {
+    /// Whoever has arrived is in the listener, and stays there until [`Publisher::welcome`].
+    fn has_something(&self) -> bool {
+        false
+    }
+
+    fn watched(&self) -> &dyn sealed::Watched {
+        &self.arrivals
+    }
+}

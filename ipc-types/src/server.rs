@@ -1,0 +1,289 @@
+//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final word.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::port::{BackpressureAction, SendError as IoxSendError};
+use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::service::port_factory::server::ServerCreateError;
+
+use crate::code::{Reason, Stage};
+use crate::domain::OwnerLock;
+use crate::iox::{Listener, Notifier, RequestService, Svc};
+use crate::open::{self, Channel, OpenError};
+use crate::payload::RequestReport;
+use crate::service::{MAX_PROVIDERS, Request};
+use crate::session::Session;
+use crate::ticket::{Ticket, Tickets};
+use crate::time::MonotonicNs;
+use crate::waiter::{self, WaitError, Wake, sealed};
+
+/// Requests that may be open at a server at once: three whole paths of 64 waypoints and 64 single requests.
+///
+/// One more is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
+pub const MAX_OPEN_TICKETS: u32 = 256;
+
+/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop.
+const MAX_REQUESTS_PER_DRAIN: usize = 256;
+
+/// Requests could not be received.
+#[derive(Debug, thiserror::Error)]
+#[error("requests of {service} cannot be received ({reason}); the next call tries again")]
+pub struct ServeError {
+    service: &'static str,
+    reason: String,
+}
+
+/// A report could not be sent.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReportError {
+    /// The ticket's request has had its final report, or its client vanished.
+    #[error("the request is not open any more")]
+    NotOpen,
+    /// The client is gone; the ticket is closed.
+    #[error("the client of the request is gone")]
+    Vanished,
+    /// The client does not read: as many reports as it can have are waiting. Only progress is ever refused for that.
+    #[error("the client does not read its reports")]
+    BufferFull,
+    /// iceoryx2 failed; the request stays open.
+    #[error("the report was not sent ({0})")]
+    Failed(String),
+}
+
+/// Takes the requests of a service, of which a robot has one server.
+///
+/// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
+/// final stage closes it.
+pub struct Server<R: Request> {
+    // First, so that open requests are closed before the port goes, and their clients woken last of all.
+    tickets: Tickets<Open<R>>,
+    port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
+    listener: Listener,
+    notifier: Notifier,
+    service: RequestService<R>,
+    refused_full: u64,
+    _owner: OwnerLock,
+    _session: Rc<Session>,
+}
+
+struct Open<R: Request> {
+    active: ActiveRequest<Svc, R, (), RequestReport, ()>,
+    request_id: u64,
+    /// The final word, while the client has no room for it.
+    unsent: Option<RequestReport>,
+}
+
+impl<R: Request> Open<R> {
+    fn send(&self, report: &RequestReport) -> Result<(), ReportError> {
+        match self.active.send_copy(*report) {
+            Ok(()) => Ok(()),
+            Err(IoxSendError::UnableToDeliver) => Err(ReportError::BufferFull),
+            Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
+        }
+    }
+}
+
+impl<R: Request> Server<R> {
+    pub(crate) fn open(session: &Rc<Session>) -> Result<Server<R>, OpenError> {
+        let robot = session.robot();
+        let owner = session.provide(R::SERVICE)?;
+        let service = open::request::<R>(session, robot)?;
+        let requests = open::event(session, robot, R::SERVICE, Channel::Requests)?;
+        let responses = open::event(session, robot, R::SERVICE, Channel::Responses)?;
+        let listener = requests.listener(session)?;
+        let port = open::port(
+            session,
+            &R::SERVICE.name(robot),
+            ("servers", MAX_PROVIDERS),
+            |error| error == ServerCreateError::ExceedsMaxSupportedServers,
+            || {
+                service
+                    .server_builder()
+                    .max_loaned_responses_per_request(1)
+                    .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    // Not in silence: the caller must know that a report was not taken.
+                    .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+                    .create()
+            },
+        )?;
+        let notifier = responses.notifier(session)?;
+        Ok(Server {
+            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
+            port,
+            listener,
+            notifier,
+            service,
+            refused_full: 0,
+            _owner: owner,
+            _session: Rc::clone(session),
+        })
+    }
+
+    /// Hands on every request that is there, each with its ticket, and says how many those were.
+    ///
+    /// A request that finds no free ticket is refused here, with [`Reason::TooManyRequests`].
+    ///
+    /// # Errors
+    ///
+    /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
+    pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
+        open::drain_listener(&self.listener);
+        self.send_unsent();
+        let mut taken = 0;
+        for _ in 0..MAX_REQUESTS_PER_DRAIN {
+            let active = match self.port.receive() {
+                Ok(None) => break,
+                Ok(Some(active)) => active,
+                Err(error) => {
+                    return Err(ServeError {
+                        service: R::SERVICE.spec().key,
+                        reason: format!("{error:?}"),
+                    });
+                }
+            };
+            let request = *active.payload();
+            let entry = Open {
+                active,
+                request_id: request.request_id(),
+                unsent: None,
+            };
+            match self.tickets.insert(entry) {
+                Ok(ticket) => {
+                    take(ticket, &request);
+                    taken += 1;
+                }
+                Err(entry) => self.refuse_full(&entry, &request),
+            }
+        }
+        Ok(taken)
+    }
+
+    fn refuse_full(&mut self, entry: &Open<R>, request: &R) {
+        self.refused_full += 1;
+        let report = RequestReport {
+            request_id: request.request_id(),
+            path_id: request.path_id(),
+            reported_ns: MonotonicNs::now().0,
+            stage: Stage::Refused.code(),
+            reason: Reason::TooManyRequests.code(),
+            ..RequestReport::default()
+        };
+        // A new request's buffer is empty. If it fails all the same, closing the stream tells the client.
+        if let Err(error) = entry.send(&report) {
+            tracing::debug!(%error, "a refusal was not sent");
+        }
+        open::notify(&self.notifier, &self.service);
+    }
+
+    /// Answers a request. A final stage closes it; its ticket is then worth nothing.
+    ///
+    /// `request_id` is written here, and `reported_ns` if it is 0. A final report that the client has no room for is
+    /// kept and sent by a later [`Server::drain`]; this counts as sent.
+    ///
+    /// # Errors
+    ///
+    /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final word always comes.
+    pub fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
+        let entry = self.tickets.get_mut(ticket).ok_or(ReportError::NotOpen)?;
+        if entry.unsent.is_some() {
+            return Err(ReportError::NotOpen);
+        }
+        if !entry.active.is_connected() {
+            self.tickets.remove(ticket);
+            return Err(ReportError::Vanished);
+        }
+        let mut report = *report;
+        report.request_id = entry.request_id;
+        if report.reported_ns == 0 {
+            report.reported_ns = MonotonicNs::now().0;
+        }
+        // An unknown stage is not final: the stream goes on.
+        let is_final = Stage::from_code(report.stage).is_some_and(Stage::is_final);
+        match entry.send(&report) {
+            Ok(()) if is_final => {
+                self.tickets.remove(ticket);
+            }
+            Ok(()) => {}
+            Err(ReportError::BufferFull) if is_final => entry.unsent = Some(report),
+            Err(error) => return Err(error),
+        }
+        open::notify(&self.notifier, &self.service);
+        Ok(())
+    }
+
+    /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
+    ///
+    /// A client that was killed is noticed when somebody cleans up after it: see
+    /// [`Ipc::clean_dead`](crate::Ipc::clean_dead).
+    pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
+        // Also brings the port's list of clients up to date.
+        let _ = self.port.has_requests();
+        self.tickets.remove_where(
+            |entry| !entry.active.is_connected(),
+            |ticket, entry| {
+                // A request that had its final word, though the client never read it, is over for the caller.
+                if entry.unsent.is_none() {
+                    gone(ticket, entry.request_id);
+                }
+            },
+        );
+    }
+
+    /// Sleeps until there is a request, a signal comes or `timeout` has passed.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
+        let mut is_notified = false;
+        waiter::wait_for(&self.listener, timeout, |notifications| {
+            is_notified |= notifications > 0;
+            is_notified || has_requests(&self.port)
+        })
+    }
+
+    /// Requests that are open.
+    pub fn open_tickets(&self) -> usize {
+        self.tickets.len()
+    }
+
+    /// Requests that were refused because too many were open.
+    pub fn refused_full(&self) -> u64 {
+        self.refused_full
+    }
+
+    /// Tries again to send the final words that found no room.
+    fn send_unsent(&mut self) {
+        let mut is_sent = false;
+        self.tickets.remove_where(
+            |entry| match &entry.unsent {
+                Some(report) => entry.send(report).is_ok(),
+                None => false,
+            },
+            |_, _| is_sent = true,
+        );
+        if is_sent {
+            open::notify(&self.notifier, &self.service);
+        }
+    }
+}
+
+/// Trouble counts as something: draining then says what it is.
+fn has_requests<R: Request>(
+    port: &iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
+) -> bool {
+    port.has_requests().unwrap_or(true)
+}
+
+impl<R: Request> sealed::Source for Server<R> {
+    /// A notification counts without a request too: a client may have given one up.
+    fn has_something(&self) -> bool {
+        open::drain_listener(&self.listener) > 0 || has_requests(&self.port)
+    }
+
+    fn watched(&self) -> &dyn sealed::Watched {
+        &self.listener
+    }
+}

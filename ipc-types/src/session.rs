@@ -1,0 +1,317 @@
+//! [`Ipc`]: a process's part in the shared memory of one robot; it makes the ports.
+//!
+//! Joining checks what could go wrong later without an error (space in `/dev/shm`, owner and mode of the domain),
+//! cleans up after the dead, and makes the iceoryx2 node. It installs no signal handler and reads no configuration file
+//! but the domain's own.
+
+use std::io;
+use std::rc::Rc;
+use std::sync::mpsc;
+use std::time::Duration;
+
+use iceoryx2::prelude::{
+    Config, LogLevel, NodeName, SignalHandlingMode, set_log_level_from_env_or,
+};
+
+use crate::domain::{Domain, DomainError, DomainLock, OwnerLock, Provider, SHM_DIR, lock, remains};
+use crate::iox::{Node, NodeBuilder, Svc};
+use crate::open::OpenError;
+use crate::robot::RobotId;
+use crate::service::{Request, ServiceId, Topic};
+use crate::time::MonotonicNs;
+use crate::waiter::WaitError;
+use crate::{Client, Publisher, Server, Subscriber, Waiter};
+
+/// Free space in `/dev/shm` that joining asks for, bytes.
+///
+/// A full `/dev/shm` is no error but a fatal signal when a page is first touched. All ports of one robot in use take
+/// about 25 MB (`docs/ipc.md` has the sizes); this is twice that.
+pub const REQUIRED_SHM_BYTES: u64 = 50 << 20;
+
+/// How long making a node may take. It takes milliseconds; a management segment that somebody truncated makes it hang.
+const NODE_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How often making a node is tried: it can fail when another process removes a dead one at that moment.
+const NODE_ATTEMPTS: u32 = 3;
+
+/// Longest process name, bytes: it stands in node names and owner files.
+const MAX_PROCESS_NAME_LEN: usize = 64;
+
+/// A process cannot take part.
+#[derive(Debug, thiserror::Error)]
+pub enum JoinError {
+    /// The domain cannot be used.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// `/dev/shm` is nearly full.
+    #[error(
+        "/dev/shm has {available} bytes free, {REQUIRED_SHM_BYTES} are needed: remove what fills it, or enlarge it (`mount -o remount,size=256m /dev/shm`)"
+    )]
+    NoSpace {
+        /// Bytes free.
+        available: u64,
+    },
+    /// The free space of `/dev/shm` cannot be asked for.
+    #[error("cannot look at /dev/shm, which shared memory needs")]
+    NoSharedMemory(#[source] io::Error),
+    /// The name of the process cannot be used.
+    #[error(
+        "`{0}` is no process name: use 1 to {MAX_PROCESS_NAME_LEN} letters, digits, `-` and `_`"
+    )]
+    InvalidProcessName(String),
+    /// iceoryx2 cannot make a node.
+    #[error(
+        "iceoryx2 cannot make a node in the domain ({reason}): stop every process of the domain; the next one cleans up"
+    )]
+    Node {
+        /// What iceoryx2 says.
+        reason: String,
+    },
+}
+
+/// A process's part in the shared memory of one robot.
+///
+/// Cheap to clone. All ports stay on the thread that made them; another thread joins by itself. When the last part
+/// of the domain's last process is dropped, nothing of the domain is left.
+#[derive(Clone)]
+pub struct Ipc {
+    session: Rc<Session>,
+}
+
+/// What all ports share: the node and the place in the domain.
+pub(crate) struct Session {
+    /// Nothing only while dropping: the node must go before the lock.
+    node: Option<Node>,
+    lock: Option<DomainLock>,
+    config: Config,
+    domain: Domain,
+    robot: RobotId,
+    process_name: String,
+}
+
+/// What cleaning up after dead processes did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cleaning {
+    /// Dead nodes that were removed.
+    pub removed: u64,
+    /// Dead nodes that could not be removed; the whole domain is removed when its last process leaves.
+    pub failed: u64,
+}
+
+impl Ipc {
+    /// Takes part in the shared memory of `robot`.
+    ///
+    /// `process_name` (such as `bridge`) is what others read when they ask who provides a service. A domain that is
+    /// not isolated becomes the one domain of the process.
+    ///
+    /// # Errors
+    ///
+    /// See [`JoinError`]; each says what to do.
+    pub fn join(domain: &Domain, robot: RobotId, process_name: &str) -> Result<Ipc, JoinError> {
+        set_log_level_from_env_or(LogLevel::Error);
+        check_process_name(process_name)?;
+        check_space()?;
+        let config = domain.config()?;
+        let mut session = Session {
+            node: None,
+            lock: Some(DomainLock::acquire(domain)?),
+            config,
+            domain: domain.clone(),
+            robot,
+            process_name: process_name.to_owned(),
+        };
+        if !domain.is_isolated() {
+            domain.set_global_config()?;
+        }
+        // Before, so that nobody else's segment is opened; afterwards, because the first node makes it.
+        remains::secure_management_segment(domain)?;
+        session.node = Some(make_node(&session.config, process_name)?);
+        remains::secure_management_segment(domain)?;
+        session.clean_dead();
+        Ok(Ipc {
+            session: Rc::new(session),
+        })
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> RobotId {
+        self.session.robot
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> &Domain {
+        &self.session.domain
+    }
+
+    /// The publisher of `T`, of which a robot has one in all processes.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenError::AlreadyProvided`] names the live process that publishes; see the others there.
+    pub fn publisher<T: Topic>(&self) -> Result<Publisher<T>, OpenError> {
+        Publisher::open(&self.session)
+    }
+
+    /// A subscriber of `T`. It may be there before the publisher.
+    ///
+    /// # Errors
+    ///
+    /// See [`OpenError`].
+    pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, OpenError> {
+        Subscriber::open(&self.session)
+    }
+
+    /// The server of `R`, of which a robot has one in all processes.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenError::AlreadyProvided`] names the live process that serves; see the others there.
+    pub fn server<R: Request>(&self) -> Result<Server<R>, OpenError> {
+        Server::open(&self.session)
+    }
+
+    /// A client of `R`. It may be there before the server.
+    ///
+    /// # Errors
+    ///
+    /// See [`OpenError`].
+    pub fn client<R: Request>(&self) -> Result<Client<R>, OpenError> {
+        Client::open(&self.session)
+    }
+
+    /// Something to wait on several ports and file descriptors at once.
+    ///
+    /// # Errors
+    ///
+    /// When the process has too many open files.
+    pub fn waiter(&self) -> Result<Waiter, WaitError> {
+        Waiter::new()
+    }
+
+    /// The live process that publishes or serves `service` of this robot, or nothing.
+    ///
+    /// # Errors
+    ///
+    /// When the domain's folder cannot be read.
+    pub fn provider(&self, service: ServiceId) -> Result<Option<Provider>, OpenError> {
+        self.session.provider(service)
+    }
+
+    /// Removes what dead processes left in the domain, and tells their partners that they died.
+    ///
+    /// Call it on a timer, once or twice a second: nobody else does while processes just run. It takes less than a
+    /// millisecond when nobody died.
+    pub fn clean_dead(&self) -> Cleaning {
+        self.session.clean_dead()
+    }
+}
+
+impl Session {
+    pub(crate) fn node(&self) -> &Node {
+        // Only dropping takes the node away, and nobody can borrow a session that is being dropped.
+        self.node.as_ref().expect("a session has a node")
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    pub(crate) fn robot(&self) -> RobotId {
+        self.robot
+    }
+
+    pub(crate) fn clean_dead(&self) -> Cleaning {
+        let state = self.node().try_cleanup_dead_nodes();
+        Cleaning {
+            removed: state.cleanups,
+            failed: state.failed_cleanups,
+        }
+    }
+
+    /// Becomes the one provider of `service`.
+    pub(crate) fn provide(&self, service: ServiceId) -> Result<OwnerLock, OpenError> {
+        let provider = Provider {
+            pid: std::process::id(),
+            process: self.process_name.clone(),
+            since_ns: MonotonicNs::now().0,
+        };
+        OwnerLock::acquire(&self.domain, self.robot, service.spec().key, &provider)?.map_err(|by| {
+            OpenError::AlreadyProvided {
+                service: service.name(self.robot),
+                by,
+            }
+        })
+    }
+
+    pub(crate) fn provider(&self, service: ServiceId) -> Result<Option<Provider>, OpenError> {
+        Ok(lock::find_provider(
+            &self.domain,
+            self.robot,
+            service.spec().key,
+        )?)
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        drop(self.node.take());
+        if let Some(lock) = self.lock.take() {
+            lock.release(&self.domain);
+        }
+    }
+}
+
+fn check_process_name(name: &str) -> Result<(), JoinError> {
+    let is_valid = (1..=MAX_PROCESS_NAME_LEN).contains(&name.len())
+        && name
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || b"-_".contains(&byte));
+    if is_valid {
+        Ok(())
+    } else {
+        Err(JoinError::InvalidProcessName(name.to_owned()))
+    }
+}
+
+fn check_space() -> Result<(), JoinError> {
+    let stat =
+        rustix::fs::statvfs(SHM_DIR).map_err(|error| JoinError::NoSharedMemory(error.into()))?;
+    let available = stat.f_bavail.saturating_mul(stat.f_frsize);
+    if available < REQUIRED_SHM_BYTES {
+        return Err(JoinError::NoSpace { available });
+    }
+    Ok(())
+}
+
+/// Makes the node on a thread of its own, because iceoryx2 has no limit of time for it.
+fn make_node(config: &Config, process_name: &str) -> Result<Node, JoinError> {
+    let name = NodeName::new(process_name)
+        .map_err(|_| JoinError::InvalidProcessName(process_name.to_owned()))?;
+    let mut last = String::new();
+    for _ in 0..NODE_ATTEMPTS {
+        let builder = NodeBuilder::new()
+            .name(&name)
+            .config(config)
+            .signal_handling_mode(SignalHandlingMode::Disabled);
+        let (sender, receiver) = mpsc::sync_channel(1);
+        std::thread::Builder::new()
+            .name("ipc-join".to_owned())
+            .spawn(move || {
+                // Nobody listens any more after the timeout; the node is then dropped here.
+                let _ = sender.send(builder.create::<Svc>());
+            })
+            .map_err(|error| JoinError::Node {
+                reason: error.to_string(),
+            })?;
+        match receiver.recv_timeout(NODE_TIMEOUT) {
+            Ok(Ok(node)) => return Ok(node),
+            Ok(Err(error)) => last = format!("{error:?}"),
+            Err(_) => {
+                return Err(JoinError::Node {
+                    reason: format!("no result after {NODE_TIMEOUT:?}"),
+                });
+            }
+        }
+    }
+    Err(JoinError::Node { reason: last })
+}

@@ -1,0 +1,166 @@
+//! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::port::subscriber::SubscriberCreateError;
+
+use crate::continuity::{Continuity, Losses};
+use crate::iox::{Listener, Notifier, Svc, TopicService};
+use crate::open::{self, Channel, OpenError};
+use crate::service::{HISTORY, MAX_PROVIDERS, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
+use crate::session::Session;
+use crate::waiter::{self, WaitError, Wake, sealed};
+
+/// Most samples of one [`Subscriber::drain`]: all buffers full. What comes meanwhile waits for the next.
+const MAX_SAMPLES_PER_DRAIN: usize = SUBSCRIBER_BUFFER * MAX_PROVIDERS;
+
+/// Samples could not be received.
+#[derive(Debug, thiserror::Error)]
+#[error("samples of {service} cannot be received ({reason}); the next call tries again")]
+pub struct ReceiveError {
+    service: &'static str,
+    reason: String,
+}
+
+/// The reading end of a published service.
+///
+/// It may be there before its publisher, and stays over the publisher's restarts.
+pub struct Subscriber<T: Topic> {
+    port: Port<T>,
+    listener: Listener,
+    continuity: Continuity,
+    reconnects: u64,
+    service: TopicService<T>,
+    arrival: Notifier,
+    session: Rc<Session>,
+}
+
+type Port<T> = iceoryx2::port::subscriber::Subscriber<Svc, T, ()>;
+
+impl<T: Topic> Subscriber<T> {
+    pub(crate) fn open(session: &Rc<Session>) -> Result<Subscriber<T>, OpenError> {
+        let robot = session.robot();
+        let service = open::topic::<T>(session, robot)?;
+        let samples = open::event(session, robot, T::SERVICE, Channel::Samples)?;
+        let subscribers = open::event(session, robot, T::SERVICE, Channel::Subscribers)?;
+        let listener = samples.listener(session)?;
+        let port = make_port(session, &service)?;
+        // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
+        let arrival = subscribers.notifier(session)?;
+        Ok(Subscriber {
+            port,
+            listener,
+            continuity: Continuity::default(),
+            reconnects: 0,
+            service,
+            arrival,
+            session: Rc::clone(session),
+        })
+    }
+
+    /// Hands on every sample that is there, in order, and says how many those were.
+    ///
+    /// # Errors
+    ///
+    /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The port is then made
+    /// again by the next call.
+    pub fn drain(&mut self, mut take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
+        open::drain_listener(&self.listener);
+        let mut taken = 0;
+        for _ in 0..MAX_SAMPLES_PER_DRAIN {
+            match self.port.receive() {
+                Ok(None) => break,
+                Ok(Some(sample)) => {
+                    if self.continuity.accept(sample.epoch_ns(), sample.sequence()) {
+                        take(&sample);
+                        taken += 1;
+                    }
+                }
+                Err(error) => {
+                    // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
+                    self.reconnect();
+                    return Err(ReceiveError {
+                        service: T::SERVICE.spec().key,
+                        reason: format!("{error:?}"),
+                    });
+                }
+            }
+        }
+        Ok(taken)
+    }
+
+    /// The newest sample that was not handed on yet, or nothing when there is no new one. Older ones are dropped.
+    ///
+    /// # Errors
+    ///
+    /// As [`Subscriber::drain`].
+    pub fn latest(&mut self) -> Result<Option<T>, ReceiveError> {
+        let mut latest = None;
+        self.drain(|sample| latest = Some(*sample))?;
+        Ok(latest)
+    }
+
+    /// Sleeps until there is a sample, a signal comes or `timeout` has passed. A sample that came before returns at
+    /// once.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
+        waiter::wait_for(&self.listener, timeout, |_| has_samples(&self.port))
+    }
+
+    /// What was received and missed so far.
+    pub fn losses(&self) -> Losses {
+        self.continuity.losses()
+    }
+
+    /// How often the port had to be made again because a publisher could not be reached.
+    pub fn reconnects(&self) -> u64 {
+        self.reconnects
+    }
+
+    fn reconnect(&mut self) {
+        self.reconnects += 1;
+        match make_port(&self.session, &self.service) {
+            Ok(port) => {
+                self.port = port;
+                open::notify(&self.arrival, &self.service);
+            }
+            Err(error) => tracing::debug!(%error, "the subscriber was not made again"),
+        }
+    }
+}
+
+fn make_port<T: Topic>(session: &Session, service: &TopicService<T>) -> Result<Port<T>, OpenError> {
+    open::port(
+        session,
+        &T::SERVICE.name(session.robot()),
+        ("subscribers", MAX_SUBSCRIBERS),
+        |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
+        || {
+            service
+                .subscriber_builder()
+                .buffer_size(SUBSCRIBER_BUFFER)
+                .history_request(HISTORY)
+                .create()
+        },
+    )
+}
+
+/// Trouble counts as something: draining then says what it is.
+fn has_samples<T: Topic>(port: &Port<T>) -> bool {
+    port.has_samples().unwrap_or(true)
+}
+
+impl<T: Topic> sealed::Source for Subscriber<T> {
+    fn has_something(&self) -> bool {
+        open::drain_listener(&self.listener);
+        has_samples(&self.port)
+    }
+
+    fn watched(&self) -> &dyn sealed::Watched {
+        &self.listener
+    }
+}
