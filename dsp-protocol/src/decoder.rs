@@ -49,6 +49,17 @@ pub enum Decoded<M> {
     Refused(Refusal),
 }
 
+/// What a call of [`Decoder::next_frame`] found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Framed<'a> {
+    /// All input is used and the frame is not complete yet.
+    Incomplete,
+    /// One whole frame with a right checksum, header and checksum included.
+    Frame(&'a [u8]),
+    /// Bytes that were discarded, and why; never [`Refusal::Padding`] or [`Refusal::Value`].
+    Refused(Refusal),
+}
+
 /// Why bytes from the line were discarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
@@ -127,49 +138,54 @@ impl<M: Direction> Decoder<M> {
     /// A header that interrupts a message ends it as [`Refusal::Truncated`] and is itself not taken: the next call begins
     /// with it. So a refusal may take no byte, but never twice in a row.
     pub fn decode(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
+        let (taken, framed) = self.next_frame(input);
+        let decoded = match framed {
+            Framed::Frame(frame) => match M::parse(frame) {
+                Ok(message) => Decoded::Message(message),
+                Err(refusal) => Decoded::Refused(refusal),
+            },
+            Framed::Incomplete => Decoded::Incomplete,
+            Framed::Refused(refusal) => Decoded::Refused(refusal),
+        };
+        (taken, decoded)
+    }
+
+    /// As [`Decoder::decode`], but leaves the frame's values alone: only its bounds and its checksum are judged. For a
+    /// recorder or a relay, which pass on what they need not understand.
+    pub fn next_frame<'a>(&'a mut self, input: &'a [u8]) -> (usize, Framed<'a>) {
         if self.held > 0 {
-            return self.continue_message(input);
+            return self.continue_frame(0, input);
         }
         let strays = run_without_header(input);
         if strays > 0 && !self.skipping {
             self.skipping = true;
-            return (strays, Decoded::Refused(Refusal::Stray));
+            return (strays, Framed::Refused(Refusal::Stray));
         }
-        let rest = &input[strays..];
-        let (taken, decoded) = self.begin_message(rest);
-        (strays + taken, decoded)
-    }
-
-    /// `input` is empty or begins with a header, and no message is open.
-    fn begin_message(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
-        let Some((header, rest)) = input.split_first() else {
-            return (0, Decoded::Incomplete);
+        let Some(header) = input.get(strays) else {
+            return (strays, Framed::Incomplete);
         };
         self.skipping = false;
-        if let Some(frame) = whole_frame::<M>(input) {
-            return (frame.len(), judge(frame));
+        if let Some(frame) = whole_frame::<M>(&input[strays..]) {
+            return (strays + frame.len(), judge_checksum(frame));
         }
-        // Cut off by the end of the input or by a header, or unknown: byte by byte tells which.
+        // Cut off by the end of the input or by a header, or unknown: going on piece by piece tells which.
         self.buffer[0] = *header;
         self.held = 1;
-        let (taken, decoded) = self.continue_message(rest);
-        (1 + taken, decoded)
+        self.continue_frame(strays + 1, input)
     }
 
-    /// A message is open; `input` goes on with it, or breaks it off with a header.
-    fn continue_message(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
-        let mut taken = 0;
+    /// A frame is open, and `input` from `taken` on goes on with it or breaks it off with a header.
+    fn continue_frame<'a>(&'a mut self, mut taken: usize, input: &[u8]) -> (usize, Framed<'a>) {
         loop {
             let wanted = match M::extent(&self.buffer[..self.held]) {
                 Extent::Unknown(refusal) => {
                     self.held = 0;
                     self.skipping = true;
-                    return (taken, Decoded::Refused(refusal));
+                    return (taken, Framed::Refused(refusal));
                 }
                 Extent::Exactly(len) if len <= self.held => {
-                    let decoded = judge(&self.buffer[..self.held]);
                     self.held = 0;
-                    return (taken, decoded);
+                    return (taken, judge_checksum(&self.buffer[..len]));
                 }
                 Extent::Exactly(len) | Extent::AtLeast(len) => len - self.held,
             };
@@ -181,10 +197,10 @@ impl<M: Direction> Decoder<M> {
             taken += fresh.len();
             if fresh.len() < offered.len() {
                 self.held = 0;
-                return (taken, Decoded::Refused(Refusal::Truncated));
+                return (taken, Framed::Refused(Refusal::Truncated));
             }
             if fresh.len() < wanted {
-                return (taken, Decoded::Incomplete);
+                return (taken, Framed::Incomplete);
             }
         }
     }
@@ -215,16 +231,10 @@ fn whole_frame<M: Direction>(input: &[u8]) -> Option<&[u8]> {
     (!is_header(inside)).then_some(frame)
 }
 
-/// What a whole frame is: its checksum is judged first, then what [`Direction::parse`] judges.
-fn judge<M: Direction>(frame: &[u8]) -> Decoded<M> {
-    let Some((sum, summed)) = frame.split_last() else {
-        return Decoded::Refused(Refusal::Truncated);
-    };
-    if *sum != checksum(summed) {
-        return Decoded::Refused(Refusal::Checksum);
-    }
-    match M::parse(frame) {
-        Ok(message) => Decoded::Message(message),
-        Err(refusal) => Decoded::Refused(refusal),
+/// A whole frame is one only if its last byte is the checksum of the others.
+fn judge_checksum(frame: &[u8]) -> Framed<'_> {
+    match frame.split_last() {
+        Some((sum, summed)) if *sum == checksum(summed) => Framed::Frame(frame),
+        _ => Framed::Refused(Refusal::Checksum),
     }
 }

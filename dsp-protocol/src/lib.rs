@@ -1,12 +1,48 @@
 //! The wire protocol between the PC and the flight-control DSP of the HERO helicopter.
 //!
 //! `docs/protocol.md` is the contract; this crate is its executable form and nothing else: it knows no serial port, no
-//! shared memory and no clock, never allocates after construction and never panics on bytes from the line.
+//! shared memory and no clock, never allocates and never panics on bytes from the line.
 //!
 //! * [`downlink`]: what the DSP says, [`uplink`]: what the PC says; both encode and parse.
 //! * [`decoder`]: an incremental, resynchronising decoder for either direction.
-//! * [`mask`]: the groups of a status message; [`port`]: the DSP's virtual ports; [`error_code`]: its errors.
+//! * [`header`]: the first byte of each message; [`mask`]: the groups of a status message; [`port`]: the DSP's virtual
+//!   ports; [`error_code`]: its errors.
 //! * [`plausibility`]: which decoded values cannot be.
+//!
+//! `vectors/` holds frames that were computed by hand from the contract, for whoever implements the other end.
+//!
+//! # Example
+//!
+//! The PC writes the status mask; the answer arrives behind some noise and in two pieces.
+//!
+//! ```
+//! use dsp_protocol::{
+//!     Command, Decoded, Decoder, Downlink, Group, Refusal, StatusMask, Uplink, port,
+//! };
+//!
+//! let mask: StatusMask = [Group::Time, Group::Geographic].into_iter().collect();
+//! let command = Command::Write16 { port: port::STATUS_MASK, value: mask.0 };
+//! let frame = Uplink::Command(command).encode();
+//! assert_eq!(
+//!     frame.as_bytes(),
+//!     [0xF0, 0x01, 0x00, 0x4E, 0x10, 0x00, 0x00, 0x03, 0x52]
+//! );
+//!
+//! let mut decoder = Decoder::<Downlink>::new();
+//! let mut events = Vec::new();
+//! for mut piece in [&[0x17, 0x2A, 0xC3][..], &[0x01, 0x44]] {
+//!     loop {
+//!         let (taken, decoded) = decoder.decode(piece);
+//!         piece = &piece[taken..];
+//!         match decoded {
+//!             Decoded::Incomplete => break,
+//!             event => events.push(event),
+//!         }
+//!     }
+//! }
+//! let ack = Downlink::Ack { command: command.code() };
+//! assert_eq!(events, [Decoded::Refused(Refusal::Stray), Decoded::Message(ack)]);
+//! ```
 
 pub mod decoder;
 pub mod downlink;
@@ -19,7 +55,7 @@ pub mod plausibility;
 pub mod port;
 pub mod uplink;
 
-pub use decoder::{Decoded, Decoder, Direction, Extent, Refusal};
+pub use decoder::{Decoded, Decoder, Direction, Extent, Framed, Refusal};
 pub use downlink::{Downlink, FlowControl, Status};
 pub use error_code::DspErrorCode;
 pub use frame::{Frame, MAX_FRAME_LEN, checksum};

@@ -62,7 +62,7 @@ fn halfway_between_two_steps_is_the_worst_and_still_within_the_bound() {
             let meant = Waypoint {
                 latitude_deg: latitude_deg - f64::copysign(half_deg, latitude_deg),
                 longitude_deg: longitude_deg - f64::copysign(half_deg, longitude_deg),
-                altitude_m: 19_999.9995,
+                altitude_m: 19_999.999_5,
             };
             let error_m = error_m(meant);
             assert!(error_m < BOUND_M, "{meant:?} moved by {error_m} m");

@@ -2,6 +2,7 @@
 
 mod common;
 
+use dsp_protocol::downlink::Status;
 use dsp_protocol::{
     Command, Decoded, Decoder, Direction, Downlink, MAX_FRAME_LEN, StatusMask, Uplink, Waypoint,
 };
@@ -35,6 +36,15 @@ proptest! {
     fn every_frame_is_as_long_as_its_mask_says(status in common::status()) {
         let frame = Downlink::Status(status).encode();
         prop_assert_eq!(frame.as_bytes().len(), status.mask().status_frame_len());
+    }
+
+    #[test]
+    fn withdrawn_groups_are_gone_and_the_others_stay(status in common::status(), groups: u16) {
+        let mut left = status;
+        left.withdraw(StatusMask(groups));
+        prop_assert_eq!(left.mask().0, status.mask().0 & !groups);
+        left.withdraw(StatusMask(!groups));
+        prop_assert_eq!(left, Status { flying: status.flying, ..Status::default() });
     }
 
     #[test]

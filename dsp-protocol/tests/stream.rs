@@ -8,8 +8,8 @@ use common::{Random, decode_all};
 use dsp_protocol::downlink::{Attitude, Geographic, References, ServoPulses, Status};
 use dsp_protocol::header::is_header;
 use dsp_protocol::{
-    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Refusal, Uplink,
-    Waypoint,
+    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed, Refusal,
+    Uplink, Waypoint,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -343,6 +343,42 @@ fn check_noise<M: Direction>(seed: u64, byte: impl Fn(&mut Random) -> u8) -> [us
 }
 
 #[test]
+fn frames_come_out_as_they_went_in_whole_or_in_pieces() {
+    let frames = downlink_frames();
+    let stream = frames.concat();
+    for size in [1, 5, stream.len()] {
+        let mut decoder = Decoder::<Downlink>::new();
+        let mut got = Vec::new();
+        for mut rest in stream.chunks(size) {
+            loop {
+                let (taken, framed) = decoder.next_frame(rest);
+                rest = &rest[taken..];
+                match framed {
+                    Framed::Incomplete => break,
+                    Framed::Frame(frame) => got.push(frame.to_vec()),
+                    Framed::Refused(refusal) => panic!("{refusal:?}"),
+                }
+            }
+        }
+        assert_eq!(got, frames, "by {size}");
+    }
+}
+
+#[test]
+fn a_frame_with_a_value_that_cannot_be_is_still_a_frame() {
+    // Flow control with request 2, and its checksum.
+    let bytes = [0xAA, 0x02, 0x2C];
+    assert_eq!(
+        Decoder::<Downlink>::new().next_frame(&bytes),
+        (3, Framed::Frame(&bytes))
+    );
+    assert_eq!(
+        Decoder::<Downlink>::new().decode(&bytes),
+        (3, Decoded::Refused(Refusal::Value))
+    );
+}
+
+#[test]
 fn noise_never_panics_and_every_byte_is_accounted_for() {
     let noise = |random: &mut Random| random.next() as u8;
     // Mostly payload with a real header now and then, so that whole frames come about and their checksum is judged.
@@ -354,13 +390,17 @@ fn noise_never_panics_and_every_byte_is_accounted_for() {
             _ => random.below(128) as u8,
         }
     };
-    for found in [
+    for [_, refused] in [
         check_noise::<Downlink>(1, noise),
-        check_noise::<Downlink>(2, frames),
-        check_noise::<Uplink>(3, noise),
+        check_noise::<Uplink>(2, noise),
+    ] {
+        assert!(refused > 0);
+    }
+    for [messages, refused] in [
+        check_noise::<Downlink>(3, frames),
         check_noise::<Uplink>(4, frames),
     ] {
-        assert!(found.iter().all(|count| *count > 0), "{found:?}");
+        assert!(messages > 0 && refused > 0, "{messages}, {refused}");
     }
 }
 
