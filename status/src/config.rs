@@ -111,10 +111,10 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::TelemetryGroup as Group;
     use runtime::config::{ConfigError, parse};
 
     use super::*;
-    use crate::group::Group;
 
     const EXAMPLE: &str = include_str!("../status.toml");
 

@@ -10,7 +10,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 
 use crate::calibration::Calibration;
 use crate::log::{LogEvent, LogSummary, Logs};
-use crate::translate::{Publication, translate};
+use crate::translate::translate;
 
 /// How long no sample must come until the input counts as silent: the bridge's default is 50 samples a second, so fifty
 /// in a row are missing.
@@ -110,9 +110,9 @@ impl Status {
         }
     }
 
-    /// What to publish for `dsp`.
-    pub fn translate(&self, dsp: &DspTelemetry, publication: Publication) -> HeroTelemetry {
-        translate(dsp, &self.calibration, publication)
+    /// What to publish for `dsp` at `now`.
+    pub fn translate(&self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
+        translate(dsp, &self.calibration, now)
     }
 
     /// Takes note of `dsp` at `now`, after what [`translate`](Self::translate) gave was published or could not be.
@@ -206,7 +206,7 @@ impl Input {
 
 #[cfg(test)]
 mod tests {
-    use std::num::NonZeroU32;
+    use ipc_types::RobotId;
 
     use super::*;
     use crate::config::LogConfig;
@@ -232,7 +232,7 @@ mod tests {
             ..LogConfig::default()
         };
         let at = Utc::from_unix(0);
-        let (logs, _) = Logs::open(&[config], NonZeroU32::MIN, at, &mut store);
+        let (logs, _) = Logs::open(&[config], RobotId::DEFAULT, at, &mut store);
         (Status::new(Calibration::default(), logs), store.file(0))
     }
 
@@ -346,16 +346,8 @@ mod tests {
         for sequence in 1..=100 {
             let now = after_ms(20 * sequence);
             status.on_time(now);
-            let publication = Publication {
-                sequence,
-                epoch_ns: 1,
-                published_ns: now.0,
-            };
             let dsp = sample(1, sequence);
-            assert_eq!(
-                status.translate(&dsp, publication).source_sequence,
-                sequence
-            );
+            assert_eq!(status.translate(&dsp, now).source_sequence, sequence);
             status.record(&dsp, Ok(()), now);
         }
         assert_eq!(told(&mut status), ["InputBegan", "log failed after 0"]);

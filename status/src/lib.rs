@@ -1,10 +1,53 @@
-//! The status process of the HERO's RIL: raw telemetry of the DSP in, the robot's telemetry in SI units out, and logs.
+//! The status process of the HERO's Robot Implementation Layer (`STATUSMOD`): raw telemetry of the DSP in, the robot's
+//! telemetry in SI units out, and logs of chosen groups.
+//!
+//! ```text
+//! DspTelemetry ═▶ shell ─▶ core::Status ─┬▶ translate ─▶ shell ═▶ HeroTelemetry
+//!                                        └▶ log::Logs ─▶ files
+//! ```
+//!
+//! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
+//! * [`log`] writes tab-separated values, several logs at once, none of which can disturb the telemetry;
+//! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
+//! * [`shell`] owns ports, clock, files and the one wait; [`cli`] is the command line, [`config`] the file.
+//!
+//! Everything but [`shell`] and [`cli`] is pure: values that a test builds with no thread, file or clock.
+//!
+//! # Example
+//!
+//! ```
+//! use ipc_types::payload::DspTelemetry;
+//! use ipc_types::{MonotonicNs, TelemetryGroup};
+//! use status::calibration::Calibration;
+//! use status::core::Status;
+//! use status::log::Logs;
+//!
+//! let mut status = Status::new(Calibration::default(), Logs::default());
+//! let mut dsp = DspTelemetry {
+//!     valid_groups: TelemetryGroup::Sonar.bit() | TelemetryGroup::Attitude.bit(),
+//!     sonar_adc: 400,
+//!     ..DspTelemetry::default()
+//! };
+//! dsp.attitude.yaw_deg = 90.0;
+//!
+//! let now = MonotonicNs(1_000);
+//! let hero = status.translate(&dsp, now);
+//! assert_eq!(hero.sonar_height_m, 1.0);
+//! assert_eq!(hero.attitude.yaw_rad, std::f32::consts::FRAC_PI_2);
+//! // A group that is not valid is zero, whatever its calibration makes of zero.
+//! assert_eq!(hero.barometer_altitude_m, 0.0);
+//!
+//! status.record(&dsp, Ok(()), now);
+//! assert_eq!(status.finish().published, 1);
+//! ```
 
 pub mod calibration;
+pub mod cli;
 pub mod config;
 pub mod core;
 pub mod group;
 pub mod log;
+pub mod shell;
 #[cfg(test)]
 mod test_samples;
 pub mod translate;

@@ -10,27 +10,15 @@ use ipc_types::payload::{
     HeroAngularRate, HeroAttitude, HeroGeodetic, HeroLocal, HeroReferences, HeroServos, HeroSupply,
     HeroTelemetry, HeroVelocity,
 };
+use ipc_types::{MonotonicNs, TelemetryGroup as Group};
 
 use crate::calibration::{Calibration, Servo, angle_rad};
-use crate::group::{Group, GroupSet};
+use crate::group::GroupSet;
 
-/// What a sample says about its own publication.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Publication {
-    /// Counts the samples of this process from 1.
-    pub sequence: u64,
-    /// When this process began, host monotonic ns.
-    pub epoch_ns: u64,
-    /// Now, host monotonic ns.
-    pub published_ns: u64,
-}
-
-/// The robot's telemetry of `dsp`.
-pub fn translate(
-    dsp: &DspTelemetry,
-    calibration: &Calibration,
-    publication: Publication,
-) -> HeroTelemetry {
+/// The robot's telemetry of `dsp`, to be published at `now`.
+///
+/// `sequence` and `epoch_ns` are left to the publisher, which counts its samples itself.
+pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs) -> HeroTelemetry {
     let DspTelemetry {
         sequence: source_sequence,
         epoch_ns: source_epoch_ns,
@@ -57,22 +45,16 @@ pub fn translate(
         pan_tilt,
         references,
     } = *dsp;
-    let Publication {
-        sequence,
-        epoch_ns,
-        published_ns,
-    } = publication;
-
     let valid = Valid(GroupSet(valid_groups));
     let servos = |pulses| servos(pulses, &calibration.servo);
     let (pan_rad, tilt_rad) = valid.or_zero(Group::PanTilt, || camera(pan_tilt, calibration));
     HeroTelemetry {
-        sequence,
-        epoch_ns,
+        sequence: 0,
+        epoch_ns: 0,
         source_sequence,
         source_epoch_ns,
         received_ns,
-        published_ns,
+        published_ns: now.0,
         dsp_time_s: valid.or_zero(Group::Time, || f64::from(dsp_time_ms) / 1000.0),
         valid_groups: u32::from(valid_groups),
         flying: u32::from(flying),
@@ -262,14 +244,8 @@ mod tests {
     use super::*;
     use crate::test_samples::full_sample;
 
-    const PUBLICATION: Publication = Publication {
-        sequence: 7,
-        epoch_ns: 8,
-        published_ns: 9,
-    };
-
     fn hero(dsp: &DspTelemetry) -> HeroTelemetry {
-        translate(dsp, &Calibration::default(), PUBLICATION)
+        translate(dsp, &Calibration::default(), MonotonicNs(9))
     }
 
     /// Equal to the last digit but two of a single-precision number.
@@ -346,7 +322,9 @@ mod tests {
     fn origin_counters_and_times_go_along() {
         let dsp = full_sample();
         let hero = hero(&dsp);
-        assert_eq!((hero.sequence, hero.epoch_ns, hero.published_ns), (7, 8, 9));
+        assert_eq!(hero.published_ns, 9);
+        // The publisher's business.
+        assert_eq!((hero.sequence, hero.epoch_ns), (0, 0));
         assert_eq!(
             (hero.source_sequence, hero.source_epoch_ns, hero.received_ns),
             (dsp.sequence, dsp.epoch_ns, dsp.received_ns)

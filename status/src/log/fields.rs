@@ -4,9 +4,8 @@
 
 use std::fmt;
 
+use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::DspTelemetry;
-
-use crate::group::Group;
 
 /// One column.
 pub struct Field {

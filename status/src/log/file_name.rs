@@ -3,8 +3,9 @@
 //! The time is UTC: it does not jump with summer time, and logs of machines in several zones lie in order.
 
 use std::fmt::Write;
-use std::num::NonZeroU32;
 use std::time::{SystemTime, UNIX_EPOCH};
+
+use ipc_types::RobotId;
 
 /// A date and time of day, UTC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +78,7 @@ fn date(days: u64) -> (u64, u64, u64) {
 }
 
 /// The file name of a log without its extension: `hero(ROBOT)_DD_MM_YY-HH_MM_SS`, and `_NAME` if it has a name.
-pub fn stem(robot: NonZeroU32, at: Utc, name: &str) -> String {
+pub fn stem(robot: RobotId, at: Utc, name: &str) -> String {
     let Utc {
         year,
         month,
@@ -103,9 +104,8 @@ mod tests {
     #[test]
     fn the_example_of_the_source() {
         let at = Utc::from_unix(1_156_797_566);
-        let robot = NonZeroU32::new(1).unwrap();
-        assert_eq!(stem(robot, at, ""), "hero(1)_28_08_06-20_39_26");
-        let robot = NonZeroU32::new(12).unwrap();
+        assert_eq!(stem(RobotId::DEFAULT, at, ""), "hero(1)_28_08_06-20_39_26");
+        let robot = RobotId::new(12).unwrap();
         assert_eq!(stem(robot, at, "imu"), "hero(12)_28_08_06-20_39_26_imu");
     }
 

@@ -2,6 +2,9 @@
 //!
 //! A log that fails stops and says so once; it never disturbs another log or the telemetry. Nothing is created for a
 //! log without groups, and no row is written before the first sample.
+//!
+//! Rows are handed to the operating system within a second, so that a kill of the process costs no more. They are not
+//! forced onto the disk, which would make telemetry wait for it: a power cut may cost what the system had not written.
 
 pub mod fields;
 pub mod file_name;
@@ -9,12 +12,11 @@ pub mod store;
 mod tsv;
 
 use std::io;
-use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use ipc_types::MonotonicNs;
 use ipc_types::payload::DspTelemetry;
+use ipc_types::{MonotonicNs, RobotId};
 
 use crate::config::LogConfig;
 use crate::group::GroupSet;
@@ -92,7 +94,7 @@ impl Logs {
     /// A log that cannot be created is reported and left out.
     pub fn open(
         configs: &[LogConfig],
-        robot: NonZeroU32,
+        robot: RobotId,
         at: Utc,
         store: &mut dyn Store,
     ) -> (Logs, Vec<LogEvent>) {
@@ -158,12 +160,7 @@ impl Logs {
 }
 
 impl Log {
-    fn open(
-        config: &LogConfig,
-        robot: NonZeroU32,
-        at: Utc,
-        store: &mut dyn Store,
-    ) -> (Log, LogEvent) {
+    fn open(config: &LogConfig, robot: RobotId, at: Utc, store: &mut dyn Store) -> (Log, LogEvent) {
         let groups = config.groups;
         let stem = file_name::stem(robot, at, config.name.as_str());
         // Until there is a file, the directory is what the operator must look at.
@@ -237,8 +234,9 @@ impl Log {
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::TelemetryGroup as Group;
+
     use super::*;
-    use crate::group::Group;
     use crate::test_samples::{MemoryStore, full_sample, sample};
 
     const START: MonotonicNs = MonotonicNs(1_000_000_000);
@@ -254,7 +252,7 @@ mod tests {
     fn open(configs: &[LogConfig]) -> (Logs, Vec<LogEvent>, MemoryStore) {
         let mut store = MemoryStore::default();
         let at = Utc::from_unix(1_156_797_566);
-        let (logs, events) = Logs::open(configs, NonZeroU32::MIN, at, &mut store);
+        let (logs, events) = Logs::open(configs, RobotId::DEFAULT, at, &mut store);
         (logs, events, store)
     }
 

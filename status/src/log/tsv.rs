@@ -6,9 +6,10 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
+use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::DspTelemetry;
 
-use crate::group::{Group, GroupSet};
+use crate::group::GroupSet;
 use crate::log::fields::{self, Field};
 use crate::log::store::Sink;
 

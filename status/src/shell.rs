@@ -1,0 +1,194 @@
+//! The process around the core: ports, clock, files, and the one wait. It decides nothing.
+//!
+//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it, and then drains
+//! everything, whatever it was that woke it.
+
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, Publisher, RobotId, Subscriber};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+
+use crate::config::Config;
+use crate::core::{Event, InputCounts, Status, Summary};
+use crate::log::file_name::Utc;
+use crate::log::store::FileStore;
+use crate::log::{LogEvent, Logs};
+
+/// How often the remains of dead processes are cleaned up, so that a bridge that was killed is noticed and its place
+/// is free for the next.
+const CLEANING_PERIOD: Duration = Duration::from_secs(1);
+
+/// The process with its surroundings.
+pub struct Shell {
+    status: Status,
+    input: Subscriber<DspTelemetry>,
+    output: Publisher<HeroTelemetry>,
+    ipc: Ipc,
+    notifier: Notifier,
+    next_cleaning: MonotonicNs,
+    next_watchdog: Option<MonotonicNs>,
+    /// Whether the last attempt to receive failed, so that a row of failures is told once.
+    input_failing: bool,
+}
+
+impl Shell {
+    /// Joins the robot's shared memory in `domain` and creates the logs of `config`.
+    ///
+    /// # Errors
+    /// Shared memory cannot be used, or another process is the status of this robot. Logs that cannot be created are
+    /// no reason: telemetry matters more.
+    pub fn open(
+        domain: &Domain,
+        robot: RobotId,
+        config: &Config,
+        notifier: Notifier,
+    ) -> Result<Shell, Failure> {
+        let ipc = Ipc::join(domain, robot, "status")
+            .or_fail_with(ExitCode::Internal, "status cannot join the shared memory")?;
+        let output = ipc
+            .publisher::<HeroTelemetry>()
+            .or_fail_with(ExitCode::Internal, "status cannot publish telemetry")?;
+        let input = ipc
+            .subscriber::<DspTelemetry>()
+            .or_fail_with(ExitCode::Internal, "status cannot receive telemetry")?;
+        // Last, so that a process that cannot start leaves no files.
+        let (logs, events) = Logs::open(&config.log, robot, Utc::now(), &mut FileStore);
+        for event in &events {
+            tell_log(event);
+        }
+        let now = MonotonicNs::now();
+        Ok(Shell {
+            status: Status::new(config.calibration.clone(), logs),
+            input,
+            output,
+            ipc,
+            next_cleaning: now + CLEANING_PERIOD,
+            next_watchdog: notifier.watchdog_period().map(|period| now + period),
+            notifier,
+            input_failing: false,
+        })
+    }
+
+    /// Works until `termination` is requested; then writes what the logs have in memory.
+    ///
+    /// # Errors
+    /// The operating system cannot wait any more.
+    pub fn run(mut self, termination: &Termination) -> Result<Summary, Failure> {
+        let waiter = self.ipc.waiter().or_fail(ExitCode::Internal)?;
+        self.notifier.ready();
+        tracing::info!(robot = %self.ipc.robot(), "ready");
+        while !termination.requested() {
+            self.step();
+            let timeout = self.deadline().since(MonotonicNs::now());
+            let signals = Descriptor::new(termination.as_fd()).or_fail(ExitCode::Internal)?;
+            waiter
+                .wait(&[&self.input, &self.output, &signals], Some(timeout))
+                .or_fail(ExitCode::Internal)?;
+        }
+        self.notifier.stopping();
+        // What was published before the end still counts.
+        self.step();
+        let summary = self.status.finish();
+        self.tell();
+        Ok(summary)
+    }
+
+    /// Drains everything and does what is due.
+    fn step(&mut self) {
+        self.output.welcome();
+        self.drain();
+        let now = MonotonicNs::now();
+        let losses = self.input.losses();
+        let counts = InputCounts {
+            received: losses.received,
+            lost: losses.lost,
+            publisher_changes: losses.publisher_changes,
+        };
+        self.status.count(counts, now);
+        self.status.on_time(now);
+        self.tell();
+        if self.next_cleaning <= now {
+            self.next_cleaning = now + CLEANING_PERIOD;
+            self.ipc.clean_dead();
+        }
+        if self.next_watchdog.is_some_and(|due| due <= now) {
+            self.next_watchdog = self.notifier.watchdog_period().map(|period| now + period);
+            self.notifier.watchdog();
+        }
+    }
+
+    /// Publishes every sample that is there, each before it is logged.
+    fn drain(&mut self) {
+        let (status, output) = (&mut self.status, &mut self.output);
+        let result = self.input.drain(|dsp| {
+            let now = MonotonicNs::now();
+            let published = output.publish(|hero| *hero = status.translate(dsp, now));
+            let outcome = published
+                .map(|_sequence| ())
+                .map_err(|error| error.to_string());
+            status.record(dsp, outcome, now);
+        });
+        let was_failing = std::mem::replace(&mut self.input_failing, result.is_err());
+        if let Err(error) = result
+            && !was_failing
+        {
+            tracing::warn!(%error, "telemetry cannot be received");
+        }
+    }
+
+    fn deadline(&self) -> MonotonicNs {
+        [self.status.deadline(), self.next_watchdog]
+            .into_iter()
+            .flatten()
+            .fold(self.next_cleaning, MonotonicNs::min)
+    }
+
+    fn tell(&mut self) {
+        for event in self.status.take_events() {
+            tell(&event);
+        }
+    }
+}
+
+/// Logs what happened.
+fn tell(event: &Event) {
+    match event {
+        Event::InputBegan => tracing::info!("telemetry arrives"),
+        Event::InputSilent => {
+            tracing::warn!("no telemetry: is the bridge running, and does the DSP talk?")
+        }
+        Event::PublisherChanged => tracing::info!("telemetry comes from another bridge now"),
+        Event::InputLost { lost, lost_in_all } => {
+            tracing::warn!(
+                lost,
+                lost_in_all,
+                "samples were lost on the way to this process"
+            );
+        }
+        Event::OutputFailed { reason } => tracing::error!(reason, "telemetry cannot be published"),
+        Event::Log(event) => tell_log(event),
+    }
+}
+
+fn tell_log(event: &LogEvent) {
+    match event {
+        LogEvent::Opened { file, groups } => {
+            tracing::info!(file = %file.display(), %groups, "log opened");
+        }
+        LogEvent::GroupsMissing { file, groups } => tracing::warn!(
+            file = %file.display(),
+            %groups,
+            "the log asks for groups that are not valid; their cells stay empty (see the bridge's status mask)"
+        ),
+        LogEvent::Failed { file, rows, error } => tracing::error!(
+            file = %file.display(),
+            rows,
+            %error,
+            "the log has ended early, telemetry goes on: make room or give permission, then start status again"
+        ),
+    }
+}
