@@ -6,7 +6,9 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use dsp_protocol::{Command, Group, StatusMask, port};
+use dsp_protocol::port::{self, Port, Port16};
+use dsp_protocol::{Command, Group, StatusMask};
+use runtime::config::in_range;
 use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
@@ -296,7 +298,8 @@ impl StateConfig {
     }
 }
 
-/// `[parameters]`: values for the ports of `docs/protocol.md` section 6, by name, in the order of the file.
+/// `[parameters]`: values for the ports of `docs/protocol.md` section 6, by name; written
+/// in the order of the port numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameters(Vec<Command>);
 
@@ -327,7 +330,11 @@ impl<'de> Visitor<'de> for ParametersVisitor {
         while let Some(name) = map.next_key::<String>()? {
             writes.push(map.next_value_seed(ParameterValue { name: &name })?);
         }
-        Ok(Parameters(writes))
+        // A table of TOML has no order.
+        writes.sort_by_key(|(port, _)| *port);
+        Ok(Parameters(
+            writes.into_iter().map(|(_, write)| write).collect(),
+        ))
     }
 }
 
@@ -337,46 +344,40 @@ struct ParameterValue<'a> {
 }
 
 impl<'de> serde::de::DeserializeSeed<'de> for ParameterValue<'_> {
-    type Value = Command;
+    type Value = (u16, Command);
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Command, D::Error> {
-        if let Some(port) = port::PORTS_32.iter().find(|port| port.name == self.name) {
-            let value = runtime::config::in_range(deserializer, port.min..=port.max)?;
-            return Ok(Command::Write32 {
-                port: port.number,
-                value,
-            });
-        }
-        if let Some(port) = port::PORTS_16
-            .iter()
-            .find(|port| port.name == self.name && is_parameter(port))
-        {
-            let value: i32 = runtime::config::in_range(deserializer, port.min..=port.max)?;
-            return Ok(Command::Write16 {
-                port: port.number,
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        match port::by_name(self.name) {
+            Some(Port::Bits32(port)) => {
+                let value = in_range(deserializer, port.min..=port.max)?;
+                let port = port.number;
+                Ok((port, Command::Write32 { port, value }))
+            }
+            Some(Port::Bits16(port)) if is_parameter(port) => {
+                let value: i32 = in_range(deserializer, port.min..=port.max)?;
+                let port = port.number;
                 // Within the port's range, so these are the 16 bits that section 6 asks for, signed or not.
-                value: value as u16,
-            });
+                let value = value as u16;
+                Ok((port, Command::Write16 { port, value }))
+            }
+            _ => Err(D::Error::custom(format_args!(
+                "unknown parameter `{}`; the parameters are {}",
+                self.name,
+                parameter_names().join(", ")
+            ))),
         }
-        let known: Vec<_> = port::PORTS_32
-            .iter()
-            .map(|port| port.name)
-            .chain(
-                port::PORTS_16
-                    .iter()
-                    .filter(|port| is_parameter(port))
-                    .map(|port| port.name),
-            )
-            .collect();
-        Err(D::Error::custom(format_args!(
-            "unknown parameter `{}`; the parameters are {}",
-            self.name,
-            known.join(", ")
-        )))
     }
 }
 
 /// The mask belongs to `[status]`, and nobody takes off or lands from a configuration file.
-fn is_parameter(port: &port::Port16) -> bool {
+fn is_parameter(port: &Port16) -> bool {
     !matches!(port.number, port::STATUS_MASK | port::TAKE_OFF | port::LAND)
+}
+
+fn parameter_names() -> Vec<&'static str> {
+    let bits16 = port::PORTS_16.iter().filter(|port| is_parameter(port));
+    bits16
+        .map(|port| port.name)
+        .chain(port::PORTS_32.iter().map(|port| port.name))
+        .collect()
 }

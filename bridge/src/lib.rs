@@ -31,6 +31,7 @@
 //! assert_eq!(bridge.transmit(MonotonicNs(0))[..5], [0xF0, 0x01, 0x00, 0x4E, 0x10]);
 //! ```
 
+pub mod cli;
 pub mod config;
 mod core;
 pub mod errors;
@@ -38,6 +39,7 @@ pub mod flight;
 pub mod line;
 pub mod manager;
 pub mod outputs;
+pub mod shell;
 pub mod translate;
 
 pub use config::BridgeConfig;

@@ -60,13 +60,13 @@ fn every_request_has_exactly_one_final_word() {
         }
         desk.bridge.close(desk.now, &mut desk.out);
         let mut finals: HashMap<u64, u32> = HashMap::new();
-        for (key, report) in &desk.out.reports {
+        for report in &desk.out.reports {
             let stage = Stage::from_code(report.stage).unwrap();
-            let count = finals.entry(key.0).or_default();
+            let count = finals.entry(report.request_id).or_default();
             assert_eq!(
                 *count, 0,
                 "seed {seed}: {stage} after the final word of request {}",
-                key.0
+                report.request_id
             );
             *count += u32::from(stage.is_final());
         }

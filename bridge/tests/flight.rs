@@ -87,6 +87,7 @@ fn a_whole_mission() {
 #[test]
 fn what_is_refused_when() {
     type Ask = fn(&mut Desk) -> u64;
+    type Case = (&'static str, fn() -> Desk, Ask, Reason);
     let (take_off, land): (Ask, Ask) = (|desk| desk.take_off(), |desk| desk.land());
     let go: Ask = |desk| desk.waypoint(1, 1, 1, north(5));
     let start: Ask = |desk| desk.control(ControlCommand::Start);
@@ -114,7 +115,7 @@ fn what_is_refused_when() {
         desk.waypoint(9, 1, 1, north(90));
         desk
     };
-    let table: [(&str, fn() -> Desk, Ask, Reason); 16] = [
+    let table: [Case; 16] = [
         ("start without a DSP", closed, start, Reason::LinkDown),
         (
             "take-off before start",
@@ -286,7 +287,7 @@ fn a_path_whose_sender_stops_sending_is_given_up() {
     assert_eq!(desk.last(late), aborted(Reason::DeadlineExpired));
     let vanished = desk.waypoint(2, 1, 0, north(3));
     desk.bridge
-        .sender_gone(desk.now, RequestKey(vanished), &mut desk.out);
+        .sender_gone(desk.now, RequestKey::Movement(vanished), &mut desk.out);
     assert_eq!(desk.last(vanished), aborted(Reason::PathBroken));
     assert_eq!(desk.functionality(), Functionality::AtRest);
 }
@@ -296,7 +297,7 @@ fn a_sender_that_vanishes_does_not_stop_a_closed_path() {
     let mut desk = Desk::flying();
     let path = desk.path(1, &[north(3)]);
     desk.bridge
-        .sender_gone(desk.now, RequestKey(path[0]), &mut desk.out);
+        .sender_gone(desk.now, RequestKey::Movement(path[0]), &mut desk.out);
     assert_eq!(desk.functionality(), Functionality::FollowingPath);
 }
 

@@ -33,13 +33,13 @@ fn start_up_is_mask_activate_clear_invalidate_follow_and_the_parameters() {
     let config = config("[parameters]\ncruise_speed_mps = 8.0\ntrim_tail_us = -3\n");
     let desk = Desk::up(&config);
     let mut expected = START_UP.to_vec();
-    expected.push(Command::Write32 {
-        port: port::CRUISE_SPEED_MPS,
-        value: 8.0,
-    });
     expected.push(Command::Write16 {
         port: 10_203,
         value: 0xFFFD,
+    });
+    expected.push(Command::Write32 {
+        port: port::CRUISE_SPEED_MPS,
+        value: 8.0,
     });
     assert_eq!(desk.dsp.commands, expected);
 }

@@ -31,6 +31,12 @@ impl RobotId {
     }
 }
 
+impl From<NonZeroU32> for RobotId {
+    fn from(id: NonZeroU32) -> RobotId {
+        RobotId(id)
+    }
+}
+
 impl FromStr for RobotId {
     type Err = InvalidRobotId;
 

@@ -12,9 +12,15 @@ use ipc_types::payload::{ModuleControl, MovementData};
 use crate::config::MovementLimits;
 use crate::flight::path::Segment;
 
-/// Which request, as the shell knows it. The core only compares and returns it.
+/// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
+/// that service has. The core only compares and returns it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct RequestKey(pub u64);
+pub enum RequestKey {
+    /// A control request.
+    Control(u64),
+    /// A movement request.
+    Movement(u64),
+}
 
 /// What every request carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,7 +142,7 @@ fn flag(value: u16) -> Result<bool, Reason> {
 mod tests {
     use super::*;
 
-    const KEY: RequestKey = RequestKey(1);
+    const KEY: RequestKey = RequestKey::Movement(1);
 
     fn goto() -> MovementData {
         MovementData {

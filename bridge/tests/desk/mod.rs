@@ -20,7 +20,7 @@ use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, MovementData,
 pub struct Recorder {
     pub telemetry: Vec<DspTelemetry>,
     pub states: Vec<ModuleState>,
-    pub reports: Vec<(RequestKey, RequestReport)>,
+    pub reports: Vec<RequestReport>,
 }
 
 impl Outputs for Recorder {
@@ -35,11 +35,9 @@ impl Outputs for Recorder {
     }
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
-        assert_eq!(
-            to.0, report.request_id,
-            "a report must reach its own request"
-        );
-        self.reports.push((to, *report));
+        let (RequestKey::Control(id) | RequestKey::Movement(id)) = to;
+        assert_eq!(id, report.request_id, "a report must reach its own request");
+        self.reports.push(*report);
     }
 }
 
@@ -203,12 +201,12 @@ impl<T: Trajectory> Desk<T> {
             self.now = MonotonicNs(self.now.0 + 10_000_000);
             self.dsp.time_ms += 10;
             if !self.dsp.silent && self.bridge.link() != LinkState::Gone {
-                if self.dsp.time_ms % 20 == 0 && self.dsp.mask != 0 {
+                if self.dsp.time_ms.is_multiple_of(20) && self.dsp.mask != 0 {
                     let mut status = self.dsp.status;
                     status.time_ms = Some(self.dsp.time_ms);
                     self.say(Downlink::Status(status));
                 }
-                if self.dsp.time_ms % 100 == 0 {
+                if self.dsp.time_ms.is_multiple_of(100) {
                     let grant = if self.dsp.grants {
                         FlowControl::Send
                     } else {
@@ -252,8 +250,12 @@ impl<T: Trajectory> Desk<T> {
             command: command.code(),
             deadline_ms: 0,
         };
-        self.bridge
-            .control(self.now, RequestKey(request_id), &control, &mut self.out);
+        self.bridge.control(
+            self.now,
+            RequestKey::Control(request_id),
+            &control,
+            &mut self.out,
+        );
         self.exchange();
         request_id
     }
@@ -261,8 +263,12 @@ impl<T: Trajectory> Desk<T> {
     pub fn movement(&mut self, data: MovementData) -> u64 {
         let request_id = self.request_id();
         let data = MovementData { request_id, ..data };
-        self.bridge
-            .movement(self.now, RequestKey(request_id), &data, &mut self.out);
+        self.bridge.movement(
+            self.now,
+            RequestKey::Movement(request_id),
+            &data,
+            &mut self.out,
+        );
         self.exchange();
         request_id
     }
@@ -313,13 +319,11 @@ impl<T: Trajectory> Desk<T> {
     }
 
     pub fn last_report(&self, request: u64) -> &RequestReport {
-        &self
-            .out
+        self.out
             .reports
             .iter()
-            .rfind(|(key, _)| key.0 == request)
+            .rfind(|report| report.request_id == request)
             .unwrap_or_else(|| panic!("nothing was said about request {request}"))
-            .1
     }
 
     /// All stages said about a request.
@@ -327,8 +331,8 @@ impl<T: Trajectory> Desk<T> {
         self.out
             .reports
             .iter()
-            .filter(|(key, _)| key.0 == request)
-            .map(|(_, report)| Stage::from_code(report.stage).unwrap())
+            .filter(|report| report.request_id == request)
+            .map(|report| Stage::from_code(report.stage).unwrap())
             .collect()
     }
 

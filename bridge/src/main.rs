@@ -1,0 +1,16 @@
+//! The bridge as a process of its own; `ril bridge` is the same.
+
+use clap::Parser;
+
+/// Bridge between the PC and the flight-control DSP of the HERO helicopter.
+#[derive(Parser)]
+#[command(name = "bridge", version)]
+struct Cli {
+    #[command(flatten)]
+    args: bridge::cli::Args,
+}
+
+fn main() -> std::process::ExitCode {
+    let cli = Cli::parse();
+    runtime::exit::main_with(|| bridge::cli::run(cli.args))
+}

@@ -1,0 +1,269 @@
+//! The loop of the bridge process.
+
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use ipc_types::code::LinkState;
+use ipc_types::{Descriptor, Ipc, MonotonicNs, OpenError, Source, WaitError, Waiter};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+
+use super::publish::{Incoming, Services};
+use super::serial::{self, SerialPort};
+use crate::config::{BridgeConfig, SerialConfig};
+use crate::core::Bridge;
+
+/// Bytes of one read. At 115200 baud a quarter of a second; a faster line is read several times for each wake.
+const READ_LEN: usize = 4096;
+
+/// Reads of one wake, so that a line that never pauses still leaves room for requests and deadlines. The rest is there
+/// at the next wake, which comes at once.
+const READS_PER_WAKE: usize = 16;
+
+/// Longest sleep: the safety net for a wake-up that shared memory lost.
+const LONGEST_SLEEP: Duration = Duration::from_millis(250);
+
+/// How often dead processes are cleaned up after, so that the death of a client is noticed.
+const CLEANING_PERIOD: Duration = Duration::from_millis(500);
+
+/// Why the bridge process cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ShellError {
+    /// The services cannot be opened; another bridge of this robot may run.
+    #[error(transparent)]
+    Services(#[from] OpenError),
+    /// Waiting failed.
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+    /// The port is something that can never be one.
+    #[error(transparent)]
+    NotAPort(serial::OpenError),
+}
+
+/// Runs the bridge until `termination` asks it to end. A port that is missing, or goes, is opened again for ever.
+///
+/// # Errors
+/// See [`ShellError`].
+pub fn run(
+    config: &BridgeConfig,
+    ipc: &Ipc,
+    termination: &Termination,
+    supervisor: &Notifier,
+) -> Result<(), ShellError> {
+    let mut shell = Shell {
+        bridge: Bridge::new(config),
+        services: Services::open(ipc)?,
+        port: Port::new(&config.serial),
+        inbox: Vec::new(),
+        buffer: vec![0; READ_LEN],
+        link: LinkState::Gone,
+    };
+    let waiter = ipc.waiter()?;
+    let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
+    shell.open_port(MonotonicNs::now())?;
+    supervisor.ready();
+    tracing::info!(port = %config.serial.port.display(), "ready");
+    while !termination.requested() {
+        shell.drain(MonotonicNs::now())?;
+        let now = MonotonicNs::now();
+        if now >= next_cleaning {
+            ipc.clean_dead();
+            supervisor.watchdog();
+            next_cleaning = now + CLEANING_PERIOD;
+        }
+        shell.sleep(&waiter, termination, next_cleaning)?;
+    }
+    supervisor.stopping();
+    shell.end();
+    Ok(())
+}
+
+struct Shell {
+    bridge: Bridge,
+    services: Services,
+    port: Port,
+    inbox: Vec<Incoming>,
+    buffer: Vec<u8>,
+    /// State of the link as last told in the log.
+    link: LinkState,
+}
+
+impl Shell {
+    /// Everything that a wake can have been for.
+    fn drain(&mut self, now: MonotonicNs) -> Result<(), ShellError> {
+        self.services.drain(&mut self.inbox);
+        for incoming in self.inbox.drain(..) {
+            let out = &mut self.services;
+            match incoming {
+                Incoming::Control(key, request) => self.bridge.control(now, key, &request, out),
+                Incoming::Movement(key, request) => self.bridge.movement(now, key, &request, out),
+                Incoming::Gone(key) => self.bridge.sender_gone(now, key, out),
+            }
+        }
+        self.read();
+        let now = MonotonicNs::now();
+        self.bridge.advance(now, &mut self.services);
+        self.open_port(now)?;
+        self.write(now);
+        self.tell_link();
+        Ok(())
+    }
+
+    fn read(&mut self) {
+        for _ in 0..READS_PER_WAKE {
+            let Some(port) = self.port.open.as_ref() else {
+                return;
+            };
+            match port.read(&mut self.buffer) {
+                Ok(0) => return,
+                Ok(count) => {
+                    let now = MonotonicNs::now();
+                    self.bridge
+                        .receive(now, &self.buffer[..count], &mut self.services);
+                    if count < self.buffer.len() {
+                        return;
+                    }
+                }
+                Err(gone) => return self.close_port(&gone),
+            }
+        }
+    }
+
+    /// What the device does not take now is offered again at the next wake: the core bounds it and gives it up in time.
+    fn write(&mut self, now: MonotonicNs) {
+        let Some(port) = self.port.open.as_ref() else {
+            return;
+        };
+        if self.bridge.take_discard_unsent() {
+            port.discard_unsent();
+        }
+        let bytes = self.bridge.transmit(now);
+        if bytes.is_empty() {
+            return;
+        }
+        match port.write(bytes) {
+            Ok(count) => self.bridge.transmitted(count),
+            Err(gone) => self.close_port(&gone),
+        }
+    }
+
+    fn open_port(&mut self, now: MonotonicNs) -> Result<(), ShellError> {
+        if self.port.try_open(now)? {
+            self.bridge.port_opened(now, &mut self.services);
+        }
+        Ok(())
+    }
+
+    fn close_port(&mut self, gone: &serial::Gone) {
+        tracing::warn!(port = %self.port.config.port.display(), "{gone}; opening it again");
+        self.port.close();
+        self.bridge
+            .port_closed(MonotonicNs::now(), &mut self.services);
+    }
+
+    fn sleep(
+        &self,
+        waiter: &Waiter,
+        termination: &Termination,
+        until: MonotonicNs,
+    ) -> Result<(), ShellError> {
+        let now = MonotonicNs::now();
+        let deadline = self.bridge.deadline().min(until);
+        let deadline = self
+            .port
+            .next_try
+            .map_or(deadline, |next_try| deadline.min(next_try));
+        let timeout = deadline.since(now).min(LONGEST_SLEEP);
+        let signals = Descriptor::new(termination.as_fd())?;
+        let line = match &self.port.open {
+            Some(port) => Some(Descriptor::new(port.as_fd())?),
+            None => None,
+        };
+        let [telemetry, state, control, movement] = self.services.sources();
+        let mut sources: [&dyn Source; 6] =
+            [&signals, telemetry, state, control, movement, &signals];
+        let count = match &line {
+            Some(line) => {
+                sources[5] = line;
+                6
+            }
+            None => 5,
+        };
+        waiter.wait(&sources[..count], Some(timeout))?;
+        Ok(())
+    }
+
+    fn tell_link(&mut self) {
+        let link = self.bridge.link();
+        if link != self.link {
+            tracing::info!(from = %self.link, to = %link, "link");
+            self.link = link;
+        }
+    }
+
+    /// Every sender gets its final word before the services go; the port is given back as it was.
+    fn end(mut self) {
+        self.bridge.close(MonotonicNs::now(), &mut self.services);
+        let link = self.bridge.state().link;
+        tracing::info!(
+            telemetry = link.telemetry_published,
+            messages = link.messages_received,
+            waypoints = link.waypoints_sent,
+            "ended"
+        );
+    }
+}
+
+/// The port, or when to try again.
+struct Port {
+    config: SerialConfig,
+    open: Option<SerialPort>,
+    next_try: Option<MonotonicNs>,
+    failures: u32,
+    ever_open: bool,
+}
+
+impl Port {
+    fn new(config: &SerialConfig) -> Self {
+        Port {
+            config: config.clone(),
+            open: None,
+            next_try: Some(MonotonicNs(0)),
+            failures: 0,
+            ever_open: false,
+        }
+    }
+
+    /// Opens the port if it is time to. The first failure in a row is told, the others are only counted.
+    fn try_open(&mut self, now: MonotonicNs) -> Result<bool, ShellError> {
+        if self.next_try.is_none_or(|next_try| now < next_try) {
+            return Ok(false);
+        }
+        match SerialPort::open(&self.config) {
+            Ok(port) => {
+                tracing::info!(port = %self.config.port.display(), tries = self.failures + 1, "port open");
+                self.open = Some(port);
+                self.next_try = None;
+                self.failures = 0;
+                self.ever_open = true;
+                Ok(true)
+            }
+            Err(error @ serial::OpenError::NotATerminal(_)) if !self.ever_open => {
+                Err(ShellError::NotAPort(error))
+            }
+            Err(error) => {
+                if self.failures == 0 {
+                    tracing::error!("{error}; trying again");
+                }
+                self.failures = self.failures.saturating_add(1);
+                self.next_try = Some(now + self.config.reopen_pause(self.failures));
+                Ok(false)
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        self.open = None;
+        self.next_try = Some(MonotonicNs(0));
+    }
+}

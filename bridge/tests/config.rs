@@ -1,0 +1,107 @@
+//! The configuration file: the annotated example is the default, and every mistake is named with its line.
+
+use bridge::BridgeConfig;
+use dsp_protocol::Command;
+
+const EXAMPLE: &str = include_str!("../bridge.toml");
+
+fn parse(text: &str) -> Result<BridgeConfig, String> {
+    runtime::config::parse(text, "bridge.toml").map_err(|error| error.to_string())
+}
+
+#[test]
+fn the_example_is_the_default() {
+    assert_eq!(parse(EXAMPLE).unwrap(), BridgeConfig::default());
+    assert_eq!(parse("").unwrap(), BridgeConfig::default());
+}
+
+#[test]
+fn a_changed_example_is_not_the_default() {
+    let changed = EXAMPLE.replace("baud_rate = 115200", "baud_rate = 57600");
+    assert_eq!(parse(&changed).unwrap().serial.baud_rate, 57_600);
+}
+
+#[test]
+fn mistakes_are_named_with_file_line_and_reason() {
+    let table = [
+        ("[serial]\nbaud = 9600", "bridge.toml:2:", "baud_rate"),
+        ("[serail]\nport = \"x\"", "bridge.toml:1:", "serial"),
+        ("[serial]\nbaud_rate = 1", "bridge.toml:2:", "50 to 4000000"),
+        ("[serial]\nbaud_rate = \"fast\"", "bridge.toml:2:", "string"),
+        (
+            "[status]\n\ngroups = [\"time\", \"gps\"]",
+            "bridge.toml:3:",
+            "gps_velocity",
+        ),
+        (
+            "[status]\ncoherence = \"later\"",
+            "bridge.toml:2:",
+            "immediate",
+        ),
+        (
+            "[arrival]\naltitude_m = nan",
+            "bridge.toml:2:",
+            "out of range",
+        ),
+        (
+            "[arrival]\nlatitude_deg = 0.0",
+            "bridge.toml:2:",
+            "out of range",
+        ),
+        (
+            "[movement]\ntime_limit_s = -1.0",
+            "bridge.toml:2:",
+            "out of range",
+        ),
+        (
+            "[parameters]\ncruise_speed = 5.0",
+            "bridge.toml:2:",
+            "cruise_speed_mps",
+        ),
+        (
+            "[parameters]\n# fast\ncruise_speed_mps = 500.0",
+            "bridge.toml:3:",
+            "0.1 to 20",
+        ),
+        (
+            "[parameters]\ntrim_roll_us = 501",
+            "bridge.toml:2:",
+            "-500 to 500",
+        ),
+        (
+            "[parameters]\ntake_off = 1",
+            "bridge.toml:2:",
+            "unknown parameter",
+        ),
+        (
+            "[errors]\nhero_dsp_fatal = [70000]",
+            "bridge.toml:2:",
+            "u16",
+        ),
+        ("[link\n", "bridge.toml:1:", "]"),
+    ];
+    for (text, place, hint) in table {
+        let error = parse(text).unwrap_err();
+        assert!(error.starts_with(place), "{text:?}: {error}");
+        assert!(error.contains(hint), "{text:?}: {error}");
+    }
+}
+
+#[test]
+fn parameters_become_writes_in_the_order_of_the_ports() {
+    let config = parse("[parameters]\nclimb_speed_mps = 3\ntrim_roll_us = -500\n").unwrap();
+    let writes: Vec<Command> = config.parameters.writes().collect();
+    assert_eq!(
+        writes,
+        [
+            Command::Write16 {
+                port: 10_201,
+                value: 0xFE0C
+            },
+            Command::Write32 {
+                port: 20_001,
+                value: 3.0
+            },
+        ]
+    );
+}
