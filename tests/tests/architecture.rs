@@ -1,0 +1,293 @@
+//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what the sources of
+//! the pure crates never mention.
+//!
+//! A failure names the arrow, or the file and the line. Whoever means it changes ARCHITECTURE.md first, and then the
+//! tables here.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::{Value, json};
+
+/// Each crate and the crates of this workspace that it may depend on.
+const ARROWS: [(&str, &[&str]); 8] = [
+    ("dsp-protocol", &[]),
+    ("ipc-types", &[]),
+    ("runtime", &[]),
+    ("bridge", &["dsp-protocol", "ipc-types", "runtime"]),
+    ("status", &["ipc-types", "runtime"]),
+    ("dsp-sim", &["dsp-protocol", "runtime"]),
+    (
+        "ril",
+        &[
+            "bridge",
+            "dsp-protocol",
+            "dsp-sim",
+            "ipc-types",
+            "runtime",
+            "status",
+        ],
+    ),
+    (
+        "ril-tests",
+        &[
+            "bridge",
+            "dsp-protocol",
+            "dsp-sim",
+            "ipc-types",
+            "runtime",
+            "status",
+        ],
+    ),
+];
+
+/// The one crate that knows the transport (requirement A6).
+const KNOWS_TRANSPORT: &str = "ipc-types";
+const TRANSPORT: &str = "iceoryx2";
+
+/// The crate without any dependency, so that it can be built for a microcontroller.
+const BARE: &str = "dsp-protocol";
+
+/// Words that the sources under `paths` never contain, outside comments.
+struct Ban {
+    paths: &'static [&'static str],
+    except: &'static [&'static str],
+    words: &'static [&'static str],
+    why: &'static str,
+}
+
+const BANS: [Ban; 4] = [
+    Ban {
+        paths: &[
+            "bridge/src",
+            "status/src",
+            "dsp-protocol/src",
+            "dsp-sim/src",
+        ],
+        except: &[],
+        words: &["Mutex", "RwLock", "Condvar"],
+        why: "every state has one owner; nothing is shared between threads",
+    },
+    Ban {
+        paths: &[
+            "bridge/src",
+            "status/src",
+            "dsp-protocol/src",
+            "dsp-sim/src",
+        ],
+        except: &[],
+        words: &["thread::sleep", "nanosleep", "thread::park"],
+        why: "a process sleeps in its one wait, until a byte, a request, a sample or a deadline",
+    },
+    Ban {
+        paths: &["dsp-protocol/src"],
+        except: &[],
+        words: &[
+            "std::fs",
+            "std::io",
+            "std::net",
+            "std::thread",
+            "std::time",
+            "std::env",
+        ],
+        why: "the wire format knows no file, no clock and no thread",
+    },
+    Ban {
+        paths: &["bridge/src", "status/src"],
+        except: &[
+            "shell",
+            "shell.rs",
+            "main.rs",
+            "cli.rs",
+            "store.rs",
+            "file_name.rs",
+        ],
+        words: &[
+            "Instant::now",
+            "SystemTime::now",
+            "MonotonicNs::now",
+            "std::thread",
+            "std::fs",
+        ],
+        why: "the pure core is given the time and its inputs; only the shell, and the names and files of logs, have more",
+    },
+];
+
+fn workspace() -> PathBuf {
+    let member = Path::new(env!("CARGO_MANIFEST_DIR"));
+    member.parent().expect("a workspace above").to_owned()
+}
+
+fn metadata() -> Value {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let output = Command::new(cargo)
+        .args([
+            "metadata",
+            "--format-version",
+            "1",
+            "--no-deps",
+            "--offline",
+        ])
+        .current_dir(workspace())
+        .output()
+        .expect("cargo runs");
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo metadata: {complaint}");
+    serde_json::from_slice(&output.stdout).expect("cargo prints JSON")
+}
+
+/// What is wrong with the dependencies of the packages in `metadata`; nothing when all is well.
+fn offences_against_arrows(metadata: &Value) -> Vec<String> {
+    let allowed: BTreeMap<_, _> = ARROWS.into_iter().collect();
+    let mut offences = Vec::new();
+    let packages = metadata["packages"].as_array().expect("packages");
+    for package in packages {
+        let from = package["name"].as_str().expect("a name");
+        let Some(arrows) = allowed.get(from) else {
+            offences.push(format!("`{from}` is a crate that the table does not have"));
+            continue;
+        };
+        for dependency in package["dependencies"].as_array().expect("dependencies") {
+            let to = dependency["name"].as_str().expect("a name");
+            // Normal dependencies have no kind. Tests may use more than what they test.
+            let is_dev = dependency["kind"] == "dev";
+            if allowed.contains_key(to) && !arrows.contains(&to) && !is_dev {
+                offences.push(format!("`{from}` → `{to}` is an arrow that is not drawn"));
+            }
+            if to.starts_with(TRANSPORT) && from != KNOWS_TRANSPORT {
+                offences.push(format!(
+                    "`{from}` → `{to}`: only `{KNOWS_TRANSPORT}` knows the transport"
+                ));
+            }
+            if from == BARE && !is_dev {
+                offences.push(format!("`{from}` → `{to}`: it has no dependencies"));
+            }
+        }
+    }
+    for name in allowed.keys() {
+        if !packages.iter().any(|package| package["name"] == *name) {
+            offences.push(format!(
+                "`{name}` is in the table, but not in the workspace"
+            ));
+        }
+    }
+    offences
+}
+
+/// The part of a line that is not a comment. That a string may hold two slashes only makes the scan milder.
+fn code_of(line: &str) -> &str {
+    line.split("//").next().unwrap_or_default()
+}
+
+/// Numbers of the lines of `source` that contain one of `words`, with the word.
+fn offences_in(source: &str, words: &[&'static str]) -> Vec<(usize, &'static str)> {
+    let mut offences = Vec::new();
+    for (index, line) in source.lines().enumerate() {
+        let hits = words.iter().filter(|word| code_of(line).contains(**word));
+        offences.extend(hits.map(|word| (index + 1, *word)));
+    }
+    offences
+}
+
+/// All Rust sources below `path`, without those whose file or folder is one of `except`.
+fn sources(path: &Path, except: &[&str]) -> Vec<PathBuf> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    if name.is_some_and(|name| except.contains(&name)) {
+        return vec![];
+    }
+    if path.is_dir() {
+        let entries = fs::read_dir(path).expect("a folder that can be read");
+        return entries
+            .flat_map(|entry| sources(&entry.expect("an entry").path(), except))
+            .collect();
+    }
+    let is_source = path.extension().is_some_and(|extension| extension == "rs");
+    is_source.then(|| path.to_owned()).into_iter().collect()
+}
+
+fn assert_none(offences: &[String]) {
+    assert!(offences.is_empty(), "\n{}\n", offences.join("\n"));
+}
+
+#[test]
+fn crates_depend_only_along_the_arrows() {
+    assert_none(&offences_against_arrows(&metadata()));
+}
+
+#[test]
+fn pure_sources_mention_no_locks_sleeps_clocks_or_files() {
+    let root = workspace();
+    let mut offences = Vec::new();
+    for ban in &BANS {
+        for path in ban.paths {
+            let files = sources(&root.join(path), ban.except);
+            assert!(!files.is_empty(), "no sources in {path}");
+            for file in files {
+                let source = fs::read_to_string(&file).expect("a source that can be read");
+                let name = file.strip_prefix(&root).unwrap_or(&file).display();
+                for (line, word) in offences_in(&source, ban.words) {
+                    offences.push(format!("{name}:{line}: `{word}`: {}", ban.why));
+                }
+            }
+        }
+    }
+    assert_none(&offences);
+}
+
+#[test]
+fn an_arrow_that_is_not_drawn_is_named() {
+    let dependency = |name: &str, kind: Option<&str>| json!({ "name": name, "kind": kind });
+    let cases = [
+        (
+            "status",
+            dependency("bridge", None),
+            Some("`status` → `bridge`"),
+        ),
+        (
+            "status",
+            dependency("bridge", Some("build")),
+            Some("`status` → `bridge`"),
+        ),
+        ("status", dependency("dsp-sim", Some("dev")), None),
+        ("status", dependency("csv", None), None),
+        (
+            "bridge",
+            dependency("iceoryx2-cal", Some("dev")),
+            Some("knows the transport"),
+        ),
+        (
+            "dsp-protocol",
+            dependency("serde", None),
+            Some("no dependencies"),
+        ),
+        ("dsp-protocol", dependency("proptest", Some("dev")), None),
+        (
+            "newcomer",
+            dependency("serde", None),
+            Some("table does not have"),
+        ),
+    ];
+    for (from, dependency, expected) in cases {
+        let mut packages: Vec<_> = ARROWS
+            .iter()
+            .filter(|(name, _)| *name != from)
+            .map(|(name, _)| json!({ "name": name, "dependencies": [] }))
+            .collect();
+        packages.push(json!({ "name": from, "dependencies": [dependency] }));
+        let offences = offences_against_arrows(&json!({ "packages": packages }));
+        match expected {
+            None => assert_none(&offences),
+            Some(text) => assert!(offences[0].contains(text), "{from}: {offences:?}"),
+        }
+    }
+}
+
+#[test]
+fn the_scan_finds_words_in_code_and_not_in_comments() {
+    let source =
+        "let lock = Mutex::new(1);\n// no Mutex here\nwork(); // and no RwLock\nRwLock::new()";
+    let offences = offences_in(source, &["Mutex", "RwLock"]);
+    assert_eq!(offences, [(1, "Mutex"), (4, "RwLock")]);
+}
