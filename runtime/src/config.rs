@@ -245,7 +245,7 @@ fn explain(message: &str) -> String {
     }
 }
 
-/// The expected word that is nearest to the unknown one, if it is near enough to be a slip of the keyboard.
+/// The expected word that is nearest to the unknown one that serde's message names.
 ///
 /// serde's messages are ``unknown field `x`, expected one of `a`, `b` `` and the same with `variant`.
 fn suggestion(message: &str) -> Option<&str> {
@@ -254,10 +254,17 @@ fn suggestion(message: &str) -> Option<&str> {
         .or_else(|| message.strip_prefix("unknown variant `"))?;
     let mut words = rest.split('`').step_by(2);
     let unknown = words.next()?;
+    nearest(unknown, words)
+}
+
+/// Of the `expected` words the one nearest to `unknown`, if it is near enough to be a slip of the keyboard: for "did you
+/// mean".
+pub fn nearest<'a>(unknown: &str, expected: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // One wrong letter in three is still a slip; more is another word.
     let length = |word: &str| word.chars().count();
     let near = |expected: &str| length(unknown).max(length(expected)).div_ceil(3);
-    words
+    expected
+        .into_iter()
         .filter(|expected| !expected.is_empty())
         .map(|expected| (edit_distance(unknown, expected), expected))
         .filter(|(distance, expected)| *distance <= near(expected))
