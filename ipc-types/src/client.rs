@@ -68,6 +68,8 @@ struct Outstanding<R: Request> {
     server_since_ns: u64,
 }
 
+type Report = iceoryx2::response::Response<Svc, RequestReport, ()>;
+
 impl<R: Request> Client<R> {
     pub(crate) fn open(session: &Rc<Session>) -> Result<Client<R>, OpenError> {
         let robot = session.robot();
@@ -142,34 +144,29 @@ impl<R: Request> Client<R> {
     /// report from here: [`Stage::Unknown`], [`Reason::BridgeGone`].
     pub fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
         open::drain_listener(&self.listener);
-        let mut taken = 0;
         // Before the reports are read: whatever a server said before it went comes out first.
         let server = if self.outstanding.is_empty() {
             None
         } else {
             self.server()
         };
-        let mut index = 0;
-        while let Some(outstanding) = self.outstanding.get(index) {
+        let mut taken = 0;
+        let mut anchor = None;
+        self.outstanding.retain(|outstanding| {
             let is_served = outstanding.is_served(server.as_ref());
             let mut is_closed = false;
-            let mut hand_on = |report: &RequestReport| {
-                is_closed |= Stage::from_code(report.stage).is_some_and(Stage::is_final);
+            outstanding.drain(&mut anchor, |report| {
+                is_closed |= report.is_final();
                 taken += 1;
                 take(report);
-            };
-            outstanding.drain(&mut hand_on);
+            });
             if !is_served && !is_closed {
-                hand_on_gone(outstanding, &mut take);
-                taken += 1;
                 is_closed = true;
+                taken += 1;
+                take(&outstanding.gone());
             }
-            if is_closed {
-                self.outstanding.swap_remove(index);
-            } else {
-                index += 1;
-            }
-        }
+            !is_closed
+        });
         taken
     }
 
@@ -246,10 +243,18 @@ impl<R: Request> Outstanding<R> {
             && self.pending.is_connected()
     }
 
-    fn drain(&self, take: &mut impl FnMut(&RequestReport)) {
-        loop {
+    /// Hands on the reports about this request.
+    ///
+    /// When a server has gone, iceoryx2 forgets the reports about all requests as soon as one of them has nothing left
+    /// to read, unless a report is still borrowed. Therefore only requests that have something are read, and the first
+    /// report of a round, the anchor, is kept until all have been.
+    fn drain(&self, anchor: &mut Option<Report>, mut take: impl FnMut(&RequestReport)) {
+        while self.pending.has_response() {
             match self.pending.receive() {
-                Ok(Some(report)) => take(&report),
+                Ok(Some(report)) => {
+                    take(&report);
+                    anchor.get_or_insert(report);
+                }
                 Ok(None) => return,
                 // The connection is broken; that the server is gone shows by its lock.
                 Err(error) => {
@@ -259,17 +264,16 @@ impl<R: Request> Outstanding<R> {
             }
         }
     }
-}
 
-fn hand_on_gone<R: Request>(outstanding: &Outstanding<R>, take: &mut impl FnMut(&RequestReport)) {
-    take(&RequestReport {
-        request_id: outstanding.request_id,
-        path_id: outstanding.path_id,
-        reported_ns: MonotonicNs::now().0,
-        stage: Stage::Unknown.code(),
-        reason: Reason::BridgeGone.code(),
-        ..RequestReport::default()
-    });
+    /// The final report for a request whose server is gone.
+    fn gone(&self) -> RequestReport {
+        RequestReport {
+            request_id: self.request_id,
+            path_id: self.path_id,
+            reported_ns: MonotonicNs::now().0,
+            ..RequestReport::new(Stage::Unknown, Reason::BridgeGone)
+        }
+    }
 }
 
 impl<R: Request> Drop for Client<R> {

@@ -17,7 +17,7 @@ use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
 
-/// A sample could not be published. Nothing was sent; its number in the sequence is not used.
+/// A sample could not be published. Its number in the sequence may be missing then, as that of any lost sample.
 #[derive(Debug, thiserror::Error)]
 #[error("a sample of {service} could not be published ({reason})")]
 pub struct PublishError {
@@ -90,8 +90,9 @@ impl<T: Topic> Publisher<T> {
         let payload = sample.payload_mut();
         fill(payload);
         payload.stamp(sequence, self.epoch_ns);
-        sample.send().map_err(publish_error::<T>)?;
+        // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
+        sample.send().map_err(publish_error::<T>)?;
         open::notify(&self.notifier, &self.service);
         Ok(sequence)
     }

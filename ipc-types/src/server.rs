@@ -4,7 +4,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::active_request::ActiveRequest;
-use iceoryx2::port::{BackpressureAction, SendError as IoxSendError};
+use iceoryx2::port::{BackpressureAction, LoanError, SendError as IoxSendError};
 use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
@@ -23,6 +23,12 @@ use crate::waiter::{self, WaitError, Wake, sealed};
 ///
 /// One more is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
 pub const MAX_OPEN_TICKETS: u32 = 256;
+
+/// Reports that may be on their way to clients at once, at one server: eight for each open request.
+///
+/// iceoryx2 would reserve for the worst case of all clients at once, 30 MB for every client that connects. At the bound
+/// the server is told [`ReportError::BufferFull`], as when one client's buffer is full.
+const MAX_REPORTS_IN_FLIGHT: usize = 8 * MAX_OPEN_TICKETS as usize;
 
 /// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop.
 const MAX_REQUESTS_PER_DRAIN: usize = 256;
@@ -44,7 +50,7 @@ pub enum ReportError {
     /// The client is gone; the ticket is closed.
     #[error("the client of the request is gone")]
     Vanished,
-    /// The client does not read: as many reports as it can have are waiting. Only progress is ever refused for that.
+    /// The client does not read, so that as many reports are waiting as can. Only progress is ever refused for that.
     #[error("the client does not read its reports")]
     BufferFull,
     /// iceoryx2 failed; the request stays open.
@@ -79,7 +85,9 @@ impl<R: Request> Open<R> {
     fn send(&self, report: &RequestReport) -> Result<(), ReportError> {
         match self.active.send_copy(*report) {
             Ok(()) => Ok(()),
-            Err(IoxSendError::UnableToDeliver) => Err(ReportError::BufferFull),
+            Err(
+                IoxSendError::UnableToDeliver | IoxSendError::LoanError(LoanError::OutOfMemory),
+            ) => Err(ReportError::BufferFull),
             Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
         }
     }
@@ -102,6 +110,7 @@ impl<R: Request> Server<R> {
                 service
                     .server_builder()
                     .max_loaned_responses_per_request(1)
+                    .override_response_preallocation(|_| MAX_REPORTS_IN_FLIGHT)
                     .backpressure_strategy(BackpressureStrategy::DiscardData)
                     // Not in silence: the caller must know that a report was not taken.
                     .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
@@ -215,8 +224,8 @@ impl<R: Request> Server<R> {
 
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
     ///
-    /// A client that was killed is noticed when somebody cleans up after it: see
-    /// [`Ipc::clean_dead`](crate::Ipc::clean_dead).
+    /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
+    /// when somebody cleans up after it: see [`Ipc::clean_dead`](crate::Ipc::clean_dead).
     pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
         // Also brings the port's list of clients up to date.
         let _ = self.port.has_requests();

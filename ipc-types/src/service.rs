@@ -240,8 +240,8 @@ pub const MAX_OUTSTANDING: usize = 80;
 /// At the bound progress is refused to the server, and the final word is kept by it until there is room.
 pub const RESPONSE_BUFFER: usize = 16;
 
-/// Reports that a client may hold at once.
-pub const MAX_BORROWED_REPORTS: usize = 1;
+/// Reports about one request that a client may hold at once: the one being read, and the anchor of its round.
+pub const MAX_BORROWED_REPORTS: usize = 2;
 
 /// Requests that a client may fill in at once.
 pub const MAX_LOANED_REQUESTS: usize = 1;

@@ -1,16 +1,22 @@
-//! Published services: late joiners, losses, robots side by side, stopped subscribers.
+//! Published services: late joiners, losses, robots side by side, subscribers that do not read.
 
 mod support;
 
+use std::io::Write;
+use std::os::fd::AsFd;
+use std::thread;
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, ModuleState};
-use ipc_types::{Source, Wake};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::service::{MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
+use ipc_types::waiter::MAX_SOURCES;
+use ipc_types::{
+    Descriptor, Ipc, Losses, OpenError, RobotId, ServiceId, Source, WaitError, Waiter, Wake,
+};
 
-use support::{in_domain, join};
+use support::{WATCHDOG, in_domain, join, until};
 
 const A_MOMENT: Duration = Duration::from_millis(200);
-const LONG: Duration = Duration::from_secs(20);
 
 #[test]
 fn a_sample_wakes_the_subscriber_and_arrives_as_it_was_filled_in() {
@@ -22,21 +28,40 @@ fn a_sample_wakes_the_subscriber_and_arrives_as_it_was_filled_in() {
             .publish(|sample| {
                 sample.rotor_rpm = 1500;
                 sample.geographic.latitude_deg = 37.4;
+                sample.sequence = 99;
             })
             .unwrap();
         assert_eq!(sequence, 1);
-        assert!(subscriber.wait(LONG).unwrap().is_ready(0));
+        assert!(subscriber.wait(WATCHDOG).unwrap().is_ready(0));
         let sample = subscriber.latest().unwrap().unwrap();
-        assert_eq!(
-            (sample.rotor_rpm, sample.geographic.latitude_deg),
-            (1500, 37.4)
-        );
+        assert_eq!(sample.rotor_rpm, 1500);
+        assert_eq!(sample.geographic.latitude_deg, 37.4);
         assert_eq!(
             (sample.sequence, sample.epoch_ns),
             (1, publisher.epoch_ns())
         );
         assert_eq!(subscriber.latest().unwrap(), None);
         assert_eq!(subscriber.wait(Duration::ZERO).unwrap(), Wake::TimedOut);
+    });
+}
+
+#[test]
+fn a_sample_begins_as_zeros_whatever_lay_there_before() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        // More samples than there are chunks, so that each has been used before.
+        for round in 0..2 * SUBSCRIBER_BUFFER * MAX_SUBSCRIBERS {
+            let dirty = round % 2 == 0;
+            publisher
+                .publish(|sample| {
+                    sample.sonar_adc = if dirty { u32::MAX } else { sample.sonar_adc }
+                })
+                .unwrap();
+            let sample = subscriber.latest().unwrap().unwrap();
+            assert_eq!(sample.sonar_adc, if dirty { u32::MAX } else { 0 });
+        }
     });
 }
 
@@ -51,14 +76,296 @@ fn a_late_joiner_gets_the_latest_at_once() {
         let mut late = ipc.subscriber::<ModuleState>().unwrap();
         // The publisher publishes nothing more: it is woken by the arrival, and hands the latest on.
         let waiter = ipc.waiter().unwrap();
-        let sources: [&dyn Source; 1] = [&publisher];
-        assert!(waiter.wait(&sources, Some(LONG)).unwrap().is_ready(0));
+        let wake = waiter.wait(&[&publisher as &dyn Source], Some(WATCHDOG));
+        assert!(wake.unwrap().is_ready(0));
         publisher.welcome();
-        assert!(late.wait(LONG).unwrap().is_ready(0));
+        assert!(late.wait(WATCHDOG).unwrap().is_ready(0));
         let sample = late.latest().unwrap().unwrap();
         assert_eq!((sample.status, sample.sequence), (3, 3));
         assert_eq!(late.losses().lost, 0);
         let quiet = waiter.wait(&[&publisher as &dyn Source], Some(A_MOMENT));
         assert_eq!(quiet.unwrap(), Wake::TimedOut);
+    });
+}
+
+#[test]
+fn a_subscriber_may_be_there_first() {
+    in_domain(|domain| {
+        let ipc = join(domain, "consumer");
+        let mut subscriber = ipc.subscriber::<HeroTelemetry>().unwrap();
+        assert_eq!(ipc.provider(ServiceId::HeroTelemetry).unwrap(), None);
+        let (seen, is_seen) = std::sync::mpsc::channel::<()>();
+        let domain = domain.clone();
+        let status = thread::spawn(move || {
+            let ipc = join(&domain, "status");
+            let mut publisher = ipc.publisher::<HeroTelemetry>().unwrap();
+            publisher.publish(|sample| sample.dsp_time_s = 1.5).unwrap();
+            is_seen.recv_timeout(WATCHDOG).unwrap();
+        });
+        let mut samples = Vec::new();
+        until("the sample", || {
+            subscriber.wait(A_MOMENT).unwrap();
+            subscriber
+                .drain(|sample| samples.push(sample.dsp_time_s))
+                .unwrap();
+            !samples.is_empty()
+        });
+        seen.send(()).unwrap();
+        status.join().unwrap();
+        assert_eq!(samples, [1.5]);
+    });
+}
+
+#[test]
+fn a_subscriber_that_does_not_read_keeps_the_newest_and_counts_what_it_lost() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        publisher.publish(|_| {}).unwrap();
+        assert_eq!(subscriber.drain(|_| {}).unwrap(), 1);
+        const MISSED: usize = 50;
+        for _ in 0..SUBSCRIBER_BUFFER + MISSED {
+            publisher.publish(|_| {}).unwrap();
+        }
+        let mut sequences = Vec::new();
+        subscriber
+            .drain(|sample| sequences.push(sample.sequence))
+            .unwrap();
+        let newest = publisher.sequence();
+        let kept: Vec<_> = (newest + 1 - SUBSCRIBER_BUFFER as u64..=newest).collect();
+        assert_eq!(sequences, kept);
+        let losses = Losses {
+            received: 1 + SUBSCRIBER_BUFFER as u64,
+            lost: MISSED as u64,
+            ..Losses::default()
+        };
+        assert_eq!(subscriber.losses(), losses);
+    });
+}
+
+#[test]
+fn two_robots_in_one_domain_do_not_hear_one_another() {
+    in_domain(|domain| {
+        let robots = [1, 101].map(|id| RobotId::new(id).unwrap());
+        // Robots 1 and 101 share their slot numbers: the name must keep them apart.
+        let slots = robots.map(|robot| ServiceId::DspTelemetry.slot(robot));
+        assert_eq!(slots[0], slots[1]);
+        let parts = robots.map(|robot| Ipc::join(domain, robot, "test").unwrap());
+        let mut subscribers = parts
+            .each_ref()
+            .map(|ipc| ipc.subscriber::<DspTelemetry>().unwrap());
+        let mut publishers = parts
+            .each_ref()
+            .map(|ipc| ipc.publisher::<DspTelemetry>().unwrap());
+        for (robot, publisher) in robots.iter().zip(&mut publishers) {
+            publisher
+                .publish(|sample| sample.rotor_rpm = robot.get())
+                .unwrap();
+        }
+        for (robot, subscriber) in robots.iter().zip(&mut subscribers) {
+            let mut heard = Vec::new();
+            subscriber
+                .drain(|sample| heard.push(sample.rotor_rpm))
+                .unwrap();
+            assert_eq!(heard, [robot.get()]);
+        }
+    });
+}
+
+#[test]
+fn a_robot_has_one_publisher_and_a_second_learns_who_it_is() {
+    in_domain(|domain| {
+        let first = join(domain, "bridge");
+        let publisher = first.publisher::<DspTelemetry>().unwrap();
+        let second = join(domain, "impostor");
+        let Err(error) = second.publisher::<DspTelemetry>() else {
+            panic!("two publishers");
+        };
+        assert!(matches!(error, OpenError::AlreadyProvided { .. }));
+        let text = error.to_string();
+        let process = format!("`bridge` (process {})", std::process::id());
+        assert!(
+            text.contains("hero/1/dsp_telemetry") && text.contains(&process),
+            "{text}"
+        );
+        let provider = second.provider(ServiceId::DspTelemetry).unwrap().unwrap();
+        assert_eq!(
+            (provider.pid, provider.process.as_str()),
+            (std::process::id(), "bridge")
+        );
+        drop(publisher);
+        assert_eq!(second.provider(ServiceId::DspTelemetry).unwrap(), None);
+        assert!(second.publisher::<DspTelemetry>().is_ok());
+    });
+}
+
+#[test]
+fn a_new_publisher_is_counted_as_one() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut sequences = Vec::new();
+        for _ in 0..3 {
+            let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+            // Its coming wakes the subscriber, which then has it; what it says until it goes is not lost.
+            assert_eq!(subscriber.drain(|_| {}).unwrap(), 0);
+            publisher.publish(|_| {}).unwrap();
+            publisher.publish(|_| {}).unwrap();
+            drop(publisher);
+            subscriber
+                .drain(|sample| sequences.push(sample.sequence))
+                .unwrap();
+        }
+        assert_eq!(sequences, [1, 2, 1, 2, 1, 2]);
+        let losses = Losses {
+            received: 6,
+            publisher_changes: 2,
+            ..Losses::default()
+        };
+        assert_eq!(subscriber.losses(), losses);
+        assert_eq!(subscriber.reconnects(), 0);
+    });
+}
+
+#[test]
+fn one_subscriber_too_many_is_refused_with_the_number() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let subscribers: Vec<_> = (0..MAX_SUBSCRIBERS)
+            .map(|_| ipc.subscriber::<DspTelemetry>().unwrap())
+            .collect();
+        let Err(error) = ipc.subscriber::<DspTelemetry>() else {
+            panic!("more than {MAX_SUBSCRIBERS} subscribers");
+        };
+        assert!(
+            matches!(
+                error,
+                OpenError::Full {
+                    max: MAX_SUBSCRIBERS,
+                    ..
+                }
+            ),
+            "{error}"
+        );
+        drop(subscribers);
+        assert!(ipc.subscriber::<DspTelemetry>().is_ok());
+    });
+}
+
+/// The two ways to sleep for samples.
+enum Way {
+    Own,
+    Waiter(Waiter),
+}
+
+/// A consumer that always sleeps gets every sample of a publisher that waits for nobody but its own pace.
+fn no_sample_is_slept_through(way: fn(&Ipc) -> Way) {
+    const SAMPLES: u64 = 20_000;
+    in_domain(move |domain| {
+        let ipc = join(domain, "consumer");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut confirmations = ipc.publisher::<HeroTelemetry>().unwrap();
+        let producer = {
+            let domain = domain.clone();
+            thread::spawn(move || {
+                let ipc = join(&domain, "producer");
+                let mut confirmed = ipc.subscriber::<HeroTelemetry>().unwrap();
+                let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+                let mut last = 0;
+                for _ in 0..SAMPLES {
+                    let sequence = publisher.publish(|_| {}).unwrap();
+                    // At most a quarter of the buffer is on its way: what is missing was slept through, not dropped.
+                    while sequence - last > SUBSCRIBER_BUFFER as u64 / 4 {
+                        confirmed.wait(WATCHDOG).unwrap();
+                        confirmed
+                            .drain(|sample| last = sample.source_sequence)
+                            .unwrap();
+                    }
+                }
+            })
+        };
+        let way = way(&ipc);
+        let mut last = 0;
+        while last < SAMPLES {
+            let wake = match &way {
+                Way::Own => subscriber.wait(WATCHDOG).unwrap(),
+                Way::Waiter(waiter) => waiter
+                    .wait(&[&subscriber as &dyn Source], Some(WATCHDOG))
+                    .unwrap(),
+            };
+            assert!(wake.is_ready(0), "slept through after {last}");
+            subscriber.drain(|sample| last = sample.sequence).unwrap();
+            confirmations
+                .publish(|sample| sample.source_sequence = last)
+                .unwrap();
+        }
+        producer.join().unwrap();
+        assert_eq!(subscriber.losses().lost, 0);
+        assert_eq!(subscriber.losses().received, SAMPLES);
+    });
+}
+
+#[test]
+fn no_sample_is_slept_through_with_the_subscriber_s_own_wait() {
+    no_sample_is_slept_through(|_| Way::Own);
+}
+
+#[test]
+fn no_sample_is_slept_through_with_a_waiter() {
+    no_sample_is_slept_through(|ipc| Way::Waiter(ipc.waiter().unwrap()));
+}
+
+#[test]
+fn a_waiter_says_which_descriptor_is_ready_and_lets_it_go() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let waiter = ipc.waiter().unwrap();
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        {
+            let descriptor = Descriptor::new(reader.as_fd()).unwrap();
+            let sources: [&dyn Source; 2] = [&subscriber, &descriptor];
+            assert_eq!(
+                waiter.wait(&sources, Some(A_MOMENT)).unwrap(),
+                Wake::TimedOut
+            );
+            writer.write_all(b"x").unwrap();
+            let wake = waiter.wait(&sources, Some(WATCHDOG)).unwrap();
+            assert!(wake.is_ready(1) && !wake.is_ready(0));
+            drop(writer);
+            // Hung up: ready for ever, until nobody waits for it any more.
+            assert!(waiter.wait(&sources, Some(WATCHDOG)).unwrap().is_ready(1));
+        }
+        drop(reader);
+        let sources: [&dyn Source; 1] = [&subscriber];
+        assert_eq!(
+            waiter.wait(&sources, Some(A_MOMENT)).unwrap(),
+            Wake::TimedOut
+        );
+    });
+}
+
+#[test]
+fn a_waiter_refuses_what_it_cannot_wait_for() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let waiter = ipc.waiter().unwrap();
+        let wait = |sources: &[&dyn Source]| waiter.wait(sources, Some(Duration::ZERO));
+
+        assert!(matches!(wait(&[]), Err(WaitError::NoSources)));
+        let twice: [&dyn Source; 2] = [&subscriber, &subscriber];
+        assert!(matches!(wait(&twice), Err(WaitError::SameSourceTwice)));
+        let many = [&subscriber as &dyn Source; MAX_SOURCES + 1];
+        assert!(matches!(wait(&many), Err(WaitError::TooManySources(_))));
+        // A plain file is always readable, and the kernel does not wait for it.
+        let file = tempfile::tempfile().unwrap();
+        let descriptor = Descriptor::new(file.as_fd()).unwrap();
+        assert!(matches!(
+            wait(&[&descriptor as &dyn Source]),
+            Err(WaitError::InvalidDescriptor(_))
+        ));
+        assert_eq!(wait(&[&subscriber as &dyn Source]).unwrap(), Wake::TimedOut);
     });
 }

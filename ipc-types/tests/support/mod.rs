@@ -27,10 +27,13 @@ pub fn in_domain(test: impl FnOnce(&Domain) + Send + 'static) {
         eprintln!("a test in {} hangs", domain.root().display());
         std::process::abort();
     }
-    if let Err(failure) = thread.join() {
+    let result = thread.join();
+    let residue = domain.residue();
+    // A failed test leaves nothing either, unless somebody is still in there.
+    let _ = domain.remove_if_dead();
+    if let Err(failure) = result {
         std::panic::resume_unwind(failure);
     }
-    let residue = domain.residue();
     assert!(residue.is_empty(), "left behind: {residue:?}");
 }
 

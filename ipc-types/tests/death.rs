@@ -1,0 +1,386 @@
+//! Processes that are killed, stopped and interrupted: what the others notice, and that nothing is left.
+//!
+//! The program starts itself again in the roles below; the roles talk by lines on their standard streams.
+
+mod support;
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
+use ipc_types::{Domain, Ipc, Removal, RobotId, ServiceId, Source, Wake, fresh_request_id};
+use rustix::process::{Pid, Signal, kill_process};
+
+use support::{WATCHDOG, in_domain, join, until};
+
+const TESTS: &[(&str, fn())] = &[
+    (
+        "a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard",
+        a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard,
+    ),
+    (
+        "a_killed_server_ends_every_request_though_nobody_cleans_up",
+        a_killed_server_ends_every_request_though_nobody_cleans_up,
+    ),
+    (
+        "a_killed_client_is_seen_as_vanished_after_cleaning_up",
+        a_killed_client_is_seen_as_vanished_after_cleaning_up,
+    ),
+    (
+        "a_stopped_subscriber_holds_up_nobody",
+        a_stopped_subscriber_holds_up_nobody,
+    ),
+    ("a_signal_ends_a_wait", a_signal_ends_a_wait),
+    (
+        "kills_during_start_up_do_not_keep_the_next_from_starting",
+        kills_during_start_up_do_not_keep_the_next_from_starting,
+    ),
+    (
+        "what_the_dead_left_is_removed_by_whoever_comes_next",
+        what_the_dead_left_is_removed_by_whoever_comes_next,
+    ),
+];
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [role, name] = &arguments[..]
+        && role == "--role"
+    {
+        play(name);
+        return ExitCode::SUCCESS;
+    }
+    let wanted = |name: &str| {
+        let mut filters = arguments
+            .iter()
+            .filter(|word| !word.starts_with('-'))
+            .peekable();
+        filters.peek().is_none() || filters.any(|filter| name.contains(filter.as_str()))
+    };
+    if arguments.iter().any(|word| word == "--list") {
+        for (name, _) in TESTS {
+            println!("{name}: test");
+        }
+        return ExitCode::SUCCESS;
+    }
+    let mut failed = 0;
+    for (name, test) in TESTS.iter().filter(|(name, _)| wanted(name)) {
+        // The panic's message is on the standard error stream already.
+        let result = std::panic::catch_unwind(test);
+        println!(
+            "test {name} ... {}",
+            if result.is_ok() { "ok" } else { "FAILED" }
+        );
+        failed += usize::from(result.is_err());
+    }
+    println!("test result: {failed} failed");
+    ExitCode::from(u8::from(failed > 0))
+}
+
+/// The part of a child process. Each says when it is where the test wants it, and then goes on until it is killed.
+fn play(role: &str) {
+    let domain = Domain::from_environment().expect("the test's domain");
+    let ipc = Ipc::join(&domain, RobotId::DEFAULT, role).expect("join");
+    match role {
+        "publisher" => {
+            let mut publisher = ipc.publisher::<DspTelemetry>().expect("publisher");
+            for _ in 0..3 {
+                publisher.publish(|_| {}).expect("publish");
+            }
+            println!("published");
+            std::io::stdin().lines().for_each(drop);
+        }
+        "subscriber" => {
+            let mut subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
+            println!("subscribed");
+            loop {
+                subscriber.wait(WATCHDOG).expect("wait");
+                subscriber.drain(|_| {}).expect("drain");
+            }
+        }
+        "server" => {
+            let mut server = ipc.server::<ModuleControl>().expect("server");
+            println!("serving");
+            loop {
+                server.wait(WATCHDOG).expect("wait");
+                let mut tickets = Vec::new();
+                server
+                    .drain(|ticket, _| tickets.push(ticket))
+                    .expect("drain");
+                for ticket in tickets {
+                    let accepted = RequestReport::new(Stage::Accepted, Reason::None);
+                    server.report(ticket, &accepted).expect("report");
+                }
+            }
+        }
+        "client" => {
+            let mut client = ipc.client::<ModuleControl>().expect("client");
+            client.send(&start()).expect("send");
+            println!("sent");
+            loop {
+                client.wait(WATCHDOG).expect("wait");
+                client.drain(|_| {});
+            }
+        }
+        "sleeper" => {
+            let subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
+            let waiter = ipc.waiter().expect("waiter");
+            println!("asleep");
+            let wake = waiter
+                .wait(&[&subscriber as &dyn Source], None)
+                .expect("wait");
+            println!("{wake:?}");
+        }
+        other => panic!("no role {other}"),
+    }
+}
+
+fn start() -> ModuleControl {
+    ModuleControl::new(fresh_request_id(), ControlCommand::Start)
+}
+
+/// A child process, which is killed with the test.
+struct Role {
+    child: Child,
+    says: BufReader<ChildStdout>,
+}
+
+impl Role {
+    fn start(domain: &Domain, role: &str) -> Role {
+        let program = std::env::current_exe().expect("this program");
+        let mut child = Command::new(program)
+            .args(["--role", role])
+            .envs(domain.environment())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("a child process");
+        let says = BufReader::new(child.stdout.take().expect("its output"));
+        Role { child, says }
+    }
+
+    /// Starts a role and waits until it is where the test wants it.
+    fn ready(domain: &Domain, role: &str, says: &str) -> Role {
+        let mut started = Role::start(domain, role);
+        assert_eq!(started.next_line(), says, "{role}");
+        started
+    }
+
+    fn next_line(&mut self) -> String {
+        let mut line = String::new();
+        self.says.read_line(&mut line).expect("a line");
+        line.trim_end().to_owned()
+    }
+
+    fn signal(&self, signal: Signal) {
+        let pid = Pid::from_child(&self.child);
+        kill_process(pid, signal).expect("a child that is not yet waited for takes signals");
+    }
+
+    /// `kill -9`, and waits until the kernel has done it.
+    fn kill(&mut self) {
+        self.child.kill().expect("kill");
+        self.child.wait().expect("wait");
+    }
+}
+
+impl Drop for Role {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
+    in_domain(|domain| {
+        let ipc = join(domain, "consumer");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut heard = Vec::new();
+        let mut epochs = Vec::new();
+        for round in 1..=3 {
+            let mut publisher = Role::ready(domain, "publisher", "published");
+            let provider = ipc.provider(ServiceId::DspTelemetry).unwrap().unwrap();
+            assert_eq!(provider.pid, publisher.child.id());
+            until("three samples", || {
+                subscriber.wait(WATCHDOG).unwrap();
+                subscriber
+                    .drain(|sample| {
+                        heard.push(sample.sequence);
+                        epochs.push(sample.epoch_ns);
+                    })
+                    .unwrap();
+                heard.len() >= 3 * round
+            });
+            publisher.kill();
+            assert_eq!(ipc.provider(ServiceId::DspTelemetry).unwrap(), None);
+        }
+        assert_eq!(heard, [1, 2, 3, 1, 2, 3, 1, 2, 3]);
+        epochs.dedup();
+        assert_eq!(epochs.len(), 3);
+        let losses = subscriber.losses();
+        assert_eq!((losses.lost, losses.publisher_changes), (0, 2));
+        // The last one's remains are still there: nobody came after it.
+        assert_eq!((ipc.clean_dead().removed, ipc.clean_dead().removed), (1, 0));
+    });
+}
+
+fn a_killed_server_ends_every_request_though_nobody_cleans_up() {
+    in_domain(|domain| {
+        let ipc = join(domain, "operator");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = Role::ready(domain, "server", "serving");
+        let request = start();
+        client.send(&request).unwrap();
+        let mut told = Vec::new();
+        until("accepted", || {
+            client.wait(WATCHDOG).unwrap();
+            client.drain(|report| told.push((report.request_id, report.stage(), report.reason())));
+            !told.is_empty()
+        });
+        server.kill();
+        until("gone", || {
+            client.wait(WATCHDOG).unwrap();
+            client.drain(|report| told.push((report.request_id, report.stage(), report.reason())));
+            client.outstanding() == 0
+        });
+        let expected = [
+            (Some(Stage::Accepted), Some(Reason::None)),
+            (Some(Stage::Unknown), Some(Reason::BridgeGone)),
+        ];
+        assert_eq!(
+            told,
+            expected.map(|(stage, reason)| (request.request_id, stage, reason))
+        );
+
+        // The next server is another one: it takes new requests.
+        let _server = Role::ready(domain, "server", "serving");
+        client.send(&start()).unwrap();
+        until("accepted by the next server", || {
+            client.wait(WATCHDOG).unwrap();
+            client.drain(|report| assert_eq!(report.stage(), Some(Stage::Accepted))) > 0
+        });
+    });
+}
+
+fn a_killed_client_is_seen_as_vanished_after_cleaning_up() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut client = Role::ready(domain, "client", "sent");
+        let mut requests = Vec::new();
+        until("the request", || {
+            server.wait(WATCHDOG).unwrap();
+            server
+                .drain(|_, request| requests.push(request.request_id))
+                .unwrap();
+            !requests.is_empty()
+        });
+        server.vanished(|_, _| panic!("vanished while alive"));
+        client.kill();
+        assert_eq!(ipc.clean_dead().removed, 1);
+        assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+        let mut gone = Vec::new();
+        server.vanished(|_, request_id| gone.push(request_id));
+        assert_eq!(gone, requests);
+        assert_eq!(server.open_tickets(), 0);
+    });
+}
+
+fn a_stopped_subscriber_holds_up_nobody() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut reader = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut stopped = Role::ready(domain, "subscriber", "subscribed");
+        stopped.signal(Signal::STOP);
+        let mut heard = 0;
+        for _ in 0..3_000 {
+            publisher.publish(|_| {}).unwrap();
+            heard += reader.drain(|_| {}).unwrap();
+        }
+        stopped.kill();
+        for _ in 0..3_000 {
+            publisher.publish(|_| {}).unwrap();
+            heard += reader.drain(|_| {}).unwrap();
+        }
+        assert_eq!((heard, reader.losses().lost), (6_000, 0));
+    });
+}
+
+fn a_signal_ends_a_wait() {
+    in_domain(|domain| {
+        let mut sleeper = Role::ready(domain, "sleeper", "asleep");
+        let (done, is_done) = std::sync::mpsc::channel();
+        thread::scope(|scope| {
+            let pid = Pid::from_child(&sleeper.child);
+            let says = &mut sleeper.says;
+            scope.spawn(move || {
+                let mut line = String::new();
+                says.read_line(&mut line).expect("a line");
+                done.send(line).expect("the test waits");
+            });
+            // Stopping and going on interrupts like a handled signal. It may come before the sleep: so again and again.
+            let mut line = None;
+            until("interrupted", || {
+                kill_process(pid, Signal::STOP).expect("stop");
+                kill_process(pid, Signal::CONT).expect("go on");
+                line = is_done.recv_timeout(Duration::from_millis(20)).ok();
+                line.is_some()
+            });
+            let interrupted = format!("{:?}\n", Wake::Interrupted);
+            assert_eq!(line, Some(interrupted));
+        });
+        assert!(sleeper.child.wait().unwrap().success());
+    });
+}
+
+fn kills_during_start_up_do_not_keep_the_next_from_starting() {
+    const KILLS: u64 = 60;
+    in_domain(|domain| {
+        // As long as this one lives, nobody may remove the domain as a whole.
+        let ipc = join(domain, "consumer");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        for kill in 0..KILLS {
+            let mut publisher = Role::start(domain, "publisher");
+            // The moment of the kill is this test's input: 0 … 12 ms after the start.
+            thread::sleep(Duration::from_micros(kill * 200));
+            publisher.kill();
+            ipc.clean_dead();
+            subscriber.drain(|_| {}).unwrap();
+        }
+        let before = subscriber.losses().received;
+        let _publisher = Role::ready(domain, "publisher", "published");
+        until("three samples", || {
+            subscriber.wait(WATCHDOG).unwrap();
+            subscriber.drain(|_| {}).unwrap();
+            subscriber.losses().received >= before + 3
+        });
+    });
+}
+
+fn what_the_dead_left_is_removed_by_whoever_comes_next() {
+    in_domain(|domain| {
+        let killed_alone = || {
+            let mut publisher = Role::ready(domain, "publisher", "published");
+            let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
+            assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
+            subscriber.kill();
+            publisher.kill();
+            assert!(!domain.residue().is_empty());
+        };
+        killed_alone();
+        assert!(matches!(
+            domain.remove_if_dead().unwrap(),
+            Removal::Removed(_)
+        ));
+        assert!(domain.residue().is_empty());
+        killed_alone();
+        // The first to join finds a clean domain, and leaves one.
+        let ipc = join(domain, "next");
+        assert_eq!(ipc.clean_dead().removed, 0);
+        drop(ipc);
+    });
+}

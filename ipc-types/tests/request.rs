@@ -1,0 +1,407 @@
+//! Requests: streams of reports, clients and servers that come and go, full buffers and tables.
+
+mod support;
+
+use std::thread;
+use std::time::Duration;
+
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
+use ipc_types::server::MAX_OPEN_TICKETS;
+use ipc_types::service::{MAX_OUTSTANDING, RESPONSE_BUFFER};
+use ipc_types::{
+    Client, ReportError, Request, SendError, Server, Source, Ticket, Wake, fresh_request_id,
+};
+
+use support::{WATCHDOG, in_domain, join, until};
+
+const A_MOMENT: Duration = Duration::from_millis(200);
+
+fn start() -> ModuleControl {
+    ModuleControl::new(fresh_request_id(), ControlCommand::Start)
+}
+
+/// The requests that are there.
+fn take<R: Request>(server: &mut Server<R>) -> Vec<(Ticket, R)> {
+    let mut requests = Vec::new();
+    server
+        .drain(|ticket, request| requests.push((ticket, *request)))
+        .unwrap();
+    requests
+}
+
+/// The reports that are there: request, stage, reason.
+fn reports<R: Request>(client: &mut Client<R>) -> Vec<(u64, Stage, Reason)> {
+    let mut reports = Vec::new();
+    client.drain(|report| {
+        let stage = report.stage().expect("a stage of the contract");
+        let reason = report.reason().expect("a reason of the contract");
+        reports.push((report.request_id, stage, reason));
+    });
+    reports
+}
+
+fn report(stage: Stage) -> RequestReport {
+    RequestReport::new(stage, Reason::None)
+}
+
+#[test]
+fn a_request_is_accepted_goes_on_and_has_a_final_word() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let request = MovementData::take_off(fresh_request_id(), 12.5);
+        client.send(&request).unwrap();
+        assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+        let requests = take(&mut server);
+        let [(ticket, received)] = requests[..] else {
+            panic!("{requests:?}");
+        };
+        assert_eq!(received, request);
+
+        for (stage, outstanding) in [(Stage::Accepted, 1), (Stage::Progress, 1), (Stage::Done, 0)] {
+            server.report(ticket, &report(stage)).unwrap();
+            assert!(client.wait(WATCHDOG).unwrap().is_ready(0));
+            let expected = [(request.request_id, stage, Reason::None)];
+            assert_eq!(reports(&mut client), expected);
+            assert_eq!(client.outstanding(), outstanding);
+        }
+        assert_eq!(server.open_tickets(), 0);
+        assert_eq!(
+            server.report(ticket, &report(Stage::Progress)),
+            Err(ReportError::NotOpen)
+        );
+        assert_eq!(client.wait(Duration::ZERO).unwrap(), Wake::TimedOut);
+    });
+}
+
+#[test]
+fn without_a_server_nothing_is_sent() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        assert!(!client.is_server_alive());
+        let error = client.send(&start()).unwrap_err();
+        assert!(matches!(error, SendError::NoServer { robot: 1, .. }));
+        assert!(error.to_string().contains("start its bridge"), "{error}");
+        assert_eq!(client.outstanding(), 0);
+
+        // A server that comes later knows nothing of it, and takes the next.
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        assert!(client.is_server_alive());
+        assert!(take(&mut server).is_empty());
+        client.send(&start()).unwrap();
+        assert_eq!(take(&mut server).len(), 1);
+    });
+}
+
+#[test]
+fn a_client_that_is_dropped_or_gives_up_is_seen_as_vanished() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut dropped = ipc.client::<ModuleControl>().unwrap();
+        let mut giving_up = ipc.client::<ModuleControl>().unwrap();
+        let mut staying = ipc.client::<ModuleControl>().unwrap();
+        let sent = [start(), start(), start()];
+        dropped.send(&sent[0]).unwrap();
+        giving_up.send(&sent[1]).unwrap();
+        staying.send(&sent[2]).unwrap();
+        let requests = take(&mut server);
+        assert_eq!(requests.len(), 3);
+        assert_eq!(server.wait(Duration::ZERO).unwrap(), Wake::TimedOut);
+
+        drop(dropped);
+        giving_up.give_up();
+        assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+        let mut gone = Vec::new();
+        server.vanished(|_, request_id| gone.push(request_id));
+        gone.sort_unstable();
+        let mut expected = [sent[0].request_id, sent[1].request_id];
+        expected.sort_unstable();
+        assert_eq!(gone, expected);
+        assert_eq!(server.open_tickets(), 1);
+
+        server.vanished(|_, request_id| panic!("{request_id} vanished again"));
+        for (ticket, request) in requests {
+            let result = server.report(ticket, &report(Stage::Done));
+            let expected = if request == sent[2] {
+                Ok(())
+            } else {
+                Err(ReportError::NotOpen)
+            };
+            assert_eq!(result, expected);
+        }
+    });
+}
+
+#[test]
+fn reporting_to_a_client_that_is_gone_says_so_once() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        client.send(&start()).unwrap();
+        let (ticket, _) = take(&mut server)[0];
+        drop(client);
+        let mut tell = || server.report(ticket, &report(Stage::Progress));
+        assert_eq!(tell(), Err(ReportError::Vanished));
+        assert_eq!(tell(), Err(ReportError::NotOpen));
+        server.vanished(|_, request_id| panic!("{request_id} vanished again"));
+    });
+}
+
+#[test]
+fn a_request_whose_sender_is_gone_is_never_seen() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let mut client = ipc.client::<MovementData>().unwrap();
+        client
+            .send(&MovementData::take_off(fresh_request_id(), 5.0))
+            .unwrap();
+        drop(client);
+        assert!(take(&mut server).is_empty());
+    });
+}
+
+#[test]
+fn when_the_server_goes_every_open_request_ends_as_unknown() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let sent = [start(), start(), start()];
+        for request in &sent {
+            client.send(request).unwrap();
+        }
+        let requests = take(&mut server);
+        // What the server still said comes out first.
+        server.report(requests[0].0, &report(Stage::Done)).unwrap();
+        server
+            .report(requests[1].0, &report(Stage::Accepted))
+            .unwrap();
+        drop(server);
+        assert!(client.wait(WATCHDOG).unwrap().is_ready(0));
+        let mut told = reports(&mut client);
+        told.sort_by_key(|(id, stage, _)| {
+            let order = sent.iter().position(|request| request.request_id == *id);
+            (order, stage.code())
+        });
+        let expected = [
+            (sent[0].request_id, Stage::Done, Reason::None),
+            (sent[1].request_id, Stage::Accepted, Reason::None),
+            (sent[1].request_id, Stage::Unknown, Reason::BridgeGone),
+            (sent[2].request_id, Stage::Unknown, Reason::BridgeGone),
+        ];
+        assert_eq!(told, expected);
+        assert_eq!(client.outstanding(), 0);
+        assert!(!client.is_server_alive());
+    });
+}
+
+#[test]
+fn the_last_words_of_a_server_reach_everybody_though_it_goes_at_once() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        for _ in 0..MAX_OUTSTANDING {
+            client.send(&start()).unwrap();
+        }
+        let last_words = RequestReport::new(Stage::Aborted, Reason::BridgeEnding);
+        // All but the first, which has nothing to read when the server goes.
+        for (ticket, _) in take(&mut server).into_iter().skip(1) {
+            server.report(ticket, &last_words).unwrap();
+        }
+        drop(server);
+        let told = reports(&mut client);
+        let count = |stage| told.iter().filter(|(_, told, _)| *told == stage).count();
+        assert_eq!(
+            (count(Stage::Unknown), count(Stage::Aborted)),
+            (1, MAX_OUTSTANDING - 1)
+        );
+    });
+}
+
+#[test]
+fn a_path_and_more_may_be_open_at_once_and_one_too_many_is_refused() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let position = WaypointPosition {
+            latitude_deg: 37.4,
+            longitude_deg: -5.9,
+            altitude_m: 20.0,
+        };
+        let path: Vec<_> =
+            MovementData::path(7, &[position; MAX_OUTSTANDING], fresh_request_id).collect();
+        for request in &path {
+            client.send(request).unwrap();
+        }
+        assert_eq!(client.outstanding(), MAX_OUTSTANDING);
+        assert_eq!(client.send(&path[0]), Err(SendError::TooManyOutstanding));
+
+        let requests = take(&mut server);
+        let received: Vec<_> = requests.iter().map(|(_, request)| *request).collect();
+        assert_eq!(received, path, "in order");
+        for (ticket, _) in &requests {
+            server.report(*ticket, &report(Stage::Accepted)).unwrap();
+        }
+        for (ticket, _) in requests.iter().rev() {
+            server.report(*ticket, &report(Stage::Done)).unwrap();
+        }
+        let mut told = reports(&mut client);
+        told.sort_by_key(|(id, stage, _)| (*id, stage.code()));
+        let mut expected: Vec<_> = path
+            .iter()
+            .flat_map(|request| {
+                [Stage::Accepted, Stage::Done]
+                    .map(|stage| (request.request_id, stage, Reason::None))
+            })
+            .collect();
+        expected.sort_by_key(|(id, stage, _)| (*id, stage.code()));
+        assert_eq!(told, expected);
+        // The places are free again, many times over.
+        for _ in 0..3 * MAX_OUTSTANDING {
+            client.send(&path[0]).unwrap();
+            let (ticket, _) = take(&mut server)[0];
+            server.report(ticket, &report(Stage::Done)).unwrap();
+            assert_eq!(reports(&mut client).len(), 1);
+        }
+    });
+}
+
+#[test]
+fn one_open_request_too_many_is_refused_by_the_server_s_port() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let clients = (MAX_OPEN_TICKETS as usize).div_ceil(MAX_OUTSTANDING);
+        let mut clients: Vec<_> = (0..clients)
+            .map(|_| ipc.client::<ModuleControl>().unwrap())
+            .collect();
+        let mut tickets = Vec::new();
+        let mut left = MAX_OPEN_TICKETS as usize;
+        for client in &mut clients {
+            for _ in 0..MAX_OUTSTANDING.min(left) {
+                client.send(&start()).unwrap();
+                left -= 1;
+            }
+            tickets.extend(take(&mut server));
+        }
+        assert_eq!(server.open_tickets(), MAX_OPEN_TICKETS as usize);
+
+        let client = clients.last_mut().unwrap();
+        let late = start();
+        client.send(&late).unwrap();
+        assert!(take(&mut server).is_empty());
+        assert_eq!(server.refused_full(), 1);
+        let refusal = (late.request_id, Stage::Refused, Reason::TooManyRequests);
+        assert_eq!(reports(client), [refusal]);
+
+        // One that ends makes room for one.
+        server.report(tickets[0].0, &report(Stage::Done)).unwrap();
+        client.send(&late).unwrap();
+        assert_eq!(take(&mut server).len(), 1);
+    });
+}
+
+#[test]
+fn a_client_that_does_not_read_loses_progress_but_never_the_final_word() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let request = MovementData::land(fresh_request_id());
+        client.send(&request).unwrap();
+        let (ticket, _) = take(&mut server)[0];
+        for _ in 0..RESPONSE_BUFFER {
+            server.report(ticket, &report(Stage::Progress)).unwrap();
+        }
+        let progress = server.report(ticket, &report(Stage::Progress));
+        assert_eq!(progress, Err(ReportError::BufferFull));
+        server.report(ticket, &report(Stage::Done)).unwrap();
+        let after_final = server.report(ticket, &report(Stage::Progress));
+        assert_eq!(after_final, Err(ReportError::NotOpen));
+        assert_eq!(server.open_tickets(), 1, "the final word is kept");
+
+        let progress = (request.request_id, Stage::Progress, Reason::None);
+        assert_eq!(reports(&mut client), [progress; RESPONSE_BUFFER]);
+        assert!(take(&mut server).is_empty());
+        let done = (request.request_id, Stage::Done, Reason::None);
+        assert_eq!(reports(&mut client), [done]);
+        assert_eq!((server.open_tickets(), client.outstanding()), (0, 0));
+    });
+}
+
+#[test]
+fn a_report_is_given_the_request_s_id_and_a_time() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let request = start();
+        client.send(&request).unwrap();
+        let (ticket, _) = take(&mut server)[0];
+        let mut wrong = report(Stage::Done);
+        wrong.request_id = 1;
+        server.report(ticket, &wrong).unwrap();
+        let mut told = Vec::new();
+        client.drain(|report| told.push(*report));
+        assert_eq!(told.len(), 1);
+        assert_eq!(told[0].request_id, request.request_id);
+        assert_ne!(told[0].reported_ns, 0);
+    });
+}
+
+#[test]
+fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
+    const REQUESTS: usize = 2_000;
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let waiter = ipc.waiter().unwrap();
+        let mut control = ipc.server::<ModuleControl>().unwrap();
+        let mut movement = ipc.server::<MovementData>().unwrap();
+        let operator = {
+            let domain = domain.clone();
+            thread::spawn(move || {
+                let ipc = join(&domain, "operator");
+                let waiter = ipc.waiter().unwrap();
+                let mut client = ipc.client::<ModuleControl>().unwrap();
+                for _ in 0..REQUESTS {
+                    client.send(&start()).unwrap();
+                    while client.outstanding() > 0 {
+                        let wake = waiter.wait(&[&client as &dyn Source], Some(WATCHDOG));
+                        assert!(wake.unwrap().is_ready(0));
+                        for (_, stage, _) in reports(&mut client) {
+                            assert_eq!(stage, Stage::Done);
+                        }
+                    }
+                }
+            })
+        };
+        let mut served = 0;
+        while served < REQUESTS {
+            let wake = waiter
+                .wait(&[&movement as &dyn Source, &control], Some(WATCHDOG))
+                .unwrap();
+            assert_ne!(wake, Wake::TimedOut);
+            assert!(take(&mut movement).is_empty());
+            for (ticket, _) in take(&mut control) {
+                control.report(ticket, &report(Stage::Done)).unwrap();
+                served += 1;
+            }
+            control.vanished(|_, request_id| panic!("{request_id} vanished"));
+        }
+        operator.join().unwrap();
+        // The operator's end wakes the server, which finds nothing; then it is quiet.
+        until("quiet", || {
+            let wake = waiter.wait(&[&movement as &dyn Source, &control], Some(A_MOMENT));
+            assert!(take(&mut control).is_empty());
+            wake.unwrap() == Wake::TimedOut
+        });
+    });
+}
