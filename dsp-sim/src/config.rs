@@ -1,0 +1,305 @@
+//! Configuration of the simulator, `dsp-sim.toml`. Every value has a default; the annotated example
+//! `dsp-sim/dsp-sim.toml` shows them all and is tested to parse to them.
+
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use dsp_protocol::DspErrorCode;
+use dsp_protocol::downlink::Geographic;
+use runtime::config::Deserializer;
+use serde::Deserialize;
+use serde::de::Error as _;
+
+use crate::helicopter::Model;
+use crate::helicopter::wind::WindModel;
+use crate::simulator::Setup;
+
+/// The configuration file that is read when none is named; it may be absent.
+pub const DEFAULT_FILE: &str = "dsp-sim.toml";
+
+/// Errors that the DSP can queue while it boots: the places of its queue (`docs/protocol.md` section 8.6).
+const MAX_BOOT_ERRORS: usize = 16;
+
+runtime::ranged! {
+    fn baud_rate(u32) in 0..=4_000_000;
+    // At the poles east has no direction.
+    fn latitude_deg(f64) in -85.0..=85.0;
+    fn longitude_deg(f64) in -180.0..=180.0;
+    fn altitude_m(f64) in -500.0..=9_000.0;
+    fn direction_deg(f64) in 0.0..=360.0;
+    // Together no more than the helicopter can hold against.
+    fn wind_mps(f64) in 0.0..=12.0;
+    fn gust_mps(f64) in 0.0..=3.0;
+    fn noise_level(f64) in 0.0..=10.0;
+    // TOML has no unsigned integers.
+    fn seed(u64) in 0..=i64::MAX.cast_unsigned();
+    fn fix_after_s(f64) in 0.0..=3_600.0;
+}
+
+/// All of `dsp-sim.toml`.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// The serial line.
+    pub line: LineConfig,
+    /// Where the helicopter stands at first.
+    pub home: HomeConfig,
+    /// The wind.
+    pub wind: WindConfig,
+    /// The noise of the sensors.
+    pub noise: NoiseConfig,
+    /// The GPS receiver.
+    pub gps: GpsConfig,
+    /// The DSP's boot.
+    pub boot: BootConfig,
+}
+
+/// `[line]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LineConfig {
+    /// Bits per second that the line is paced at, 8N1; 0 switches the pace off.
+    #[serde(deserialize_with = "baud_rate")]
+    pub baud_rate: u32,
+}
+
+impl Default for LineConfig {
+    fn default() -> Self {
+        LineConfig { baud_rate: 115_200 }
+    }
+}
+
+/// `[home]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HomeConfig {
+    /// Latitude, degrees, north positive.
+    #[serde(deserialize_with = "latitude_deg")]
+    pub latitude_deg: f64,
+    /// Longitude, degrees, east positive.
+    #[serde(deserialize_with = "longitude_deg")]
+    pub longitude_deg: f64,
+    /// Altitude of the ground, m.
+    #[serde(deserialize_with = "altitude_m")]
+    pub altitude_m: f64,
+    /// Where the nose points, degrees clockwise from true north.
+    #[serde(deserialize_with = "direction_deg")]
+    pub heading_deg: f64,
+}
+
+impl Default for HomeConfig {
+    fn default() -> Self {
+        HomeConfig {
+            latitude_deg: 37.411,
+            longitude_deg: -6.001,
+            altitude_m: 10.0,
+            heading_deg: 0.0,
+        }
+    }
+}
+
+/// `[wind]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WindConfig {
+    /// Steady wind, m/s.
+    #[serde(deserialize_with = "wind_mps")]
+    pub speed_mps: f64,
+    /// Where it comes from, degrees clockwise from true north.
+    #[serde(deserialize_with = "direction_deg")]
+    pub from_deg: f64,
+    /// Standard deviation of the gusts along each axis, m/s.
+    #[serde(deserialize_with = "gust_mps")]
+    pub gust_mps: f64,
+}
+
+impl Default for WindConfig {
+    fn default() -> Self {
+        WindConfig {
+            speed_mps: 3.0,
+            from_deg: 240.0,
+            gust_mps: 0.7,
+        }
+    }
+}
+
+/// `[noise]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NoiseConfig {
+    /// Noise of all sensors: 0 none, 1 usual.
+    #[serde(deserialize_with = "noise_level")]
+    pub level: f64,
+    /// Seed of noise and gusts.
+    #[serde(deserialize_with = "seed")]
+    pub seed: u64,
+}
+
+impl Default for NoiseConfig {
+    fn default() -> Self {
+        NoiseConfig {
+            level: 1.0,
+            seed: 1,
+        }
+    }
+}
+
+/// `[gps]`
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GpsConfig {
+    /// Time from the start to the first fix, s. Before it, quality, position and velocity read zero.
+    #[serde(deserialize_with = "fix_after_s")]
+    pub fix_after_s: f64,
+}
+
+/// `[boot]`
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BootConfig {
+    /// Errors that the DSP queues while it boots (`docs/protocol.md` section 7).
+    #[serde(deserialize_with = "boot_errors")]
+    pub errors: Vec<u16>,
+}
+
+impl Config {
+    /// What is simulated.
+    pub fn setup(&self) -> Setup {
+        let errors = self.boot.errors.iter();
+        Setup {
+            model: Model {
+                home: Geographic {
+                    latitude_deg: self.home.latitude_deg,
+                    longitude_deg: self.home.longitude_deg,
+                    altitude_m: self.home.altitude_m,
+                },
+                heading_deg: self.home.heading_deg,
+                wind: WindModel {
+                    speed_mps: self.wind.speed_mps,
+                    from_deg: self.wind.from_deg,
+                    gust_mps: self.wind.gust_mps,
+                },
+                noise_level: self.noise.level,
+                seed: self.noise.seed,
+                gps_fix_after: Duration::from_secs_f64(self.gps.fix_after_s),
+            },
+            baud: NonZeroU32::new(self.line.baud_rate),
+            boot_errors: errors.copied().map(DspErrorCode).collect(),
+        }
+    }
+}
+
+impl Default for Setup {
+    /// The defaults of the configuration.
+    fn default() -> Self {
+        Config::default().setup()
+    }
+}
+
+fn boot_errors<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u16>, D::Error> {
+    let errors = Vec::<u16>::deserialize(deserializer)?;
+    if errors.len() > MAX_BOOT_ERRORS {
+        return Err(D::Error::custom(format_args!(
+            "the DSP queues at most {MAX_BOOT_ERRORS} errors, not {}",
+            errors.len()
+        )));
+    }
+    Ok(errors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_annotated_example_says_the_defaults() {
+        let example = include_str!("../dsp-sim.toml");
+        let parsed: Config = runtime::config::parse(example, "dsp-sim.toml").unwrap();
+        assert_eq!(parsed, Config::default());
+        // Every key is shown: what is commented out in the example would not be tested.
+        for key in [
+            "baud_rate",
+            "heading_deg",
+            "from_deg",
+            "level",
+            "fix_after_s",
+            "errors",
+        ] {
+            let shown = example.lines().any(|line| line.starts_with(key));
+            assert!(shown, "{key} is not in the example");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_its_line() {
+        for (text, expected) in [
+            (
+                "[line]\nbaud_rate = 5000000",
+                "x.toml:2: 5000000 is out of range",
+            ),
+            ("[line]\nbaud = 9600", "x.toml:2: unknown field `baud`"),
+            (
+                "[home]\n\nlatitude_deg = 90.0",
+                "x.toml:3: 90 is out of range",
+            ),
+            ("[wind]\nspeed_mps = nan", "x.toml:2: NaN is out of range"),
+            ("[noise]\nseed = -1", "x.toml:2: "),
+            ("[boot]\nerrors = [70000]", "x.toml:2: "),
+            (
+                "[boot]\nerrors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]",
+                "at most 16 errors",
+            ),
+            ("[engine]", "x.toml:1: unknown field `engine`"),
+        ] {
+            let error = runtime::config::parse::<Config>(text, "x.toml").unwrap_err();
+            let told = error.to_string();
+            assert!(told.contains(expected), "{text}: {told}");
+        }
+    }
+
+    #[test]
+    fn the_setup_carries_every_value() {
+        let text = "
+            [line]
+            baud_rate = 0
+            [home]
+            latitude_deg = -1.0
+            longitude_deg = 2.0
+            altitude_m = 3.0
+            heading_deg = 4.0
+            [wind]
+            speed_mps = 5.0
+            from_deg = 6.0
+            gust_mps = 0.7
+            [noise]
+            level = 8.0
+            seed = 9
+            [gps]
+            fix_after_s = 10.0
+            [boot]
+            errors = [11]
+        ";
+        let config: Config = runtime::config::parse(text, "x.toml").unwrap();
+        let expected = Setup {
+            model: Model {
+                home: Geographic {
+                    latitude_deg: -1.0,
+                    longitude_deg: 2.0,
+                    altitude_m: 3.0,
+                },
+                heading_deg: 4.0,
+                wind: WindModel {
+                    speed_mps: 5.0,
+                    from_deg: 6.0,
+                    gust_mps: 0.7,
+                },
+                noise_level: 8.0,
+                seed: 9,
+                gps_fix_after: Duration::from_secs(10),
+            },
+            baud: None,
+            boot_errors: vec![DspErrorCode(11)],
+        };
+        assert_eq!(config.setup(), expected);
+    }
+}

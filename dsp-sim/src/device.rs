@@ -1,0 +1,415 @@
+//! The DSP's side of the protocol (`docs/protocol.md` sections 5 … 8): a pure value that is given bytes and time, and is
+//! drained of bytes.
+//!
+//! It was written from that page alone. Where the page leaves a choice:
+//!
+//! * A command with a right checksum whose content is refused (*padding*, *value*) is acknowledged, and error 30 follows.
+//!   A waypoint like that is discarded with error 30. *Stray* bytes and *truncated* messages are only counted: nobody can
+//!   say what they were, and error 102 is kept for a checksum that is wrong.
+//! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
+//! * The first status and the first flow control come one period after they were switched on; a shorter period takes
+//!   effect at once.
+//! * Following off empties the path buffer and hovers, as *invalidate path* does.
+//! * An acknowledgement that finds its queue full is dropped with error 5.
+//!
+//! Time is simulated: a [`Duration`] since the start of the simulator. The DSP's own clock starts when it boots.
+
+pub mod errors;
+pub mod output;
+pub mod ports;
+
+use std::time::Duration;
+
+use dsp_protocol::downlink::Geographic;
+use dsp_protocol::{
+    Command, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed, Group, Refusal,
+    Status, StatusMask, Uplink, Waypoint, header, port,
+};
+
+use crate::helicopter::{Helicopter, Phase, Refused};
+
+use errors::ErrorQueue;
+use output::Output;
+use ports::Ports;
+
+/// Free places of the path buffer without which flow control says stop: the second is for a waypoint on its way.
+const PLACES_TO_SEND: usize = 2;
+/// "Write to sci_a with a full queue": the line to the PC hangs at the first serial interface.
+const WRITE_QUEUE_FULL: DspErrorCode = DspErrorCode(5);
+
+/// What the DSP counted since it booted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Commands by code.
+    pub commands: [u64; 8],
+    /// Waypoints that the path buffer took.
+    pub waypoints: u64,
+    /// Waypoints that were discarded.
+    pub waypoints_discarded: u64,
+    /// Refusals of the decoder, in the order of [`Refusal::ALL`].
+    pub refusals: [u64; Refusal::ALL.len()],
+    /// Status messages that were queued.
+    pub statuses: u64,
+    /// Status messages that were left out because the line was too slow.
+    pub statuses_left_out: u64,
+}
+
+/// The DSP.
+#[derive(Clone, Debug)]
+pub struct Dsp {
+    boot_errors: Vec<DspErrorCode>,
+    booted_at: Duration,
+    decoder: Decoder<Uplink>,
+    ports: Ports,
+    errors: ErrorQueue,
+    output: Output,
+    /// When the next status is due; nothing while transmission is off.
+    status_due: Option<Duration>,
+    /// When the next flow control is due; nothing while following is off.
+    flow_control_due: Option<Duration>,
+    counters: Counters,
+}
+
+/// What the decoder found, free of the bytes it was found in.
+enum Input {
+    Nothing,
+    Message(Uplink),
+    Refused(Refusal),
+    /// A command with a right checksum whose content was refused.
+    BadCommand(u8, Refusal),
+}
+
+impl Dsp {
+    /// A DSP that boots at `now`, and queues `boot_errors` while it does so, now and at every reboot.
+    pub fn boot(now: Duration, boot_errors: Vec<DspErrorCode>) -> Dsp {
+        let mut errors = ErrorQueue::default();
+        boot_errors.iter().for_each(|error| errors.push(*error));
+        Dsp {
+            boot_errors,
+            booted_at: now,
+            decoder: Decoder::new(),
+            ports: Ports::default(),
+            errors,
+            output: Output::default(),
+            status_due: None,
+            flow_control_due: None,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Boots again: everything that is not sent is lost, and the helicopter hovers (see [`Helicopter::reboot`]).
+    pub fn reboot(&mut self, now: Duration, helicopter: &mut Helicopter) {
+        helicopter.advance(now);
+        *self = Dsp::boot(now, std::mem::take(&mut self.boot_errors));
+        helicopter.reboot(self.ports.settings());
+    }
+
+    /// Takes bytes that the line delivers at `now`.
+    pub fn receive(&mut self, now: Duration, mut bytes: &[u8], helicopter: &mut Helicopter) {
+        self.advance(now, helicopter);
+        helicopter.advance(now);
+        while !bytes.is_empty() {
+            let (taken, framed) = self.decoder.next_frame(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            match Input::from(framed) {
+                Input::Nothing => {}
+                Input::Message(Uplink::Command(command)) => self.execute(now, command, helicopter),
+                Input::Message(Uplink::Waypoint(waypoint)) => {
+                    self.take_waypoint(waypoint, helicopter)
+                }
+                Input::Refused(refusal) => self.refuse(refusal),
+                Input::BadCommand(code, refusal) => {
+                    self.count_command(code);
+                    self.acknowledge(answer(code, 0, 0.0));
+                    self.refuse(refusal);
+                }
+            }
+        }
+    }
+
+    /// Does what is due up to `now`.
+    pub fn advance(&mut self, now: Duration, helicopter: &mut Helicopter) {
+        while let Some(due) = self.next_deadline().filter(|due| *due <= now) {
+            if self.status_due == Some(due) {
+                self.status_due = Some(due + self.status_period());
+                self.queue_status(due, helicopter);
+            }
+            if self.flow_control_due == Some(due) {
+                self.flow_control_due = Some(due + self.flow_control_period());
+                helicopter.advance(due);
+                let request = match helicopter.free_places() {
+                    PLACES_TO_SEND.. => FlowControl::Send,
+                    _ => FlowControl::Stop,
+                };
+                self.output
+                    .push_flow_control(Downlink::FlowControl(request).encode());
+            }
+        }
+    }
+
+    /// When [`advance`](Self::advance) has something to do next; nothing while the DSP is silent.
+    pub fn next_deadline(&self) -> Option<Duration> {
+        self.status_due
+            .into_iter()
+            .chain(self.flow_control_due)
+            .min()
+    }
+
+    /// What waits to be sent.
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// Counts `count` bytes of the output's front as sent.
+    pub fn sent(&mut self, count: usize) {
+        self.output.consume(count);
+    }
+
+    /// What was counted since the boot.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Errors that wait to be told.
+    pub fn errors(&self) -> &ErrorQueue {
+        &self.errors
+    }
+
+    /// The values of the ports.
+    pub fn ports(&self) -> &Ports {
+        &self.ports
+    }
+
+    /// Acknowledges a command, then carries it out or refuses it.
+    fn execute(&mut self, now: Duration, command: Command, helicopter: &mut Helicopter) {
+        self.count_command(command.code());
+        let outcome = match command {
+            Command::Read16 { port } => {
+                let value = self.read_16(port, helicopter);
+                self.acknowledge(answer(command.code(), value.unwrap_or(0), 0.0));
+                value.is_some()
+            }
+            Command::Read32 { port } => {
+                let value = self.ports.read_32(port);
+                self.acknowledge(answer(command.code(), 0, value.unwrap_or(0.0)));
+                value.is_some()
+            }
+            _ => {
+                self.acknowledge(answer(command.code(), 0, 0.0));
+                self.carry_out(now, command, helicopter)
+            }
+        };
+        if !outcome {
+            self.errors.push(DspErrorCode::INVALID_COMMAND);
+        }
+    }
+
+    /// The value of a 16-bit port. Take-off and landing tell whether one is under way.
+    fn read_16(&self, number: u16, helicopter: &Helicopter) -> Option<u16> {
+        let phase = helicopter.phase();
+        match number {
+            port::TAKE_OFF => Some(matches!(phase, Phase::SpinningUp | Phase::TakingOff).into()),
+            port::LAND => Some(matches!(phase, Phase::Landing | Phase::SpinningDown).into()),
+            _ => self.ports.read_16(number),
+        }
+    }
+
+    /// Carries out a command that only needs to be acknowledged; false when it is refused.
+    fn carry_out(&mut self, now: Duration, command: Command, helicopter: &mut Helicopter) -> bool {
+        match command {
+            Command::Read16 { .. } | Command::Read32 { .. } => false,
+            Command::Write16 { port, value } => self.write_16(now, port, value, helicopter),
+            Command::Write32 { port, value } => {
+                let written = self.ports.write_32(port, value).is_ok();
+                helicopter.set_settings(self.ports.settings());
+                written
+            }
+            Command::ClearErrors => {
+                self.errors.clear();
+                self.output.forget_error();
+                true
+            }
+            Command::ActivateStatus => {
+                let first = now + self.status_period();
+                self.status_due.get_or_insert(first);
+                true
+            }
+            Command::InvalidatePath => {
+                helicopter.clear_path();
+                true
+            }
+            Command::Following { on: true } => {
+                let first = now + self.flow_control_period();
+                self.flow_control_due.get_or_insert(first);
+                true
+            }
+            Command::Following { on: false } => {
+                self.flow_control_due = None;
+                helicopter.clear_path();
+                true
+            }
+        }
+    }
+
+    fn write_16(
+        &mut self,
+        now: Duration,
+        number: u16,
+        bits: u16,
+        helicopter: &mut Helicopter,
+    ) -> bool {
+        match number {
+            port::TAKE_OFF => bits == 1 && helicopter.take_off().is_ok(),
+            port::LAND => bits == 1 && helicopter.land().is_ok(),
+            _ => {
+                let written = self.ports.write_16(number, bits).is_ok();
+                helicopter.set_settings(self.ports.settings());
+                // What is due later than a new, shorter period allows is due then.
+                let (status, flow) = (self.status_period(), self.flow_control_period());
+                self.status_due = self.status_due.map(|due| due.min(now + status));
+                self.flow_control_due = self.flow_control_due.map(|due| due.min(now + flow));
+                written
+            }
+        }
+    }
+
+    fn take_waypoint(&mut self, waypoint: Waypoint, helicopter: &mut Helicopter) {
+        let outcome = if self.flow_control_due.is_some() && is_plausible(&waypoint) {
+            helicopter.push_waypoint(Geographic {
+                latitude_deg: waypoint.latitude_deg,
+                longitude_deg: waypoint.longitude_deg,
+                altitude_m: waypoint.altitude_m,
+            })
+        } else {
+            Err(Refused::Impossible)
+        };
+        let error = match outcome {
+            Ok(()) => {
+                self.counters.waypoints += 1;
+                return;
+            }
+            Err(Refused::PathFull) => DspErrorCode::UART_QUEUE_FULL,
+            Err(Refused::Impossible) => DspErrorCode::INVALID_COMMAND,
+        };
+        self.counters.waypoints_discarded += 1;
+        self.errors.push(error);
+    }
+
+    /// Counts bytes that were refused, and tells the PC about those that can be told.
+    fn refuse(&mut self, refusal: Refusal) {
+        if let Some(count) = self.counters.refusals.get_mut(refusal as usize) {
+            *count += 1;
+        }
+        self.errors.push(match refusal {
+            Refusal::Stray | Refusal::Truncated => return,
+            Refusal::UnknownHeader => DspErrorCode::UNKNOWN_HEADER,
+            Refusal::Checksum => DspErrorCode::PC_CHECKSUM,
+            Refusal::Padding | Refusal::Value | Refusal::UnknownCommand => {
+                DspErrorCode::INVALID_COMMAND
+            }
+        });
+    }
+
+    fn queue_status(&mut self, now: Duration, helicopter: &mut Helicopter) {
+        if self.output.status_pending() {
+            self.counters.statuses_left_out += 1;
+            return;
+        }
+        helicopter.advance(now);
+        let mask = StatusMask(self.ports.read_16(port::STATUS_MASK).unwrap_or(0));
+        // The clock of the DSP has 32 bits of milliseconds, and turns over after 49 days.
+        let time_ms = (now - self.booted_at).as_millis() as u32;
+        let status = chosen(helicopter.sense(), time_ms, mask);
+        let error = self
+            .errors
+            .pop()
+            .map(|error| Downlink::Error(error).encode());
+        self.output
+            .push_status(Downlink::Status(status).encode(), error);
+        self.counters.statuses += 1;
+    }
+
+    fn acknowledge(&mut self, ack: Downlink) {
+        if !self.output.push_ack(ack.encode()) {
+            self.errors.push(WRITE_QUEUE_FULL);
+        }
+    }
+
+    fn count_command(&mut self, code: u8) {
+        if let Some(count) = self.counters.commands.get_mut(usize::from(code)) {
+            *count += 1;
+        }
+    }
+
+    fn status_period(&self) -> Duration {
+        self.period(port::STATUS_PERIOD_MS)
+    }
+
+    fn flow_control_period(&self) -> Duration {
+        self.period(port::FLOW_CONTROL_PERIOD_MS)
+    }
+
+    fn period(&self, number: u16) -> Duration {
+        // No period is zero, or time would stand still; the ports do not take one.
+        Duration::from_millis(self.ports.read_16(number).unwrap_or(1).max(1).into())
+    }
+}
+
+impl From<Framed<'_>> for Input {
+    fn from(framed: Framed<'_>) -> Input {
+        match framed {
+            Framed::Incomplete => Input::Nothing,
+            Framed::Refused(refusal) => Input::Refused(refusal),
+            Framed::Frame(frame) => match (Uplink::parse(frame), frame) {
+                (Ok(message), _) => Input::Message(message),
+                (Err(refusal), [header::COMMAND, code, ..]) => Input::BadCommand(*code, refusal),
+                (Err(refusal), _) => Input::Refused(refusal),
+            },
+        }
+    }
+}
+
+/// The acknowledgement of a command (section 4.3): which kind it is follows from the code.
+fn answer(command: u8, bits: u16, value: f32) -> Downlink {
+    match command {
+        0 => Downlink::Ack16 {
+            command,
+            value: bits,
+        },
+        2 => Downlink::Ack32 { command, value },
+        _ => Downlink::Ack { command },
+    }
+}
+
+/// Whether a waypoint lies within the limits of section 9.
+fn is_plausible(waypoint: &Waypoint) -> bool {
+    waypoint.latitude_deg.abs() <= 90.0
+        && waypoint.longitude_deg.abs() <= 180.0
+        && (-1_000.0..=20_000.0).contains(&waypoint.altitude_m)
+}
+
+/// The groups of `sensed` that the mask chooses.
+fn chosen(sensed: Status, time_ms: u32, mask: StatusMask) -> Status {
+    fn keep<T>(value: Option<T>, mask: StatusMask, group: Group) -> Option<T> {
+        value.filter(|_| mask.contains(group))
+    }
+    Status {
+        flying: sensed.flying,
+        time_ms: keep(Some(time_ms), mask, Group::Time),
+        geographic: keep(sensed.geographic, mask, Group::Geographic),
+        xy: keep(sensed.xy, mask, Group::Xy),
+        gps_velocity: keep(sensed.gps_velocity, mask, Group::GpsVelocity),
+        gps_quality: keep(sensed.gps_quality, mask, Group::GpsQuality),
+        attitude: keep(sensed.attitude, mask, Group::Attitude),
+        acceleration: keep(sensed.acceleration, mask, Group::Acceleration),
+        angular_rate: keep(sensed.angular_rate, mask, Group::AngularRate),
+        pilot_pwm: keep(sensed.pilot_pwm, mask, Group::PilotPwm),
+        sonar_adc: keep(sensed.sonar_adc, mask, Group::Sonar),
+        supply: keep(sensed.supply, mask, Group::Supply),
+        pan_tilt: keep(sensed.pan_tilt, mask, Group::PanTilt),
+        rotor_rpm: keep(sensed.rotor_rpm, mask, Group::RotorSpeed),
+        barometer_adc: keep(sensed.barometer_adc, mask, Group::Barometer),
+        actuation: keep(sensed.actuation, mask, Group::Actuation),
+        references: keep(sensed.references, mask, Group::References),
+    }
+}

@@ -1,0 +1,8 @@
+//! The simulator as a process of its own; `ril sim` is the same.
+
+use clap::Parser;
+
+fn main() -> std::process::ExitCode {
+    let args = dsp_sim::cli::Args::parse();
+    runtime::exit::main_with(|| dsp_sim::cli::run(args))
+}

@@ -1,0 +1,397 @@
+//! A pseudo-terminal that stands in for the serial port, and the symbolic link under which the PC finds it.
+//!
+//! The PC's end may be opened and closed as often as somebody likes. This end keeps the other open too, so that the
+//! kernel neither hangs it up nor wakes it for nothing while nobody is there; a watch tells when somebody comes or goes.
+//!
+//! Nothing here blocks. What nobody reads is discarded: when the kernel's queue is full, all of it, because the oldest
+//! bytes are the ones in the way; and when somebody comes or goes, so that a newcomer reads what the DSP says now. A
+//! real serial port loses the same bytes.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::inotify;
+use rustix::io::Errno;
+use rustix::pty::OpenptFlags;
+use rustix::termios::{self, OptionalActions, QueueSelector};
+
+/// Room for a few hundred events of the watch, bytes; more are read at the next wake.
+const EVENTS_LEN: usize = 4_096;
+
+/// Both ends of a pseudo-terminal.
+#[derive(Debug)]
+pub struct Pty {
+    master: OwnedFd,
+    /// The PC's end, held open.
+    slave: OwnedFd,
+    /// Tells when the PC's end is opened and closed.
+    watch: OwnedFd,
+    path: PathBuf,
+    discarded: u64,
+}
+
+/// The pseudo-terminal could not be opened.
+#[derive(Debug, thiserror::Error)]
+#[error("no pseudo-terminal can be opened: {step} failed")]
+pub struct PtyError {
+    step: &'static str,
+    source: io::Error,
+}
+
+impl Pty {
+    /// Opens a pseudo-terminal and makes it raw: no byte is echoed, changed or swallowed.
+    ///
+    /// # Errors
+    /// The system has none left, or lacks `/dev/pts`.
+    pub fn open() -> Result<Pty, PtyError> {
+        let failed = |step| {
+            move |error: Errno| PtyError {
+                step,
+                source: error.into(),
+            }
+        };
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = rustix::pty::openpt(flags).map_err(failed("opening /dev/ptmx"))?;
+        rustix::pty::grantpt(&master).map_err(failed("grantpt"))?;
+        rustix::pty::unlockpt(&master).map_err(failed("unlockpt"))?;
+        let name = rustix::pty::ptsname(&master, Vec::new()).map_err(failed("ptsname"))?;
+        let slave =
+            rustix::pty::ioctl_tiocgptpeer(&master, flags).map_err(failed("TIOCGPTPEER"))?;
+        make_raw(slave.as_fd()).map_err(failed("tcsetattr"))?;
+        rustix::io::ioctl_fionbio(&master, true).map_err(failed("FIONBIO"))?;
+        let path = PathBuf::from(OsString::from_vec(name.into_bytes()));
+        let watch = watch(&path).map_err(failed("inotify"))?;
+        Ok(Pty {
+            master,
+            slave,
+            watch,
+            path,
+            discarded: 0,
+        })
+    }
+
+    /// Where the PC's end is, such as `/dev/pts/7`.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What to wait on for the PC's coming and going; [`check_peer`](Self::check_peer) makes it quiet again.
+    pub fn watch(&self) -> BorrowedFd<'_> {
+        self.watch.as_fd()
+    }
+
+    /// Looks whether somebody opened or closed the PC's end. Then what lies unread is discarded. When somebody closed it,
+    /// the next one finds the port as it was at first: raw, and not held exclusively by a process that was killed.
+    ///
+    /// # Errors
+    /// The terminal or the watch is gone.
+    pub fn check_peer(&mut self) -> io::Result<()> {
+        let (mut came, mut went) = (false, false);
+        let mut buffer = [MaybeUninit::uninit(); EVENTS_LEN];
+        let mut reader = inotify::Reader::new(&self.watch, &mut buffer);
+        loop {
+            match reader.next() {
+                Ok(event) if event.events().contains(inotify::ReadFlags::OPEN) => came = true,
+                Ok(_) => went = true,
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        if went {
+            termios::ioctl_tiocnxcl(&self.slave)?;
+            make_raw(self.slave.as_fd())?;
+        }
+        if came || went {
+            tracing::debug!(came, went, "the PC's end");
+            self.discard()?;
+        }
+        Ok(())
+    }
+
+    /// Reads what the PC wrote; 0 when there is nothing.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        loop {
+            match rustix::io::read(&self.master, &mut *buffer) {
+                Ok(count) => return Ok(count),
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => return Ok(0),
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    /// Writes to the PC. When nobody reads and the kernel's queue is full, the queue is emptied; what still does not fit
+    /// is discarded.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub fn write(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        let mut emptied = false;
+        while !bytes.is_empty() {
+            match rustix::io::write(&self.master, bytes) {
+                Ok(count) if count > 0 => bytes = bytes.get(count..).unwrap_or_default(),
+                Err(Errno::INTR) => {}
+                Ok(_) | Err(Errno::AGAIN) if !emptied => {
+                    emptied = true;
+                    self.discard()?;
+                }
+                Ok(_) | Err(Errno::AGAIN) => {
+                    self.discarded += bytes.len() as u64;
+                    return Ok(());
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes that did not even fit into the emptied queue.
+    pub fn discarded(&self) -> u64 {
+        self.discarded
+    }
+
+    /// Discards what the PC has not read.
+    fn discard(&self) -> io::Result<()> {
+        termios::tcflush(&self.slave, QueueSelector::IFlush).map_err(Into::into)
+    }
+}
+
+impl AsFd for Pty {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.master.as_fd()
+    }
+}
+
+/// A watch of who opens and closes `path`.
+fn watch(path: &Path) -> Result<OwnedFd, Errno> {
+    use inotify::{CreateFlags, WatchFlags};
+    let watch = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
+    let events = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
+    inotify::add_watch(&watch, path, events)?;
+    Ok(watch)
+}
+
+/// Switches off all that a terminal does by itself.
+fn make_raw(slave: BorrowedFd<'_>) -> Result<(), Errno> {
+    let mut settings = termios::tcgetattr(slave)?;
+    settings.make_raw();
+    termios::tcsetattr(slave, OptionalActions::Now, &settings)
+}
+
+/// A symbolic link that exists as long as this value.
+#[derive(Debug)]
+pub struct Link {
+    path: PathBuf,
+    target: PathBuf,
+}
+
+/// The link could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// Something else has the name.
+    #[error("{}: is there and is not a symbolic link; name another place with --link", .0.display())]
+    Occupied(PathBuf),
+    /// The operating system refused.
+    #[error("{}: the symbolic link cannot be made; name a place that you may write to with --link", .path.display())]
+    System {
+        /// Where the link should be.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+}
+
+impl Link {
+    /// Makes `path` a link to `target`. A link that is there already is replaced in one step: a simulator that was
+    /// killed left it behind.
+    ///
+    /// # Errors
+    /// Something else than a link is there, or the place cannot be written to.
+    pub fn create(path: &Path, target: &Path) -> Result<Link, LinkError> {
+        let failed = |source| LinkError::System {
+            path: path.to_owned(),
+            source,
+        };
+        let path = std::path::absolute(path).map_err(failed)?;
+        match fs::symlink_metadata(&path) {
+            Ok(found) if !found.is_symlink() => return Err(LinkError::Occupied(path)),
+            Ok(_) if path.exists() => {
+                tracing::warn!(
+                    link = %path.display(),
+                    "the link pointed to something that exists; another simulator there is now out of reach"
+                );
+            }
+            Ok(_) | Err(_) => {}
+        }
+        let mut fresh = path.clone().into_os_string();
+        fresh.push(format!(".{}", std::process::id()));
+        // Left behind by a process of the same number.
+        let _ = fs::remove_file(&fresh);
+        std::os::unix::fs::symlink(target, &fresh).map_err(failed)?;
+        if let Err(error) = fs::rename(&fresh, &path) {
+            let _ = fs::remove_file(&fresh);
+            return Err(failed(error));
+        }
+        Ok(Link {
+            path,
+            target: target.to_owned(),
+        })
+    }
+
+    /// Where the link is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        // Another simulator may have taken the name over.
+        if fs::read_link(&self.path).is_ok_and(|target| target == self.target) {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{File, OpenOptions};
+    use std::io::{Read, Write};
+
+    use super::*;
+
+    fn open_peer(pty: &Pty) -> File {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).open(pty.path()).unwrap()
+    }
+
+    fn all_bytes() -> Vec<u8> {
+        (0..=255).collect()
+    }
+
+    #[test]
+    fn every_byte_goes_through_unchanged_both_ways_and_again_after_the_peer_came_back() {
+        let mut pty = Pty::open().unwrap();
+        for _ in 0..3 {
+            let mut peer = open_peer(&pty);
+            pty.check_peer().unwrap();
+            pty.write(&all_bytes()).unwrap();
+            let mut read = [0; 256];
+            peer.read_exact(&mut read).unwrap();
+            assert_eq!(read[..], all_bytes());
+
+            peer.write_all(&all_bytes()).unwrap();
+            let mut read = [0; 300];
+            let mut count = 0;
+            while count < 256 {
+                wait_readable(&pty);
+                count += pty.read(&mut read[count..]).unwrap();
+            }
+            assert_eq!(read[..count], all_bytes());
+            drop(peer);
+            assert_eq!(pty.read(&mut read).unwrap(), 0, "no hang-up and no echo");
+        }
+    }
+
+    fn wait_readable(pty: &Pty) {
+        use rustix::event::{PollFd, PollFlags, poll};
+        poll(&mut [PollFd::new(pty, PollFlags::IN)], None).unwrap();
+    }
+
+    #[test]
+    fn without_a_reader_nothing_blocks_and_a_newcomer_reads_only_what_is_new() {
+        let mut pty = Pty::open().unwrap();
+        for _ in 0..10_000 {
+            pty.write(&[0x55; 128]).unwrap();
+        }
+        let mut peer = open_peer(&pty);
+        pty.check_peer().unwrap();
+        pty.write(b"new").unwrap();
+        let mut read = [0; 3];
+        peer.read_exact(&mut read).unwrap();
+        assert_eq!(&read, b"new");
+    }
+
+    #[test]
+    fn a_peer_that_was_killed_leaves_the_port_open_to_the_next_and_raw() {
+        let mut pty = Pty::open().unwrap();
+        let peer = open_peer(&pty);
+        termios::ioctl_tiocexcl(&peer).unwrap();
+        let mut settings = termios::tcgetattr(&peer).unwrap();
+        settings.local_modes |= termios::LocalModes::ECHO | termios::LocalModes::ICANON;
+        termios::tcsetattr(&peer, OptionalActions::Now, &settings).unwrap();
+        drop(peer);
+        pty.check_peer().unwrap();
+        let mut peer = open_peer(&pty);
+        let settings = termios::tcgetattr(&peer).unwrap();
+        assert!(!settings.local_modes.contains(termios::LocalModes::ECHO));
+        peer.write_all(b"\x04").unwrap();
+        wait_readable(&pty);
+        let mut read = [0; 8];
+        assert_eq!(pty.read(&mut read).unwrap(), 1);
+    }
+
+    #[test]
+    fn the_watch_is_quiet_unless_somebody_comes_or_goes() {
+        use rustix::event::{PollFd, PollFlags, Timespec, poll};
+        let mut pty = Pty::open().unwrap();
+        let at_once = Timespec::default();
+        let due = |pty: &Pty| {
+            let mut fds = [
+                PollFd::from_borrowed_fd(pty.watch(), PollFlags::IN),
+                PollFd::new(pty, PollFlags::IN),
+            ];
+            poll(&mut fds, Some(&at_once)).unwrap();
+            [fds[0].revents(), fds[1].revents()]
+        };
+        let quiet = [PollFlags::empty(); 2];
+        assert_eq!(due(&pty), quiet);
+        for _ in 0..3 {
+            let peer = open_peer(&pty);
+            assert_eq!(due(&pty), [PollFlags::IN, PollFlags::empty()]);
+            pty.check_peer().unwrap();
+            assert_eq!(due(&pty), quiet);
+            drop(peer);
+            assert_eq!(due(&pty), [PollFlags::IN, PollFlags::empty()]);
+            pty.check_peer().unwrap();
+            assert_eq!(due(&pty), quiet, "no hang-up that would wake for ever");
+        }
+    }
+
+    #[test]
+    fn a_link_replaces_a_link_and_nothing_else_and_goes_with_its_owner() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let link = Link::create(&path, Path::new("/dev/pts/none")).unwrap();
+        assert_eq!(fs::read_link(&path).unwrap(), Path::new("/dev/pts/none"));
+
+        let heir = Link::create(&path, Path::new("/dev/pts/other")).unwrap();
+        drop(link);
+        assert_eq!(fs::read_link(&path).unwrap(), Path::new("/dev/pts/other"));
+        drop(heir);
+        assert!(fs::symlink_metadata(&path).is_err());
+
+        fs::write(&path, "precious").unwrap();
+        let error = Link::create(&path, Path::new("/dev/null")).unwrap_err();
+        assert!(matches!(error, LinkError::Occupied(_)), "{error}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
+
+        let nowhere = folder.path().join("none").join("port");
+        let error = Link::create(&nowhere, Path::new("/dev/null")).unwrap_err();
+        assert!(matches!(error, LinkError::System { .. }), "{error}");
+        assert_eq!(
+            fs::read_dir(folder.path()).unwrap().count(),
+            1,
+            "nothing left"
+        );
+    }
+}

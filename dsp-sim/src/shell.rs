@@ -1,0 +1,173 @@
+//! The loop of the simulator's process: it ferries bytes between the pseudo-terminal and the pure [`Simulator`], and
+//! sleeps until there is something to do. It decides nothing.
+//!
+//! One `poll(2)` waits for bytes, for somebody who opens or closes the port, for the wish to end, and for the simulator's
+//! next deadline.
+
+use std::io;
+use std::os::fd::AsFd;
+use std::time::{Duration, Instant};
+
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use crate::pty::Pty;
+use crate::simulator::{INPUT_PLACES, Simulator};
+
+/// How late a wake may be, in real time, before the simulated clock is held back: a process that was stopped, or a
+/// machine that slept, does not simulate what it missed in one go.
+const MAX_LATE: Duration = Duration::from_secs(1);
+
+/// What the loop did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// How often it woke.
+    pub wakes: u64,
+    /// Bytes that came from the PC.
+    pub received: u64,
+    /// Bytes that were written to the PC, read or not.
+    pub sent: u64,
+}
+
+/// Runs until `termination` asks for the end; the simulated clock runs `speed` times as fast as the real one, from
+/// where `simulator` stands.
+///
+/// # Errors
+/// The pseudo-terminal is gone, or waiting failed.
+pub fn run(
+    simulator: &mut Simulator,
+    pty: &mut Pty,
+    speed: f64,
+    termination: &Termination,
+    supervisor: &Notifier,
+) -> io::Result<Summary> {
+    let mut clock = Clock::new(simulator.now(), speed);
+    let mut summary = Summary::default();
+    let mut watchdog = Watchdog::new(supervisor);
+    let mut buffer = [0; INPUT_PLACES];
+    while !termination.requested() {
+        let now = clock.now(simulator.next_deadline());
+        simulator.advance(now);
+        pty.check_peer()?;
+        // What does not fit stays in the kernel's queue, which makes the PC wait, as a slow port would.
+        let room = simulator.input_room();
+        let count = pty.read(&mut buffer[..room])?;
+        simulator.receive(now, &buffer[..count]);
+        summary.received += count as u64;
+        summary.sent += transmit(simulator, pty)?;
+        watchdog.feed(supervisor);
+        let deadline = simulator.next_deadline();
+        let timeout = deadline.map(|deadline| clock.real(deadline.saturating_sub(now)));
+        let timeout = timeout.into_iter().chain(watchdog.left()).min();
+        sleep(pty, simulator.input_room() > 0, termination, timeout)?;
+        summary.wakes += 1;
+    }
+    Ok(summary)
+}
+
+/// Writes what has come through the line; gives its length.
+fn transmit(simulator: &mut Simulator, pty: &mut Pty) -> io::Result<u64> {
+    let mut sent = 0;
+    let mut outcome = Ok(());
+    simulator.transmit(|bytes| match pty.write(bytes) {
+        Ok(()) => {
+            sent += bytes.len() as u64;
+            bytes.len()
+        }
+        Err(error) => {
+            outcome = Err(error);
+            0
+        }
+    });
+    outcome.map(|()| sent)
+}
+
+/// Sleeps until there is a byte that `reading` wants, a peer, the wish to end, or the timeout is over.
+fn sleep(
+    pty: &Pty,
+    reading: bool,
+    termination: &Termination,
+    timeout: Option<Duration>,
+) -> io::Result<()> {
+    let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
+    let bytes = if reading {
+        PollFlags::IN
+    } else {
+        PollFlags::empty()
+    };
+    let mut sources = [
+        PollFd::from_borrowed_fd(pty.as_fd(), bytes),
+        PollFd::from_borrowed_fd(pty.watch(), PollFlags::IN),
+        PollFd::from_borrowed_fd(termination.as_fd(), PollFlags::IN),
+    ];
+    match poll(&mut sources, timeout.as_ref()) {
+        // A signal interrupted the wait; the loop looks at everything anyway.
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The simulated clock over the real one.
+struct Clock {
+    real_start: Instant,
+    simulated_start: Duration,
+    speed: f64,
+}
+
+impl Clock {
+    fn new(simulated_start: Duration, speed: f64) -> Clock {
+        Clock {
+            real_start: Instant::now(),
+            simulated_start,
+            speed,
+        }
+    }
+
+    /// The simulated time. When the loop is far too late for `deadline`, time has stood still instead.
+    fn now(&mut self, deadline: Option<Duration>) -> Duration {
+        let now = self.simulated_start + self.real_start.elapsed().mul_f64(self.speed);
+        match deadline {
+            Some(deadline) if self.real(now.saturating_sub(deadline)) > MAX_LATE => {
+                tracing::warn!(late = ?self.real(now - deadline), "woke late; the simulated clock is held back");
+                self.real_start = Instant::now();
+                self.simulated_start = deadline;
+                deadline
+            }
+            _ => now,
+        }
+    }
+
+    /// How long a simulated time lasts.
+    fn real(&self, simulated: Duration) -> Duration {
+        simulated.div_f64(self.speed)
+    }
+}
+
+/// When the supervisor is to be told that this process is alive.
+struct Watchdog {
+    period: Option<Duration>,
+    fed: Instant,
+}
+
+impl Watchdog {
+    fn new(supervisor: &Notifier) -> Watchdog {
+        Watchdog {
+            period: supervisor.watchdog_period(),
+            fed: Instant::now(),
+        }
+    }
+
+    fn feed(&mut self, supervisor: &Notifier) {
+        if self.left() == Some(Duration::ZERO) {
+            supervisor.watchdog();
+            self.fed = Instant::now();
+        }
+    }
+
+    /// Time left until it is due; nothing when nobody watches.
+    fn left(&self) -> Option<Duration> {
+        Some(self.period?.saturating_sub(self.fed.elapsed()))
+    }
+}

@@ -1,0 +1,189 @@
+//! The whole simulator as a pure value: DSP, helicopter and the line to the PC, on a clock that the caller holds.
+//!
+//! It is given bytes and the time, and is drained of bytes. The time is simulated: a [`Duration`] since the simulator
+//! started, which never goes back. A test jumps from deadline to deadline; a shell maps a real clock onto it.
+
+use std::collections::VecDeque;
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use dsp_protocol::DspErrorCode;
+
+use crate::device::Dsp;
+use crate::device::ports::Ports;
+use crate::helicopter::{Helicopter, Model};
+use crate::line::Lane;
+
+/// Bytes from the PC that are on the line, in bytes: sixty waypoints, of which a PC that minds flow control sends one.
+/// More are left with the caller, as a full transmit queue of a serial port leaves them.
+pub const INPUT_PLACES: usize = 1_024;
+/// Bytes to the PC that have gone through the line and that nobody has fetched: 5 s of the usual line, more than any
+/// reader of a serial port may be late. Further ones are dropped and counted, as by a receiver that overruns.
+pub const OUTPUT_PLACES: usize = 65_536;
+
+/// What is simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// The helicopter and its world.
+    pub model: Model,
+    /// Speed of the line, bits a second; without a figure, bytes take no time.
+    pub baud: Option<NonZeroU32>,
+    /// Errors that the DSP queues while it boots.
+    pub boot_errors: Vec<DspErrorCode>,
+}
+
+/// DSP, helicopter and line.
+#[derive(Clone, Debug)]
+pub struct Simulator {
+    now: Duration,
+    dsp: Dsp,
+    helicopter: Helicopter,
+    to_dsp: Lane,
+    from_dsp: Lane,
+    input: VecDeque<u8>,
+    output: VecDeque<u8>,
+    overrun: u64,
+}
+
+impl Simulator {
+    /// A helicopter at home and a DSP that boots at time zero.
+    pub fn new(setup: Setup) -> Simulator {
+        Simulator {
+            now: Duration::ZERO,
+            dsp: Dsp::boot(Duration::ZERO, setup.boot_errors),
+            helicopter: Helicopter::new(setup.model, Ports::default().settings()),
+            to_dsp: Lane::new(setup.baud),
+            from_dsp: Lane::new(setup.baud),
+            input: VecDeque::new(),
+            output: VecDeque::new(),
+            overrun: 0,
+        }
+    }
+
+    /// Puts bytes from the PC on the line at `now`. Returns how many it took: the line holds [`INPUT_PLACES`].
+    pub fn receive(&mut self, now: Duration, bytes: &[u8]) -> usize {
+        self.advance(now);
+        let taken = bytes.len().min(self.input_room());
+        if taken > 0 {
+            self.to_dsp.begin(self.now);
+            self.input.extend(&bytes[..taken]);
+            // A line without a speed delivers at once.
+            self.advance(now);
+        }
+        taken
+    }
+
+    /// Bytes that [`receive`](Self::receive) would take now.
+    pub fn input_room(&self) -> usize {
+        INPUT_PLACES - self.input.len()
+    }
+
+    /// Simulates up to `now`; a time that is past does nothing.
+    pub fn advance(&mut self, now: Duration) {
+        self.ferry();
+        while let Some(next) = self.inner_deadline().filter(|next| *next <= now) {
+            self.now = self.now.max(next);
+            self.deliver();
+            self.dsp.advance(self.now, &mut self.helicopter);
+            self.ferry();
+        }
+        self.now = self.now.max(now);
+        self.helicopter.advance(self.now);
+    }
+
+    /// When [`advance`](Self::advance) or [`transmit`](Self::transmit) has something to do next; nothing while all is
+    /// quiet.
+    pub fn next_deadline(&self) -> Option<Duration> {
+        self.inner_deadline()
+            .into_iter()
+            .chain(self.helicopter.next_deadline())
+            .min()
+    }
+
+    /// Gives `sink` the bytes for the PC that have gone through the line; it returns how many it took. The others stay.
+    pub fn transmit(&mut self, mut sink: impl FnMut(&[u8]) -> usize) {
+        while !self.output.is_empty() {
+            let (front, _) = self.output.as_slices();
+            let taken = sink(front).min(front.len());
+            self.output.drain(..taken);
+            if taken == 0 {
+                return;
+            }
+        }
+    }
+
+    /// Lets the DSP boot again; the helicopter stays in the air. What is on the line stays there.
+    pub fn reboot(&mut self) {
+        self.dsp.reboot(self.now, &mut self.helicopter);
+    }
+
+    /// The time up to which everything is simulated.
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// The DSP, to look at.
+    pub fn dsp(&self) -> &Dsp {
+        &self.dsp
+    }
+
+    /// The helicopter as it truly is, to look at.
+    pub fn helicopter(&self) -> &Helicopter {
+        &self.helicopter
+    }
+
+    /// Bytes to the PC that were dropped because nobody fetched them.
+    pub fn overrun(&self) -> u64 {
+        self.overrun
+    }
+
+    /// When DSP or line have something to do next.
+    fn inner_deadline(&self) -> Option<Duration> {
+        let input = self.to_dsp.next_deadline(self.input.len());
+        let output = self.from_dsp.next_deadline(self.dsp.output().front().len());
+        [input, output, self.dsp.next_deadline()]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// Hands the DSP the bytes from the PC that have gone through the line.
+    fn deliver(&mut self) {
+        let count = self.to_dsp.through(self.now).min(self.input.len());
+        self.to_dsp.take(count);
+        let mut left = count;
+        while left > 0 {
+            let (front, _) = self.input.as_slices();
+            let piece = &front[..front.len().min(left)];
+            let taken = piece.len();
+            self.dsp.receive(self.now, piece, &mut self.helicopter);
+            self.input.drain(..taken);
+            left -= taken;
+        }
+        if self.input.is_empty() {
+            self.to_dsp.rest();
+        }
+    }
+
+    /// Moves what the DSP has to say onto the line, and what has gone through off it.
+    fn ferry(&mut self) {
+        loop {
+            let front = self.dsp.output().front();
+            if front.is_empty() {
+                self.from_dsp.rest();
+                return;
+            }
+            self.from_dsp.begin(self.now);
+            let count = self.from_dsp.through(self.now).min(front.len());
+            if count == 0 {
+                return;
+            }
+            let room = OUTPUT_PLACES - self.output.len();
+            let kept = count.min(room);
+            self.output.extend(&front[..kept]);
+            self.overrun += (count - kept) as u64;
+            self.dsp.sent(count);
+            self.from_dsp.take(count);
+        }
+    }
+}
