@@ -1,0 +1,669 @@
+/* Structs and numbers of the HERO RIL in shared memory, for C11 and C++11. docs/ipc.md says what they mean.
+ * Made by ipc-types/tests/layout.rs: do not edit. */
+#ifndef HERO_IPC_H
+#define HERO_IPC_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+#define HERO_ASSERT(what) static_assert(what, #what)
+#else
+#define HERO_ASSERT(what) _Static_assert(what, #what)
+#endif
+
+#define HERO_EVENT_ID_MAX 15
+#define HERO_DSP_TELEMETRY_LAYOUT "hero.DspTelemetry.v1"
+#define HERO_DSP_TELEMETRY_LAYOUT_HASH "9fab9632384890ef"
+#define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v1"
+#define HERO_HERO_TELEMETRY_LAYOUT_HASH "8b44b9e905ea8843"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v1"
+#define HERO_MODULE_STATE_LAYOUT_HASH "14065e8a266bd3a1"
+#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v1/hero.RequestReport.v1"
+#define HERO_MODULE_CONTROL_LAYOUT_HASH "361bb96a97a215ca"
+#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v1/hero.RequestReport.v1"
+#define HERO_MOVEMENT_LAYOUT_HASH "b94bc40199bae88c"
+
+enum hero_control_command {
+    HERO_CONTROL_COMMAND_START = 1,
+    HERO_CONTROL_COMMAND_STOP = 2,
+};
+
+enum hero_movement_kind {
+    HERO_MOVEMENT_KIND_GOTO = 1,
+    HERO_MOVEMENT_KIND_TAKEOFF = 2,
+    HERO_MOVEMENT_KIND_LAND = 3,
+};
+
+enum hero_module_id {
+    HERO_MODULE_ID_HERO_BRIDGE = 1,
+};
+
+enum hero_module_status {
+    HERO_MODULE_STATUS_WAITING_DATA_TO_START = 1,
+    HERO_MODULE_STATUS_RUNNING = 2,
+    HERO_MODULE_STATUS_ENDED = 3,
+    HERO_MODULE_STATUS_ABORTED = 4,
+};
+
+enum hero_functionality {
+    HERO_FUNCTIONALITY_AT_REST = 1,
+    HERO_FUNCTIONALITY_RECEIVING_PATH = 2,
+    HERO_FUNCTIONALITY_TAKING_OFF = 3,
+    HERO_FUNCTIONALITY_FOLLOWING_PATH = 4,
+    HERO_FUNCTIONALITY_LANDING = 5,
+    HERO_FUNCTIONALITY_STOPPING = 6,
+};
+
+enum hero_link_state {
+    HERO_LINK_STATE_CONNECTING = 1,
+    HERO_LINK_STATE_UP = 2,
+    HERO_LINK_STATE_SILENT = 3,
+    HERO_LINK_STATE_GONE = 4,
+};
+
+enum hero_stage {
+    HERO_STAGE_ACCEPTED = 1,
+    HERO_STAGE_PROGRESS = 2,
+    HERO_STAGE_DONE = 16,
+    HERO_STAGE_REFUSED = 17,
+    HERO_STAGE_ABORTED = 18,
+    HERO_STAGE_UNKNOWN = 19,
+};
+
+enum hero_reason {
+    HERO_REASON_NONE = 0,
+    HERO_REASON_INVALID_REQUEST = 1,
+    HERO_REASON_NOT_FINITE = 2,
+    HERO_REASON_OUT_OF_RANGE = 3,
+    HERO_REASON_TOO_FAR = 4,
+    HERO_REASON_NOT_STARTED = 5,
+    HERO_REASON_ALREADY_RUNNING = 6,
+    HERO_REASON_UNABLE_TO_ABORT = 7,
+    HERO_REASON_BUSY = 8,
+    HERO_REASON_LINK_DOWN = 9,
+    HERO_REASON_NOT_FLYING = 10,
+    HERO_REASON_ALREADY_FLYING = 11,
+    HERO_REASON_NO_POSITION = 12,
+    HERO_REASON_PATH_WITHOUT_HEAD = 13,
+    HERO_REASON_PATH_REPLACED = 14,
+    HERO_REASON_PATH_TOO_LONG = 15,
+    HERO_REASON_PATH_BROKEN = 16,
+    HERO_REASON_TOO_MANY_REQUESTS = 17,
+    HERO_REASON_DEADLINE_EXPIRED = 18,
+    HERO_REASON_MOVEMENT_TIMEOUT = 19,
+    HERO_REASON_STOPPED = 20,
+    HERO_REASON_DSP_FATAL_ERROR = 21,
+    HERO_REASON_COMMUNICATION_FATAL_ERROR = 22,
+    HERO_REASON_DSP_REBOOTED = 23,
+    HERO_REASON_BRIDGE_ENDING = 24,
+    HERO_REASON_BRIDGE_GONE = 25,
+};
+
+enum hero_imi_error {
+    HERO_IMI_ERROR_NO_ERROR = 0,
+    HERO_IMI_ERROR_MODULE_RUNNING_TO_RESTART_STOP_IT_BEFORE = 1,
+    HERO_IMI_ERROR_IMPOSSIBLE_TO_STOP_MODULE = 2,
+    HERO_IMI_ERROR_HERO_DSP_FATAL_ERROR = 100,
+    HERO_IMI_ERROR_COMMUNICATION_FATAL_ERROR = 101,
+    HERO_IMI_ERROR_MOVEMENT_TIMEOUT = 102,
+};
+
+enum hero_telemetry_group {
+    HERO_TELEMETRY_GROUP_TIME = 1,
+    HERO_TELEMETRY_GROUP_GEOGRAPHIC = 2,
+    HERO_TELEMETRY_GROUP_XY = 4,
+    HERO_TELEMETRY_GROUP_GPS_VELOCITY = 8,
+    HERO_TELEMETRY_GROUP_GPS_QUALITY = 16,
+    HERO_TELEMETRY_GROUP_ATTITUDE = 32,
+    HERO_TELEMETRY_GROUP_ACCELERATION = 64,
+    HERO_TELEMETRY_GROUP_ANGULAR_RATE = 128,
+    HERO_TELEMETRY_GROUP_PILOT_PWM = 256,
+    HERO_TELEMETRY_GROUP_SONAR = 512,
+    HERO_TELEMETRY_GROUP_SUPPLY = 1024,
+    HERO_TELEMETRY_GROUP_PAN_TILT = 2048,
+    HERO_TELEMETRY_GROUP_ROTOR_SPEED = 4096,
+    HERO_TELEMETRY_GROUP_BAROMETER = 8192,
+    HERO_TELEMETRY_GROUP_ACTUATION = 16384,
+    HERO_TELEMETRY_GROUP_REFERENCES = 32768,
+};
+
+enum hero_event {
+    HERO_EVENT_DATA = 1,
+    HERO_EVENT_ARRIVED = 2,
+    HERO_EVENT_LEFT = 3,
+    HERO_EVENT_DIED = 4,
+};
+
+#define HERO_DSP_GEOGRAPHIC_TYPE_NAME "hero.DspGeographic.v1"
+typedef struct DspGeographic {
+    double latitude_deg;
+    double longitude_deg;
+    double altitude_m;
+} DspGeographic;
+HERO_ASSERT(sizeof(DspGeographic) == 24);
+HERO_ASSERT(offsetof(DspGeographic, latitude_deg) == 0);
+HERO_ASSERT(offsetof(DspGeographic, longitude_deg) == 8);
+HERO_ASSERT(offsetof(DspGeographic, altitude_m) == 16);
+
+#define HERO_DSP_XY_TYPE_NAME "hero.DspXy.v1"
+typedef struct DspXy {
+    double x_m;
+    double y_m;
+} DspXy;
+HERO_ASSERT(sizeof(DspXy) == 16);
+HERO_ASSERT(offsetof(DspXy, x_m) == 0);
+HERO_ASSERT(offsetof(DspXy, y_m) == 8);
+
+#define HERO_DSP_GPS_VELOCITY_TYPE_NAME "hero.DspGpsVelocity.v1"
+typedef struct DspGpsVelocity {
+    float horizontal_speed_mps;
+    float vertical_speed_mps;
+    float heading_deg;
+} DspGpsVelocity;
+HERO_ASSERT(sizeof(DspGpsVelocity) == 12);
+HERO_ASSERT(offsetof(DspGpsVelocity, horizontal_speed_mps) == 0);
+HERO_ASSERT(offsetof(DspGpsVelocity, vertical_speed_mps) == 4);
+HERO_ASSERT(offsetof(DspGpsVelocity, heading_deg) == 8);
+
+#define HERO_DSP_ATTITUDE_TYPE_NAME "hero.DspAttitude.v1"
+typedef struct DspAttitude {
+    float pitch_deg;
+    float roll_deg;
+    float yaw_deg;
+} DspAttitude;
+HERO_ASSERT(sizeof(DspAttitude) == 12);
+HERO_ASSERT(offsetof(DspAttitude, pitch_deg) == 0);
+HERO_ASSERT(offsetof(DspAttitude, roll_deg) == 4);
+HERO_ASSERT(offsetof(DspAttitude, yaw_deg) == 8);
+
+#define HERO_DSP_ACCELERATION_TYPE_NAME "hero.DspAcceleration.v1"
+typedef struct DspAcceleration {
+    float x_mps2;
+    float y_mps2;
+    float z_mps2;
+} DspAcceleration;
+HERO_ASSERT(sizeof(DspAcceleration) == 12);
+HERO_ASSERT(offsetof(DspAcceleration, x_mps2) == 0);
+HERO_ASSERT(offsetof(DspAcceleration, y_mps2) == 4);
+HERO_ASSERT(offsetof(DspAcceleration, z_mps2) == 8);
+
+#define HERO_DSP_ANGULAR_RATE_TYPE_NAME "hero.DspAngularRate.v1"
+typedef struct DspAngularRate {
+    float x_radps;
+    float y_radps;
+    float z_radps;
+} DspAngularRate;
+HERO_ASSERT(sizeof(DspAngularRate) == 12);
+HERO_ASSERT(offsetof(DspAngularRate, x_radps) == 0);
+HERO_ASSERT(offsetof(DspAngularRate, y_radps) == 4);
+HERO_ASSERT(offsetof(DspAngularRate, z_radps) == 8);
+
+#define HERO_DSP_SERVO_PULSES_TYPE_NAME "hero.DspServoPulses.v1"
+typedef struct DspServoPulses {
+    uint32_t collective_us;
+    uint32_t roll_us;
+    uint32_t pitch_us;
+    uint32_t tail_us;
+    uint32_t throttle_us;
+} DspServoPulses;
+HERO_ASSERT(sizeof(DspServoPulses) == 20);
+HERO_ASSERT(offsetof(DspServoPulses, collective_us) == 0);
+HERO_ASSERT(offsetof(DspServoPulses, roll_us) == 4);
+HERO_ASSERT(offsetof(DspServoPulses, pitch_us) == 8);
+HERO_ASSERT(offsetof(DspServoPulses, tail_us) == 12);
+HERO_ASSERT(offsetof(DspServoPulses, throttle_us) == 16);
+
+#define HERO_DSP_SUPPLY_TYPE_NAME "hero.DspSupply.v1"
+typedef struct DspSupply {
+    uint32_t battery_mv;
+    uint32_t fuel_percent;
+    uint32_t auto_switch;
+} DspSupply;
+HERO_ASSERT(sizeof(DspSupply) == 12);
+HERO_ASSERT(offsetof(DspSupply, battery_mv) == 0);
+HERO_ASSERT(offsetof(DspSupply, fuel_percent) == 4);
+HERO_ASSERT(offsetof(DspSupply, auto_switch) == 8);
+
+#define HERO_DSP_PAN_TILT_TYPE_NAME "hero.DspPanTilt.v1"
+typedef struct DspPanTilt {
+    uint32_t pan_adc;
+    uint32_t tilt_adc;
+} DspPanTilt;
+HERO_ASSERT(sizeof(DspPanTilt) == 8);
+HERO_ASSERT(offsetof(DspPanTilt, pan_adc) == 0);
+HERO_ASSERT(offsetof(DspPanTilt, tilt_adc) == 4);
+
+#define HERO_DSP_REFERENCES_TYPE_NAME "hero.DspReferences.v1"
+typedef struct DspReferences {
+    float x_speed_mps;
+    float y_speed_mps;
+    float altitude_m;
+    float pitch_deg;
+    float roll_deg;
+    float yaw_deg;
+    uint32_t reserved;
+} DspReferences;
+HERO_ASSERT(sizeof(DspReferences) == 28);
+HERO_ASSERT(offsetof(DspReferences, x_speed_mps) == 0);
+HERO_ASSERT(offsetof(DspReferences, y_speed_mps) == 4);
+HERO_ASSERT(offsetof(DspReferences, altitude_m) == 8);
+HERO_ASSERT(offsetof(DspReferences, pitch_deg) == 12);
+HERO_ASSERT(offsetof(DspReferences, roll_deg) == 16);
+HERO_ASSERT(offsetof(DspReferences, yaw_deg) == 20);
+HERO_ASSERT(offsetof(DspReferences, reserved) == 24);
+
+#define HERO_DSP_TELEMETRY_TYPE_NAME "hero.DspTelemetry.v1"
+typedef struct DspTelemetry {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t received_ns;
+    uint32_t dsp_time_ms;
+    uint16_t valid_groups;
+    uint8_t flying;
+    uint8_t gps_quality;
+    uint32_t dsp_boots;
+    uint32_t dsp_errors;
+    uint32_t last_dsp_error_imi;
+    uint32_t rotor_rpm;
+    DspGeographic geographic;
+    DspXy xy;
+    DspGpsVelocity gps_velocity;
+    DspAttitude attitude;
+    DspAcceleration acceleration;
+    DspAngularRate angular_rate;
+    DspServoPulses pilot_pwm;
+    DspServoPulses actuation;
+    uint32_t sonar_adc;
+    uint32_t barometer_adc;
+    DspSupply supply;
+    DspPanTilt pan_tilt;
+    DspReferences references;
+} DspTelemetry;
+HERO_ASSERT(sizeof(DspTelemetry) == 232);
+HERO_ASSERT(offsetof(DspTelemetry, sequence) == 0);
+HERO_ASSERT(offsetof(DspTelemetry, epoch_ns) == 8);
+HERO_ASSERT(offsetof(DspTelemetry, received_ns) == 16);
+HERO_ASSERT(offsetof(DspTelemetry, dsp_time_ms) == 24);
+HERO_ASSERT(offsetof(DspTelemetry, valid_groups) == 28);
+HERO_ASSERT(offsetof(DspTelemetry, flying) == 30);
+HERO_ASSERT(offsetof(DspTelemetry, gps_quality) == 31);
+HERO_ASSERT(offsetof(DspTelemetry, dsp_boots) == 32);
+HERO_ASSERT(offsetof(DspTelemetry, dsp_errors) == 36);
+HERO_ASSERT(offsetof(DspTelemetry, last_dsp_error_imi) == 40);
+HERO_ASSERT(offsetof(DspTelemetry, rotor_rpm) == 44);
+HERO_ASSERT(offsetof(DspTelemetry, geographic) == 48);
+HERO_ASSERT(offsetof(DspTelemetry, xy) == 72);
+HERO_ASSERT(offsetof(DspTelemetry, gps_velocity) == 88);
+HERO_ASSERT(offsetof(DspTelemetry, attitude) == 100);
+HERO_ASSERT(offsetof(DspTelemetry, acceleration) == 112);
+HERO_ASSERT(offsetof(DspTelemetry, angular_rate) == 124);
+HERO_ASSERT(offsetof(DspTelemetry, pilot_pwm) == 136);
+HERO_ASSERT(offsetof(DspTelemetry, actuation) == 156);
+HERO_ASSERT(offsetof(DspTelemetry, sonar_adc) == 176);
+HERO_ASSERT(offsetof(DspTelemetry, barometer_adc) == 180);
+HERO_ASSERT(offsetof(DspTelemetry, supply) == 184);
+HERO_ASSERT(offsetof(DspTelemetry, pan_tilt) == 196);
+HERO_ASSERT(offsetof(DspTelemetry, references) == 204);
+
+#define HERO_HERO_GEODETIC_TYPE_NAME "hero.HeroGeodetic.v1"
+typedef struct HeroGeodetic {
+    double latitude_rad;
+    double longitude_rad;
+    double altitude_m;
+} HeroGeodetic;
+HERO_ASSERT(sizeof(HeroGeodetic) == 24);
+HERO_ASSERT(offsetof(HeroGeodetic, latitude_rad) == 0);
+HERO_ASSERT(offsetof(HeroGeodetic, longitude_rad) == 8);
+HERO_ASSERT(offsetof(HeroGeodetic, altitude_m) == 16);
+
+#define HERO_HERO_LOCAL_TYPE_NAME "hero.HeroLocal.v1"
+typedef struct HeroLocal {
+    double east_m;
+    double north_m;
+} HeroLocal;
+HERO_ASSERT(sizeof(HeroLocal) == 16);
+HERO_ASSERT(offsetof(HeroLocal, east_m) == 0);
+HERO_ASSERT(offsetof(HeroLocal, north_m) == 8);
+
+#define HERO_HERO_VELOCITY_TYPE_NAME "hero.HeroVelocity.v1"
+typedef struct HeroVelocity {
+    float north_mps;
+    float east_mps;
+    float up_mps;
+    float ground_speed_mps;
+    float course_rad;
+} HeroVelocity;
+HERO_ASSERT(sizeof(HeroVelocity) == 20);
+HERO_ASSERT(offsetof(HeroVelocity, north_mps) == 0);
+HERO_ASSERT(offsetof(HeroVelocity, east_mps) == 4);
+HERO_ASSERT(offsetof(HeroVelocity, up_mps) == 8);
+HERO_ASSERT(offsetof(HeroVelocity, ground_speed_mps) == 12);
+HERO_ASSERT(offsetof(HeroVelocity, course_rad) == 16);
+
+#define HERO_HERO_ATTITUDE_TYPE_NAME "hero.HeroAttitude.v1"
+typedef struct HeroAttitude {
+    float roll_rad;
+    float pitch_rad;
+    float yaw_rad;
+} HeroAttitude;
+HERO_ASSERT(sizeof(HeroAttitude) == 12);
+HERO_ASSERT(offsetof(HeroAttitude, roll_rad) == 0);
+HERO_ASSERT(offsetof(HeroAttitude, pitch_rad) == 4);
+HERO_ASSERT(offsetof(HeroAttitude, yaw_rad) == 8);
+
+#define HERO_HERO_ACCELERATION_TYPE_NAME "hero.HeroAcceleration.v1"
+typedef struct HeroAcceleration {
+    float forward_mps2;
+    float right_mps2;
+    float down_mps2;
+} HeroAcceleration;
+HERO_ASSERT(sizeof(HeroAcceleration) == 12);
+HERO_ASSERT(offsetof(HeroAcceleration, forward_mps2) == 0);
+HERO_ASSERT(offsetof(HeroAcceleration, right_mps2) == 4);
+HERO_ASSERT(offsetof(HeroAcceleration, down_mps2) == 8);
+
+#define HERO_HERO_ANGULAR_RATE_TYPE_NAME "hero.HeroAngularRate.v1"
+typedef struct HeroAngularRate {
+    float forward_radps;
+    float right_radps;
+    float down_radps;
+} HeroAngularRate;
+HERO_ASSERT(sizeof(HeroAngularRate) == 12);
+HERO_ASSERT(offsetof(HeroAngularRate, forward_radps) == 0);
+HERO_ASSERT(offsetof(HeroAngularRate, right_radps) == 4);
+HERO_ASSERT(offsetof(HeroAngularRate, down_radps) == 8);
+
+#define HERO_HERO_SERVOS_TYPE_NAME "hero.HeroServos.v1"
+typedef struct HeroServos {
+    float collective;
+    float roll;
+    float pitch;
+    float tail;
+    float throttle;
+} HeroServos;
+HERO_ASSERT(sizeof(HeroServos) == 20);
+HERO_ASSERT(offsetof(HeroServos, collective) == 0);
+HERO_ASSERT(offsetof(HeroServos, roll) == 4);
+HERO_ASSERT(offsetof(HeroServos, pitch) == 8);
+HERO_ASSERT(offsetof(HeroServos, tail) == 12);
+HERO_ASSERT(offsetof(HeroServos, throttle) == 16);
+
+#define HERO_HERO_SUPPLY_TYPE_NAME "hero.HeroSupply.v1"
+typedef struct HeroSupply {
+    float battery_v;
+    float fuel_fraction;
+    uint32_t auto_switch;
+} HeroSupply;
+HERO_ASSERT(sizeof(HeroSupply) == 12);
+HERO_ASSERT(offsetof(HeroSupply, battery_v) == 0);
+HERO_ASSERT(offsetof(HeroSupply, fuel_fraction) == 4);
+HERO_ASSERT(offsetof(HeroSupply, auto_switch) == 8);
+
+#define HERO_HERO_REFERENCES_TYPE_NAME "hero.HeroReferences.v1"
+typedef struct HeroReferences {
+    float north_mps;
+    float east_mps;
+    float altitude_m;
+    float roll_rad;
+    float pitch_rad;
+    float yaw_rad;
+} HeroReferences;
+HERO_ASSERT(sizeof(HeroReferences) == 24);
+HERO_ASSERT(offsetof(HeroReferences, north_mps) == 0);
+HERO_ASSERT(offsetof(HeroReferences, east_mps) == 4);
+HERO_ASSERT(offsetof(HeroReferences, altitude_m) == 8);
+HERO_ASSERT(offsetof(HeroReferences, roll_rad) == 12);
+HERO_ASSERT(offsetof(HeroReferences, pitch_rad) == 16);
+HERO_ASSERT(offsetof(HeroReferences, yaw_rad) == 20);
+
+#define HERO_HERO_TELEMETRY_TYPE_NAME "hero.HeroTelemetry.v1"
+typedef struct HeroTelemetry {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t source_sequence;
+    uint64_t source_epoch_ns;
+    uint64_t received_ns;
+    uint64_t published_ns;
+    double dsp_time_s;
+    uint32_t valid_groups;
+    uint32_t flying;
+    uint32_t dsp_boots;
+    uint32_t dsp_errors;
+    uint32_t last_dsp_error_imi;
+    uint32_t gps_quality;
+    HeroGeodetic geodetic;
+    HeroLocal local;
+    HeroVelocity velocity;
+    HeroAttitude attitude;
+    HeroAcceleration acceleration;
+    HeroAngularRate angular_rate;
+    HeroServos pilot;
+    HeroServos actuation;
+    float sonar_height_m;
+    float barometer_altitude_m;
+    HeroSupply supply;
+    float pan_rad;
+    float tilt_rad;
+    float rotor_radps;
+    HeroReferences references;
+} HeroTelemetry;
+HERO_ASSERT(sizeof(HeroTelemetry) == 272);
+HERO_ASSERT(offsetof(HeroTelemetry, sequence) == 0);
+HERO_ASSERT(offsetof(HeroTelemetry, epoch_ns) == 8);
+HERO_ASSERT(offsetof(HeroTelemetry, source_sequence) == 16);
+HERO_ASSERT(offsetof(HeroTelemetry, source_epoch_ns) == 24);
+HERO_ASSERT(offsetof(HeroTelemetry, received_ns) == 32);
+HERO_ASSERT(offsetof(HeroTelemetry, published_ns) == 40);
+HERO_ASSERT(offsetof(HeroTelemetry, dsp_time_s) == 48);
+HERO_ASSERT(offsetof(HeroTelemetry, valid_groups) == 56);
+HERO_ASSERT(offsetof(HeroTelemetry, flying) == 60);
+HERO_ASSERT(offsetof(HeroTelemetry, dsp_boots) == 64);
+HERO_ASSERT(offsetof(HeroTelemetry, dsp_errors) == 68);
+HERO_ASSERT(offsetof(HeroTelemetry, last_dsp_error_imi) == 72);
+HERO_ASSERT(offsetof(HeroTelemetry, gps_quality) == 76);
+HERO_ASSERT(offsetof(HeroTelemetry, geodetic) == 80);
+HERO_ASSERT(offsetof(HeroTelemetry, local) == 104);
+HERO_ASSERT(offsetof(HeroTelemetry, velocity) == 120);
+HERO_ASSERT(offsetof(HeroTelemetry, attitude) == 140);
+HERO_ASSERT(offsetof(HeroTelemetry, acceleration) == 152);
+HERO_ASSERT(offsetof(HeroTelemetry, angular_rate) == 164);
+HERO_ASSERT(offsetof(HeroTelemetry, pilot) == 176);
+HERO_ASSERT(offsetof(HeroTelemetry, actuation) == 196);
+HERO_ASSERT(offsetof(HeroTelemetry, sonar_height_m) == 216);
+HERO_ASSERT(offsetof(HeroTelemetry, barometer_altitude_m) == 220);
+HERO_ASSERT(offsetof(HeroTelemetry, supply) == 224);
+HERO_ASSERT(offsetof(HeroTelemetry, pan_rad) == 236);
+HERO_ASSERT(offsetof(HeroTelemetry, tilt_rad) == 240);
+HERO_ASSERT(offsetof(HeroTelemetry, rotor_radps) == 244);
+HERO_ASSERT(offsetof(HeroTelemetry, references) == 248);
+
+#define HERO_MOVEMENT_STATE_TYPE_NAME "hero.MovementState.v1"
+typedef struct MovementState {
+    uint64_t request_id;
+    uint64_t path_id;
+    uint32_t kind;
+    uint32_t waypoints_total;
+    uint32_t waypoints_sent;
+    uint32_t waypoints_reached;
+    float distance_to_go_m;
+    uint32_t distance_valid;
+} MovementState;
+HERO_ASSERT(sizeof(MovementState) == 40);
+HERO_ASSERT(offsetof(MovementState, request_id) == 0);
+HERO_ASSERT(offsetof(MovementState, path_id) == 8);
+HERO_ASSERT(offsetof(MovementState, kind) == 16);
+HERO_ASSERT(offsetof(MovementState, waypoints_total) == 20);
+HERO_ASSERT(offsetof(MovementState, waypoints_sent) == 24);
+HERO_ASSERT(offsetof(MovementState, waypoints_reached) == 28);
+HERO_ASSERT(offsetof(MovementState, distance_to_go_m) == 32);
+HERO_ASSERT(offsetof(MovementState, distance_valid) == 36);
+
+#define HERO_LINK_HEALTH_TYPE_NAME "hero.LinkHealth.v1"
+typedef struct LinkHealth {
+    uint64_t last_message_ns;
+    uint64_t last_telemetry_ns;
+    uint64_t state_since_ns;
+    uint64_t bytes_received;
+    uint64_t messages_received;
+    uint32_t state;
+    uint32_t port_openings;
+    uint32_t dsp_boots;
+    uint32_t commands_acknowledged;
+    uint32_t commands_repeated;
+    uint32_t commands_failed;
+    uint32_t acks_unmatched;
+    uint32_t waypoints_sent;
+    uint32_t telemetry_published;
+    uint32_t telemetry_incoherent;
+} LinkHealth;
+HERO_ASSERT(sizeof(LinkHealth) == 80);
+HERO_ASSERT(offsetof(LinkHealth, last_message_ns) == 0);
+HERO_ASSERT(offsetof(LinkHealth, last_telemetry_ns) == 8);
+HERO_ASSERT(offsetof(LinkHealth, state_since_ns) == 16);
+HERO_ASSERT(offsetof(LinkHealth, bytes_received) == 24);
+HERO_ASSERT(offsetof(LinkHealth, messages_received) == 32);
+HERO_ASSERT(offsetof(LinkHealth, state) == 40);
+HERO_ASSERT(offsetof(LinkHealth, port_openings) == 44);
+HERO_ASSERT(offsetof(LinkHealth, dsp_boots) == 48);
+HERO_ASSERT(offsetof(LinkHealth, commands_acknowledged) == 52);
+HERO_ASSERT(offsetof(LinkHealth, commands_repeated) == 56);
+HERO_ASSERT(offsetof(LinkHealth, commands_failed) == 60);
+HERO_ASSERT(offsetof(LinkHealth, acks_unmatched) == 64);
+HERO_ASSERT(offsetof(LinkHealth, waypoints_sent) == 68);
+HERO_ASSERT(offsetof(LinkHealth, telemetry_published) == 72);
+HERO_ASSERT(offsetof(LinkHealth, telemetry_incoherent) == 76);
+
+#define HERO_REFUSED_COUNTERS_TYPE_NAME "hero.RefusedCounters.v1"
+typedef struct RefusedCounters {
+    uint32_t stray;
+    uint32_t unknown_header;
+    uint32_t truncated;
+    uint32_t checksum;
+    uint32_t padding;
+    uint32_t value;
+    uint32_t implausible_groups;
+    uint32_t implausible_mask;
+    uint32_t requests;
+    uint32_t transmit_overflows;
+    uint32_t reserved[2];
+} RefusedCounters;
+HERO_ASSERT(sizeof(RefusedCounters) == 48);
+HERO_ASSERT(offsetof(RefusedCounters, stray) == 0);
+HERO_ASSERT(offsetof(RefusedCounters, unknown_header) == 4);
+HERO_ASSERT(offsetof(RefusedCounters, truncated) == 8);
+HERO_ASSERT(offsetof(RefusedCounters, checksum) == 12);
+HERO_ASSERT(offsetof(RefusedCounters, padding) == 16);
+HERO_ASSERT(offsetof(RefusedCounters, value) == 20);
+HERO_ASSERT(offsetof(RefusedCounters, implausible_groups) == 24);
+HERO_ASSERT(offsetof(RefusedCounters, implausible_mask) == 28);
+HERO_ASSERT(offsetof(RefusedCounters, requests) == 32);
+HERO_ASSERT(offsetof(RefusedCounters, transmit_overflows) == 36);
+HERO_ASSERT(offsetof(RefusedCounters, reserved) == 40);
+
+#define HERO_DSP_ERROR_COUNTERS_TYPE_NAME "hero.DspErrorCounters.v1"
+typedef struct DspErrorCounters {
+    uint32_t total;
+    uint32_t unknown;
+    uint32_t last_imi;
+    uint32_t transcended;
+    uint32_t known[26];
+} DspErrorCounters;
+HERO_ASSERT(sizeof(DspErrorCounters) == 120);
+HERO_ASSERT(offsetof(DspErrorCounters, total) == 0);
+HERO_ASSERT(offsetof(DspErrorCounters, unknown) == 4);
+HERO_ASSERT(offsetof(DspErrorCounters, last_imi) == 8);
+HERO_ASSERT(offsetof(DspErrorCounters, transcended) == 12);
+HERO_ASSERT(offsetof(DspErrorCounters, known) == 16);
+
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v1"
+typedef struct ModuleState {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint32_t module_id;
+    uint32_t status;
+    uint32_t imi_error;
+    uint32_t blocked;
+    uint32_t functionality;
+    uint32_t unable_to_abort;
+    MovementState movement;
+    LinkHealth link;
+    RefusedCounters refused;
+    DspErrorCounters dsp_errors;
+} ModuleState;
+HERO_ASSERT(sizeof(ModuleState) == 336);
+HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
+HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
+HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
+HERO_ASSERT(offsetof(ModuleState, module_id) == 24);
+HERO_ASSERT(offsetof(ModuleState, status) == 28);
+HERO_ASSERT(offsetof(ModuleState, imi_error) == 32);
+HERO_ASSERT(offsetof(ModuleState, blocked) == 36);
+HERO_ASSERT(offsetof(ModuleState, functionality) == 40);
+HERO_ASSERT(offsetof(ModuleState, unable_to_abort) == 44);
+HERO_ASSERT(offsetof(ModuleState, movement) == 48);
+HERO_ASSERT(offsetof(ModuleState, link) == 88);
+HERO_ASSERT(offsetof(ModuleState, refused) == 168);
+HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 216);
+
+#define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v1"
+typedef struct ModuleControl {
+    uint64_t request_id;
+    uint32_t command;
+    uint32_t deadline_ms;
+} ModuleControl;
+HERO_ASSERT(sizeof(ModuleControl) == 16);
+HERO_ASSERT(offsetof(ModuleControl, request_id) == 0);
+HERO_ASSERT(offsetof(ModuleControl, command) == 8);
+HERO_ASSERT(offsetof(ModuleControl, deadline_ms) == 12);
+
+#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v1"
+typedef struct MovementData {
+    uint64_t request_id;
+    uint64_t path_id;
+    double latitude_deg;
+    double longitude_deg;
+    double altitude_m;
+    uint32_t kind;
+    uint16_t first;
+    uint16_t last;
+    uint32_t deadline_ms;
+    uint32_t reserved;
+} MovementData;
+HERO_ASSERT(sizeof(MovementData) == 56);
+HERO_ASSERT(offsetof(MovementData, request_id) == 0);
+HERO_ASSERT(offsetof(MovementData, path_id) == 8);
+HERO_ASSERT(offsetof(MovementData, latitude_deg) == 16);
+HERO_ASSERT(offsetof(MovementData, longitude_deg) == 24);
+HERO_ASSERT(offsetof(MovementData, altitude_m) == 32);
+HERO_ASSERT(offsetof(MovementData, kind) == 40);
+HERO_ASSERT(offsetof(MovementData, first) == 44);
+HERO_ASSERT(offsetof(MovementData, last) == 46);
+HERO_ASSERT(offsetof(MovementData, deadline_ms) == 48);
+HERO_ASSERT(offsetof(MovementData, reserved) == 52);
+
+#define HERO_REQUEST_REPORT_TYPE_NAME "hero.RequestReport.v1"
+typedef struct RequestReport {
+    uint64_t request_id;
+    uint64_t path_id;
+    uint64_t reported_ns;
+    uint32_t stage;
+    uint32_t reason;
+    uint32_t imi_error;
+    uint32_t waypoints_total;
+    uint32_t waypoints_sent;
+    uint32_t waypoints_reached;
+} RequestReport;
+HERO_ASSERT(sizeof(RequestReport) == 48);
+HERO_ASSERT(offsetof(RequestReport, request_id) == 0);
+HERO_ASSERT(offsetof(RequestReport, path_id) == 8);
+HERO_ASSERT(offsetof(RequestReport, reported_ns) == 16);
+HERO_ASSERT(offsetof(RequestReport, stage) == 24);
+HERO_ASSERT(offsetof(RequestReport, reason) == 28);
+HERO_ASSERT(offsetof(RequestReport, imi_error) == 32);
+HERO_ASSERT(offsetof(RequestReport, waypoints_total) == 36);
+HERO_ASSERT(offsetof(RequestReport, waypoints_sent) == 40);
+HERO_ASSERT(offsetof(RequestReport, waypoints_reached) == 44);
+
+#endif

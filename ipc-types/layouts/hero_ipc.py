@@ -1,0 +1,861 @@
+"""Structs and numbers of the HERO RIL in shared memory. docs/ipc.md says what they mean.
+
+Made by ipc-types/tests/layout.rs: do not edit.
+"""
+
+import ctypes
+import enum
+
+#: By service: the values of its attributes `layout` and `layout_hash`.
+LAYOUTS = {
+    "dsp_telemetry": ("hero.DspTelemetry.v1", "9fab9632384890ef"),
+    "hero_telemetry": ("hero.HeroTelemetry.v1", "8b44b9e905ea8843"),
+    "module_state": ("hero.ModuleState.v1", "14065e8a266bd3a1"),
+    "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v1", "361bb96a97a215ca"),
+    "movement": ("hero.MovementData.v1/hero.RequestReport.v1", "b94bc40199bae88c"),
+}
+
+
+class ControlCommand(enum.IntEnum):
+    START = 1
+    STOP = 2
+
+
+class MovementKind(enum.IntEnum):
+    GOTO = 1
+    TAKEOFF = 2
+    LAND = 3
+
+
+class ModuleId(enum.IntEnum):
+    HERO_BRIDGE = 1
+
+
+class ModuleStatus(enum.IntEnum):
+    WAITING_DATA_TO_START = 1
+    RUNNING = 2
+    ENDED = 3
+    ABORTED = 4
+
+
+class Functionality(enum.IntEnum):
+    AT_REST = 1
+    RECEIVING_PATH = 2
+    TAKING_OFF = 3
+    FOLLOWING_PATH = 4
+    LANDING = 5
+    STOPPING = 6
+
+
+class LinkState(enum.IntEnum):
+    CONNECTING = 1
+    UP = 2
+    SILENT = 3
+    GONE = 4
+
+
+class Stage(enum.IntEnum):
+    ACCEPTED = 1
+    PROGRESS = 2
+    DONE = 16
+    REFUSED = 17
+    ABORTED = 18
+    UNKNOWN = 19
+
+
+class Reason(enum.IntEnum):
+    NONE = 0
+    INVALID_REQUEST = 1
+    NOT_FINITE = 2
+    OUT_OF_RANGE = 3
+    TOO_FAR = 4
+    NOT_STARTED = 5
+    ALREADY_RUNNING = 6
+    UNABLE_TO_ABORT = 7
+    BUSY = 8
+    LINK_DOWN = 9
+    NOT_FLYING = 10
+    ALREADY_FLYING = 11
+    NO_POSITION = 12
+    PATH_WITHOUT_HEAD = 13
+    PATH_REPLACED = 14
+    PATH_TOO_LONG = 15
+    PATH_BROKEN = 16
+    TOO_MANY_REQUESTS = 17
+    DEADLINE_EXPIRED = 18
+    MOVEMENT_TIMEOUT = 19
+    STOPPED = 20
+    DSP_FATAL_ERROR = 21
+    COMMUNICATION_FATAL_ERROR = 22
+    DSP_REBOOTED = 23
+    BRIDGE_ENDING = 24
+    BRIDGE_GONE = 25
+
+
+class ImiError(enum.IntEnum):
+    NO_ERROR = 0
+    MODULE_RUNNING_TO_RESTART_STOP_IT_BEFORE = 1
+    IMPOSSIBLE_TO_STOP_MODULE = 2
+    HERO_DSP_FATAL_ERROR = 100
+    COMMUNICATION_FATAL_ERROR = 101
+    MOVEMENT_TIMEOUT = 102
+
+
+class TelemetryGroup(enum.IntFlag):
+    TIME = 1
+    GEOGRAPHIC = 2
+    XY = 4
+    GPS_VELOCITY = 8
+    GPS_QUALITY = 16
+    ATTITUDE = 32
+    ACCELERATION = 64
+    ANGULAR_RATE = 128
+    PILOT_PWM = 256
+    SONAR = 512
+    SUPPLY = 1024
+    PAN_TILT = 2048
+    ROTOR_SPEED = 4096
+    BAROMETER = 8192
+    ACTUATION = 16384
+    REFERENCES = 32768
+
+
+class Event(enum.IntEnum):
+    DATA = 1
+    ARRIVED = 2
+    LEFT = 3
+    DIED = 4
+
+
+class DspGeographic(ctypes.Structure):
+    _fields_ = [
+        ("latitude_deg", ctypes.c_double),
+        ("longitude_deg", ctypes.c_double),
+        ("altitude_m", ctypes.c_double),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspGeographic.v1"
+
+
+assert ctypes.sizeof(DspGeographic) == 24
+assert DspGeographic.latitude_deg.offset == 0
+assert DspGeographic.longitude_deg.offset == 8
+assert DspGeographic.altitude_m.offset == 16
+
+
+class DspXy(ctypes.Structure):
+    _fields_ = [
+        ("x_m", ctypes.c_double),
+        ("y_m", ctypes.c_double),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspXy.v1"
+
+
+assert ctypes.sizeof(DspXy) == 16
+assert DspXy.x_m.offset == 0
+assert DspXy.y_m.offset == 8
+
+
+class DspGpsVelocity(ctypes.Structure):
+    _fields_ = [
+        ("horizontal_speed_mps", ctypes.c_float),
+        ("vertical_speed_mps", ctypes.c_float),
+        ("heading_deg", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspGpsVelocity.v1"
+
+
+assert ctypes.sizeof(DspGpsVelocity) == 12
+assert DspGpsVelocity.horizontal_speed_mps.offset == 0
+assert DspGpsVelocity.vertical_speed_mps.offset == 4
+assert DspGpsVelocity.heading_deg.offset == 8
+
+
+class DspAttitude(ctypes.Structure):
+    _fields_ = [
+        ("pitch_deg", ctypes.c_float),
+        ("roll_deg", ctypes.c_float),
+        ("yaw_deg", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspAttitude.v1"
+
+
+assert ctypes.sizeof(DspAttitude) == 12
+assert DspAttitude.pitch_deg.offset == 0
+assert DspAttitude.roll_deg.offset == 4
+assert DspAttitude.yaw_deg.offset == 8
+
+
+class DspAcceleration(ctypes.Structure):
+    _fields_ = [
+        ("x_mps2", ctypes.c_float),
+        ("y_mps2", ctypes.c_float),
+        ("z_mps2", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspAcceleration.v1"
+
+
+assert ctypes.sizeof(DspAcceleration) == 12
+assert DspAcceleration.x_mps2.offset == 0
+assert DspAcceleration.y_mps2.offset == 4
+assert DspAcceleration.z_mps2.offset == 8
+
+
+class DspAngularRate(ctypes.Structure):
+    _fields_ = [
+        ("x_radps", ctypes.c_float),
+        ("y_radps", ctypes.c_float),
+        ("z_radps", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspAngularRate.v1"
+
+
+assert ctypes.sizeof(DspAngularRate) == 12
+assert DspAngularRate.x_radps.offset == 0
+assert DspAngularRate.y_radps.offset == 4
+assert DspAngularRate.z_radps.offset == 8
+
+
+class DspServoPulses(ctypes.Structure):
+    _fields_ = [
+        ("collective_us", ctypes.c_uint32),
+        ("roll_us", ctypes.c_uint32),
+        ("pitch_us", ctypes.c_uint32),
+        ("tail_us", ctypes.c_uint32),
+        ("throttle_us", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspServoPulses.v1"
+
+
+assert ctypes.sizeof(DspServoPulses) == 20
+assert DspServoPulses.collective_us.offset == 0
+assert DspServoPulses.roll_us.offset == 4
+assert DspServoPulses.pitch_us.offset == 8
+assert DspServoPulses.tail_us.offset == 12
+assert DspServoPulses.throttle_us.offset == 16
+
+
+class DspSupply(ctypes.Structure):
+    _fields_ = [
+        ("battery_mv", ctypes.c_uint32),
+        ("fuel_percent", ctypes.c_uint32),
+        ("auto_switch", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspSupply.v1"
+
+
+assert ctypes.sizeof(DspSupply) == 12
+assert DspSupply.battery_mv.offset == 0
+assert DspSupply.fuel_percent.offset == 4
+assert DspSupply.auto_switch.offset == 8
+
+
+class DspPanTilt(ctypes.Structure):
+    _fields_ = [
+        ("pan_adc", ctypes.c_uint32),
+        ("tilt_adc", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspPanTilt.v1"
+
+
+assert ctypes.sizeof(DspPanTilt) == 8
+assert DspPanTilt.pan_adc.offset == 0
+assert DspPanTilt.tilt_adc.offset == 4
+
+
+class DspReferences(ctypes.Structure):
+    _fields_ = [
+        ("x_speed_mps", ctypes.c_float),
+        ("y_speed_mps", ctypes.c_float),
+        ("altitude_m", ctypes.c_float),
+        ("pitch_deg", ctypes.c_float),
+        ("roll_deg", ctypes.c_float),
+        ("yaw_deg", ctypes.c_float),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspReferences.v1"
+
+
+assert ctypes.sizeof(DspReferences) == 28
+assert DspReferences.x_speed_mps.offset == 0
+assert DspReferences.y_speed_mps.offset == 4
+assert DspReferences.altitude_m.offset == 8
+assert DspReferences.pitch_deg.offset == 12
+assert DspReferences.roll_deg.offset == 16
+assert DspReferences.yaw_deg.offset == 20
+assert DspReferences.reserved.offset == 24
+
+
+class DspTelemetry(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("received_ns", ctypes.c_uint64),
+        ("dsp_time_ms", ctypes.c_uint32),
+        ("valid_groups", ctypes.c_uint16),
+        ("flying", ctypes.c_uint8),
+        ("gps_quality", ctypes.c_uint8),
+        ("dsp_boots", ctypes.c_uint32),
+        ("dsp_errors", ctypes.c_uint32),
+        ("last_dsp_error_imi", ctypes.c_uint32),
+        ("rotor_rpm", ctypes.c_uint32),
+        ("geographic", DspGeographic),
+        ("xy", DspXy),
+        ("gps_velocity", DspGpsVelocity),
+        ("attitude", DspAttitude),
+        ("acceleration", DspAcceleration),
+        ("angular_rate", DspAngularRate),
+        ("pilot_pwm", DspServoPulses),
+        ("actuation", DspServoPulses),
+        ("sonar_adc", ctypes.c_uint32),
+        ("barometer_adc", ctypes.c_uint32),
+        ("supply", DspSupply),
+        ("pan_tilt", DspPanTilt),
+        ("references", DspReferences),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspTelemetry.v1"
+
+
+assert ctypes.sizeof(DspTelemetry) == 232
+assert DspTelemetry.sequence.offset == 0
+assert DspTelemetry.epoch_ns.offset == 8
+assert DspTelemetry.received_ns.offset == 16
+assert DspTelemetry.dsp_time_ms.offset == 24
+assert DspTelemetry.valid_groups.offset == 28
+assert DspTelemetry.flying.offset == 30
+assert DspTelemetry.gps_quality.offset == 31
+assert DspTelemetry.dsp_boots.offset == 32
+assert DspTelemetry.dsp_errors.offset == 36
+assert DspTelemetry.last_dsp_error_imi.offset == 40
+assert DspTelemetry.rotor_rpm.offset == 44
+assert DspTelemetry.geographic.offset == 48
+assert DspTelemetry.xy.offset == 72
+assert DspTelemetry.gps_velocity.offset == 88
+assert DspTelemetry.attitude.offset == 100
+assert DspTelemetry.acceleration.offset == 112
+assert DspTelemetry.angular_rate.offset == 124
+assert DspTelemetry.pilot_pwm.offset == 136
+assert DspTelemetry.actuation.offset == 156
+assert DspTelemetry.sonar_adc.offset == 176
+assert DspTelemetry.barometer_adc.offset == 180
+assert DspTelemetry.supply.offset == 184
+assert DspTelemetry.pan_tilt.offset == 196
+assert DspTelemetry.references.offset == 204
+
+
+class HeroGeodetic(ctypes.Structure):
+    _fields_ = [
+        ("latitude_rad", ctypes.c_double),
+        ("longitude_rad", ctypes.c_double),
+        ("altitude_m", ctypes.c_double),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroGeodetic.v1"
+
+
+assert ctypes.sizeof(HeroGeodetic) == 24
+assert HeroGeodetic.latitude_rad.offset == 0
+assert HeroGeodetic.longitude_rad.offset == 8
+assert HeroGeodetic.altitude_m.offset == 16
+
+
+class HeroLocal(ctypes.Structure):
+    _fields_ = [
+        ("east_m", ctypes.c_double),
+        ("north_m", ctypes.c_double),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroLocal.v1"
+
+
+assert ctypes.sizeof(HeroLocal) == 16
+assert HeroLocal.east_m.offset == 0
+assert HeroLocal.north_m.offset == 8
+
+
+class HeroVelocity(ctypes.Structure):
+    _fields_ = [
+        ("north_mps", ctypes.c_float),
+        ("east_mps", ctypes.c_float),
+        ("up_mps", ctypes.c_float),
+        ("ground_speed_mps", ctypes.c_float),
+        ("course_rad", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroVelocity.v1"
+
+
+assert ctypes.sizeof(HeroVelocity) == 20
+assert HeroVelocity.north_mps.offset == 0
+assert HeroVelocity.east_mps.offset == 4
+assert HeroVelocity.up_mps.offset == 8
+assert HeroVelocity.ground_speed_mps.offset == 12
+assert HeroVelocity.course_rad.offset == 16
+
+
+class HeroAttitude(ctypes.Structure):
+    _fields_ = [
+        ("roll_rad", ctypes.c_float),
+        ("pitch_rad", ctypes.c_float),
+        ("yaw_rad", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroAttitude.v1"
+
+
+assert ctypes.sizeof(HeroAttitude) == 12
+assert HeroAttitude.roll_rad.offset == 0
+assert HeroAttitude.pitch_rad.offset == 4
+assert HeroAttitude.yaw_rad.offset == 8
+
+
+class HeroAcceleration(ctypes.Structure):
+    _fields_ = [
+        ("forward_mps2", ctypes.c_float),
+        ("right_mps2", ctypes.c_float),
+        ("down_mps2", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroAcceleration.v1"
+
+
+assert ctypes.sizeof(HeroAcceleration) == 12
+assert HeroAcceleration.forward_mps2.offset == 0
+assert HeroAcceleration.right_mps2.offset == 4
+assert HeroAcceleration.down_mps2.offset == 8
+
+
+class HeroAngularRate(ctypes.Structure):
+    _fields_ = [
+        ("forward_radps", ctypes.c_float),
+        ("right_radps", ctypes.c_float),
+        ("down_radps", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroAngularRate.v1"
+
+
+assert ctypes.sizeof(HeroAngularRate) == 12
+assert HeroAngularRate.forward_radps.offset == 0
+assert HeroAngularRate.right_radps.offset == 4
+assert HeroAngularRate.down_radps.offset == 8
+
+
+class HeroServos(ctypes.Structure):
+    _fields_ = [
+        ("collective", ctypes.c_float),
+        ("roll", ctypes.c_float),
+        ("pitch", ctypes.c_float),
+        ("tail", ctypes.c_float),
+        ("throttle", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroServos.v1"
+
+
+assert ctypes.sizeof(HeroServos) == 20
+assert HeroServos.collective.offset == 0
+assert HeroServos.roll.offset == 4
+assert HeroServos.pitch.offset == 8
+assert HeroServos.tail.offset == 12
+assert HeroServos.throttle.offset == 16
+
+
+class HeroSupply(ctypes.Structure):
+    _fields_ = [
+        ("battery_v", ctypes.c_float),
+        ("fuel_fraction", ctypes.c_float),
+        ("auto_switch", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroSupply.v1"
+
+
+assert ctypes.sizeof(HeroSupply) == 12
+assert HeroSupply.battery_v.offset == 0
+assert HeroSupply.fuel_fraction.offset == 4
+assert HeroSupply.auto_switch.offset == 8
+
+
+class HeroReferences(ctypes.Structure):
+    _fields_ = [
+        ("north_mps", ctypes.c_float),
+        ("east_mps", ctypes.c_float),
+        ("altitude_m", ctypes.c_float),
+        ("roll_rad", ctypes.c_float),
+        ("pitch_rad", ctypes.c_float),
+        ("yaw_rad", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroReferences.v1"
+
+
+assert ctypes.sizeof(HeroReferences) == 24
+assert HeroReferences.north_mps.offset == 0
+assert HeroReferences.east_mps.offset == 4
+assert HeroReferences.altitude_m.offset == 8
+assert HeroReferences.roll_rad.offset == 12
+assert HeroReferences.pitch_rad.offset == 16
+assert HeroReferences.yaw_rad.offset == 20
+
+
+class HeroTelemetry(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("source_sequence", ctypes.c_uint64),
+        ("source_epoch_ns", ctypes.c_uint64),
+        ("received_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("dsp_time_s", ctypes.c_double),
+        ("valid_groups", ctypes.c_uint32),
+        ("flying", ctypes.c_uint32),
+        ("dsp_boots", ctypes.c_uint32),
+        ("dsp_errors", ctypes.c_uint32),
+        ("last_dsp_error_imi", ctypes.c_uint32),
+        ("gps_quality", ctypes.c_uint32),
+        ("geodetic", HeroGeodetic),
+        ("local", HeroLocal),
+        ("velocity", HeroVelocity),
+        ("attitude", HeroAttitude),
+        ("acceleration", HeroAcceleration),
+        ("angular_rate", HeroAngularRate),
+        ("pilot", HeroServos),
+        ("actuation", HeroServos),
+        ("sonar_height_m", ctypes.c_float),
+        ("barometer_altitude_m", ctypes.c_float),
+        ("supply", HeroSupply),
+        ("pan_rad", ctypes.c_float),
+        ("tilt_rad", ctypes.c_float),
+        ("rotor_radps", ctypes.c_float),
+        ("references", HeroReferences),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroTelemetry.v1"
+
+
+assert ctypes.sizeof(HeroTelemetry) == 272
+assert HeroTelemetry.sequence.offset == 0
+assert HeroTelemetry.epoch_ns.offset == 8
+assert HeroTelemetry.source_sequence.offset == 16
+assert HeroTelemetry.source_epoch_ns.offset == 24
+assert HeroTelemetry.received_ns.offset == 32
+assert HeroTelemetry.published_ns.offset == 40
+assert HeroTelemetry.dsp_time_s.offset == 48
+assert HeroTelemetry.valid_groups.offset == 56
+assert HeroTelemetry.flying.offset == 60
+assert HeroTelemetry.dsp_boots.offset == 64
+assert HeroTelemetry.dsp_errors.offset == 68
+assert HeroTelemetry.last_dsp_error_imi.offset == 72
+assert HeroTelemetry.gps_quality.offset == 76
+assert HeroTelemetry.geodetic.offset == 80
+assert HeroTelemetry.local.offset == 104
+assert HeroTelemetry.velocity.offset == 120
+assert HeroTelemetry.attitude.offset == 140
+assert HeroTelemetry.acceleration.offset == 152
+assert HeroTelemetry.angular_rate.offset == 164
+assert HeroTelemetry.pilot.offset == 176
+assert HeroTelemetry.actuation.offset == 196
+assert HeroTelemetry.sonar_height_m.offset == 216
+assert HeroTelemetry.barometer_altitude_m.offset == 220
+assert HeroTelemetry.supply.offset == 224
+assert HeroTelemetry.pan_rad.offset == 236
+assert HeroTelemetry.tilt_rad.offset == 240
+assert HeroTelemetry.rotor_radps.offset == 244
+assert HeroTelemetry.references.offset == 248
+
+
+class MovementState(ctypes.Structure):
+    _fields_ = [
+        ("request_id", ctypes.c_uint64),
+        ("path_id", ctypes.c_uint64),
+        ("kind", ctypes.c_uint32),
+        ("waypoints_total", ctypes.c_uint32),
+        ("waypoints_sent", ctypes.c_uint32),
+        ("waypoints_reached", ctypes.c_uint32),
+        ("distance_to_go_m", ctypes.c_float),
+        ("distance_valid", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.MovementState.v1"
+
+
+assert ctypes.sizeof(MovementState) == 40
+assert MovementState.request_id.offset == 0
+assert MovementState.path_id.offset == 8
+assert MovementState.kind.offset == 16
+assert MovementState.waypoints_total.offset == 20
+assert MovementState.waypoints_sent.offset == 24
+assert MovementState.waypoints_reached.offset == 28
+assert MovementState.distance_to_go_m.offset == 32
+assert MovementState.distance_valid.offset == 36
+
+
+class LinkHealth(ctypes.Structure):
+    _fields_ = [
+        ("last_message_ns", ctypes.c_uint64),
+        ("last_telemetry_ns", ctypes.c_uint64),
+        ("state_since_ns", ctypes.c_uint64),
+        ("bytes_received", ctypes.c_uint64),
+        ("messages_received", ctypes.c_uint64),
+        ("state", ctypes.c_uint32),
+        ("port_openings", ctypes.c_uint32),
+        ("dsp_boots", ctypes.c_uint32),
+        ("commands_acknowledged", ctypes.c_uint32),
+        ("commands_repeated", ctypes.c_uint32),
+        ("commands_failed", ctypes.c_uint32),
+        ("acks_unmatched", ctypes.c_uint32),
+        ("waypoints_sent", ctypes.c_uint32),
+        ("telemetry_published", ctypes.c_uint32),
+        ("telemetry_incoherent", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.LinkHealth.v1"
+
+
+assert ctypes.sizeof(LinkHealth) == 80
+assert LinkHealth.last_message_ns.offset == 0
+assert LinkHealth.last_telemetry_ns.offset == 8
+assert LinkHealth.state_since_ns.offset == 16
+assert LinkHealth.bytes_received.offset == 24
+assert LinkHealth.messages_received.offset == 32
+assert LinkHealth.state.offset == 40
+assert LinkHealth.port_openings.offset == 44
+assert LinkHealth.dsp_boots.offset == 48
+assert LinkHealth.commands_acknowledged.offset == 52
+assert LinkHealth.commands_repeated.offset == 56
+assert LinkHealth.commands_failed.offset == 60
+assert LinkHealth.acks_unmatched.offset == 64
+assert LinkHealth.waypoints_sent.offset == 68
+assert LinkHealth.telemetry_published.offset == 72
+assert LinkHealth.telemetry_incoherent.offset == 76
+
+
+class RefusedCounters(ctypes.Structure):
+    _fields_ = [
+        ("stray", ctypes.c_uint32),
+        ("unknown_header", ctypes.c_uint32),
+        ("truncated", ctypes.c_uint32),
+        ("checksum", ctypes.c_uint32),
+        ("padding", ctypes.c_uint32),
+        ("value", ctypes.c_uint32),
+        ("implausible_groups", ctypes.c_uint32),
+        ("implausible_mask", ctypes.c_uint32),
+        ("requests", ctypes.c_uint32),
+        ("transmit_overflows", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32 * 2),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.RefusedCounters.v1"
+
+
+assert ctypes.sizeof(RefusedCounters) == 48
+assert RefusedCounters.stray.offset == 0
+assert RefusedCounters.unknown_header.offset == 4
+assert RefusedCounters.truncated.offset == 8
+assert RefusedCounters.checksum.offset == 12
+assert RefusedCounters.padding.offset == 16
+assert RefusedCounters.value.offset == 20
+assert RefusedCounters.implausible_groups.offset == 24
+assert RefusedCounters.implausible_mask.offset == 28
+assert RefusedCounters.requests.offset == 32
+assert RefusedCounters.transmit_overflows.offset == 36
+assert RefusedCounters.reserved.offset == 40
+
+
+class DspErrorCounters(ctypes.Structure):
+    _fields_ = [
+        ("total", ctypes.c_uint32),
+        ("unknown", ctypes.c_uint32),
+        ("last_imi", ctypes.c_uint32),
+        ("transcended", ctypes.c_uint32),
+        ("known", ctypes.c_uint32 * 26),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.DspErrorCounters.v1"
+
+
+assert ctypes.sizeof(DspErrorCounters) == 120
+assert DspErrorCounters.total.offset == 0
+assert DspErrorCounters.unknown.offset == 4
+assert DspErrorCounters.last_imi.offset == 8
+assert DspErrorCounters.transcended.offset == 12
+assert DspErrorCounters.known.offset == 16
+
+
+class ModuleState(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("module_id", ctypes.c_uint32),
+        ("status", ctypes.c_uint32),
+        ("imi_error", ctypes.c_uint32),
+        ("blocked", ctypes.c_uint32),
+        ("functionality", ctypes.c_uint32),
+        ("unable_to_abort", ctypes.c_uint32),
+        ("movement", MovementState),
+        ("link", LinkHealth),
+        ("refused", RefusedCounters),
+        ("dsp_errors", DspErrorCounters),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ModuleState.v1"
+
+
+assert ctypes.sizeof(ModuleState) == 336
+assert ModuleState.sequence.offset == 0
+assert ModuleState.epoch_ns.offset == 8
+assert ModuleState.published_ns.offset == 16
+assert ModuleState.module_id.offset == 24
+assert ModuleState.status.offset == 28
+assert ModuleState.imi_error.offset == 32
+assert ModuleState.blocked.offset == 36
+assert ModuleState.functionality.offset == 40
+assert ModuleState.unable_to_abort.offset == 44
+assert ModuleState.movement.offset == 48
+assert ModuleState.link.offset == 88
+assert ModuleState.refused.offset == 168
+assert ModuleState.dsp_errors.offset == 216
+
+
+class ModuleControl(ctypes.Structure):
+    _fields_ = [
+        ("request_id", ctypes.c_uint64),
+        ("command", ctypes.c_uint32),
+        ("deadline_ms", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ModuleControl.v1"
+
+
+assert ctypes.sizeof(ModuleControl) == 16
+assert ModuleControl.request_id.offset == 0
+assert ModuleControl.command.offset == 8
+assert ModuleControl.deadline_ms.offset == 12
+
+
+class MovementData(ctypes.Structure):
+    _fields_ = [
+        ("request_id", ctypes.c_uint64),
+        ("path_id", ctypes.c_uint64),
+        ("latitude_deg", ctypes.c_double),
+        ("longitude_deg", ctypes.c_double),
+        ("altitude_m", ctypes.c_double),
+        ("kind", ctypes.c_uint32),
+        ("first", ctypes.c_uint16),
+        ("last", ctypes.c_uint16),
+        ("deadline_ms", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.MovementData.v1"
+
+
+assert ctypes.sizeof(MovementData) == 56
+assert MovementData.request_id.offset == 0
+assert MovementData.path_id.offset == 8
+assert MovementData.latitude_deg.offset == 16
+assert MovementData.longitude_deg.offset == 24
+assert MovementData.altitude_m.offset == 32
+assert MovementData.kind.offset == 40
+assert MovementData.first.offset == 44
+assert MovementData.last.offset == 46
+assert MovementData.deadline_ms.offset == 48
+assert MovementData.reserved.offset == 52
+
+
+class RequestReport(ctypes.Structure):
+    _fields_ = [
+        ("request_id", ctypes.c_uint64),
+        ("path_id", ctypes.c_uint64),
+        ("reported_ns", ctypes.c_uint64),
+        ("stage", ctypes.c_uint32),
+        ("reason", ctypes.c_uint32),
+        ("imi_error", ctypes.c_uint32),
+        ("waypoints_total", ctypes.c_uint32),
+        ("waypoints_sent", ctypes.c_uint32),
+        ("waypoints_reached", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.RequestReport.v1"
+
+
+assert ctypes.sizeof(RequestReport) == 48
+assert RequestReport.request_id.offset == 0
+assert RequestReport.path_id.offset == 8
+assert RequestReport.reported_ns.offset == 16
+assert RequestReport.stage.offset == 24
+assert RequestReport.reason.offset == 28
+assert RequestReport.imi_error.offset == 32
+assert RequestReport.waypoints_total.offset == 36
+assert RequestReport.waypoints_sent.offset == 40
+assert RequestReport.waypoints_reached.offset == 44

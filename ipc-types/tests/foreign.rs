@@ -1,0 +1,234 @@
+//! What others may have put into the domain: services with another layout or other settings, live foreign nodes.
+//!
+//! The only tests that speak to iceoryx2 themselves, in the place of a foreign program.
+
+mod support;
+
+use iceoryx2::prelude::*;
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
+use ipc_types::payload::{DspTelemetry, SharedStruct};
+use ipc_types::{Domain, DomainError, Ipc, OpenError, Removal, RobotId, ServiceId};
+
+use support::{in_domain, join};
+
+/// A later or earlier version of the sample, of the same size and alignment.
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
+#[type_name("hero.DspTelemetry.v0")]
+#[repr(C)]
+struct OtherTelemetry {
+    words: [u64; size_of::<DspTelemetry>() / 8],
+}
+
+fn foreign_node(domain: &Domain) -> Node<ipc::Service> {
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(domain.prefix().as_bytes()).unwrap();
+    let root = domain.root().to_str().unwrap();
+    config
+        .global
+        .set_root_path(&Path::new(root.as_bytes()).unwrap());
+    NodeBuilder::new()
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create()
+        .unwrap()
+}
+
+fn create<T: std::fmt::Debug + ZeroCopySend>(
+    node: &Node<ipc::Service>,
+    attributes: &[(&str, &str)],
+) -> Topic<ipc::Service, T, ()> {
+    let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
+    let mut specifier = AttributeSpecifier::new();
+    for (key, value) in attributes {
+        let key = AttributeKey::try_from(*key).unwrap();
+        let value = AttributeValue::try_from(*value).unwrap();
+        specifier = specifier.define(&key, &value).unwrap();
+    }
+    node.service_builder(&name.as_str().try_into().unwrap())
+        .publish_subscribe::<T>()
+        .create_with_attributes(&specifier)
+        .unwrap()
+}
+
+fn refusal(ipc: &Ipc) -> OpenError {
+    match ipc.subscriber::<DspTelemetry>() {
+        Ok(_) => panic!("not refused"),
+        Err(error) => error,
+    }
+}
+
+#[test]
+fn another_version_is_refused_and_both_are_named() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let node = foreign_node(domain);
+        let _service = create::<OtherTelemetry>(&node, &[("layout_hash", "0123456789abcdef")]);
+        let error = refusal(&ipc);
+        assert!(matches!(error, OpenError::LayoutMismatch { .. }), "{error}");
+        let text = error.to_string();
+        let wanted = format!(
+            "was built for `{} {:016x}`",
+            DspTelemetry::TYPE_NAME,
+            ServiceId::DspTelemetry.spec().layout_hash
+        );
+        for part in [
+            "hero/1/dsp_telemetry",
+            "carries `hero.DspTelemetry.v0 0123456789abcdef`",
+            &wanted,
+        ] {
+            assert!(text.contains(part), "{part} not in: {text}");
+        }
+    });
+}
+
+#[test]
+fn fields_that_changed_places_under_the_same_name_are_refused() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let node = foreign_node(domain);
+        let attributes = [
+            ("slot", "3000"),
+            ("layout", DspTelemetry::TYPE_NAME),
+            ("layout_hash", "0123456789abcdef"),
+        ];
+        let _service = create::<DspTelemetry>(&node, &attributes);
+        let error = refusal(&ipc).to_string();
+        assert!(error.contains("0123456789abcdef"), "{error}");
+    });
+}
+
+#[test]
+fn a_service_with_other_settings_is_refused_with_what_to_do() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let node = foreign_node(domain);
+        let hash = format!("{:016x}", ServiceId::DspTelemetry.spec().layout_hash);
+        let attributes = [
+            ("slot", "3000"),
+            ("layout", DspTelemetry::TYPE_NAME),
+            ("layout_hash", hash.as_str()),
+        ];
+        // iceoryx2's defaults: a buffer of two samples, no history.
+        let _service = create::<DspTelemetry>(&node, &attributes);
+        let error = refusal(&ipc);
+        assert!(matches!(error, OpenError::OtherSettings { .. }), "{error}");
+        assert!(
+            error
+                .to_string()
+                .contains("must open services, not create them")
+        );
+    });
+}
+
+#[test]
+fn a_foreign_consumer_opens_what_the_publisher_made() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let node = foreign_node(domain);
+        let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
+        let service = node
+            .service_builder(&name.as_str().try_into().unwrap())
+            .publish_subscribe::<DspTelemetry>()
+            .open()
+            .unwrap();
+        let slot = AttributeKey::try_from("slot").unwrap();
+        let slot = service
+            .attributes()
+            .key_value(&slot, 0)
+            .unwrap()
+            .to_string();
+        assert_eq!(slot, "3000");
+        let subscriber = service.subscriber_builder().create().unwrap();
+        publisher.publish(|sample| sample.rotor_rpm = 1234).unwrap();
+        assert_eq!(subscriber.receive().unwrap().unwrap().rotor_rpm, 1234);
+    });
+}
+
+#[test]
+fn a_live_foreign_node_keeps_the_domain() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let node = foreign_node(domain);
+        drop(ipc);
+        assert!(!domain.residue().is_empty());
+        assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
+        drop(node);
+        assert!(matches!(
+            domain.remove_if_dead().unwrap(),
+            Removal::Removed(_)
+        ));
+    });
+}
+
+#[test]
+fn nobody_else_may_read_or_write_the_domain_s_segments() {
+    use std::os::unix::fs::PermissionsExt;
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let segments: Vec<_> = domain
+            .residue()
+            .into_iter()
+            .filter(|path| path.starts_with("/dev/shm"))
+            .collect();
+        assert!(segments.len() > 1, "{segments:?}");
+        for path in segments {
+            let mode = path.metadata().unwrap().permissions().mode() & 0o777;
+            assert_eq!(mode & 0o077, 0, "{}: {mode:03o}", path.display());
+        }
+        let mode = domain.root().metadata().unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode, 0o700);
+    });
+}
+
+#[test]
+fn a_segment_of_another_user_under_our_prefix_is_refused() {
+    let domain = Domain::isolated();
+    let segment = format!("/dev/shm/{}foreign", domain.prefix());
+    std::fs::write(&segment, "").unwrap();
+    // Only root can give a file away; for others the test shows that their own file is simply removed.
+    let given_away = std::os::unix::fs::chown(&segment, Some(65534), None).is_ok();
+    let joined = Ipc::join(&domain, RobotId::DEFAULT, "test");
+    if given_away {
+        let Err(error) = joined else {
+            panic!("joined beside a foreign segment");
+        };
+        assert!(matches!(
+            error,
+            ipc_types::JoinError::Domain(DomainError::Unsafe { .. })
+        ));
+        assert!(
+            error.to_string().contains("belongs to user 65534"),
+            "{error}"
+        );
+        std::fs::remove_file(&segment).unwrap();
+    } else {
+        assert!(!std::path::Path::new(&segment).exists());
+        drop(joined);
+    }
+    domain.remove_if_dead().unwrap();
+    assert!(domain.residue().is_empty());
+}
+
+#[test]
+fn a_process_has_one_domain_that_is_not_isolated() {
+    let domains = [1, 2].map(|n| {
+        let isolated = Domain::isolated();
+        let prefix = format!("{}x{n}_", isolated.prefix().trim_end_matches('_'));
+        Domain::new(&prefix, isolated.root()).unwrap()
+    });
+    domains[0].enter().unwrap();
+    domains[0].enter().unwrap();
+    let error = domains[1].enter().unwrap_err();
+    assert!(matches!(error, DomainError::AnotherDomainEntered { .. }));
+    for domain in &domains {
+        assert!(error.to_string().contains(domain.prefix()), "{error}");
+        assert!(domain.residue().is_empty());
+    }
+    let joined = Ipc::join(&domains[1], RobotId::DEFAULT, "test");
+    assert!(joined.is_err());
+    drop(joined);
+    assert!(domains[1].residue().is_empty());
+}

@@ -1,0 +1,405 @@
+//! The layouts of shared memory are pinned by `layouts/`: a table for people, a header for C and C++, a module for
+//! Python. All three are made of the same definitions, and a change of one byte fails here.
+//!
+//! After a deliberate change **raise the layout version** in the struct's type name, and write the files anew with
+//! `RIL_WRITE_LAYOUTS=1 cargo test -p ipc-types --test layout`.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use ipc_types::TelemetryGroup;
+use ipc_types::code::{
+    ControlCommand, Functionality, ImiError, LinkState, ModuleId, ModuleStatus, MovementKind,
+    Reason, Stage,
+};
+use ipc_types::payload::{
+    DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,
+    DspReferences, DspServoPulses, DspSupply, DspXy, HeroAcceleration, HeroAngularRate,
+    HeroAttitude, HeroGeodetic, HeroLocal, HeroReferences, HeroServos, HeroSupply, HeroVelocity,
+};
+use ipc_types::payload::{
+    DspErrorCounters, DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, LinkHealth,
+    ModuleControl, ModuleState, MovementData, MovementState, RefusedCounters, RequestReport,
+    SharedStruct, layout_hash,
+};
+use ipc_types::service::{EVENT_ID_MAX, EventCode, SERVICES};
+
+/// A struct as the generators need it.
+struct Layout {
+    name: &'static str,
+    type_name: &'static str,
+    size: usize,
+    align: usize,
+    fields: &'static [FieldLayout],
+}
+
+fn layout<T: SharedStruct>() -> Layout {
+    Layout {
+        name: T::NAME,
+        type_name: T::TYPE_NAME,
+        size: size_of::<T>(),
+        align: align_of::<T>(),
+        fields: T::FIELDS,
+    }
+}
+
+/// All structs, each after those that it contains.
+fn layouts() -> Vec<Layout> {
+    vec![
+        layout::<DspGeographic>(),
+        layout::<DspXy>(),
+        layout::<DspGpsVelocity>(),
+        layout::<DspAttitude>(),
+        layout::<DspAcceleration>(),
+        layout::<DspAngularRate>(),
+        layout::<DspServoPulses>(),
+        layout::<DspSupply>(),
+        layout::<DspPanTilt>(),
+        layout::<DspReferences>(),
+        layout::<DspTelemetry>(),
+        layout::<HeroGeodetic>(),
+        layout::<HeroLocal>(),
+        layout::<HeroVelocity>(),
+        layout::<HeroAttitude>(),
+        layout::<HeroAcceleration>(),
+        layout::<HeroAngularRate>(),
+        layout::<HeroServos>(),
+        layout::<HeroSupply>(),
+        layout::<HeroReferences>(),
+        layout::<HeroTelemetry>(),
+        layout::<MovementState>(),
+        layout::<LinkHealth>(),
+        layout::<RefusedCounters>(),
+        layout::<DspErrorCounters>(),
+        layout::<ModuleState>(),
+        layout::<ModuleControl>(),
+        layout::<MovementData>(),
+        layout::<RequestReport>(),
+    ]
+}
+
+/// A set of named numbers: its name, and name and number of each.
+type Codes = (&'static str, Vec<(String, u32)>);
+
+fn codes() -> Vec<Codes> {
+    macro_rules! of {
+        ($code:ident) => {
+            (
+                stringify!($code),
+                $code::ALL
+                    .iter()
+                    .map(|code| (constant(code.name()), code.code()))
+                    .collect(),
+            )
+        };
+    }
+    let groups = TelemetryGroup::ALL
+        .iter()
+        .map(|group| (constant(group.name()), u32::from(group.bit())))
+        .collect();
+    let events = [
+        EventCode::Data,
+        EventCode::Arrived,
+        EventCode::Left,
+        EventCode::Died,
+    ];
+    let events = events
+        .iter()
+        .map(|event| (constant(&format!("{event:?}")), *event as u32))
+        .collect();
+    vec![
+        of!(ControlCommand),
+        of!(MovementKind),
+        of!(ModuleId),
+        of!(ModuleStatus),
+        of!(Functionality),
+        of!(LinkState),
+        of!(Stage),
+        of!(Reason),
+        of!(ImiError),
+        ("TelemetryGroup", groups),
+        ("Event", events),
+    ]
+}
+
+/// `too-far` as the constant `TOO_FAR`.
+fn constant(name: &str) -> String {
+    name.replace('-', "_").to_uppercase()
+}
+
+/// `DspTelemetry` as `DSP_TELEMETRY`.
+fn snake(name: &str) -> String {
+    let mut text = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !text.is_empty() {
+            text.push('_');
+        }
+        text.extend(letter.to_uppercase());
+    }
+    text
+}
+
+fn kind_text(kind: FieldKind) -> String {
+    match kind {
+        FieldKind::Number(name) => name.to_owned(),
+        FieldKind::Array(name, len) => format!("{name}[{len}]"),
+        FieldKind::Struct(name, _) => name.to_owned(),
+    }
+}
+
+fn table() -> String {
+    let mut text = String::from(
+        "# Layouts in shared memory: offset, size, type, field. Little-endian, no padding.\n\
+         # Made by tests/layout.rs; a difference means another layout: raise the version in the type name.\n",
+    );
+    for layout in layouts() {
+        let Layout {
+            name,
+            type_name,
+            size,
+            align,
+            fields,
+        } = layout;
+        let hash = layout_hash(&[fields]);
+        writeln!(
+            text,
+            "\n{name} {type_name} size {size} align {align} hash {hash:016x}"
+        )
+        .unwrap();
+        for field in fields {
+            let kind = kind_text(field.kind);
+            writeln!(
+                text,
+                "{:6} {:4} {kind:18} {}",
+                field.offset, field.size, field.name
+            )
+            .unwrap();
+        }
+    }
+    text.push_str("\n# Services: slot offset, key, pattern, layout, layout hash.\n");
+    for spec in &SERVICES {
+        writeln!(
+            text,
+            "{} {} {:?} {} {:016x}",
+            spec.slot_offset, spec.key, spec.pattern, spec.layout, spec.layout_hash
+        )
+        .unwrap();
+    }
+    text
+}
+
+fn c_number(name: &str) -> &str {
+    match name {
+        "u8" => "uint8_t",
+        "u16" => "uint16_t",
+        "u32" => "uint32_t",
+        "u64" => "uint64_t",
+        "i32" => "int32_t",
+        "f32" => "float",
+        "f64" => "double",
+        other => panic!("no C type for {other}"),
+    }
+}
+
+fn c_header() -> String {
+    let mut text = String::from(
+        "/* Structs and numbers of the HERO RIL in shared memory, for C11 and C++11. docs/ipc.md says what they mean.\n\
+         \x20* Made by ipc-types/tests/layout.rs: do not edit. */\n\
+         #ifndef HERO_IPC_H\n#define HERO_IPC_H\n\n#include <stddef.h>\n#include <stdint.h>\n\n\
+         #ifdef __cplusplus\n#define HERO_ASSERT(what) static_assert(what, #what)\n\
+         #else\n#define HERO_ASSERT(what) _Static_assert(what, #what)\n#endif\n\n",
+    );
+    writeln!(text, "#define HERO_EVENT_ID_MAX {EVENT_ID_MAX}").unwrap();
+    for spec in &SERVICES {
+        let key = constant(spec.key);
+        writeln!(text, "#define HERO_{key}_LAYOUT \"{}\"", spec.layout).unwrap();
+        writeln!(
+            text,
+            "#define HERO_{key}_LAYOUT_HASH \"{:016x}\"",
+            spec.layout_hash
+        )
+        .unwrap();
+    }
+    for (set, numbers) in codes() {
+        writeln!(text, "\nenum hero_{} {{", snake(set).to_lowercase()).unwrap();
+        for (name, number) in numbers {
+            writeln!(text, "    HERO_{}_{name} = {number},", snake(set)).unwrap();
+        }
+        text.push_str("};\n");
+    }
+    for layout in layouts() {
+        let name = layout.name;
+        writeln!(
+            text,
+            "\n#define HERO_{}_TYPE_NAME \"{}\"",
+            snake(name),
+            layout.type_name
+        )
+        .unwrap();
+        writeln!(text, "typedef struct {name} {{").unwrap();
+        for field in layout.fields {
+            let field_name = field.name;
+            match field.kind {
+                FieldKind::Number(kind) => {
+                    writeln!(text, "    {} {field_name};", c_number(kind)).unwrap();
+                }
+                FieldKind::Array(kind, len) => {
+                    writeln!(text, "    {} {field_name}[{len}];", c_number(kind)).unwrap();
+                }
+                FieldKind::Struct(kind, _) => writeln!(text, "    {kind} {field_name};").unwrap(),
+            }
+        }
+        writeln!(text, "}} {name};").unwrap();
+        writeln!(text, "HERO_ASSERT(sizeof({name}) == {});", layout.size).unwrap();
+        for field in layout.fields {
+            let (field_name, offset) = (field.name, field.offset);
+            writeln!(
+                text,
+                "HERO_ASSERT(offsetof({name}, {field_name}) == {offset});"
+            )
+            .unwrap();
+        }
+    }
+    text.push_str("\n#endif\n");
+    text
+}
+
+fn python_number(name: &str) -> String {
+    match name {
+        "f32" => "ctypes.c_float".to_owned(),
+        "f64" => "ctypes.c_double".to_owned(),
+        integer => {
+            let (sign, bits) = integer.split_at(1);
+            let sign = if sign == "u" { "uint" } else { "int" };
+            format!("ctypes.c_{sign}{bits}")
+        }
+    }
+}
+
+fn python_module() -> String {
+    let mut text = String::from(
+        "\"\"\"Structs and numbers of the HERO RIL in shared memory. docs/ipc.md says what they mean.\n\n\
+         Made by ipc-types/tests/layout.rs: do not edit.\n\"\"\"\n\nimport ctypes\nimport enum\n\n",
+    );
+    text.push_str(
+        "#: By service: the values of its attributes `layout` and `layout_hash`.\nLAYOUTS = {\n",
+    );
+    for spec in &SERVICES {
+        let (key, layout, hash) = (spec.key, spec.layout, spec.layout_hash);
+        writeln!(text, "    \"{key}\": (\"{layout}\", \"{hash:016x}\"),").unwrap();
+    }
+    text.push_str("}\n");
+    for (set, numbers) in codes() {
+        let kind = if set == "TelemetryGroup" {
+            "IntFlag"
+        } else {
+            "IntEnum"
+        };
+        writeln!(text, "\n\nclass {set}(enum.{kind}):").unwrap();
+        for (name, number) in numbers {
+            // `None` is a keyword; `NONE` is not.
+            writeln!(text, "    {name} = {number}").unwrap();
+        }
+    }
+    for layout in layouts() {
+        let (name, type_name) = (layout.name, layout.type_name);
+        writeln!(text, "\n\nclass {name}(ctypes.Structure):").unwrap();
+        text.push_str("    _fields_ = [\n");
+        for field in layout.fields {
+            let kind = match field.kind {
+                FieldKind::Number(kind) => python_number(kind),
+                FieldKind::Array(kind, len) => format!("{} * {len}", python_number(kind)),
+                FieldKind::Struct(kind, _) => kind.to_owned(),
+            };
+            writeln!(text, "        (\"{}\", {kind}),", field.name).unwrap();
+        }
+        text.push_str("    ]\n\n    @staticmethod\n    def type_name() -> str:\n");
+        writeln!(text, "        return \"{type_name}\"").unwrap();
+        writeln!(text, "\n\nassert ctypes.sizeof({name}) == {}", layout.size).unwrap();
+        for field in layout.fields {
+            let (field_name, offset) = (field.name, field.offset);
+            writeln!(text, "assert {name}.{field_name}.offset == {offset}").unwrap();
+        }
+    }
+    text
+}
+
+fn check(file: &str, made: &str) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("layouts")
+        .join(file);
+    if std::env::var_os("RIL_WRITE_LAYOUTS").is_some() {
+        fs::write(&path, made).unwrap();
+    }
+    let pinned = fs::read_to_string(&path).unwrap_or_default();
+    let difference = made
+        .lines()
+        .zip(pinned.lines().chain(std::iter::repeat("")))
+        .find(|(made, pinned)| made != pinned);
+    assert!(
+        made == pinned,
+        "{file} pins another layout: raise the layout version in the struct's type name, then write the files anew \
+         (see the top of tests/layout.rs). First difference, now and pinned: {difference:?}"
+    );
+}
+
+#[test]
+fn the_table_is_pinned() {
+    check("layouts.txt", &table());
+}
+
+#[test]
+fn the_c_header_is_pinned() {
+    check("hero_ipc.h", &c_header());
+}
+
+#[test]
+fn the_python_module_is_pinned() {
+    check("hero_ipc.py", &python_module());
+}
+
+#[test]
+fn fields_follow_one_another_without_a_hole() {
+    for layout in layouts() {
+        let mut end = 0;
+        for field in layout.fields {
+            assert_eq!(field.offset, end, "{}.{}", layout.name, field.name);
+            end += field.size;
+        }
+        assert_eq!(end, layout.size, "{}", layout.name);
+    }
+}
+
+#[test]
+fn a_type_name_is_the_struct_s_name_with_a_version() {
+    for layout in layouts() {
+        let version = layout
+            .type_name
+            .strip_prefix(&format!("hero.{}.v", layout.name));
+        assert!(
+            version.is_some_and(|version| version.parse::<u32>().is_ok()),
+            "{}",
+            layout.type_name
+        );
+    }
+}
+
+#[test]
+fn the_hash_sees_what_the_size_does_not() {
+    const fn number(name: &'static str, offset: usize, kind: &'static str) -> FieldLayout {
+        FieldLayout {
+            name,
+            offset,
+            size: 4,
+            kind: FieldKind::Number(kind),
+        }
+    }
+    let original = [number("pitch", 0, "f32"), number("roll", 4, "f32")];
+    let swapped = [number("roll", 0, "f32"), number("pitch", 4, "f32")];
+    let retyped = [number("pitch", 0, "f32"), number("roll", 4, "u32")];
+    let hash = |fields: &[FieldLayout]| layout_hash(&[fields]);
+    assert_ne!(hash(&original), hash(&swapped));
+    assert_ne!(hash(&original), hash(&retyped));
+    assert_eq!(hash(&original), hash(&original.clone()));
+}
