@@ -61,6 +61,8 @@ const ARRIVALS: usize = 256;
 /// How far from the take-off altitude, m, and how fast, m/s, a take-off still counts as at its end.
 const TAKE_OFF_ERROR_M: f64 = 0.2;
 const TAKE_OFF_SPEED_MPS: f64 = 0.3;
+/// A path is over when the reference is slower than this, m/s.
+const REST_SPEED_MPS: f64 = 0.05;
 /// The rotor has its speed when it is this near, rpm.
 const ROTOR_ERROR_RPM: f64 = 5.0;
 /// Longest time that is simulated at one go when nobody asks for the state of a flying helicopter.
@@ -420,7 +422,9 @@ impl Helicopter {
                 }
             }
             Phase::FollowingPath => {
-                if self.path.is_empty() && self.guidance.at_rest() {
+                let speed_mps = self.smoother.reference().velocity_mps.norm();
+                let at_rest = self.guidance.at_rest() && speed_mps <= REST_SPEED_MPS;
+                if self.path.is_empty() && at_rest {
                     self.enter(Phase::Hovering);
                 }
             }
@@ -459,3 +463,6 @@ impl Helicopter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
