@@ -1,0 +1,13 @@
+//! Stand-ins for the bridge and for status: what a consumer or an operator's program is tested against, in one process
+//! and without a helicopter.
+//!
+//! Each has a thread of its own that owns the real ports of `ipc-types` and sleeps until there is something to do, so
+//! that the program under test may block as it does in earnest. They do what they are told and nothing else: a stand-in
+//! never changes what it publishes because of a request.
+
+mod bridge;
+mod status;
+mod worker;
+
+pub use bridge::{Answer, Received, StandInBridge};
+pub use status::StandInStatus;
