@@ -61,13 +61,14 @@ pub struct Client<R: Request> {
 }
 
 struct Outstanding<R: Request> {
-    pending: PendingResponse<Svc, R, (), RequestReport, ()>,
+    pending: Pending<R>,
     request_id: u64,
     path_id: u64,
     /// When the server that got it began to serve: another one knows nothing of it.
     server_since_ns: u64,
 }
 
+type Pending<R> = PendingResponse<Svc, R, (), RequestReport, ()>;
 type Report = iceoryx2::response::Response<Svc, RequestReport, ()>;
 
 impl<R: Request> Client<R> {
@@ -113,19 +114,13 @@ impl<R: Request> Client<R> {
             return Err(SendError::TooManyOutstanding);
         }
         let server = self.server().ok_or_else(|| self.no_server())?;
-        let loaned = self
-            .port
-            .loan_uninit()
-            .map_err(|error| SendError::Failed(format!("{error:?}")))?;
-        let pending = match loaned.write_payload(*request).send() {
-            Ok(pending) => pending,
-            Err(RequestSendError::ExceedsMaxActiveRequests) => {
-                return Err(SendError::TooManyOutstanding);
+        let pending = match self.deliver(request) {
+            // The full queue may be that of a dead server, which nobody has cleaned up after yet.
+            Err(SendError::ServerFull) => {
+                self.session.clean_dead();
+                self.deliver(request)?
             }
-            Err(RequestSendError::SendError(IoxSendError::UnableToDeliver)) => {
-                return Err(SendError::ServerFull);
-            }
-            Err(error) => return Err(SendError::Failed(format!("{error:?}"))),
+            delivered => delivered?,
         };
         if pending.number_of_server_connections() == 0 {
             return Err(self.no_server());
@@ -138,6 +133,21 @@ impl<R: Request> Client<R> {
         });
         open::notify(&self.notifier, &self.service);
         Ok(())
+    }
+
+    fn deliver(&self, request: &R) -> Result<Pending<R>, SendError> {
+        let loaned = self
+            .port
+            .loan_uninit()
+            .map_err(|error| SendError::Failed(format!("{error:?}")))?;
+        loaned
+            .write_payload(*request)
+            .send()
+            .map_err(|error| match error {
+                RequestSendError::ExceedsMaxActiveRequests => SendError::TooManyOutstanding,
+                RequestSendError::SendError(IoxSendError::UnableToDeliver) => SendError::ServerFull,
+                error => SendError::Failed(format!("{error:?}")),
+            })
     }
 
     /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final

@@ -367,12 +367,13 @@ impl Domain {
         Ok(())
     }
 
-    /// The file is replaced as a whole, so that a process that reads it meanwhile never sees half of it.
+    /// The file is replaced as a whole, so that nobody who reads it meanwhile ever sees half of it.
     fn write_config_file(&self) -> Result<PathBuf, DomainError> {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let path = self.root.join(CONFIG_FILE);
-        let draft = self
-            .root
-            .join(format!("{CONFIG_FILE}.{}", std::process::id()));
+        let draft = format!("{CONFIG_FILE}.{}-{count}", std::process::id());
+        let draft = self.root.join(draft);
         std::fs::write(&draft, self.settings())
             .and_then(|()| std::fs::rename(&draft, &path))
             .map_err(|error| DomainError::io("write", &path, error))?;

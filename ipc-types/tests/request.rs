@@ -338,6 +338,25 @@ fn a_client_that_does_not_read_loses_progress_but_never_the_final_word() {
 }
 
 #[test]
+fn a_server_that_does_not_read_refuses_and_a_client_that_gives_up_again_and_again_harms_nobody() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        // A request that was given up keeps its place in the queue until the server reads on.
+        for _ in 0..MAX_OUTSTANDING {
+            client.send(&start()).unwrap();
+        }
+        client.give_up();
+        assert_eq!(client.send(&start()), Err(SendError::ServerFull));
+        assert_eq!(client.outstanding(), 0);
+        assert!(take(&mut server).is_empty(), "nobody waits for them");
+        client.send(&start()).unwrap();
+        assert_eq!(take(&mut server).len(), 1);
+    });
+}
+
+#[test]
 fn a_report_is_given_the_request_s_id_and_a_time() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
