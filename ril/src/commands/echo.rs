@@ -1,0 +1,256 @@
+//! `ril echo`: prints samples as they come, and says at the end how many were lost.
+
+use std::fmt::Write as _;
+use std::io::{self, BufWriter, Write};
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{Losses, MonotonicNs, Subscriber};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::patience::{Limits, Next, Patience};
+use super::{Session, configuration, json_line};
+use crate::cli::{EchoArgs, Topic};
+use crate::fields::{JsonLine, Plainly, Selection, Shown, Tree};
+
+/// `ril echo`
+///
+/// # Errors
+///
+/// Code 2 for a field that does not exist, 3 when nobody publishes, 4 when the publisher says nothing.
+pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
+    match args.topic {
+        Topic::Dsp => run::<DspTelemetry>(args),
+        Topic::Hero => run::<HeroTelemetry>(args),
+        Topic::State => run::<ModuleState>(args),
+    }
+}
+
+fn run<T: Shown>(args: &EchoArgs) -> Result<(), Failure> {
+    let selection = Selection::of::<T>(&args.fields).map_err(Failure::usage)?;
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let limits = Limits {
+        count: args.count,
+        duration: args.duration,
+        timeout: args.timeout.unwrap_or_else(|| config.observe.timeout()),
+    };
+    let session = Session::join(&args.common)?;
+    let mut samples = session.ipc.subscriber::<T>().or_fail(ExitCode::Internal)?;
+    let mut printer = Printer {
+        selection,
+        json: args.json,
+        out: BufWriter::new(io::stdout().lock()),
+    };
+    let mut seen = Seen::default();
+    let end = watch(&session, &mut samples, limits, &mut printer, &mut seen)?;
+    if tracing::enabled!(tracing::Level::INFO) {
+        // Standard error may be closed; that harms nobody.
+        let _ = writeln!(io::stderr(), "{}", seen.summary(samples.losses()));
+    }
+    match end {
+        Next::Nothing => Err(session.nothing_came(T::SERVICE, limits.timeout)?),
+        _ => Ok(()),
+    }
+}
+
+/// Prints samples until it is enough, nothing comes any more, or a signal comes; the latter is enough, too.
+fn watch<T: Shown>(
+    session: &Session,
+    samples: &mut Subscriber<T>,
+    limits: Limits,
+    printer: &mut Printer<impl Write>,
+    seen: &mut Seen,
+) -> Result<Next, Failure> {
+    let mut patience = Patience::new(limits, MonotonicNs::now());
+    while !session.termination.requested() {
+        let count = print(samples, patience.wanted(), printer, seen)?;
+        let now = MonotonicNs::now();
+        patience.came(count, now);
+        match patience.next(now) {
+            Next::Wait(until) => session.wait(&[&*samples], Some(until))?,
+            Next::Look => {
+                // Nobody else may be there to notice that a publisher was killed.
+                session.ipc.clean_dead();
+                patience.provider(session.is_provided(T::SERVICE)?, now);
+            }
+            end => return Ok(end),
+        }
+    }
+    Ok(Next::Enough)
+}
+
+/// Prints what is there, at most `wanted` samples, and says how many those were.
+fn print<T: Shown>(
+    samples: &mut Subscriber<T>,
+    wanted: u64,
+    printer: &mut Printer<impl Write>,
+    seen: &mut Seen,
+) -> Result<u64, Failure> {
+    let mut count = 0;
+    let mut result = Ok(());
+    let received = samples.drain(|sample| {
+        if count < wanted && result.is_ok() {
+            count += 1;
+            seen.take(sample);
+            result = printer.sample(sample);
+        }
+    });
+    if let Err(error) = received {
+        tracing::warn!(%error, "samples could not be received");
+    }
+    result?;
+    printer.out.flush().map_err(Failure::output)?;
+    Ok(count)
+}
+
+/// How samples are printed.
+struct Printer<W> {
+    selection: Selection,
+    json: bool,
+    out: W,
+}
+
+impl<W: Write> Printer<W> {
+    fn sample<T: Shown>(&mut self, sample: &T) -> Result<(), Failure> {
+        let tree = Tree::of(sample, &self.selection);
+        if self.json {
+            let schema = T::TYPE_NAME;
+            return json_line(
+                &mut self.out,
+                &JsonLine {
+                    schema,
+                    tree: &tree,
+                },
+            );
+        }
+        let text = if self.selection.is_everything() {
+            block(&tree)
+        } else {
+            line(&tree)
+        };
+        self.out.write_all(text.as_bytes()).map_err(Failure::output)
+    }
+}
+
+/// A whole sample: a line for each field, and one that ends it.
+fn block(tree: &Tree) -> String {
+    let mut text = String::new();
+    for (name, value) in tree.plain_fields() {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{name}: {}", Plainly(value));
+    }
+    text + "---\n"
+}
+
+/// Chosen fields: one line for each sample.
+fn line(tree: &Tree) -> String {
+    let fields = tree.plain_fields().into_iter();
+    let fields: Vec<String> = fields
+        .map(|(name, value)| format!("{name}={}", Plainly(value)))
+        .collect();
+    fields.join("  ") + "\n"
+}
+
+/// What was printed.
+#[derive(Debug, Default)]
+struct Seen {
+    samples: u64,
+    first_ns: u64,
+    last_ns: u64,
+}
+
+impl Seen {
+    fn take<T: Shown>(&mut self, sample: &T) {
+        self.last_ns = sample.time_ns();
+        if self.samples == 0 {
+            self.first_ns = self.last_ns;
+        }
+        self.samples += 1;
+    }
+
+    fn summary(&self, losses: Losses) -> String {
+        let count = self.samples;
+        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
+        let rate = if count > 1 && seconds > 0.0 {
+            format!(" at {:.1} a second", (count - 1) as f64 / seconds)
+        } else {
+            String::new()
+        };
+        let (lost, changes) = (losses.lost, losses.publisher_changes);
+        format!("{count} samples{rate}, {lost} lost, {changes} publisher changes")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::TelemetryGroup;
+
+    use super::*;
+
+    fn sample() -> DspTelemetry {
+        let mut sample = DspTelemetry {
+            sequence: 3,
+            valid_groups: TelemetryGroup::Geographic.bit(),
+            ..DspTelemetry::default()
+        };
+        sample.geographic.altitude_m = 1.5;
+        sample
+    }
+
+    fn printed(names: &[&str], json: bool) -> String {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let mut printer = Printer {
+            selection: Selection::of::<DspTelemetry>(&names).unwrap(),
+            json,
+            out: Vec::new(),
+        };
+        printer.sample(&sample()).unwrap();
+        String::from_utf8(printer.out).unwrap()
+    }
+
+    #[test]
+    fn chosen_fields_are_one_line_for_each_sample() {
+        let names = ["sequence", "geographic.altitude_m", "rotor_rpm"];
+        assert_eq!(
+            printed(&names, false),
+            "sequence=3  rotor_rpm=-  geographic.altitude_m=1.5\n"
+        );
+        assert_eq!(
+            printed(&names, true),
+            "{\"schema\":\"hero.DspTelemetry.v1\",\"sequence\":3,\"rotor_rpm\":null,\"geographic\":{\"altitude_m\":1.5}}\n"
+        );
+    }
+
+    #[test]
+    fn whole_samples_are_blocks_with_an_end() {
+        let text = printed(&[], false);
+        assert!(text.starts_with("sequence: 3\nepoch_ns: 0\n"), "{text}");
+        assert!(text.contains("\nattitude.yaw_deg: -\n"), "{text}");
+        assert!(text.ends_with("\n---\n"), "{text}");
+    }
+
+    #[test]
+    fn the_summary_counts_what_was_printed_and_tells_the_rate() {
+        let mut seen = Seen::default();
+        let losses = Losses {
+            lost: 3,
+            publisher_changes: 1,
+            ..Losses::default()
+        };
+        assert_eq!(
+            seen.summary(losses),
+            "0 samples, 3 lost, 1 publisher changes"
+        );
+        for index in 0..5 {
+            seen.take(&DspTelemetry {
+                received_ns: 1_000_000_000 + index * 20_000_000,
+                ..DspTelemetry::default()
+            });
+        }
+        assert_eq!(
+            seen.summary(Losses::default()),
+            "5 samples at 50.0 a second, 0 lost, 0 publisher changes"
+        );
+    }
+}

@@ -1,0 +1,362 @@
+//! The conversation of one command with the bridge: what to send when, what to wait for, when it is over.
+//!
+//! A pure value. A path is one conversation of several requests: each waypoint goes out when the one before it has been
+//! accepted, and the first that is not ends it, because the bridge then discards the whole path.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::RequestReport;
+
+use crate::words::FinalWord;
+
+/// When the conversation is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// With the final word.
+    Final,
+    /// As soon as the last request was accepted.
+    Accepted,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// Send the request of this index.
+    Send(usize),
+    /// Wait for a report, at most until then.
+    Wait(Option<MonotonicNs>),
+    /// Nothing; it is over.
+    Over(Outcome),
+}
+
+/// How the conversation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The last request was accepted, and nobody wants to know more.
+    Accepted,
+    /// The final word.
+    Final(FinalWord),
+    /// The bridge did not answer the request of this index in time.
+    NoAnswer(usize),
+}
+
+/// How far the conversation is, for whoever must leave early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// The bridge has not taken the whole of it: without its sender it never will.
+    Incomplete,
+    /// The bridge has taken it and goes on with it.
+    Taken,
+}
+
+/// See the module's documentation.
+#[derive(Debug)]
+pub struct Exchange {
+    requests: Vec<State>,
+    sent: usize,
+    until: Until,
+    timeout: Duration,
+    /// Until when the bridge must have said what is waited for.
+    due: MonotonicNs,
+}
+
+/// What has been said about a request.
+#[derive(Clone, Copy, Debug)]
+struct State {
+    request_id: u64,
+    is_answered: bool,
+    last_word: Option<FinalWord>,
+}
+
+impl State {
+    fn failed(&self) -> Option<FinalWord> {
+        self.last_word.filter(|word| word.stage != Stage::Done)
+    }
+}
+
+impl Exchange {
+    /// The conversation about the requests with these ids, in this order. `timeout` bounds the first answer to each.
+    pub fn new(
+        request_ids: impl IntoIterator<Item = u64>,
+        until: Until,
+        timeout: Duration,
+    ) -> Exchange {
+        let state = |request_id| State {
+            request_id,
+            is_answered: false,
+            last_word: None,
+        };
+        Exchange {
+            requests: request_ids.into_iter().map(state).collect(),
+            sent: 0,
+            until,
+            timeout,
+            due: MonotonicNs(u64::MAX),
+        }
+    }
+
+    /// The request that [`Next::Send`] named has been sent.
+    pub fn sent(&mut self, now: MonotonicNs) {
+        self.sent += 1;
+        self.due = now + self.timeout;
+    }
+
+    /// Takes a report and gives the index of the request that it answers; nothing when it is none of these.
+    pub fn take(&mut self, report: &RequestReport, now: MonotonicNs) -> Option<usize> {
+        let index = self
+            .requests
+            .iter()
+            .position(|request| request.request_id == report.request_id)?;
+        let had_failed = self
+            .requests
+            .iter()
+            .any(|request| request.failed().is_some());
+        let request = &mut self.requests[index];
+        request.is_answered = true;
+        request.last_word = request.last_word.or(FinalWord::of(report));
+        if !had_failed && request.failed().is_some() {
+            // The other waypoints of a broken path get their final words together with the first.
+            self.due = now + self.timeout;
+        }
+        Some(index)
+    }
+
+    /// What to do at `now`.
+    pub fn next(&self, now: MonotonicNs) -> Next {
+        let (sent, unsent) = self.requests.split_at(self.sent.min(self.requests.len()));
+        if let Some(culprit) = culprit(sent) {
+            let all_said = sent.iter().all(|request| request.last_word.is_some());
+            return if all_said || now >= self.due {
+                Next::Over(Outcome::Final(culprit))
+            } else {
+                Next::Wait(Some(self.due))
+            };
+        }
+        match (sent.last(), unsent.is_empty()) {
+            (Some(last), _) if !last.is_answered => {
+                if now >= self.due {
+                    Next::Over(Outcome::NoAnswer(sent.len() - 1))
+                } else {
+                    Next::Wait(Some(self.due))
+                }
+            }
+            (_, false) => Next::Send(sent.len()),
+            (Some(last), true) => match last.last_word {
+                Some(word) => Next::Over(Outcome::Final(word)),
+                None if self.until == Until::Accepted => Next::Over(Outcome::Accepted),
+                None => Next::Wait(None),
+            },
+            (None, true) => Next::Over(Outcome::Accepted),
+        }
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> Progress {
+        match self.requests.last() {
+            Some(last) if !last.is_answered => Progress::Incomplete,
+            _ => Progress::Taken,
+        }
+    }
+}
+
+/// The failure that says most: that of the newest request, for it broke the path; else the first that does not merely
+/// say that the path is broken.
+fn culprit(sent: &[State]) -> Option<FinalWord> {
+    let newest = sent.last()?.failed();
+    let failures = || sent.iter().filter_map(State::failed);
+    newest
+        .or_else(|| failures().find(|word| word.reason != Reason::PathBroken))
+        .or_else(|| failures().next())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMEOUT: Duration = Duration::from_millis(100);
+
+    /// Milliseconds.
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    /// A conversation about requests with the ids 0, 1, 2 …
+    struct Desk {
+        exchange: Exchange,
+        now: MonotonicNs,
+    }
+
+    impl Desk {
+        fn new(requests: u64, until: Until) -> Desk {
+            Desk {
+                exchange: Exchange::new(0..requests, until, TIMEOUT),
+                now: at(0),
+            }
+        }
+
+        /// A path of three of which this many have been sent and accepted.
+        fn accepted(count: usize) -> Desk {
+            let mut desk = Desk::new(3, Until::Final);
+            for index in 0..count {
+                desk.sends(index);
+                desk.says(index, Stage::Accepted, Reason::None);
+            }
+            desk
+        }
+
+        fn next(&self) -> Next {
+            self.exchange.next(self.now)
+        }
+
+        fn sends(&mut self, index: usize) {
+            assert_eq!(self.next(), Next::Send(index));
+            self.exchange.sent(self.now);
+        }
+
+        fn says(&mut self, index: usize, stage: Stage, reason: Reason) {
+            let report = RequestReport {
+                request_id: index as u64,
+                ..RequestReport::new(stage, reason)
+            };
+            assert_eq!(self.exchange.take(&report, self.now), Some(index));
+        }
+
+        fn is_over_with(&self, stage: Stage, reason: Reason) {
+            let word = FinalWord { stage, reason };
+            assert_eq!(self.next(), Next::Over(Outcome::Final(word)));
+        }
+    }
+
+    #[test]
+    fn a_single_request_is_followed_to_its_final_word() {
+        let mut desk = Desk::new(1, Until::Final);
+        desk.sends(0);
+        assert_eq!(desk.next(), Next::Wait(Some(at(100))));
+        desk.says(0, Stage::Accepted, Reason::None);
+        desk.now = at(5_000_000);
+        assert_eq!(
+            desk.next(),
+            Next::Wait(None),
+            "a movement has its own limit of time"
+        );
+        desk.says(0, Stage::Progress, Reason::None);
+        assert_eq!(desk.next(), Next::Wait(None));
+        desk.says(0, Stage::Done, Reason::None);
+        desk.is_over_with(Stage::Done, Reason::None);
+    }
+
+    #[test]
+    fn whoever_does_not_wait_leaves_when_it_is_accepted_but_learns_of_a_refusal() {
+        let mut desk = Desk::new(1, Until::Accepted);
+        desk.sends(0);
+        desk.says(0, Stage::Accepted, Reason::None);
+        assert_eq!(desk.next(), Next::Over(Outcome::Accepted));
+
+        let mut desk = Desk::new(1, Until::Accepted);
+        desk.sends(0);
+        desk.says(0, Stage::Refused, Reason::Busy);
+        desk.is_over_with(Stage::Refused, Reason::Busy);
+    }
+
+    #[test]
+    fn a_path_goes_out_waypoint_by_waypoint_and_ends_with_the_last_one_s_word() {
+        let mut desk = Desk::accepted(2);
+        desk.sends(2);
+        // As the bridge says it: the earlier ones are done when the path is complete.
+        desk.says(0, Stage::Done, Reason::None);
+        desk.says(1, Stage::Done, Reason::None);
+        assert_eq!(desk.next(), Next::Wait(Some(at(100))));
+        desk.says(2, Stage::Accepted, Reason::None);
+        assert_eq!(desk.next(), Next::Wait(None));
+        desk.says(2, Stage::Aborted, Reason::Stopped);
+        desk.is_over_with(Stage::Aborted, Reason::Stopped);
+    }
+
+    #[test]
+    fn the_first_refusal_ends_a_path_and_nothing_follows() {
+        let mut desk = Desk::accepted(1);
+        desk.sends(1);
+        // The bridge breaks the path before it refuses the waypoint that broke it.
+        desk.says(0, Stage::Aborted, Reason::PathBroken);
+        assert_eq!(
+            desk.next(),
+            Next::Wait(Some(at(100))),
+            "the reason is still to come"
+        );
+        desk.says(1, Stage::Refused, Reason::TooFar);
+        desk.is_over_with(Stage::Refused, Reason::TooFar);
+    }
+
+    #[test]
+    fn a_path_that_is_broken_between_two_waypoints_is_over_with_the_reason() {
+        for reason in [Reason::PathReplaced, Reason::DeadlineExpired] {
+            let mut desk = Desk::accepted(2);
+            desk.says(0, Stage::Aborted, reason);
+            assert!(
+                matches!(desk.next(), Next::Wait(Some(_))),
+                "the other one follows"
+            );
+            desk.says(1, Stage::Aborted, reason);
+            desk.is_over_with(Stage::Aborted, reason);
+        }
+    }
+
+    #[test]
+    fn a_bridge_that_breaks_a_path_and_then_hangs_is_not_waited_for() {
+        let mut desk = Desk::accepted(1);
+        desk.sends(1);
+        desk.now = at(30);
+        desk.says(0, Stage::Aborted, Reason::PathBroken);
+        assert_eq!(desk.next(), Next::Wait(Some(at(130))));
+        desk.now = at(130);
+        desk.is_over_with(Stage::Aborted, Reason::PathBroken);
+    }
+
+    #[test]
+    fn no_answer_in_time_is_told_with_the_request() {
+        for count in 0..3 {
+            let mut desk = Desk::accepted(count);
+            desk.sends(count);
+            desk.now = at(99);
+            assert_eq!(desk.next(), Next::Wait(Some(at(100))));
+            desk.now = at(100);
+            assert_eq!(desk.next(), Next::Over(Outcome::NoAnswer(count)));
+        }
+    }
+
+    #[test]
+    fn a_bridge_that_vanishes_leaves_the_outcome_unknown() {
+        let mut desk = Desk::accepted(2);
+        desk.sends(2);
+        for index in 0..3 {
+            desk.says(index, Stage::Unknown, Reason::BridgeGone);
+        }
+        desk.is_over_with(Stage::Unknown, Reason::BridgeGone);
+    }
+
+    #[test]
+    fn until_the_last_request_is_answered_it_is_incomplete() {
+        let mut desk = Desk::accepted(2);
+        assert_eq!(desk.exchange.progress(), Progress::Incomplete);
+        desk.sends(2);
+        assert_eq!(desk.exchange.progress(), Progress::Incomplete);
+        desk.says(2, Stage::Accepted, Reason::None);
+        assert_eq!(desk.exchange.progress(), Progress::Taken);
+    }
+
+    #[test]
+    fn a_report_about_another_s_request_and_a_second_final_word_change_nothing() {
+        let mut desk = Desk::new(1, Until::Final);
+        desk.sends(0);
+        let stranger = RequestReport {
+            request_id: 9,
+            ..RequestReport::new(Stage::Done, Reason::None)
+        };
+        assert_eq!(desk.exchange.take(&stranger, desk.now), None);
+        desk.says(0, Stage::Refused, Reason::Busy);
+        desk.says(0, Stage::Done, Reason::None);
+        desk.is_over_with(Stage::Refused, Reason::Busy);
+    }
+}

@@ -1,0 +1,135 @@
+//! The operator's commands, each a thin shell around a pure value, and what they share.
+
+pub mod echo;
+pub mod exchange;
+pub mod overview;
+pub mod patience;
+pub mod request;
+pub mod state;
+
+use std::io::Write;
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::time::Duration;
+
+use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId, ServiceId, Source, Waiter};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+use serde::Serialize;
+
+use crate::config::{Config, DEFAULT_FILE};
+
+/// Begins logging and reads the configuration. Nothing comes out when that was all that was asked for.
+fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
+    runtime::logging::init(common.verbosity())?;
+    let loaded =
+        runtime::config::load::<Config>(common.config.as_deref(), Path::new(DEFAULT_FILE))?;
+    tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
+    Ok((!common.check_config).then_some(loaded.value))
+}
+
+/// The command's part in the robot's shared memory, and its one wait.
+struct Session {
+    ipc: Ipc,
+    waiter: Waiter,
+    termination: Termination,
+}
+
+impl Session {
+    /// Takes part. Signals no longer end the process by themselves from here on.
+    fn join(common: &CommonArgs) -> Result<Session, Failure> {
+        let termination = Termination::install().or_fail(ExitCode::Internal)?;
+        let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+        let ipc =
+            Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
+        let waiter = ipc.waiter().or_fail(ExitCode::Internal)?;
+        Ok(Session {
+            ipc,
+            waiter,
+            termination,
+        })
+    }
+
+    /// Sleeps until a port has something, a signal comes or it is `until`; nothing stands for no limit.
+    fn wait(&self, ports: &[&dyn Source], until: Option<MonotonicNs>) -> Result<(), Failure> {
+        let signals = Descriptor::new(self.termination.as_fd()).or_fail(ExitCode::Internal)?;
+        let mut sources: Vec<&dyn Source> = Vec::with_capacity(ports.len() + 1);
+        sources.extend(ports);
+        sources.push(&signals);
+        let timeout = until.map(|until| until.since(MonotonicNs::now()));
+        self.waiter
+            .wait(&sources, timeout)
+            .or_fail(ExitCode::Internal)?;
+        Ok(())
+    }
+
+    /// Whether a live process provides `service`.
+    fn is_provided(&self, service: ServiceId) -> Result<bool, Failure> {
+        let provider = self.ipc.provider(service).or_fail(ExitCode::Internal)?;
+        Ok(provider.is_some())
+    }
+
+    /// The failure that nothing of `service` came in time: nobody provides it, or its provider says nothing.
+    fn nothing_came(&self, service: ServiceId, timeout: Duration) -> Result<Failure, Failure> {
+        let robot = self.ipc.robot();
+        if !self.is_provided(service)? {
+            return Ok(absent(service, robot));
+        }
+        let name = service.spec().key;
+        let text = format!(
+            "nothing came from {name} of robot {robot} in {timeout:?}, although `ril {}` is running: \
+             `ril state --robot {robot}` shows the line to the DSP",
+            process_of(service)
+        );
+        Ok(Failure::new(ExitCode::Timeout, text))
+    }
+}
+
+/// The failure that nobody provides `service`.
+fn absent(service: ServiceId, robot: RobotId) -> Failure {
+    let (name, process) = (service.spec().key, process_of(service));
+    let text = format!(
+        "nobody provides {name} of robot {robot}: start `ril {process} --robot {robot}` and try again"
+    );
+    Failure::new(ExitCode::ServiceAbsent, text)
+}
+
+/// The process that provides `service`.
+fn process_of(service: ServiceId) -> &'static str {
+    match service {
+        ServiceId::HeroTelemetry => "status",
+        ServiceId::DspTelemetry
+        | ServiceId::ModuleState
+        | ServiceId::ModuleControl
+        | ServiceId::Movement => "bridge",
+    }
+}
+
+/// Writes `value` as one line of JSON.
+fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value).or_fail(ExitCode::Internal)?;
+    writeln!(to, "{text}").map_err(Failure::output)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_is_missing_is_named_with_how_to_start_it() {
+        for (service, process) in [
+            (ServiceId::HeroTelemetry, "ril status --robot 7"),
+            (ServiceId::DspTelemetry, "ril bridge --robot 7"),
+            (ServiceId::Movement, "ril bridge --robot 7"),
+        ] {
+            let failure = absent(service, RobotId::new(7).unwrap());
+            assert_eq!(failure.code(), ExitCode::ServiceAbsent);
+            assert!(
+                failure.chain()[0].contains(process),
+                "{:?}",
+                failure.chain()
+            );
+        }
+    }
+}

@@ -1,0 +1,595 @@
+//! What `ril state` shows, as a value made of samples and the time: as text for people, as JSON for programs.
+//!
+//! It reads no clock and no port. What was never heard of is nothing, and what is too old is marked stale.
+
+use std::fmt;
+use std::time::Duration;
+
+use dsp_protocol::DspErrorCode;
+use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
+use ipc_types::payload::{
+    DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters,
+};
+use ipc_types::{MonotonicNs, TelemetryGroup};
+use serde::Serialize;
+
+/// Name of the JSON object's layout.
+pub const SCHEMA: &str = "ril.State.v1";
+
+/// A sample older than this is marked stale: the state comes at least once a second, telemetry far more often.
+pub const STALE_AFTER: Duration = Duration::from_secs(1);
+
+/// Everything that `ril state` shows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Overview {
+    schema: &'static str,
+    robot: u32,
+    module: Module,
+    movement: Option<Movement>,
+    link: Link,
+    refused: Refused,
+    dsp_errors: DspErrors,
+    /// Raw telemetry; nothing when none was ever heard.
+    dsp: Option<Sample>,
+    /// Telemetry in SI units; nothing when none was ever heard.
+    hero: Option<Sample>,
+}
+
+/// A sample by its age.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sample {
+    sequence: u64,
+    age_s: f64,
+    stale: bool,
+}
+
+impl Sample {
+    /// The sample `sequence` whose content was so at `time`.
+    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> Sample {
+        Sample {
+            sequence,
+            age_s: age_s(time, now),
+            stale: now.since(time) > STALE_AFTER,
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Module {
+    id: String,
+    status: String,
+    functionality: String,
+    blocked: bool,
+    unable_to_abort: bool,
+    error: String,
+    sample: Sample,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Movement {
+    kind: String,
+    request_id: u64,
+    path_id: u64,
+    waypoints_total: u32,
+    waypoints_sent: u32,
+    waypoints_reached: u32,
+    distance_to_go_m: Option<f32>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Link {
+    state: String,
+    state_since_s: f64,
+    port_openings: u32,
+    dsp_boots: u32,
+    last_message_age_s: Option<f64>,
+    last_telemetry_age_s: Option<f64>,
+    bytes_received: u64,
+    messages_received: u64,
+    telemetry_published: u32,
+    telemetry_incoherent: u32,
+    commands_acknowledged: u32,
+    commands_repeated: u32,
+    commands_failed: u32,
+    acks_unmatched: u32,
+    waypoints_sent: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Refused {
+    stray: u32,
+    unknown_header: u32,
+    truncated: u32,
+    checksum: u32,
+    padding: u32,
+    value: u32,
+    implausible_groups: u32,
+    implausible: Vec<&'static str>,
+    requests: u32,
+    transmit_overflows: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct DspErrors {
+    total: u32,
+    transcended: u32,
+    unknown: u32,
+    last: Option<String>,
+    by_code: Vec<DspErrorCount>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct DspErrorCount {
+    code: u16,
+    text: &'static str,
+    count: u32,
+}
+
+impl Overview {
+    /// What `state` and the newest telemetry say at `now`.
+    pub fn new(
+        robot: u32,
+        state: &ModuleState,
+        dsp: Option<Sample>,
+        hero: Option<Sample>,
+        now: MonotonicNs,
+    ) -> Overview {
+        Overview {
+            schema: SCHEMA,
+            robot,
+            module: Module::new(state, now),
+            movement: (state.movement.kind != 0).then(|| Movement::new(&state.movement)),
+            link: Link::new(&state.link, now),
+            refused: Refused::new(&state.refused),
+            dsp_errors: DspErrors::new(&state.dsp_errors),
+            dsp,
+            hero,
+        }
+    }
+}
+
+impl Module {
+    fn new(state: &ModuleState, now: MonotonicNs) -> Module {
+        Module {
+            id: named(ModuleId::from_code(state.module_id), state.module_id),
+            status: named(ModuleStatus::from_code(state.status), state.status),
+            functionality: named(
+                Functionality::from_code(state.functionality),
+                state.functionality,
+            ),
+            blocked: state.is_blocked(),
+            unable_to_abort: state.is_unable_to_abort(),
+            error: state.imi_error().to_string(),
+            sample: Sample::new(state.sequence, state.published(), now),
+        }
+    }
+}
+
+impl Movement {
+    fn new(movement: &MovementState) -> Movement {
+        Movement {
+            kind: named(movement.kind(), movement.kind),
+            request_id: movement.request_id,
+            path_id: movement.path_id,
+            waypoints_total: movement.waypoints_total,
+            waypoints_sent: movement.waypoints_sent,
+            waypoints_reached: movement.waypoints_reached,
+            distance_to_go_m: movement.distance_to_go(),
+        }
+    }
+}
+
+impl Link {
+    fn new(link: &LinkHealth, now: MonotonicNs) -> Link {
+        // Without `..`: a field that is added must be shown.
+        let LinkHealth {
+            last_message_ns: _,
+            last_telemetry_ns,
+            state_since_ns,
+            bytes_received,
+            messages_received,
+            state,
+            port_openings,
+            dsp_boots,
+            commands_acknowledged,
+            commands_repeated,
+            commands_failed,
+            acks_unmatched,
+            waypoints_sent,
+            telemetry_published,
+            telemetry_incoherent,
+        } = *link;
+        let last_telemetry = (telemetry_published > 0).then_some(MonotonicNs(last_telemetry_ns));
+        Link {
+            state: named(LinkState::from_code(state), state),
+            state_since_s: age_s(MonotonicNs(state_since_ns), now),
+            port_openings,
+            dsp_boots,
+            last_message_age_s: link.last_message().map(|time| age_s(time, now)),
+            last_telemetry_age_s: last_telemetry.map(|time| age_s(time, now)),
+            bytes_received,
+            messages_received,
+            telemetry_published,
+            telemetry_incoherent,
+            commands_acknowledged,
+            commands_repeated,
+            commands_failed,
+            acks_unmatched,
+            waypoints_sent,
+        }
+    }
+}
+
+impl Refused {
+    fn new(counters: &RefusedCounters) -> Refused {
+        let RefusedCounters {
+            stray,
+            unknown_header,
+            truncated,
+            checksum,
+            padding,
+            value,
+            implausible_groups,
+            implausible_mask,
+            requests,
+            transmit_overflows,
+            reserved: _,
+        } = *counters;
+        // The mask has sixteen bits; others would be of a later layout.
+        let mask = (implausible_mask & u32::from(u16::MAX)) as u16;
+        Refused {
+            stray,
+            unknown_header,
+            truncated,
+            checksum,
+            padding,
+            value,
+            implausible_groups,
+            implausible: TelemetryGroup::in_mask(mask)
+                .map(TelemetryGroup::name)
+                .collect(),
+            requests,
+            transmit_overflows,
+        }
+    }
+
+    /// The counters by name.
+    fn counters(&self) -> [(&'static str, u32); 9] {
+        [
+            ("stray", self.stray),
+            ("unknown header", self.unknown_header),
+            ("truncated", self.truncated),
+            ("checksum", self.checksum),
+            ("padding", self.padding),
+            ("value", self.value),
+            ("implausible groups", self.implausible_groups),
+            ("requests", self.requests),
+            ("transmit overflows", self.transmit_overflows),
+        ]
+    }
+}
+
+impl DspErrors {
+    fn new(counters: &DspErrorCounters) -> DspErrors {
+        let counts = DspErrorCode::KNOWN.into_iter().zip(counters.known);
+        let by_code = counts
+            .filter(|(_, count)| *count > 0)
+            .map(|(code, count)| DspErrorCount {
+                code: code.0,
+                text: code.text(),
+                count,
+            })
+            .collect();
+        let last =
+            (counters.total > 0).then(|| ipc_types::code::ImiCode(counters.last_imi).to_string());
+        DspErrors {
+            total: counters.total,
+            transcended: counters.transcended,
+            unknown: counters.unknown,
+            last,
+            by_code,
+        }
+    }
+}
+
+/// The name of a code, or the number that nobody knows.
+fn named(name: Option<impl fmt::Display>, number: u32) -> String {
+    name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
+}
+
+/// Seconds to the millisecond, which is what an operator can use.
+fn age_s(time: MonotonicNs, now: MonotonicNs) -> f64 {
+    now.since(time).as_millis() as f64 / 1000.0
+}
+
+impl fmt::Display for Overview {
+    /// Lines with a title each; the last without its end.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "robot       {}", self.robot)?;
+        writeln!(f, "module      {}", self.module)?;
+        match &self.movement {
+            Some(movement) => writeln!(f, "movement    {movement}")?,
+            None => writeln!(f, "movement    none yet")?,
+        }
+        writeln!(f, "link        {}", self.link)?;
+        writeln!(f, "refused     {}", self.refused)?;
+        writeln!(f, "DSP errors  {}", self.dsp_errors)?;
+        for (title, sample) in [("dsp", self.dsp), ("hero", self.hero)] {
+            match sample {
+                Some(sample) => writeln!(f, "{title:<12}{sample}")?,
+                None => writeln!(f, "{title:<12}no sample")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Module {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}, {}", self.id, self.status, self.functionality)?;
+        if self.blocked {
+            f.write_str(", blocked")?;
+        }
+        if self.unable_to_abort {
+            f.write_str(", unable to abort")?;
+        }
+        write!(f, "; {}; {}", self.error, self.sample)
+    }
+}
+
+impl fmt::Display for Movement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.kind)?;
+        if self.waypoints_total > 0 {
+            write!(
+                f,
+                ", {} waypoints, {} sent, {} reached",
+                self.waypoints_total, self.waypoints_sent, self.waypoints_reached
+            )?;
+        }
+        match self.distance_to_go_m {
+            Some(distance) => write!(f, ", {distance:.1} m to go"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Link {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ago =
+            |age: Option<f64>| age.map_or("never".to_owned(), |age| format!("{age:.3} s ago"));
+        writeln!(
+            f,
+            "{} for {:.3} s; port opened {} times, DSP boots seen {}",
+            self.state, self.state_since_s, self.port_openings, self.dsp_boots
+        )?;
+        writeln!(
+            f,
+            "            last message {}, last telemetry {}",
+            ago(self.last_message_age_s),
+            ago(self.last_telemetry_age_s)
+        )?;
+        writeln!(
+            f,
+            "            {} bytes, {} messages; {} samples published, {} incoherent",
+            self.bytes_received,
+            self.messages_received,
+            self.telemetry_published,
+            self.telemetry_incoherent
+        )?;
+        write!(
+            f,
+            "            {} commands acknowledged, {} repeated, {} failed, {} acks unmatched; {} waypoints sent",
+            self.commands_acknowledged,
+            self.commands_repeated,
+            self.commands_failed,
+            self.acks_unmatched,
+            self.waypoints_sent
+        )
+    }
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let counts: Vec<String> = self
+            .counters()
+            .into_iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(name, count)| format!("{name} {count}"))
+            .collect();
+        if counts.is_empty() {
+            return f.write_str("nothing");
+        }
+        f.write_str(&counts.join(", "))?;
+        match self.implausible.as_slice() {
+            [] => Ok(()),
+            groups => write!(f, " (groups: {})", groups.join(", ")),
+        }
+    }
+}
+
+impl fmt::Display for DspErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(last) = &self.last else {
+            return f.write_str("none");
+        };
+        write!(
+            f,
+            "{}, {} of them fatal; last {last}",
+            self.total, self.transcended
+        )?;
+        for DspErrorCount { code, text, count } in &self.by_code {
+            write!(f, "\n            {count} × {code}: {text}")?;
+        }
+        if self.unknown > 0 {
+            write!(f, "\n            {} × unknown codes", self.unknown)?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Sample {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "sample {}, {:.3} s old", self.sequence, self.age_s)?;
+        if self.stale {
+            f.write_str(", STALE")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::code::{ImiError, MovementKind};
+
+    use super::*;
+
+    const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
+
+    fn ago(ms: u64) -> MonotonicNs {
+        MonotonicNs(NOW.0 - ms * 1_000_000)
+    }
+
+    /// A state in which everything has happened.
+    fn eventful() -> ModuleState {
+        let mut state = ModuleState {
+            sequence: 9,
+            published_ns: ago(120).0,
+            module_id: ModuleId::HeroBridge.code(),
+            status: ModuleStatus::Running.code(),
+            imi_error: ImiError::ImpossibleToStopModule.code(),
+            functionality: Functionality::FollowingPath.code(),
+            blocked: 1,
+            unable_to_abort: 1,
+            ..ModuleState::default()
+        };
+        state.movement = MovementState {
+            kind: MovementKind::GoToWaypoint.code(),
+            waypoints_total: 3,
+            waypoints_sent: 2,
+            waypoints_reached: 1,
+            distance_to_go_m: 12.34,
+            distance_valid: 1,
+            ..MovementState::default()
+        };
+        state.link = LinkHealth {
+            state: LinkState::Up.code(),
+            state_since_ns: ago(12_300).0,
+            port_openings: 2,
+            messages_received: 40,
+            last_message_ns: ago(15).0,
+            telemetry_published: 30,
+            last_telemetry_ns: ago(2500).0,
+            ..LinkHealth::default()
+        };
+        state.refused.checksum = 3;
+        state.refused.implausible_groups = 1;
+        state.refused.implausible_mask = u32::from(TelemetryGroup::Sonar.bit()) | 1 << 30;
+        state.dsp_errors.total = 4;
+        state.dsp_errors.transcended = 1;
+        state.dsp_errors.unknown = 1;
+        state.dsp_errors.last_imi = 302;
+        let index = DspErrorCode::PC_CHECKSUM.counter_index().unwrap();
+        state.dsp_errors.known[index] = 3;
+        state
+    }
+
+    #[test]
+    fn a_bridge_that_has_seen_nothing_says_so() {
+        let state = ModuleState {
+            published_ns: NOW.0,
+            module_id: ModuleId::HeroBridge.code(),
+            status: ModuleStatus::WaitingDataToStart.code(),
+            functionality: Functionality::AtRest.code(),
+            blocked: 1,
+            link: LinkHealth {
+                state: LinkState::Gone.code(),
+                state_since_ns: NOW.0,
+                ..LinkHealth::default()
+            },
+            ..ModuleState::default()
+        };
+        let text = Overview::new(1, &state, None, None, NOW).to_string();
+        let expected = "\
+robot       1
+module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
+movement    none yet
+link        gone for 0.000 s; port opened 0 times, DSP boots seen 0
+            last message never, last telemetry never
+            0 bytes, 0 messages; 0 samples published, 0 incoherent
+            0 commands acknowledged, 0 repeated, 0 failed, 0 acks unmatched; 0 waypoints sent
+refused     nothing
+DSP errors  none
+dsp         no sample
+hero        no sample
+";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn everything_that_happened_is_told_with_its_age() {
+        let dsp = Sample::new(30, ago(2500), NOW);
+        let hero = Sample::new(29, ago(1000), NOW);
+        let text = Overview::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
+        for expected in [
+            "robot       7\n",
+            "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
+            "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
+            "up for 12.300 s; port opened 2 times",
+            "last message 0.015 s ago, last telemetry 2.500 s ago\n",
+            "refused     checksum 3, implausible groups 1 (groups: sonar)\n",
+            "DSP errors  4, 1 of them fatal; last dsp-error-102\n",
+            "3 × 102: checksum error from the PC\n",
+            "1 × unknown codes\n",
+            "dsp         sample 30, 2.500 s old, STALE\n",
+            "hero        sample 29, 1.000 s old\n",
+        ] {
+            assert!(
+                text.contains(expected),
+                "{expected:?} is missing in\n{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn programs_get_names_ages_and_nothing_for_what_never_was() {
+        let hero = Sample::new(29, ago(1001), NOW);
+        let json =
+            serde_json::to_value(Overview::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
+        for (pointer, expected) in [
+            ("/schema", serde_json::json!("ril.State.v1")),
+            ("/module/status", "running".into()),
+            ("/module/blocked", true.into()),
+            ("/module/error", "impossible-to-stop-module".into()),
+            ("/movement/kind", "goto".into()),
+            ("/link/state", "up".into()),
+            ("/link/last_message_age_s", 0.015.into()),
+            ("/refused/checksum", 3.into()),
+            ("/refused/implausible", vec!["sonar"].into()),
+            ("/dsp_errors/by_code/0/code", 102.into()),
+            (
+                "/dsp_errors/by_code/0/text",
+                "checksum error from the PC".into(),
+            ),
+            ("/dsp", serde_json::Value::Null),
+            ("/hero/stale", true.into()),
+        ] {
+            assert_eq!(json.pointer(pointer), Some(&expected), "{pointer}");
+        }
+        let json = serde_json::to_value(Overview::new(7, &ModuleState::default(), None, None, NOW))
+            .unwrap();
+        for pointer in [
+            "/movement",
+            "/link/last_message_age_s",
+            "/link/last_telemetry_age_s",
+            "/dsp_errors/last",
+        ] {
+            assert_eq!(
+                json.pointer(pointer),
+                Some(&serde_json::Value::Null),
+                "{pointer}"
+            );
+        }
+        assert_eq!(json["module"]["status"], "unknown-0");
+    }
+}

@@ -1,0 +1,126 @@
+//! `ril state`: the newest state and telemetry, each with its age, once.
+
+use std::io::{self, Write};
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{MonotonicNs, ReceiveError, ServiceId, Subscriber, Topic};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::overview::{Overview, Sample};
+use super::{Session, configuration, json_line};
+use crate::cli::StateArgs;
+use crate::fields::Shown;
+
+/// `ril state`
+///
+/// # Errors
+///
+/// Code 3 when there is no bridge, 4 when it publishes nothing.
+pub fn state(args: &StateArgs) -> Result<(), Failure> {
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+    let session = Session::join(&args.common)?;
+    let mut newest = Newest::open(&session)?;
+    let give_up = MonotonicNs::now() + timeout;
+    while !newest.is_complete(&session)? && MonotonicNs::now() < give_up {
+        if session.termination.requested() {
+            return Ok(());
+        }
+        let ports = &newest;
+        session.wait(
+            &[&ports.state.port, &ports.dsp.port, &ports.hero.port],
+            Some(give_up),
+        )?;
+        newest.drain();
+    }
+    let Some(state) = &newest.state.sample else {
+        return Err(session.nothing_came(ServiceId::ModuleState, timeout)?);
+    };
+    let now = MonotonicNs::now();
+    let robot = session.ipc.robot().get();
+    let overview = Overview::new(
+        robot,
+        state,
+        newest.dsp.shown(now),
+        newest.hero.shown(now),
+        now,
+    );
+    let mut out = io::stdout().lock();
+    if args.json {
+        json_line(&mut out, &overview)
+    } else {
+        write!(out, "{overview}").map_err(Failure::output)
+    }
+}
+
+/// The newest sample of each service.
+struct Newest {
+    state: Latest<ModuleState>,
+    dsp: Latest<DspTelemetry>,
+    hero: Latest<HeroTelemetry>,
+}
+
+/// The newest sample of one service.
+struct Latest<T: Topic> {
+    port: Subscriber<T>,
+    sample: Option<T>,
+}
+
+impl<T: Shown> Latest<T> {
+    fn open(session: &Session) -> Result<Latest<T>, Failure> {
+        Ok(Latest {
+            port: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
+            sample: None,
+        })
+    }
+
+    fn drain(&mut self) -> Result<(), ReceiveError> {
+        if let Some(sample) = self.port.latest()? {
+            self.sample = Some(sample);
+        }
+        Ok(())
+    }
+
+    fn shown(&self, now: MonotonicNs) -> Option<Sample> {
+        let sample = self.sample.as_ref()?;
+        Some(Sample::new(
+            sample.sequence(),
+            MonotonicNs(sample.time_ns()),
+            now,
+        ))
+    }
+}
+
+impl Newest {
+    fn open(session: &Session) -> Result<Newest, Failure> {
+        Ok(Newest {
+            state: Latest::open(session)?,
+            dsp: Latest::open(session)?,
+            hero: Latest::open(session)?,
+        })
+    }
+
+    fn drain(&mut self) {
+        let results = [self.state.drain(), self.dsp.drain(), self.hero.drain()];
+        for error in results.into_iter().filter_map(Result::err) {
+            tracing::warn!(%error, "samples could not be received");
+        }
+    }
+
+    /// Whether everything is there that can be expected: telemetry only if the bridge has published some, and telemetry
+    /// in SI units only if somebody makes it.
+    fn is_complete(&self, session: &Session) -> Result<bool, Failure> {
+        let Some(state) = &self.state.sample else {
+            return Ok(false);
+        };
+        if state.link.telemetry_published == 0 {
+            return Ok(true);
+        }
+        if self.dsp.sample.is_none() {
+            return Ok(false);
+        }
+        Ok(self.hero.sample.is_some() || !session.is_provided(ServiceId::HeroTelemetry)?)
+    }
+}

@@ -1,0 +1,115 @@
+//! Configuration of the operator's commands, `ril.toml`.
+//!
+//! Every value has a default; the annotated example `ril/ril.toml` shows them all and is tested to parse to them.
+
+use std::time::Duration;
+
+use serde::Deserialize;
+
+/// The file that is read when none is named; it may be absent.
+pub const DEFAULT_FILE: &str = "ril.toml";
+
+/// All of `ril.toml`.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Requests.
+    pub request: RequestConfig,
+    /// Samples.
+    pub observe: ObserveConfig,
+}
+
+runtime::ranged! {
+    fn timeout_s(f64) in MIN_TIMEOUT_S..=MAX_TIMEOUT_S;
+    fn deadline_ms(u32) in 0..=MAX_DEADLINE_MS;
+}
+
+/// Shortest time that waiting for another process makes sense, s.
+pub const MIN_TIMEOUT_S: f64 = 0.01;
+
+/// Longest timeout and duration, s: a day.
+pub const MAX_TIMEOUT_S: f64 = 86_400.0;
+
+/// Longest deadline of a request, ms: the same day.
+pub const MAX_DEADLINE_MS: u32 = 86_400_000;
+
+/// `[request]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RequestConfig {
+    /// How long the bridge has for its first answer, s.
+    #[serde(deserialize_with = "timeout_s")]
+    pub timeout_s: f64,
+    /// Within how many ms the request must have reached the DSP; 0 leaves it to the bridge.
+    #[serde(deserialize_with = "deadline_ms")]
+    pub deadline_ms: u32,
+}
+
+impl Default for RequestConfig {
+    fn default() -> Self {
+        RequestConfig {
+            timeout_s: 2.0,
+            deadline_ms: 0,
+        }
+    }
+}
+
+impl RequestConfig {
+    /// How long the bridge has for its first answer.
+    pub fn timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.timeout_s)
+    }
+}
+
+/// `[observe]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ObserveConfig {
+    /// How long a sample is waited for, and a publisher that is gone, s.
+    #[serde(deserialize_with = "timeout_s")]
+    pub timeout_s: f64,
+}
+
+impl Default for ObserveConfig {
+    fn default() -> Self {
+        ObserveConfig { timeout_s: 2.0 }
+    }
+}
+
+impl ObserveConfig {
+    /// How long a sample is waited for, and a publisher that is gone.
+    pub fn timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.timeout_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use runtime::config::parse;
+
+    use super::*;
+
+    #[test]
+    fn the_annotated_example_is_the_default() {
+        let example: Config = parse(include_str!("../ril.toml"), "ril.toml").unwrap();
+        assert_eq!(example, Config::default());
+        assert_eq!(parse::<Config>("", "empty.toml").unwrap(), example);
+    }
+
+    #[test]
+    fn mistakes_are_told_with_line_and_reason() {
+        for (text, expected) in [
+            ("[requets]", "ril.toml:1: unknown field `requets`"),
+            ("[request]\ntimeout = 1", "did you mean `timeout_s`?"),
+            (
+                "[request]\n\ntimeout_s = 0",
+                "ril.toml:3: 0 is out of range",
+            ),
+            ("[request]\ndeadline_ms = -1", "ril.toml:2: "),
+            ("[observe]\ntimeout_s = 'long'", "invalid type: string"),
+        ] {
+            let error = parse::<Config>(text, "ril.toml").unwrap_err().to_string();
+            assert!(error.contains(expected), "{text:?}: {error}");
+        }
+    }
+}

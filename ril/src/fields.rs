@@ -1,0 +1,620 @@
+//! The fields of samples by name: which there are, which mean something, and how they are shown.
+//!
+//! Names use dots, as in `geographic.latitude_deg`. A value that means nothing, because its group was not transmitted
+//! or the thing has not happened yet, is shown as nothing: it never looks like data. The tables below are the one place
+//! that says which field depends on what.
+
+use std::fmt;
+
+use ipc_types::code::{Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind};
+use ipc_types::payload::{DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, ModuleState};
+use ipc_types::{TelemetryGroup, Topic};
+use runtime::config::nearest;
+use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde_json::Value;
+
+/// A field, plain or nested, and whether it means something in a sample.
+pub type Condition<T> = (&'static str, fn(&T) -> bool);
+
+/// A field whose number stands for something, and how the number is called; `None` when nobody knows it.
+pub type Naming = (&'static str, fn(u32) -> Option<String>);
+
+/// A sample that can be shown field by field.
+pub trait Shown: Topic + Serialize {
+    /// The fields that do not always mean something.
+    const CONDITIONS: &'static [Condition<Self>];
+
+    /// The fields that are codes.
+    const CODES: &'static [Naming];
+
+    /// When what the sample says was so, host monotonic ns.
+    fn time_ns(&self) -> u64;
+}
+
+/// Rows `"field" => Group` of [`Shown::CONDITIONS`].
+macro_rules! by_group {
+    ($($field:literal => $group:ident),+ $(,)?) => {
+        &[
+            $(($field, |sample| sample.valid(TelemetryGroup::$group)),)+
+            ("last_dsp_error_imi", |sample| sample.last_dsp_error().is_some()),
+        ]
+    };
+}
+
+impl Shown for DspTelemetry {
+    const CONDITIONS: &'static [Condition<Self>] = by_group! {
+        "dsp_time_ms" => Time,
+        "geographic" => Geographic,
+        "xy" => Xy,
+        "gps_velocity" => GpsVelocity,
+        "gps_quality" => GpsQuality,
+        "attitude" => Attitude,
+        "acceleration" => Acceleration,
+        "angular_rate" => AngularRate,
+        "pilot_pwm" => PilotPwm,
+        "sonar_adc" => Sonar,
+        "supply" => Supply,
+        "pan_tilt" => PanTilt,
+        "rotor_rpm" => RotorSpeed,
+        "barometer_adc" => Barometer,
+        "actuation" => Actuation,
+        "references" => References,
+    };
+
+    const CODES: &'static [Naming] = &[("last_dsp_error_imi", imi_name)];
+
+    fn time_ns(&self) -> u64 {
+        self.received_ns
+    }
+}
+
+impl Shown for HeroTelemetry {
+    const CONDITIONS: &'static [Condition<Self>] = by_group! {
+        "dsp_time_s" => Time,
+        "geodetic" => Geographic,
+        "local" => Xy,
+        "velocity" => GpsVelocity,
+        "gps_quality" => GpsQuality,
+        "attitude" => Attitude,
+        "acceleration" => Acceleration,
+        "angular_rate" => AngularRate,
+        "pilot" => PilotPwm,
+        "sonar_height_m" => Sonar,
+        "supply" => Supply,
+        "pan_rad" => PanTilt,
+        "tilt_rad" => PanTilt,
+        "rotor_radps" => RotorSpeed,
+        "barometer_altitude_m" => Barometer,
+        "actuation" => Actuation,
+        "references" => References,
+    };
+
+    const CODES: &'static [Naming] = &[("last_dsp_error_imi", imi_name)];
+
+    fn time_ns(&self) -> u64 {
+        self.published_ns
+    }
+}
+
+impl Shown for ModuleState {
+    const CONDITIONS: &'static [Condition<Self>] = &[
+        ("movement", |state| state.movement.kind != 0),
+        ("movement.distance_to_go_m", |state| {
+            state.movement.distance_to_go().is_some()
+        }),
+        ("link.last_message_ns", |state| {
+            state.link.last_message().is_some()
+        }),
+        ("link.last_telemetry_ns", |state| {
+            state.link.telemetry_published > 0
+        }),
+        ("dsp_errors.last_imi", |state| state.dsp_errors.total > 0),
+    ];
+
+    const CODES: &'static [Naming] = &[
+        ("module_id", |code| {
+            ModuleId::from_code(code).map(|id| id.to_string())
+        }),
+        ("status", |code| {
+            ModuleStatus::from_code(code).map(|status| status.to_string())
+        }),
+        ("imi_error", imi_name),
+        ("functionality", |code| {
+            Functionality::from_code(code).map(|doing| doing.to_string())
+        }),
+        ("movement.kind", |code| {
+            MovementKind::from_code(code).map(|kind| kind.to_string())
+        }),
+        ("link.state", |code| {
+            LinkState::from_code(code).map(|state| state.to_string())
+        }),
+        ("dsp_errors.last_imi", imi_name),
+    ];
+
+    fn time_ns(&self) -> u64 {
+        self.published_ns
+    }
+}
+
+/// Every IMI code has a name.
+fn imi_name(code: u32) -> Option<String> {
+    Some(ImiCode(code).to_string())
+}
+
+/// Which fields to show.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// Names of fields, plain or nested; none stands for all.
+    names: Vec<String>,
+}
+
+/// A field that the sample does not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{topic} has no field `{name}`; {}the fields are {}", did_you_mean(.suggestions), .known.join(", "))]
+pub struct UnknownField {
+    topic: &'static str,
+    name: String,
+    suggestions: Vec<String>,
+    known: Vec<String>,
+}
+
+fn did_you_mean(suggestions: &[String]) -> String {
+    match suggestions {
+        [] => String::new(),
+        names => format!("did you mean `{}`? ", names.join("` or `")),
+    }
+}
+
+impl Selection {
+    /// The fields `names` of `T`; all of them when there is no name.
+    ///
+    /// # Errors
+    ///
+    /// The first name that `T` does not have, with what may have been meant.
+    pub fn of<T: Shown>(names: &[String]) -> Result<Selection, UnknownField> {
+        let known = field_names(T::FIELDS);
+        match names.iter().find(|name| !known.contains(name)) {
+            None => Ok(Selection {
+                names: names.to_vec(),
+            }),
+            Some(unknown) => Err(UnknownField {
+                topic: T::NAME,
+                name: unknown.clone(),
+                suggestions: suggestions(unknown, &known),
+                known,
+            }),
+        }
+    }
+
+    /// Whether all fields were chosen.
+    pub fn is_everything(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// Whether the plain field `path` was chosen, by itself or with what it lies in.
+    fn contains(&self, path: &str) -> bool {
+        self.is_everything() || self.names.iter().any(|name| is_at_or_under(path, name))
+    }
+}
+
+/// Names with the same last part, or else the one that is nearest by its letters.
+fn suggestions(unknown: &str, known: &[String]) -> Vec<String> {
+    let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_owned();
+    let same_end: Vec<String> = known
+        .iter()
+        .filter(|name| last(name) == last(unknown))
+        .cloned()
+        .collect();
+    if !same_end.is_empty() {
+        return same_end;
+    }
+    let nearest = nearest(unknown, known.iter().map(String::as_str));
+    nearest.map(str::to_owned).into_iter().collect()
+}
+
+fn is_at_or_under(path: &str, name: &str) -> bool {
+    path.strip_prefix(name)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
+/// The names of all fields, each nested struct before what lies in it.
+fn field_names(fields: &[FieldLayout]) -> Vec<String> {
+    let mut names = Vec::new();
+    for field in fields {
+        names.push(field.name.to_owned());
+        if let FieldKind::Struct(_, nested) = field.kind {
+            let nested = field_names(nested);
+            names.extend(nested.iter().map(|name| join(field.name, name)));
+        }
+    }
+    names
+}
+
+fn join(outer: &str, inner: &str) -> String {
+    match outer {
+        "" => inner.to_owned(),
+        _ => format!("{outer}.{inner}"),
+    }
+}
+
+/// A sample as it is shown: its chosen fields in the order of the layout.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Tree {
+    /// A plain field; `null` when it means nothing.
+    Plain(Value),
+    /// A nested struct.
+    Nested(Vec<(&'static str, Tree)>),
+}
+
+impl Tree {
+    /// The chosen fields of `sample`.
+    pub fn of<T: Shown>(sample: &T, selection: &Selection) -> Tree {
+        // Plain numbers always have a JSON form; floats that are not finite become null.
+        let values = serde_json::to_value(sample).unwrap_or_default();
+        nested(sample, T::FIELDS, &values, "", selection)
+    }
+
+    /// The plain fields with their full names, in order.
+    pub fn plain_fields(&self) -> Vec<(String, &Value)> {
+        let mut fields = Vec::new();
+        self.collect("", &mut fields);
+        fields
+    }
+
+    fn collect<'a>(&'a self, path: &str, fields: &mut Vec<(String, &'a Value)>) {
+        match self {
+            Tree::Plain(value) => fields.push((path.to_owned(), value)),
+            Tree::Nested(inner) => {
+                for (name, tree) in inner {
+                    tree.collect(&join(path, name), fields);
+                }
+            }
+        }
+    }
+}
+
+fn nested<T: Shown>(
+    sample: &T,
+    fields: &[FieldLayout],
+    values: &Value,
+    path: &str,
+    selection: &Selection,
+) -> Tree {
+    let mut inner = Vec::new();
+    for field in fields {
+        let path = join(path, field.name);
+        let tree = match field.kind {
+            FieldKind::Struct(_, fields) => {
+                nested(sample, fields, &values[field.name], &path, selection)
+            }
+            _ if selection.contains(&path) => {
+                Tree::Plain(plain(sample, field, &values[field.name], &path))
+            }
+            _ => continue,
+        };
+        if tree != Tree::Nested(Vec::new()) {
+            inner.push((field.name, tree));
+        }
+    }
+    Tree::Nested(inner)
+}
+
+/// The value of one field, or null.
+fn plain<T: Shown>(sample: &T, field: &FieldLayout, value: &Value, path: &str) -> Value {
+    let mut conditions = T::CONDITIONS
+        .iter()
+        .filter(|(name, _)| is_at_or_under(path, name));
+    if !conditions.all(|(_, means_something)| means_something(sample)) {
+        return Value::Null;
+    }
+    let code = T::CODES.iter().find(|(name, _)| *name == path);
+    if let Some((_, name_of)) = code {
+        let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
+        return number
+            .and_then(name_of)
+            .map_or_else(|| value.clone(), Value::from);
+    }
+    match field.kind {
+        FieldKind::Number("f32") => short(value),
+        _ => value.clone(),
+    }
+}
+
+/// A 32-bit float with its own digits: 0.1 and not 0.10000000149011612.
+fn short(value: &Value) -> Value {
+    let text = value.as_f64().map(|number| (number as f32).to_string());
+    let number = text.and_then(|text| text.parse::<f64>().ok());
+    number.map_or(Value::Null, Value::from)
+}
+
+impl Serialize for Tree {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Tree::Plain(value) => value.serialize(serializer),
+            Tree::Nested(inner) => {
+                serializer.collect_map(inner.iter().map(|(name, tree)| (name, tree)))
+            }
+        }
+    }
+}
+
+/// A sample as one JSON object that begins with its schema.
+#[derive(Debug)]
+pub struct JsonLine<'a> {
+    /// Name of the layout, such as `hero.DspTelemetry.v1`.
+    pub schema: &'static str,
+    /// The sample.
+    pub tree: &'a Tree,
+}
+
+impl Serialize for JsonLine<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("schema", self.schema)?;
+        if let Tree::Nested(inner) = self.tree {
+            for (name, tree) in inner {
+                map.serialize_entry(name, tree)?;
+            }
+        }
+        map.end()
+    }
+}
+
+/// A plain value for people: without quotes, and a dash for nothing.
+pub struct Plainly<'a>(pub &'a Value);
+
+impl fmt::Display for Plainly<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Value::Null => f.write_str("-"),
+            Value::String(text) => f.write_str(text),
+            other => other.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::code::ImiError;
+    use ipc_types::payload::SharedStruct;
+
+    use super::*;
+
+    /// Fields of telemetry that mean something whatever was transmitted.
+    const ALWAYS: [&str; 11] = [
+        "sequence",
+        "epoch_ns",
+        "source_sequence",
+        "source_epoch_ns",
+        "received_ns",
+        "published_ns",
+        "valid_groups",
+        "flying",
+        "dsp_boots",
+        "dsp_errors",
+        "last_dsp_error_imi",
+    ];
+
+    fn everything<T: Shown>(sample: &T) -> Tree {
+        Tree::of(sample, &Selection::default())
+    }
+
+    /// Names of the top-level fields of which something is shown.
+    fn visible<T: Shown>(sample: &T) -> Vec<String> {
+        let tree = everything(sample);
+        let mut names: Vec<String> = tree
+            .plain_fields()
+            .into_iter()
+            .filter(|(_, value)| !value.is_null())
+            .map(|(path, _)| path.split('.').next().unwrap().to_owned())
+            .filter(|name| !ALWAYS.contains(&name.as_str()))
+            .collect();
+        names.dedup();
+        names
+    }
+
+    /// Every field of the layout belongs to a group or is always there, and each group shows its own fields alone.
+    fn check_groups<T: Shown>(with_groups: impl Fn(u16) -> T) {
+        assert_eq!(visible(&with_groups(0)), [""; 0], "{}", T::NAME);
+        let mut seen = Vec::new();
+        for group in TelemetryGroup::ALL {
+            let names = visible(&with_groups(group.bit()));
+            assert!(!names.is_empty(), "{group}: nothing is shown");
+            assert!(
+                !names.iter().any(|name| seen.contains(name)),
+                "{group}: {names:?}"
+            );
+            seen.extend(names);
+        }
+        let all = T::FIELDS.iter().map(|field| field.name);
+        for name in all.filter(|name| !ALWAYS.contains(name)) {
+            assert!(
+                seen.iter().any(|seen| seen == name),
+                "{}: {name} is in no group",
+                T::NAME
+            );
+        }
+    }
+
+    #[test]
+    fn a_group_that_is_not_valid_never_looks_like_data() {
+        check_groups(|valid_groups| DspTelemetry {
+            valid_groups,
+            ..DspTelemetry::default()
+        });
+        check_groups(|valid_groups| HeroTelemetry {
+            valid_groups: u32::from(valid_groups),
+            ..HeroTelemetry::default()
+        });
+    }
+
+    #[test]
+    fn the_tables_name_fields_that_exist() {
+        fn check<T: Shown>() {
+            let known = field_names(T::FIELDS);
+            let named = T::CONDITIONS.iter().map(|(name, _)| name);
+            for name in named.chain(T::CODES.iter().map(|(name, _)| name)) {
+                assert!(
+                    known.iter().any(|known| known == name),
+                    "{}: {name}",
+                    T::NAME
+                );
+            }
+        }
+        check::<DspTelemetry>();
+        check::<HeroTelemetry>();
+        check::<ModuleState>();
+    }
+
+    #[test]
+    fn what_has_not_happened_is_nothing() {
+        let mut state = ModuleState::default();
+        let nothing = |state: &ModuleState| -> Vec<String> {
+            let tree = everything(state);
+            let fields = tree.plain_fields().into_iter();
+            fields
+                .filter(|(_, value)| value.is_null())
+                .map(|(path, _)| path)
+                .collect()
+        };
+        let before = nothing(&state);
+        for path in [
+            "movement.kind",
+            "link.last_message_ns",
+            "link.last_telemetry_ns",
+            "dsp_errors.last_imi",
+        ] {
+            assert!(before.iter().any(|name| name == path), "{path}");
+        }
+        state.movement.kind = MovementKind::Land.code();
+        state.link.messages_received = 1;
+        state.link.telemetry_published = 1;
+        state.dsp_errors.total = 1;
+        assert_eq!(nothing(&state), ["movement.distance_to_go_m"]);
+        state.movement.distance_valid = 1;
+        assert_eq!(nothing(&state), [""; 0]);
+    }
+
+    fn json<T: Shown>(sample: &T, names: &[&str]) -> String {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let tree = Tree::of(sample, &Selection::of::<T>(&names).unwrap());
+        let schema = T::TYPE_NAME;
+        serde_json::to_string(&JsonLine {
+            schema,
+            tree: &tree,
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn chosen_fields_keep_their_place_and_their_digits() {
+        let mut dsp = DspTelemetry {
+            sequence: 7,
+            valid_groups: TelemetryGroup::Geographic.bit() | TelemetryGroup::Attitude.bit(),
+            ..DspTelemetry::default()
+        };
+        dsp.geographic.latitude_deg = -37.123_456_7;
+        dsp.attitude.yaw_deg = 0.1;
+        for (names, expected) in [
+            (
+                &["sequence"][..],
+                r#"{"schema":"hero.DspTelemetry.v1","sequence":7}"#,
+            ),
+            (
+                &["attitude.yaw_deg", "geographic.latitude_deg", "xy.x_m"],
+                r#"{"schema":"hero.DspTelemetry.v1","geographic":{"latitude_deg":-37.1234567},"xy":{"x_m":null},"attitude":{"yaw_deg":0.1}}"#,
+            ),
+            (
+                &["xy", "xy.x_m"],
+                r#"{"schema":"hero.DspTelemetry.v1","xy":{"x_m":null,"y_m":null}}"#,
+            ),
+        ] {
+            assert_eq!(json(&dsp, names), expected);
+        }
+        dsp.attitude.yaw_deg = f32::NAN;
+        let expected = r#"{"schema":"hero.DspTelemetry.v1","attitude":{"yaw_deg":null}}"#;
+        assert_eq!(json(&dsp, &["attitude.yaw_deg"]), expected);
+    }
+
+    #[test]
+    fn codes_are_shown_by_name_and_unknown_ones_as_they_are() {
+        let mut state = ModuleState {
+            status: ModuleStatus::Running.code(),
+            functionality: 99,
+            imi_error: ImiError::CommunicationFatalError.code(),
+            ..ModuleState::default()
+        };
+        state.dsp_errors.total = 1;
+        state.dsp_errors.last_imi = 208;
+        assert_eq!(
+            json(
+                &state,
+                &[
+                    "status",
+                    "functionality",
+                    "imi_error",
+                    "dsp_errors.last_imi"
+                ]
+            ),
+            r#"{"schema":"hero.ModuleState.v1","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_imi":"dsp-error-8"}}"#
+        );
+    }
+
+    #[test]
+    fn all_fields_are_shown_when_none_is_chosen() {
+        let tree = everything(&ModuleState::default());
+        let shown: Vec<String> = tree
+            .plain_fields()
+            .into_iter()
+            .map(|(path, _)| path)
+            .collect();
+        let is_struct = |name: &str| {
+            shown
+                .iter()
+                .any(|path| path.starts_with(&format!("{name}.")))
+        };
+        let expected: Vec<String> = field_names(ModuleState::FIELDS)
+            .into_iter()
+            .filter(|name| !is_struct(name))
+            .collect();
+        assert_eq!(shown, expected);
+    }
+
+    #[test]
+    fn an_unknown_field_is_refused_with_what_may_have_been_meant() {
+        for (name, expected) in [
+            ("latitude_deg", "did you mean `geographic.latitude_deg`?"),
+            (
+                "altitude_m",
+                "did you mean `geographic.altitude_m` or `references.altitude_m`?",
+            ),
+            ("geografic", "did you mean `geographic`?"),
+            ("geographic.", "did you mean `geographic`?"),
+            (
+                "geographic.latitud_deg",
+                "did you mean `geographic.latitude_deg`?",
+            ),
+            (
+                "zzz",
+                "has no field `zzz`; the fields are sequence, epoch_ns, ",
+            ),
+            ("", "has no field ``; the fields are"),
+        ] {
+            let error = Selection::of::<DspTelemetry>(&["xy".to_owned(), name.to_owned()]);
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains(expected), "{name}: {error}");
+        }
+    }
+
+    #[test]
+    fn people_see_a_dash_for_nothing_and_text_without_quotes() {
+        for (value, expected) in [
+            (Value::Null, "-"),
+            (Value::from("running"), "running"),
+            (Value::from(0.5), "0.5"),
+            (Value::from(vec![0, 3]), "[0,3]"),
+        ] {
+            assert_eq!(Plainly(&value).to_string(), expected);
+        }
+    }
+}
