@@ -1,145 +1,19 @@
-//! The fields of samples by name: which there are, which mean something, and how they are shown.
+//! The fields of samples by name, and how they are shown.
 //!
 //! Names use dots, as in `geographic.latitude_deg`. A value that means nothing, because its group was not transmitted
-//! or the thing has not happened yet, is shown as nothing: it never looks like data. The tables below are the one place
-//! that says which field depends on what.
+//! or the thing has not happened yet, is shown as nothing: it never looks like data. What depends on what is said in
+//! [`tables`] alone.
+
+pub mod tables;
 
 use std::fmt;
 
-use ipc_types::code::{Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind};
-use ipc_types::payload::{DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, ModuleState};
-use ipc_types::{TelemetryGroup, Topic};
+use ipc_types::payload::{FieldKind, FieldLayout};
 use runtime::config::nearest;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
 
-/// A field, plain or nested, and whether it means something in a sample.
-pub type Condition<T> = (&'static str, fn(&T) -> bool);
-
-/// A field whose number stands for something, and how the number is called; `None` when nobody knows it.
-pub type Naming = (&'static str, fn(u32) -> Option<String>);
-
-/// A sample that can be shown field by field.
-pub trait Shown: Topic + Serialize {
-    /// The fields that do not always mean something.
-    const CONDITIONS: &'static [Condition<Self>];
-
-    /// The fields that are codes.
-    const CODES: &'static [Naming];
-
-    /// When what the sample says was so, host monotonic ns.
-    fn time_ns(&self) -> u64;
-}
-
-/// Rows `"field" => Group` of [`Shown::CONDITIONS`].
-macro_rules! by_group {
-    ($($field:literal => $group:ident),+ $(,)?) => {
-        &[
-            $(($field, |sample| sample.valid(TelemetryGroup::$group)),)+
-            ("last_dsp_error_imi", |sample| sample.last_dsp_error().is_some()),
-        ]
-    };
-}
-
-impl Shown for DspTelemetry {
-    const CONDITIONS: &'static [Condition<Self>] = by_group! {
-        "dsp_time_ms" => Time,
-        "geographic" => Geographic,
-        "xy" => Xy,
-        "gps_velocity" => GpsVelocity,
-        "gps_quality" => GpsQuality,
-        "attitude" => Attitude,
-        "acceleration" => Acceleration,
-        "angular_rate" => AngularRate,
-        "pilot_pwm" => PilotPwm,
-        "sonar_adc" => Sonar,
-        "supply" => Supply,
-        "pan_tilt" => PanTilt,
-        "rotor_rpm" => RotorSpeed,
-        "barometer_adc" => Barometer,
-        "actuation" => Actuation,
-        "references" => References,
-    };
-
-    const CODES: &'static [Naming] = &[("last_dsp_error_imi", imi_name)];
-
-    fn time_ns(&self) -> u64 {
-        self.received_ns
-    }
-}
-
-impl Shown for HeroTelemetry {
-    const CONDITIONS: &'static [Condition<Self>] = by_group! {
-        "dsp_time_s" => Time,
-        "geodetic" => Geographic,
-        "local" => Xy,
-        "velocity" => GpsVelocity,
-        "gps_quality" => GpsQuality,
-        "attitude" => Attitude,
-        "acceleration" => Acceleration,
-        "angular_rate" => AngularRate,
-        "pilot" => PilotPwm,
-        "sonar_height_m" => Sonar,
-        "supply" => Supply,
-        "pan_rad" => PanTilt,
-        "tilt_rad" => PanTilt,
-        "rotor_radps" => RotorSpeed,
-        "barometer_altitude_m" => Barometer,
-        "actuation" => Actuation,
-        "references" => References,
-    };
-
-    const CODES: &'static [Naming] = &[("last_dsp_error_imi", imi_name)];
-
-    fn time_ns(&self) -> u64 {
-        self.published_ns
-    }
-}
-
-impl Shown for ModuleState {
-    const CONDITIONS: &'static [Condition<Self>] = &[
-        ("movement", |state| state.movement.kind != 0),
-        ("movement.distance_to_go_m", |state| {
-            state.movement.distance_to_go().is_some()
-        }),
-        ("link.last_message_ns", |state| {
-            state.link.last_message().is_some()
-        }),
-        ("link.last_telemetry_ns", |state| {
-            state.link.telemetry_published > 0
-        }),
-        ("dsp_errors.last_imi", |state| state.dsp_errors.total > 0),
-    ];
-
-    const CODES: &'static [Naming] = &[
-        ("module_id", |code| {
-            ModuleId::from_code(code).map(|id| id.to_string())
-        }),
-        ("status", |code| {
-            ModuleStatus::from_code(code).map(|status| status.to_string())
-        }),
-        ("imi_error", imi_name),
-        ("functionality", |code| {
-            Functionality::from_code(code).map(|doing| doing.to_string())
-        }),
-        ("movement.kind", |code| {
-            MovementKind::from_code(code).map(|kind| kind.to_string())
-        }),
-        ("link.state", |code| {
-            LinkState::from_code(code).map(|state| state.to_string())
-        }),
-        ("dsp_errors.last_imi", imi_name),
-    ];
-
-    fn time_ns(&self) -> u64 {
-        self.published_ns
-    }
-}
-
-/// Every IMI code has a name.
-fn imi_name(code: u32) -> Option<String> {
-    Some(ImiCode(code).to_string())
-}
+pub use tables::Shown;
 
 /// Which fields to show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -150,7 +24,7 @@ pub struct Selection {
 
 /// A field that the sample does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{topic} has no field `{name}`; {}the fields are {}", did_you_mean(.suggestions), .known.join(", "))]
+#[error("{topic} has no field `{name}`; {}", instead(.suggestions, .known))]
 pub struct UnknownField {
     topic: &'static str,
     name: String,
@@ -158,10 +32,11 @@ pub struct UnknownField {
     known: Vec<String>,
 }
 
-fn did_you_mean(suggestions: &[String]) -> String {
+/// What may have been meant, or else what there is.
+fn instead(suggestions: &[String], known: &[String]) -> String {
     match suggestions {
-        [] => String::new(),
-        names => format!("did you mean `{}`? ", names.join("` or `")),
+        [] => format!("the fields are {}", known.join(", ")),
+        names => format!("did you mean `{}`?", names.join("` or `")),
     }
 }
 
@@ -375,124 +250,14 @@ impl fmt::Display for Plainly<'_> {
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::code::ImiError;
-    use ipc_types::payload::SharedStruct;
+    use ipc_types::TelemetryGroup;
+    use ipc_types::code::{ImiError, ModuleStatus};
+    use ipc_types::payload::{DspTelemetry, ModuleState, SharedStruct};
 
     use super::*;
 
-    /// Fields of telemetry that mean something whatever was transmitted.
-    const ALWAYS: [&str; 11] = [
-        "sequence",
-        "epoch_ns",
-        "source_sequence",
-        "source_epoch_ns",
-        "received_ns",
-        "published_ns",
-        "valid_groups",
-        "flying",
-        "dsp_boots",
-        "dsp_errors",
-        "last_dsp_error_imi",
-    ];
-
     fn everything<T: Shown>(sample: &T) -> Tree {
         Tree::of(sample, &Selection::default())
-    }
-
-    /// Names of the top-level fields of which something is shown.
-    fn visible<T: Shown>(sample: &T) -> Vec<String> {
-        let tree = everything(sample);
-        let mut names: Vec<String> = tree
-            .plain_fields()
-            .into_iter()
-            .filter(|(_, value)| !value.is_null())
-            .map(|(path, _)| path.split('.').next().unwrap().to_owned())
-            .filter(|name| !ALWAYS.contains(&name.as_str()))
-            .collect();
-        names.dedup();
-        names
-    }
-
-    /// Every field of the layout belongs to a group or is always there, and each group shows its own fields alone.
-    fn check_groups<T: Shown>(with_groups: impl Fn(u16) -> T) {
-        assert_eq!(visible(&with_groups(0)), [""; 0], "{}", T::NAME);
-        let mut seen = Vec::new();
-        for group in TelemetryGroup::ALL {
-            let names = visible(&with_groups(group.bit()));
-            assert!(!names.is_empty(), "{group}: nothing is shown");
-            assert!(
-                !names.iter().any(|name| seen.contains(name)),
-                "{group}: {names:?}"
-            );
-            seen.extend(names);
-        }
-        let all = T::FIELDS.iter().map(|field| field.name);
-        for name in all.filter(|name| !ALWAYS.contains(name)) {
-            assert!(
-                seen.iter().any(|seen| seen == name),
-                "{}: {name} is in no group",
-                T::NAME
-            );
-        }
-    }
-
-    #[test]
-    fn a_group_that_is_not_valid_never_looks_like_data() {
-        check_groups(|valid_groups| DspTelemetry {
-            valid_groups,
-            ..DspTelemetry::default()
-        });
-        check_groups(|valid_groups| HeroTelemetry {
-            valid_groups: u32::from(valid_groups),
-            ..HeroTelemetry::default()
-        });
-    }
-
-    #[test]
-    fn the_tables_name_fields_that_exist() {
-        fn check<T: Shown>() {
-            let known = field_names(T::FIELDS);
-            let named = T::CONDITIONS.iter().map(|(name, _)| name);
-            for name in named.chain(T::CODES.iter().map(|(name, _)| name)) {
-                assert!(
-                    known.iter().any(|known| known == name),
-                    "{}: {name}",
-                    T::NAME
-                );
-            }
-        }
-        check::<DspTelemetry>();
-        check::<HeroTelemetry>();
-        check::<ModuleState>();
-    }
-
-    #[test]
-    fn what_has_not_happened_is_nothing() {
-        let mut state = ModuleState::default();
-        let nothing = |state: &ModuleState| -> Vec<String> {
-            let tree = everything(state);
-            let fields = tree.plain_fields().into_iter();
-            fields
-                .filter(|(_, value)| value.is_null())
-                .map(|(path, _)| path)
-                .collect()
-        };
-        let before = nothing(&state);
-        for path in [
-            "movement.kind",
-            "link.last_message_ns",
-            "link.last_telemetry_ns",
-            "dsp_errors.last_imi",
-        ] {
-            assert!(before.iter().any(|name| name == path), "{path}");
-        }
-        state.movement.kind = MovementKind::Land.code();
-        state.link.messages_received = 1;
-        state.link.telemetry_published = 1;
-        state.dsp_errors.total = 1;
-        assert_eq!(nothing(&state), ["movement.distance_to_go_m"]);
-        state.movement.distance_valid = 1;
-        assert_eq!(nothing(&state), [""; 0]);
     }
 
     fn json<T: Shown>(sample: &T, names: &[&str]) -> String {

@@ -1,6 +1,9 @@
 //! What `ril state` shows, as a value made of samples and the time: as text for people, as JSON for programs.
 //!
-//! It reads no clock and no port. What was never heard of is nothing, and what is too old is marked stale.
+//! It reads no clock and no port. What was never heard of is nothing, and what is too old is marked stale. The text is in
+//! `text`.
+
+mod text;
 
 use std::fmt;
 use std::time::Duration;
@@ -300,142 +303,6 @@ fn named(name: Option<impl fmt::Display>, number: u32) -> String {
 /// Seconds to the millisecond, which is what an operator can use.
 fn age_s(time: MonotonicNs, now: MonotonicNs) -> f64 {
     now.since(time).as_millis() as f64 / 1000.0
-}
-
-impl fmt::Display for Overview {
-    /// Lines with a title each; the last without its end.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "robot       {}", self.robot)?;
-        writeln!(f, "module      {}", self.module)?;
-        match &self.movement {
-            Some(movement) => writeln!(f, "movement    {movement}")?,
-            None => writeln!(f, "movement    none yet")?,
-        }
-        writeln!(f, "link        {}", self.link)?;
-        writeln!(f, "refused     {}", self.refused)?;
-        writeln!(f, "DSP errors  {}", self.dsp_errors)?;
-        for (title, sample) in [("dsp", self.dsp), ("hero", self.hero)] {
-            match sample {
-                Some(sample) => writeln!(f, "{title:<12}{sample}")?,
-                None => writeln!(f, "{title:<12}no sample")?,
-            }
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Display for Module {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}, {}", self.id, self.status, self.functionality)?;
-        if self.blocked {
-            f.write_str(", blocked")?;
-        }
-        if self.unable_to_abort {
-            f.write_str(", unable to abort")?;
-        }
-        write!(f, "; {}; {}", self.error, self.sample)
-    }
-}
-
-impl fmt::Display for Movement {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.kind)?;
-        if self.waypoints_total > 0 {
-            write!(
-                f,
-                ", {} waypoints, {} sent, {} reached",
-                self.waypoints_total, self.waypoints_sent, self.waypoints_reached
-            )?;
-        }
-        match self.distance_to_go_m {
-            Some(distance) => write!(f, ", {distance:.1} m to go"),
-            None => Ok(()),
-        }
-    }
-}
-
-impl fmt::Display for Link {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ago =
-            |age: Option<f64>| age.map_or("never".to_owned(), |age| format!("{age:.3} s ago"));
-        writeln!(
-            f,
-            "{} for {:.3} s; port opened {} times, DSP boots seen {}",
-            self.state, self.state_since_s, self.port_openings, self.dsp_boots
-        )?;
-        writeln!(
-            f,
-            "            last message {}, last telemetry {}",
-            ago(self.last_message_age_s),
-            ago(self.last_telemetry_age_s)
-        )?;
-        writeln!(
-            f,
-            "            {} bytes, {} messages; {} samples published, {} incoherent",
-            self.bytes_received,
-            self.messages_received,
-            self.telemetry_published,
-            self.telemetry_incoherent
-        )?;
-        write!(
-            f,
-            "            {} commands acknowledged, {} repeated, {} failed, {} acks unmatched; {} waypoints sent",
-            self.commands_acknowledged,
-            self.commands_repeated,
-            self.commands_failed,
-            self.acks_unmatched,
-            self.waypoints_sent
-        )
-    }
-}
-
-impl fmt::Display for Refused {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let counts: Vec<String> = self
-            .counters()
-            .into_iter()
-            .filter(|(_, count)| *count > 0)
-            .map(|(name, count)| format!("{name} {count}"))
-            .collect();
-        if counts.is_empty() {
-            return f.write_str("nothing");
-        }
-        f.write_str(&counts.join(", "))?;
-        match self.implausible.as_slice() {
-            [] => Ok(()),
-            groups => write!(f, " (groups: {})", groups.join(", ")),
-        }
-    }
-}
-
-impl fmt::Display for DspErrors {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(last) = &self.last else {
-            return f.write_str("none");
-        };
-        write!(
-            f,
-            "{}, {} of them fatal; last {last}",
-            self.total, self.transcended
-        )?;
-        for DspErrorCount { code, text, count } in &self.by_code {
-            write!(f, "\n            {count} × {code}: {text}")?;
-        }
-        if self.unknown > 0 {
-            write!(f, "\n            {} × unknown codes", self.unknown)?;
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Display for Sample {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "sample {}, {:.3} s old", self.sequence, self.age_s)?;
-        if self.stale {
-            f.write_str(", STALE")?;
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
