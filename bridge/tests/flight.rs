@@ -45,7 +45,15 @@ fn a_whole_mission() {
     desk.run(100);
     assert_eq!(desk.functionality(), Functionality::TakingOff, "10 m to go");
     desk.dsp.at(north(0));
-    desk.run(40);
+    desk.dsp.grants = false;
+    desk.run(400);
+    assert_eq!(
+        desk.functionality(),
+        Functionality::TakingOff,
+        "the DSP takes no waypoints yet"
+    );
+    desk.dsp.grants = true;
+    desk.run(100);
     assert_eq!(
         desk.stages(take_off),
         [Stage::Accepted, Stage::Progress, Stage::Done]

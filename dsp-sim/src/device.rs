@@ -137,9 +137,11 @@ impl Dsp {
             if self.flow_control_due == Some(due) {
                 self.flow_control_due = Some(due + self.flow_control_period());
                 helicopter.advance(due);
-                let request = match helicopter.free_places() {
-                    PLACES_TO_SEND.. => FlowControl::Send,
-                    _ => FlowControl::Stop,
+                let has_room = helicopter.free_places() >= PLACES_TO_SEND;
+                let request = if has_room && helicopter.takes_waypoints() {
+                    FlowControl::Send
+                } else {
+                    FlowControl::Stop
                 };
                 self.output
                     .push_flow_control(Downlink::FlowControl(request).encode());
@@ -413,3 +415,6 @@ fn chosen(sensed: Status, time_ms: u32, mask: StatusMask) -> Status {
         references: keep(sensed.references, mask, Group::References),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -248,7 +248,7 @@ impl Helicopter {
     /// The buffer is full; the helicopter neither hovers nor follows a path; or the waypoint lies lower than
     /// [`MIN_PATH_HEIGHT_M`] above the home.
     pub fn push_waypoint(&mut self, waypoint: Geographic) -> Result<(), Refused> {
-        if !matches!(self.phase, Phase::Hovering | Phase::FollowingPath) {
+        if !self.takes_waypoints() {
             return Err(Refused::Impossible);
         }
         let position_m = self.world.to_flat(waypoint);
@@ -308,6 +308,11 @@ impl Helicopter {
     /// Whether it is in the air.
     pub fn is_flying(&self) -> bool {
         !self.body.on_ground
+    }
+
+    /// Whether it is in a phase that takes waypoints: it flies, and neither takes off nor lands.
+    pub fn takes_waypoints(&self) -> bool {
+        matches!(self.phase, Phase::Hovering | Phase::FollowingPath)
     }
 
     /// Free places of the path buffer.

@@ -16,6 +16,8 @@ pub enum Activity {
         order: Order,
         /// The altitude at which it ends, m.
         target_altitude_m: f64,
+        /// The last position was there. The take-off is over when the DSP then asks for waypoints again.
+        at_altitude: bool,
     },
     /// A closed path.
     Following {

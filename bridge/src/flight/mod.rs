@@ -6,7 +6,7 @@
 //!
 //! | activity | ends well | ends early |
 //! |---|---|---|
-//! | taking off | in the air, at the altitude | ack error, deadline, DSP error, link lost, reboot |
+//! | taking off | at the altitude, and the DSP asks for waypoints | ack error, deadline, DSP error, link lost, reboot |
 //! | following | arrival at the last waypoint | the same, and stop |
 //! | landing | on the ground | the same as taking off |
 //! | stopping | its commands are acknowledged | ack error, link lost, reboot |
@@ -95,7 +95,7 @@ impl<T: Trajectory> Flight<T> {
                 self.observation.take(sample);
                 self.watch_arrival(sample.status.geographic, sample.status.flying, cx);
             }
-            LineEvent::Grant => self.send_waypoint(cx),
+            LineEvent::Grant => self.granted(cx),
             LineEvent::Delivered(command) => self.delivered(*command, cx),
             LineEvent::Undelivered(command) => self.undelivered(*command, cx),
             LineEvent::DspError { code, starting } => {
@@ -209,8 +209,7 @@ impl<T: Trajectory> Flight<T> {
         flying: bool,
         cx: &mut Context<'_, O>,
     ) {
-        let tolerance = self.config.arrival.tolerance();
-        let arrived = match (&self.activity, position) {
+        let arrived = match (&mut self.activity, position) {
             (Activity::Following { .. }, Some(position)) => {
                 let sent = self.movement.waypoints_sent as usize;
                 let before = self.tracker.reached();
@@ -223,22 +222,41 @@ impl<T: Trajectory> Flight<T> {
             }
             (
                 Activity::TakingOff {
-                    order,
                     target_altitude_m,
+                    at_altitude,
+                    ..
                 },
                 Some(position),
             ) => {
-                order.begun
-                    && flying
-                    && (position.altitude_m - target_altitude_m).abs() <= tolerance.altitude_m
+                let tolerance_m = self.config.arrival.altitude_m;
+                *at_altitude =
+                    flying && (position.altitude_m - *target_altitude_m).abs() <= tolerance_m;
+                false
             }
             (Activity::Landing { order }, _) => order.begun && !flying,
             _ => false,
         };
         if arrived {
-            self.manager.handle(Event::MovementEnded);
-            self.finish_activity(Stage::Done, Reason::None, ImiError::None, cx);
+            self.movement_ended(cx);
         }
+    }
+
+    /// Flow control: the DSP asks for a waypoint, which it does only when it flies and neither takes off nor lands.
+    fn granted<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        match self.activity {
+            Activity::TakingOff {
+                order, at_altitude, ..
+            } if order.begun && at_altitude => {
+                self.movement_ended(cx);
+            }
+            Activity::Following { .. } => self.send_waypoint(cx),
+            _ => {}
+        }
+    }
+
+    fn movement_ended<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        self.manager.handle(Event::MovementEnded);
+        self.finish_activity(Stage::Done, Reason::None, ImiError::None, cx);
     }
 
     /// Gives the final word to whoever waits for the present activity, and rests.

@@ -88,6 +88,7 @@ impl<T: Trajectory> Flight<T> {
             Activity::TakingOff {
                 order,
                 target_altitude_m,
+                at_altitude: false,
             }
         });
         Ok(())

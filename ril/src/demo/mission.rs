@@ -5,14 +5,19 @@ use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
 use ipc_types::payload::{DspGeographic, ModuleControl, MovementData, RequestReport};
 
 /// Height of the take-off, m.
-const TAKE_OFF_M: f64 = 6.0;
+const TAKE_OFF_M: f64 = 5.0;
 
 /// The first path: a square with one corner at the start, so that it ends where it began. East, north and up of the
 /// place of take-off, m.
-const FIRST_PATH_M: [[f64; 3]; 4] = [[0.0, 12.0, 8.0], [12.0, 12.0, 8.0], [12.0, 0.0, 7.0], [0.0, 0.0, 6.0]];
+const FIRST_PATH_M: [[f64; 3]; 4] = [
+    [0.0, 9.0, 6.0],
+    [9.0, 9.0, 7.0],
+    [9.0, 0.0, 6.0],
+    [0.0, 0.0, 5.0],
+];
 
 /// The second path.
-const SECOND_PATH_M: [[f64; 3]; 2] = [[-6.0, 6.0, 7.0], [-6.0, -2.0, 5.0]];
+const SECOND_PATH_M: [[f64; 3]; 2] = [[-5.0, 4.0, 6.0], [-4.0, -2.0, 4.0]];
 
 /// A point of a path, WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +94,9 @@ pub struct Mission {
 impl Mission {
     /// The whole demonstration around the place where the helicopter stands.
     pub fn new(home: &DspGeographic) -> Mission {
-        let path = |offsets: &[[f64; 3]]| Order::Path(offsets.iter().map(|offset| point(home, *offset)).collect());
+        let path = |offsets: &[[f64; 3]]| {
+            Order::Path(offsets.iter().map(|offset| point(home, *offset)).collect())
+        };
         let orders = vec![
             Order::Start,
             Order::TakeOff,
@@ -116,9 +123,18 @@ impl Mission {
         self.current = self.orders.next();
         let requests = match &self.current {
             None => Vec::new(),
-            Some(Order::Start) => vec![Request::Control(ModuleControl::new(next_id(), ControlCommand::Start))],
-            Some(Order::Stop) => vec![Request::Control(ModuleControl::new(next_id(), ControlCommand::Stop))],
-            Some(Order::TakeOff) => vec![Request::Movement(MovementData::take_off(next_id(), TAKE_OFF_M))],
+            Some(Order::Start) => vec![Request::Control(ModuleControl::new(
+                next_id(),
+                ControlCommand::Start,
+            ))],
+            Some(Order::Stop) => vec![Request::Control(ModuleControl::new(
+                next_id(),
+                ControlCommand::Stop,
+            ))],
+            Some(Order::TakeOff) => vec![Request::Movement(MovementData::take_off(
+                next_id(),
+                TAKE_OFF_M,
+            ))],
             Some(Order::Land) => vec![Request::Movement(MovementData::land(next_id()))],
             Some(Order::Path(points)) => path_requests(points, next_id),
         };
@@ -140,7 +156,11 @@ impl Mission {
             return None;
         }
         let order = self.current.take()?;
-        self.ended.push(Outcome { order, stage, reason });
+        self.ended.push(Outcome {
+            order,
+            stage,
+            reason,
+        });
         self.ended.last()
     }
 
@@ -206,7 +226,8 @@ fn point(home: &DspGeographic, [east_m, north_m, up_m]: [f64; 3]) -> Point {
     const METRES_PER_DEGREE: f64 = 111_194.93;
     Point {
         latitude_deg: home.latitude_deg + north_m / METRES_PER_DEGREE,
-        longitude_deg: home.longitude_deg + east_m / (METRES_PER_DEGREE * home.latitude_deg.to_radians().cos()),
+        longitude_deg: home.longitude_deg
+            + east_m / (METRES_PER_DEGREE * home.latitude_deg.to_radians().cos()),
         altitude_m: home.altitude_m + up_m,
     }
 }
@@ -239,9 +260,16 @@ mod tests {
         let mut orders = 0;
         while !mission.is_over() {
             let requests = mission.next_requests(&mut next);
-            assert!(mission.next_requests(&mut next).is_empty(), "one order at a time");
+            assert!(
+                mission.next_requests(&mut next).is_empty(),
+                "one order at a time"
+            );
             for (index, request) in requests.iter().enumerate() {
-                assert_eq!(mission.report(&final_report(999, Stage::Done)), None, "a stranger's report");
+                assert_eq!(
+                    mission.report(&final_report(999, Stage::Done)),
+                    None,
+                    "a stranger's report"
+                );
                 let ended = mission.report(&final_report(request_id(request), Stage::Done));
                 assert_eq!(ended.is_some(), index + 1 == requests.len());
             }
@@ -264,7 +292,10 @@ mod tests {
         let mut mission = Mission::new(&HOME);
         mission.next_requests(|| 5);
         let outcome = mission.report(&final_report(5, Stage::Refused)).unwrap();
-        assert_eq!((&outcome.order, outcome.stage), (&Order::Start, Stage::Refused));
+        assert_eq!(
+            (&outcome.order, outcome.stage),
+            (&Order::Start, Stage::Refused)
+        );
         assert!(mission.is_over());
         assert!(mission.next_requests(|| 6).is_empty());
     }

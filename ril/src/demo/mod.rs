@@ -20,9 +20,12 @@ use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport};
+use ipc_types::payload::{
+    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
+};
 use ipc_types::{
-    Client, Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter, fresh_request_id,
+    Client, Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter,
+    fresh_request_id,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
@@ -146,24 +149,33 @@ fn fly(
     screen
         .say("starting the simulator, status and the bridge as processes of their own")
         .map_err(Failure::output)?;
-    stage.start(&nursery, "sim", "", &["--link", &port_name, "--speed", &speed])?;
+    stage.start(
+        &nursery,
+        "sim",
+        "",
+        &["--link", &port_name, "--speed", &speed],
+    )?;
     // Status before the bridge, so that it misses no sample and the log can be compared to the last row.
     stage.start(&nursery, "status", &status_config(folder), &[])?;
     stage.start(&nursery, "bridge", BRIDGE_CONFIG, &["--port", &port_name])?;
-    stage.wait_until(screen, |stage| stage.watch.home.is_some() && stage.link_is_up())?;
+    stage.wait_until(screen, |stage| {
+        stage.watch.home().is_some() && stage.link_is_up()
+    })?;
 
     let began = Instant::now();
-    let home = stage.watch.home.unwrap_or_default();
+    let home = stage.watch.home().copied().unwrap_or_default();
     stage.watch.expect(Mission::waypoints(&home));
     stage.mission = Some(Mission::new(&home));
     stage.began = Some(began);
-    stage.wait_until(screen, |stage| stage.mission.as_ref().is_some_and(Mission::is_over))?;
+    stage.wait_until(screen, |stage| {
+        stage.mission.as_ref().is_some_and(Mission::is_over)
+    })?;
     let took = began.elapsed();
     let exits = stage.end_processes()?;
     Ok(Flight {
         mission: stage.mission.take().unwrap_or_else(|| Mission::new(&home)),
         counts: stage.counts(),
-        watch: stage.watch,
+        watch: std::mem::take(&mut stage.watch),
         exits,
         took,
     })
@@ -188,7 +200,11 @@ fn status_config(folder: &Path) -> String {
         .iter()
         .map(|group| format!("\"{group}\""))
         .collect();
-    format!("[[log]]\ndirectory = {:?}\ngroups = [{}]\n", folder, groups.join(", "))
+    format!(
+        "[[log]]\ndirectory = {:?}\ngroups = [{}]\n",
+        folder,
+        groups.join(", ")
+    )
 }
 
 /// Everything that the demonstration's one wait serves.
@@ -210,7 +226,11 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(ipc: &Ipc, termination: &'a Termination, readiness: &'a Readiness) -> Result<Stage<'a>, Failure> {
+    fn new(
+        ipc: &Ipc,
+        termination: &'a Termination,
+        readiness: &'a Readiness,
+    ) -> Result<Stage<'a>, Failure> {
         Ok(Stage {
             termination,
             readiness,
@@ -230,10 +250,17 @@ impl<'a> Stage<'a> {
     }
 
     /// Starts a process and waits until it is ready.
-    fn start(&mut self, nursery: &Nursery<'_>, name: &'static str, config: &str, args: &[&str]) -> Result<(), Failure> {
-        let process = nursery
-            .start(name, config, args)
-            .or_fail_with(ExitCode::Internal, format!("`ril {name}` cannot be started"))?;
+    fn start(
+        &mut self,
+        nursery: &Nursery<'_>,
+        name: &'static str,
+        config: &str,
+        args: &[&str],
+    ) -> Result<(), Failure> {
+        let process = nursery.start(name, config, args).or_fail_with(
+            ExitCode::Internal,
+            format!("`ril {name}` cannot be started"),
+        )?;
         self.processes.push(process);
         let expected = self.processes.len();
         self.wait_until(&mut Screen::new(true), |stage| stage.ready == expected)
@@ -253,16 +280,26 @@ impl<'a> Stage<'a> {
     }
 
     /// Serves everything until `done`. Ends early when a process does, a signal comes, or time runs out.
-    fn wait_until(&mut self, screen: &mut Screen, done: impl Fn(&Stage<'_>) -> bool) -> Result<(), Failure> {
+    fn wait_until(
+        &mut self,
+        screen: &mut Screen,
+        done: impl Fn(&Stage<'_>) -> bool,
+    ) -> Result<(), Failure> {
         loop {
             self.drain(screen)?;
             if done(self) {
                 return Ok(());
             }
             if self.termination.requested() {
-                return Err(Failure::internal("ended by a signal; nothing was left running"));
+                return Err(Failure::internal(
+                    "ended by a signal; nothing was left running",
+                ));
             }
-            if let Some(process) = self.processes.iter_mut().find_map(|process| process.has_ended().then_some(process)) {
+            if let Some(process) = self
+                .processes
+                .iter_mut()
+                .find_map(|process| process.has_ended().then_some(process))
+            {
                 let (name, code) = (process.name(), process.end());
                 return Err(Failure::internal(format!(
                     "`ril {name}` ended by itself with code {code:?}; its last words:\n{}",
@@ -272,7 +309,10 @@ impl<'a> Stage<'a> {
             if Instant::now() >= self.deadline {
                 return Err(Failure::new(
                     ExitCode::Timeout,
-                    format!("the demonstration took more than {} s", TIME_LIMIT.as_secs()),
+                    format!(
+                        "the demonstration took more than {} s",
+                        TIME_LIMIT.as_secs()
+                    ),
                 ));
             }
             self.sleep()?;
@@ -288,7 +328,9 @@ impl<'a> Stage<'a> {
         if let (Some(mission), Some(began)) = (&mut self.mission, self.began) {
             for report in &reports {
                 if let Some(outcome) = mission.report(report) {
-                    screen.outcome(outcome, began.elapsed()).map_err(Failure::output)?;
+                    screen
+                        .outcome(outcome, began.elapsed())
+                        .map_err(Failure::output)?;
                 }
             }
             for request in mission.next_requests(fresh_request_id) {
@@ -300,16 +342,22 @@ impl<'a> Stage<'a> {
             }
         }
         let counts = self.counts();
-        screen.draw(self.mission.as_ref(), &self.watch, &counts).map_err(Failure::output)
+        screen
+            .draw(self.mission.as_ref(), &self.watch, &counts)
+            .map_err(Failure::output)
     }
 
     fn drain_telemetry(&mut self) -> Result<(), Failure> {
         let watch = &mut self.watch;
-        self.dsp.drain(|sample| watch.dsp(sample)).map_err(Failure::internal)?;
+        self.dsp
+            .drain(|sample| watch.dsp(sample))
+            .map_err(Failure::internal)?;
         self.hero
             .drain(|sample| watch.hero(sample, MonotonicNs::now()))
             .map_err(Failure::internal)?;
-        self.state.drain(|state| watch.state(state)).map_err(Failure::internal)?;
+        self.state
+            .drain(|state| watch.state(state))
+            .map_err(Failure::internal)?;
         Ok(())
     }
 
@@ -332,7 +380,9 @@ impl<'a> Stage<'a> {
             &self.state,
         ];
         sources.extend(processes.iter().map(|process| process as &dyn Source));
-        self.waiter.wait(&sources, Some(LONGEST_WAIT)).map_err(Failure::internal)?;
+        self.waiter
+            .wait(&sources, Some(LONGEST_WAIT))
+            .map_err(Failure::internal)?;
         Ok(())
     }
 
@@ -341,7 +391,11 @@ impl<'a> Stage<'a> {
     fn end_processes(&mut self) -> Result<Vec<(&'static str, Option<i32>)>, Failure> {
         let mut exits = Vec::new();
         for name in ["bridge", "status", "sim"] {
-            if let Some(process) = self.processes.iter_mut().find(|process| process.name() == name) {
+            if let Some(process) = self
+                .processes
+                .iter_mut()
+                .find(|process| process.name() == name)
+            {
                 exits.push((name, process.end()));
             }
             self.drain_telemetry()?;
@@ -361,14 +415,18 @@ impl Drop for Stage<'_> {
 }
 
 fn folder(args: &Args) -> Result<PathBuf, Failure> {
-    let folder = args.folder.clone().unwrap_or_else(|| {
-        std::env::temp_dir().join(format!("hero-demo-{}", std::process::id()))
-    });
-    fs::create_dir_all(&folder)
-        .or_fail_with(ExitCode::Usage, format!("the folder {} cannot be made", folder.display()))?;
-    folder
-        .canonicalize()
-        .or_fail_with(ExitCode::Usage, format!("the folder {} cannot be used", folder.display()))
+    let folder = args
+        .folder
+        .clone()
+        .unwrap_or_else(|| std::env::temp_dir().join(format!("hero-demo-{}", std::process::id())));
+    fs::create_dir_all(&folder).or_fail_with(
+        ExitCode::Usage,
+        format!("the folder {} cannot be made", folder.display()),
+    )?;
+    folder.canonicalize().or_fail_with(
+        ExitCode::Usage,
+        format!("the folder {} cannot be used", folder.display()),
+    )
 }
 
 /// The newest log in the folder.
@@ -377,7 +435,11 @@ fn find_log(folder: &Path) -> Option<PathBuf> {
         .ok()?
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.extension().is_some_and(|extension| extension == "tsv"))
-        .max_by_key(|path| fs::metadata(path).and_then(|metadata| metadata.modified()).ok())
+        .max_by_key(|path| {
+            fs::metadata(path)
+                .and_then(|metadata| metadata.modified())
+                .ok()
+        })
 }
 
 /// Rows of a log without its first line.
@@ -386,7 +448,13 @@ fn rows(log: &Path) -> Option<u64> {
     u64::try_from(text.lines().count()).ok()?.checked_sub(1)
 }
 
-fn tell(args: &Args, flight: &Flight, checks: &[Check], log: Option<&Path>, folder: &Path) -> io::Result<()> {
+fn tell(
+    args: &Args,
+    flight: &Flight,
+    checks: &[Check],
+    log: Option<&Path>,
+    folder: &Path,
+) -> io::Result<()> {
     let mut out = io::stdout().lock();
     let passed = checks.iter().all(|check| check.passed);
     if args.json {
@@ -411,10 +479,21 @@ fn tell(args: &Args, flight: &Flight, checks: &[Check], log: Option<&Path>, fold
     writeln!(out)?;
     writeln!(out, "flight    {:.1} s", flight.took.as_secs_f64())?;
     if let (Some(p50), Some(p99)) = (flight.watch.age_us(50), flight.watch.age_us(99)) {
-        writeln!(out, "age       {p50} µs median, {p99} µs 99th percentile: serial byte to this consumer")?;
+        writeln!(
+            out,
+            "age       {p50} µs median, {p99} µs 99th percentile: serial byte to this consumer"
+        )?;
     }
     if let Some(log) = log {
         writeln!(out, "log       {}", log.display())?;
     }
-    writeln!(out, "{}", if passed { "all checks passed" } else { "not all checks passed" })
+    writeln!(
+        out,
+        "{}",
+        if passed {
+            "all checks passed"
+        } else {
+            "not all checks passed"
+        }
+    )
 }

@@ -53,12 +53,23 @@ impl Screen {
     /// An order has ended.
     pub fn outcome(&mut self, outcome: &Outcome, since: Duration) -> io::Result<()> {
         let name = outcome.order.name();
-        self.say(&format!("{:6.2} s  {name}: {}", since.as_secs_f64(), outcome.stage))
+        self.say(&format!(
+            "{:6.2} s  {name}: {}",
+            since.as_secs_f64(),
+            outcome.stage
+        ))
     }
 
     /// Draws the live block, not more often than the eye can follow.
-    pub fn draw(&mut self, mission: Option<&Mission>, watch: &Watch, counts: &Counts) -> io::Result<()> {
-        let recent = self.drawn.is_some_and(|drawn| drawn.elapsed() < REDRAW_PERIOD);
+    pub fn draw(
+        &mut self,
+        mission: Option<&Mission>,
+        watch: &Watch,
+        counts: &Counts,
+    ) -> io::Result<()> {
+        let recent = self
+            .drawn
+            .is_some_and(|drawn| drawn.elapsed() < REDRAW_PERIOD);
         if self.kind != Kind::Live || recent {
             return Ok(());
         }
@@ -90,7 +101,12 @@ impl Screen {
     }
 }
 
-fn block(mission: Option<&Mission>, watch: &Watch, counts: &Counts, now: MonotonicNs) -> Vec<String> {
+fn block(
+    mission: Option<&Mission>,
+    watch: &Watch,
+    counts: &Counts,
+    now: MonotonicNs,
+) -> Vec<String> {
     let phase = mission
         .and_then(Mission::current)
         .map_or_else(|| "starting".to_owned(), |order| order.name());
@@ -120,7 +136,10 @@ fn block(mission: Option<&Mission>, watch: &Watch, counts: &Counts, now: Monoton
             |last| format!("{} ms ago", now.since(last).as_millis()),
         );
         lines.push(format!("  path      {to_go}"));
-        lines.push(format!("  link      {link}, last message {age}, {} received", state.link.messages_received));
+        lines.push(format!(
+            "  link      {link}, last message {age}, {} received",
+            state.link.messages_received
+        ));
     }
     lines.push(format!(
         "  samples   {} raw, {} robot, {} lost",

@@ -24,8 +24,7 @@ pub struct Approach {
 /// Watches the telemetry.
 #[derive(Debug, Default)]
 pub struct Watch {
-    /// Where the helicopter stood before the mission.
-    pub home: Option<DspGeographic>,
+    home: Option<DspGeographic>,
     waypoints: Vec<Point>,
     approaches: Vec<Approach>,
     states: Vec<(ModuleStatus, Functionality)>,
@@ -44,6 +43,11 @@ impl Watch {
         }
     }
 
+    /// Where the helicopter stood before the mission.
+    pub fn home(&self) -> Option<&DspGeographic> {
+        self.home.as_ref()
+    }
+
     /// From now on looks for these waypoints, in this order.
     pub fn expect(&mut self, waypoints: Vec<Point>) {
         self.waypoints = waypoints;
@@ -53,7 +57,8 @@ impl Watch {
     pub fn hero(&mut self, sample: &HeroTelemetry, now: MonotonicNs) {
         if self.ages_us.len() < MAX_AGES {
             let age = now.since(MonotonicNs(sample.received_ns));
-            self.ages_us.push(u32::try_from(age.as_micros()).unwrap_or(u32::MAX));
+            self.ages_us
+                .push(u32::try_from(age.as_micros()).unwrap_or(u32::MAX));
         }
         self.ever_flew |= sample.is_flying();
         self.last_hero = Some(*sample);
@@ -67,13 +72,18 @@ impl Watch {
     fn position(&mut self, sample: &HeroTelemetry) {
         const NEAR_M: f64 = 3.0;
         if let Some(home) = &self.home {
-            self.highest_m = self.highest_m.max(sample.geodetic.altitude_m - home.altitude_m);
+            self.highest_m = self
+                .highest_m
+                .max(sample.geodetic.altitude_m - home.altitude_m);
         }
         while let Some(point) = self.waypoints.get(self.approaches.len().saturating_sub(1)) {
             let distance_m = distance_m(point, sample);
             match self.approaches.last_mut() {
                 None => {
-                    self.approaches.push(Approach { point: *point, distance_m });
+                    self.approaches.push(Approach {
+                        point: *point,
+                        distance_m,
+                    });
                     return;
                 }
                 Some(approach) if distance_m <= approach.distance_m => {
@@ -158,8 +168,9 @@ fn distance_m(point: &Point, sample: &HeroTelemetry) -> f64 {
     const EARTH_RADIUS_M: f64 = 6_371_008.8;
     let here = &sample.geodetic;
     let north = (point.latitude_deg.to_radians() - here.latitude_rad) * EARTH_RADIUS_M;
-    let east =
-        (point.longitude_deg.to_radians() - here.longitude_rad) * EARTH_RADIUS_M * here.latitude_rad.cos();
+    let east = (point.longitude_deg.to_radians() - here.longitude_rad)
+        * EARTH_RADIUS_M
+        * here.latitude_rad.cos();
     let up = point.altitude_m - here.altitude_m;
     (north * north + east * east + up * up).sqrt()
 }
@@ -194,17 +205,28 @@ mod tests {
                 watch.hero(&sample, MonotonicNs(1000));
             }
         }
-        watch.approaches().iter().map(|approach| approach.distance_m.round()).collect()
+        watch
+            .approaches()
+            .iter()
+            .map(|approach| approach.distance_m.round())
+            .collect()
     }
 
     #[test]
     fn waypoints_are_approached_in_their_order() {
-        assert_eq!(fly(&[10.0, 30.0, 0.0], &[0.0, 10.0, 30.0, 0.0]), [0.0, 0.0, 0.0]);
+        assert_eq!(
+            fly(&[10.0, 30.0, 0.0], &[0.0, 10.0, 30.0, 0.0]),
+            [0.0, 0.0, 0.0]
+        );
     }
 
     #[test]
     fn a_path_that_ends_where_it_begins_is_not_done_at_the_start() {
-        assert_eq!(fly(&[20.0, 0.0], &[0.0, 10.0]), [10.0], "the second one's turn has not come");
+        assert_eq!(
+            fly(&[20.0, 0.0], &[0.0, 10.0]),
+            [10.0],
+            "the second one's turn has not come"
+        );
         assert_eq!(fly(&[20.0, 0.0], &[0.0, 20.0, 0.0]), [0.0, 0.0]);
     }
 
@@ -224,6 +246,9 @@ mod tests {
             };
             watch.hero(&sample, MonotonicNs(1_000_000 + age * 1000));
         }
-        assert_eq!((watch.age_us(50), watch.age_us(99), watch.age_us(100)), (Some(51), Some(100), Some(100)));
+        assert_eq!(
+            (watch.age_us(50), watch.age_us(99), watch.age_us(100)),
+            (Some(51), Some(100), Some(100))
+        );
     }
 }
