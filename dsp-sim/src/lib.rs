@@ -11,7 +11,7 @@
 //! ```
 //!
 //! * [`simulator`]: all of it behind one facade; [`device`]: the protocol, ports, errors; [`helicopter`]: the flight;
-//!   [`line`]: the pace of the bytes; [`random`]: seeded numbers. None of them knows a file, a thread or a clock.
+//!   [`mod@line`]: the pace of the bytes; [`random`]: seeded numbers. None of them knows a file, a thread or a clock.
 //! * [`pty`], [`shell`], [`cli`], [`config`]: the process around it.
 //!
 //! Time is simulated, a `Duration` since the start that the caller holds. The same seed and the same bytes at the same

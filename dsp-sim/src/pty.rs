@@ -227,7 +227,7 @@ impl Link {
             Ok(_) if path.exists() => {
                 tracing::warn!(
                     link = %path.display(),
-                    "the link pointed to something that exists; another simulator there is now out of reach"
+                    "the link led somewhere that exists; if another simulator is there, it is out of reach now"
                 );
             }
             Ok(_) | Err(_) => {}

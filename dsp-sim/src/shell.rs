@@ -171,3 +171,120 @@ impl Watchdog {
         Some(self.period?.saturating_sub(self.fed.elapsed()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{File, OpenOptions};
+    use std::io::{Read, Write};
+    use std::thread;
+
+    use dsp_protocol::{Command, Downlink, Status, Uplink, port};
+
+    use super::*;
+    use crate::simulator::Setup;
+
+    /// Runs the loop in a thread while `pc` uses the port that it opens.
+    fn with_loop(speed: f64, pc: impl FnOnce(&dyn Fn() -> File)) -> (Simulator, Summary) {
+        let (termination, request) = Termination::by_hand().unwrap();
+        let mut pty = Pty::open().unwrap();
+        let path = pty.path().to_owned();
+        let running = thread::spawn(move || {
+            let mut simulator = Simulator::new(Setup::default());
+            let supervisor = Notifier::from_env();
+            let outcome = run(&mut simulator, &mut pty, speed, &termination, &supervisor);
+            (simulator, outcome.unwrap())
+        });
+        let mut options = OpenOptions::new();
+        options.read(true).write(true);
+        pc(&|| options.open(&path).unwrap());
+        request.request();
+        running.join().unwrap()
+    }
+
+    fn send(port: &mut File, command: Command) {
+        let frame = Uplink::Command(command).encode();
+        port.write_all(frame.as_bytes()).unwrap();
+    }
+
+    fn expect(port: &mut File, message: Downlink) {
+        let frame = message.encode();
+        let mut read = vec![0; frame.as_bytes().len()];
+        port.read_exact(&mut read).unwrap();
+        assert_eq!(read, frame.as_bytes(), "{message:?}");
+    }
+
+    #[test]
+    fn the_loop_wakes_for_what_happens_and_for_nothing_else() {
+        let (simulator, summary) = with_loop(1.0, |open| {
+            for _ in 0..10 {
+                let mut port = open();
+                send(&mut port, Command::ClearErrors);
+                expect(&mut port, Downlink::Ack { command: 4 });
+            }
+            // Then nothing happens for half a second.
+            let mut port = open();
+            send(
+                &mut port,
+                Command::Write16 {
+                    port: port::STATUS_PERIOD_MS,
+                    value: 500,
+                },
+            );
+            send(&mut port, Command::ActivateStatus);
+            expect(&mut port, Downlink::Ack { command: 1 });
+            expect(&mut port, Downlink::Ack { command: 5 });
+            expect(&mut port, Downlink::Status(Status::default()));
+        });
+        assert_eq!(simulator.dsp().counters().commands[4], 10);
+        // Each command costs a handful: the peer comes, its bytes come and go through the line, the answer, the peer goes.
+        assert!(summary.wakes < 200, "{summary:?}");
+        assert!(summary.sent >= 10 * 3 + 3 + 3 + 6, "{summary:?}");
+    }
+
+    #[test]
+    fn a_faster_clock_flies_a_take_off_in_no_time() {
+        let (simulator, _) = with_loop(100.0, |open| {
+            let mut port = open();
+            send(
+                &mut port,
+                Command::Write16 {
+                    port: port::STATUS_PERIOD_MS,
+                    value: 10_000,
+                },
+            );
+            send(&mut port, Command::ActivateStatus);
+            send(
+                &mut port,
+                Command::Write16 {
+                    port: port::TAKE_OFF,
+                    value: 1,
+                },
+            );
+            for command in [1, 5, 1] {
+                expect(&mut port, Downlink::Ack { command });
+            }
+            // Ten simulated seconds later it is in the air.
+            let flying = Status {
+                flying: true,
+                ..Status::default()
+            };
+            expect(&mut port, Downlink::Status(flying));
+        });
+        assert!(simulator.now() >= Duration::from_secs(10));
+    }
+
+    #[test]
+    fn a_clock_that_is_far_too_late_stood_still() {
+        let mut clock = Clock::new(Duration::from_secs(5), 10.0);
+        let near = clock.now(Some(Duration::from_secs(5)));
+        assert!(near >= Duration::from_secs(5));
+        // As if a minute had passed unseen.
+        clock.real_start -= Duration::from_secs(60);
+        let deadline = Duration::from_secs(6);
+        assert_eq!(clock.now(Some(deadline)), deadline);
+        assert!(clock.now(None) >= deadline);
+        // Without a deadline nothing was missed, however long it took.
+        clock.real_start -= Duration::from_secs(60);
+        assert!(clock.now(None) >= Duration::from_secs(606));
+    }
+}

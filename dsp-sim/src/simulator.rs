@@ -187,3 +187,6 @@ impl Simulator {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,422 @@
+//! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back.
+
+mod in_flight;
+
+use dsp_protocol::Decoded;
+use proptest::prelude::*;
+
+use super::*;
+use crate::simulator::Setup;
+
+/// A DSP on a desk, with a helicopter and a PC that takes every byte at once.
+struct Desk {
+    dsp: Dsp,
+    helicopter: Helicopter,
+    decoder: Decoder<Downlink>,
+    now: Duration,
+}
+
+fn ms(count: u64) -> Duration {
+    Duration::from_millis(count)
+}
+
+fn write_16(port: u16, value: u16) -> Command {
+    Command::Write16 { port, value }
+}
+
+fn write_32(port: u16, value: f32) -> Command {
+    Command::Write32 { port, value }
+}
+
+/// A frame made by hand: `body` with its checksum.
+fn frame(body: &[u8]) -> Vec<u8> {
+    let mut frame = body.to_vec();
+    frame.push(dsp_protocol::checksum(body));
+    frame
+}
+
+impl Desk {
+    /// A DSP that has just booted.
+    fn new() -> Desk {
+        Desk::with_boot_errors(&[])
+    }
+
+    fn with_boot_errors(errors: &[u16]) -> Desk {
+        Desk {
+            dsp: Dsp::boot(
+                Duration::ZERO,
+                errors.iter().copied().map(DspErrorCode).collect(),
+            ),
+            helicopter: Helicopter::new(Setup::default().model, Ports::default().settings()),
+            decoder: Decoder::new(),
+            now: Duration::ZERO,
+        }
+    }
+
+    /// A DSP after the start-up of section 8.1, with time alone in its mask.
+    fn started() -> Desk {
+        let mut desk = Desk::new();
+        for command in [
+            write_16(port::STATUS_MASK, StatusMask::NONE.with(Group::Time).0),
+            Command::ActivateStatus,
+            Command::ClearErrors,
+            Command::InvalidatePath,
+            Command::Following { on: true },
+        ] {
+            let code = command.code();
+            assert_eq!(desk.command(command), [Downlink::Ack { command: code }]);
+        }
+        desk
+    }
+
+    /// The same, hovering.
+    fn hovering() -> Desk {
+        let mut desk = Desk::started();
+        desk.command(write_16(port::TAKE_OFF, 1));
+        desk.fly_until(Phase::Hovering);
+        assert_eq!(desk.errors(), [0_u16; 0]);
+        desk
+    }
+
+    /// What the DSP has to say at this moment.
+    fn drain(&mut self) -> Vec<Downlink> {
+        let mut said = Vec::new();
+        loop {
+            let bytes = self.dsp.output().front().to_vec();
+            if bytes.is_empty() {
+                return said;
+            }
+            self.dsp.sent(bytes.len());
+            match self.decoder.decode(&bytes) {
+                (taken, Decoded::Message(message)) if taken == bytes.len() => said.push(message),
+                other => panic!("the DSP said {other:?}"),
+            }
+        }
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) -> Vec<Downlink> {
+        self.dsp.receive(self.now, bytes, &mut self.helicopter);
+        self.drain()
+    }
+
+    fn command(&mut self, command: Command) -> Vec<Downlink> {
+        self.bytes(Uplink::Command(command).encode().as_bytes())
+    }
+
+    fn waypoint(&mut self, point_m: (f64, f64, f64)) {
+        let point = crate::helicopter::vector::Vector::new(point_m.0, point_m.1, point_m.2);
+        let position = self.helicopter.world().to_geographic(point);
+        let said = self.bytes(
+            Uplink::Waypoint(Waypoint {
+                latitude_deg: position.latitude_deg,
+                longitude_deg: position.longitude_deg,
+                altitude_m: position.altitude_m,
+            })
+            .encode()
+            .as_bytes(),
+        );
+        assert_eq!(said, [], "a waypoint is never acknowledged");
+    }
+
+    /// Lets time pass and gives what the DSP said, with the time of each.
+    fn wait(&mut self, time: Duration) -> Vec<(Duration, Downlink)> {
+        let end = self.now + time;
+        let mut said = Vec::new();
+        while let Some(due) = self.dsp.next_deadline().filter(|due| *due <= end) {
+            self.now = due;
+            self.dsp.advance(due, &mut self.helicopter);
+            said.extend(self.drain().into_iter().map(|message| (due, message)));
+        }
+        self.now = end;
+        said
+    }
+
+    fn fly_until(&mut self, phase: Phase) {
+        for _ in 0..6_000 {
+            if self.helicopter.phase() == phase {
+                return;
+            }
+            self.wait(ms(10));
+            self.helicopter.advance(self.now);
+        }
+        panic!("never {phase:?}");
+    }
+
+    /// The codes of all errors that wait, told one after each status.
+    fn errors(&mut self) -> Vec<u16> {
+        let mut codes = Vec::new();
+        let mut after_status = false;
+        while !self.dsp.errors().is_empty() {
+            for (_, message) in self.wait(ms(20)) {
+                if let Downlink::Error(code) = message {
+                    assert!(after_status, "an error comes right after a status");
+                    codes.push(code.0);
+                }
+                after_status = matches!(message, Downlink::Status(_));
+            }
+        }
+        codes
+    }
+
+    fn statuses(said: &[(Duration, Downlink)]) -> Vec<(Duration, Status)> {
+        let statuses = said.iter().filter_map(|(time, message)| match message {
+            Downlink::Status(status) => Some((*time, *status)),
+            _ => None,
+        });
+        statuses.collect()
+    }
+
+    fn flow(said: &[(Duration, Downlink)]) -> Vec<FlowControl> {
+        let requests = said.iter().filter_map(|(_, message)| match message {
+            Downlink::FlowControl(request) => Some(*request),
+            _ => None,
+        });
+        requests.collect()
+    }
+}
+
+#[test]
+fn a_dsp_that_has_booted_is_silent() {
+    let mut desk = Desk::with_boot_errors(&[18, 45]);
+    assert_eq!(desk.dsp.next_deadline(), None);
+    assert_eq!(desk.wait(ms(60_000)), []);
+    // Its boot errors are told with the first statuses.
+    desk.command(Command::ActivateStatus);
+    assert_eq!(desk.errors(), [18, 45]);
+}
+
+#[test]
+fn every_command_is_acknowledged_at_once_and_what_it_cannot_do_is_error_30() {
+    let ack = |command| Downlink::Ack { command };
+    let value = |value| Downlink::Ack16 { command: 0, value };
+    let float = |value| Downlink::Ack32 { command: 2, value };
+    let read_16 = |port| Command::Read16 { port };
+    let read_32 = |port| Command::Read32 { port };
+    for (command, answer, errors) in [
+        (read_16(port::STATUS_PERIOD_MS), value(20), 0),
+        (read_16(port::TAKE_OFF), value(0), 0),
+        (read_16(9), value(0), 1),
+        (read_16(port::CRUISE_SPEED_MPS), value(0), 1),
+        (read_32(port::CRUISE_SPEED_MPS), float(5.0), 0),
+        (read_32(port::STATUS_MASK), float(0.0), 1),
+        (write_16(port::STATUS_PERIOD_MS, 10_000), ack(1), 0),
+        (write_16(port::STATUS_PERIOD_MS, 10_001), ack(1), 1),
+        (write_16(port::STATUS_PERIOD_MS, 0), ack(1), 1),
+        (
+            write_16(port::TRIM_TAIL_US, (-500_i16).cast_unsigned()),
+            ack(1),
+            0,
+        ),
+        (
+            write_16(port::TRIM_TAIL_US, (-501_i16).cast_unsigned()),
+            ack(1),
+            1,
+        ),
+        (write_16(9, 1), ack(1), 1),
+        (write_16(port::TAKE_OFF, 1), ack(1), 0),
+        (write_16(port::TAKE_OFF, 0), ack(1), 1),
+        (write_16(port::TAKE_OFF, 2), ack(1), 1),
+        (write_16(port::LAND, 1), ack(1), 1),
+        (write_32(port::CRUISE_SPEED_MPS, 20.0), ack(3), 0),
+        (write_32(port::CRUISE_SPEED_MPS, 20.5), ack(3), 1),
+        (write_32(port::CRUISE_SPEED_MPS, f32::NAN), ack(3), 1),
+        (write_32(port::CRUISE_SPEED_MPS, f32::INFINITY), ack(3), 1),
+        (write_32(9, 1.0), ack(3), 1),
+        (Command::ClearErrors, ack(4), 0),
+        (Command::ActivateStatus, ack(5), 0),
+        (Command::InvalidatePath, ack(6), 0),
+        (Command::Following { on: true }, ack(7), 0),
+        (Command::Following { on: false }, ack(7), 0),
+    ] {
+        let mut desk = Desk::new();
+        assert_eq!(desk.command(command), [answer], "{command:?}");
+        assert_eq!(desk.dsp.errors().len(), errors, "{command:?}");
+        assert_eq!(desk.dsp.counters().commands[usize::from(command.code())], 1);
+        desk.command(Command::ActivateStatus);
+        assert!(desk.errors().iter().all(|code| *code == 30), "{command:?}");
+    }
+}
+
+#[test]
+fn a_command_that_arrives_twice_has_the_effect_of_one() {
+    for command in [
+        write_16(port::STATUS_PERIOD_MS, 50),
+        write_16(port::TAKE_OFF, 1),
+        write_32(port::CLIMB_SPEED_MPS, 3.0),
+        Command::ClearErrors,
+        Command::ActivateStatus,
+        Command::InvalidatePath,
+        Command::Following { on: true },
+        Command::Following { on: false },
+    ] {
+        let run = |times| {
+            let mut desk = Desk::started();
+            for _ in 0..times {
+                desk.command(command);
+            }
+            desk.wait(ms(30));
+            desk.command(command);
+            let said = desk.wait(ms(2_000));
+            (said, desk.dsp.ports().clone(), desk.helicopter.phase())
+        };
+        assert_eq!(run(1), run(2), "{command:?}");
+    }
+}
+
+#[test]
+fn what_the_decoder_refuses_is_told_by_its_code() {
+    let good = Uplink::Command(Command::ClearErrors).encode();
+    let mut wrong_sum = good.as_bytes().to_vec();
+    wrong_sum[2] ^= 1;
+    for (name, bytes, acks, errors) in [
+        ("unknown header", frame(&[0xE9, 0, 0]), 0, vec![100]),
+        ("header of no table", frame(&[0xDA, 1]), 0, vec![100]),
+        ("checksum", wrong_sum, 0, vec![102]),
+        ("command over 7", frame(&[0xF0, 8]), 0, vec![30]),
+        ("stray bytes", vec![1, 2, 3], 0, vec![]),
+        ("truncated", vec![0xF0, 0x00, 0x01], 0, vec![]),
+        (
+            "padding of a read",
+            frame(&[0xF0, 0, 0x7F, 0, 0]),
+            1,
+            vec![30],
+        ),
+        ("value of following", frame(&[0xF0, 7, 2]), 1, vec![30]),
+        (
+            "padding of a waypoint",
+            frame(&[0x99, 0x7F, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]),
+            0,
+            vec![30],
+        ),
+    ] {
+        let mut desk = Desk::started();
+        let said = desk.bytes(&bytes);
+        assert_eq!(said.len(), acks, "{name}: {said:?}");
+        // In step again at the next header, whatever happened.
+        let next = desk.command(Command::InvalidatePath);
+        assert_eq!(next, [Downlink::Ack { command: 6 }], "{name}");
+        assert_eq!(desk.errors(), errors, "{name}");
+    }
+}
+
+#[test]
+fn a_status_comes_every_period_with_the_groups_of_the_mask() {
+    for mask in [0, 1, 0x0402, 0xFFFF] {
+        let mut desk = Desk::new();
+        desk.command(write_16(port::STATUS_MASK, mask));
+        desk.command(Command::ActivateStatus);
+        let statuses = Desk::statuses(&desk.wait(ms(100)));
+        let times: Vec<Duration> = statuses.iter().map(|(time, _)| *time).collect();
+        assert_eq!(times, [20, 40, 60, 80, 100].map(ms));
+        for (time, status) in statuses {
+            assert_eq!(status.mask(), StatusMask(mask));
+            assert!(!status.flying);
+            let on_board = status.time_ms.map(|time_ms| ms(time_ms.into()));
+            assert!(on_board.is_none_or(|on_board| on_board == time));
+        }
+    }
+}
+
+#[test]
+fn a_new_period_takes_effect_at_once() {
+    let mut desk = Desk::new();
+    desk.command(write_16(port::STATUS_PERIOD_MS, 10_000));
+    desk.command(Command::ActivateStatus);
+    assert_eq!(desk.wait(ms(1_000)).len(), 0);
+    desk.command(write_16(port::STATUS_PERIOD_MS, 100));
+    let times: Vec<Duration> = desk
+        .wait(ms(300))
+        .into_iter()
+        .map(|(time, _)| time)
+        .collect();
+    assert_eq!(times, [1_100, 1_200, 1_300].map(ms));
+}
+
+#[test]
+fn never_more_than_one_status_waits() {
+    let mut desk = Desk::new();
+    desk.command(Command::ActivateStatus);
+    // The line takes nothing for a second; then one status is there, and the next is a fresh one.
+    let blocked = desk.now + ms(1_000);
+    desk.dsp.advance(blocked, &mut desk.helicopter);
+    desk.now = blocked;
+    assert_eq!(desk.dsp.counters().statuses_left_out, 49);
+    assert_eq!(desk.drain().len(), 1);
+    let next = desk.wait(ms(20));
+    assert_eq!(next.len(), 1);
+    assert_eq!(next[0].0, ms(1_020));
+}
+
+#[test]
+fn errors_are_told_one_after_each_status_oldest_first_and_cleared_all_at_once() {
+    let mut desk = Desk::started();
+    desk.bytes(&frame(&[0xE9, 0]));
+    desk.command(Command::Read16 { port: 1 });
+    desk.waypoint((1.0, 1.0, 10.0));
+    assert_eq!(desk.errors(), [100, 30, 30]);
+
+    for _ in 0..20 {
+        desk.command(Command::Read16 { port: 1 });
+    }
+    assert_eq!(desk.dsp.errors().len(), 16);
+    assert_eq!(desk.dsp.errors().dropped(), 4);
+    desk.command(Command::ClearErrors);
+    let said = desk.wait(ms(200));
+    let told = said
+        .iter()
+        .filter(|(_, message)| matches!(message, Downlink::Error(_)));
+    assert_eq!(told.count(), 0);
+}
+
+#[test]
+fn more_acks_than_the_queue_holds_are_dropped_with_error_5() {
+    let mut desk = Desk::started();
+    let command = Uplink::Command(Command::InvalidatePath).encode();
+    for _ in 0..60 {
+        let now = desk.now;
+        desk.dsp
+            .receive(now, command.as_bytes(), &mut desk.helicopter);
+    }
+    let acks = desk.drain().len();
+    assert!((32..60).contains(&acks), "{acks}");
+    assert_eq!(desk.errors(), vec![5; 16.min(60 - acks)]);
+    assert_eq!(desk.command(Command::ClearErrors).len(), 1);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Noise of any kind is survived, and the first command after it is understood.
+    #[test]
+    fn noise_never_ends_the_dsp(noise in prop::collection::vec(any::<u8>(), 0..2_000), piece in 1_usize..64) {
+        let mut desk = Desk::started();
+        for bytes in noise.chunks(piece) {
+            let now = desk.now;
+            desk.dsp.receive(now, bytes, &mut desk.helicopter);
+            desk.wait(ms(1));
+            prop_assert!(desk.dsp.errors().len() <= 16);
+        }
+        desk.drain();
+        prop_assert_eq!(desk.command(Command::ActivateStatus), [Downlink::Ack { command: 5 }]);
+    }
+
+    /// How the bytes are cut makes no difference.
+    #[test]
+    fn chunks_make_no_difference(cut in 1_usize..20) {
+        let bytes: Vec<u8> = [
+            Uplink::Command(write_16(port::STATUS_MASK, 1)),
+            Uplink::Command(Command::Following { on: true }),
+            Uplink::Waypoint(Waypoint::default()),
+            Uplink::Command(Command::Read32 { port: port::YAW_GAIN }),
+        ]
+        .iter()
+        .flat_map(|message| message.encode().as_bytes().to_vec())
+        .collect();
+        let mut whole = Desk::new();
+        let expected = whole.bytes(&bytes);
+        let mut desk = Desk::new();
+        let said: Vec<Downlink> = bytes.chunks(cut).flat_map(|piece| desk.bytes(piece)).collect();
+        prop_assert_eq!(said, expected);
+        prop_assert_eq!(desk.dsp.errors().len(), 1);
+    }
+}

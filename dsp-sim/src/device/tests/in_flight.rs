@@ -1,0 +1,203 @@
+//! What depends on what the helicopter does: movements, waypoints, flow control, reboot.
+
+use super::*;
+
+#[test]
+fn reading_a_port_never_consumes_it() {
+    let mut desk = Desk::hovering();
+    desk.command(write_16(port::LAND, 1));
+    for _ in 0..3 {
+        for (port, value) in [(port::LAND, 1), (port::TAKE_OFF, 0), (port::STATUS_MASK, 1)] {
+            let answer = desk.command(Command::Read16 { port });
+            assert_eq!(answer, [Downlink::Ack16 { command: 0, value }]);
+        }
+        let port = port::TAKE_OFF_ALTITUDE_M;
+        let answer = desk.command(Command::Read32 { port });
+        assert_eq!(
+            answer,
+            [Downlink::Ack32 {
+                command: 2,
+                value: 10.0
+            }]
+        );
+    }
+}
+
+#[test]
+fn take_off_and_landing_read_1_while_they_last() {
+    let mut desk = Desk::started();
+    let read = |desk: &mut Desk| {
+        [port::TAKE_OFF, port::LAND].map(|port| match desk.command(Command::Read16 { port })[..] {
+            [Downlink::Ack16 { value, .. }] => value,
+            ref other => panic!("{other:?}"),
+        })
+    };
+    assert_eq!(read(&mut desk), [0, 0]);
+    desk.command(write_16(port::TAKE_OFF, 1));
+    for phase in [Phase::SpinningUp, Phase::TakingOff] {
+        desk.fly_until(phase);
+        assert_eq!(read(&mut desk), [1, 0], "{phase:?}");
+    }
+    desk.fly_until(Phase::Hovering);
+    assert_eq!(read(&mut desk), [0, 0]);
+    desk.command(write_16(port::LAND, 1));
+    for phase in [Phase::Landing, Phase::SpinningDown] {
+        desk.fly_until(phase);
+        assert_eq!(read(&mut desk), [0, 1], "{phase:?}");
+    }
+    desk.fly_until(Phase::OnGround);
+    assert_eq!(read(&mut desk), [0, 0]);
+    assert_eq!(desk.errors(), [0_u16; 0]);
+}
+
+#[test]
+fn movements_that_contradict_each_other_are_error_30_and_change_nothing() {
+    let (take_off, land) = (write_16(port::TAKE_OFF, 1), write_16(port::LAND, 1));
+    let mut desk = Desk::started();
+    desk.command(take_off);
+    desk.command(land);
+    assert_eq!(desk.errors(), [30], "landing during take-off");
+    desk.fly_until(Phase::Hovering);
+    desk.command(take_off);
+    assert_eq!(desk.errors(), [30], "take-off in flight");
+    desk.command(land);
+    desk.command(take_off);
+    assert_eq!(desk.errors(), [30], "take-off during landing");
+    desk.fly_until(Phase::OnGround);
+    desk.command(land);
+    assert_eq!(desk.errors(), [30], "landing on the ground");
+}
+
+#[test]
+fn the_take_off_goes_to_the_altitude_of_its_port() {
+    let mut desk = Desk::started();
+    desk.command(write_32(port::TAKE_OFF_ALTITUDE_M, 3.0));
+    desk.command(write_16(port::TAKE_OFF, 1));
+    // Too late for the take-off that is under way.
+    desk.command(write_32(port::TAKE_OFF_ALTITUDE_M, 50.0));
+    desk.fly_until(Phase::Hovering);
+    assert!((desk.helicopter.body().position_m.z - 3.0).abs() < 0.3);
+}
+
+#[test]
+fn flow_control_comes_while_following_is_on_and_asks_while_two_places_are_free() {
+    let mut desk = Desk::hovering();
+    // On the spot of the first one the helicopter would reach it at once.
+    let point = |number: u32| (50.0, 10.0 * f64::from(number), 20.0);
+    for number in 0..16_usize {
+        let expected = if number <= 14 {
+            FlowControl::Send
+        } else {
+            FlowControl::Stop
+        };
+        let asked = Desk::flow(&desk.wait(ms(100)));
+        assert_eq!(asked, [expected], "with {number} waypoints");
+        desk.waypoint(point(number as u32));
+    }
+    assert_eq!(Desk::flow(&desk.wait(ms(100))), [FlowControl::Stop]);
+    desk.waypoint(point(16));
+    assert_eq!(desk.errors(), [15]);
+    assert_eq!(desk.dsp.counters().waypoints, 16);
+    assert_eq!(desk.dsp.counters().waypoints_discarded, 1);
+
+    // The first two that are reached make room again.
+    while desk.helicopter.arrived() < 1 {
+        desk.wait(ms(100));
+    }
+    assert_eq!(Desk::flow(&desk.wait(ms(100))), [FlowControl::Stop]);
+    while desk.helicopter.arrived() < 2 {
+        desk.wait(ms(100));
+    }
+    assert_eq!(Desk::flow(&desk.wait(ms(100))), [FlowControl::Send]);
+
+    desk.command(Command::InvalidatePath);
+    assert_eq!(desk.helicopter.free_places(), 16);
+    desk.command(write_16(port::FLOW_CONTROL_PERIOD_MS, 10));
+    assert_eq!(Desk::flow(&desk.wait(ms(100))).len(), 10);
+    desk.command(Command::Following { on: false });
+    assert_eq!(Desk::flow(&desk.wait(ms(500))), []);
+}
+
+#[test]
+fn waypoints_that_cannot_be_flown_are_error_30() {
+    let mut desk = Desk::started();
+    desk.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(desk.errors(), [30], "on the ground");
+    desk.command(write_16(port::TAKE_OFF, 1));
+    desk.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(desk.errors(), [30], "during take-off");
+    desk.fly_until(Phase::Hovering);
+    for (latitude_deg, longitude_deg, altitude_m) in [
+        (90.1, 0.0, 50.0),
+        (37.0, -180.1, 50.0),
+        (37.0, -6.0, 20_001.0),
+        (37.0, -6.0, -1_001.0),
+        (37.4, -6.0, 10.2),
+    ] {
+        let waypoint = Waypoint {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        };
+        desk.bytes(Uplink::Waypoint(waypoint).encode().as_bytes());
+        assert_eq!(desk.errors(), [30], "{waypoint:?}");
+    }
+    desk.waypoint((30.0, 0.0, 10.0));
+    desk.command(Command::Following { on: false });
+    assert_eq!(
+        desk.helicopter.free_places(),
+        16,
+        "following off forgets the path"
+    );
+    desk.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(desk.errors(), [30], "with following off");
+    desk.command(Command::Following { on: true });
+    desk.command(write_16(port::LAND, 1));
+    desk.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(desk.errors(), [30], "during landing");
+    assert_eq!(desk.dsp.counters().waypoints, 1);
+}
+
+#[test]
+fn invalidating_the_path_during_a_take_off_or_landing_lets_it_go_on() {
+    let mut desk = Desk::started();
+    desk.command(write_16(port::TAKE_OFF, 1));
+    desk.fly_until(Phase::TakingOff);
+    desk.command(Command::InvalidatePath);
+    desk.fly_until(Phase::Hovering);
+    assert!((desk.helicopter.body().position_m.z - 10.0).abs() < 0.3);
+    desk.command(write_16(port::LAND, 1));
+    desk.command(Command::InvalidatePath);
+    desk.fly_until(Phase::OnGround);
+    assert_eq!(desk.errors(), [0_u16; 0]);
+}
+
+#[test]
+fn a_reboot_forgets_all_but_the_flight() {
+    let mut desk = Desk::with_boot_errors(&[40]);
+    desk.command(Command::Following { on: true });
+    desk.command(write_32(port::CRUISE_SPEED_MPS, 12.0));
+    desk.command(write_16(port::TAKE_OFF, 1));
+    desk.fly_until(Phase::Hovering);
+    desk.command(write_16(port::STATUS_MASK, 1));
+    desk.command(Command::ActivateStatus);
+    desk.waypoint((60.0, 0.0, 12.0));
+    desk.wait(ms(2_000));
+    let booted = desk.now;
+    desk.dsp.reboot(booted, &mut desk.helicopter);
+
+    assert_eq!(desk.dsp.next_deadline(), None, "silent");
+    assert_eq!(desk.drain(), []);
+    assert_eq!(*desk.dsp.ports(), Ports::default());
+    assert_eq!(*desk.dsp.counters(), Counters::default());
+    assert_eq!(desk.helicopter.free_places(), 16);
+    assert!(desk.helicopter.is_flying());
+
+    desk.command(write_16(port::STATUS_MASK, 1));
+    desk.command(Command::ActivateStatus);
+    let said = desk.wait(ms(20));
+    let statuses = Desk::statuses(&said);
+    assert_eq!(statuses[0].1.time_ms, Some(20), "its clock starts at zero");
+    assert!(statuses[0].1.flying);
+    assert_eq!(said[1].1, Downlink::Error(DspErrorCode(40)));
+}
