@@ -10,14 +10,14 @@ const TAKE_OFF_M: f64 = 5.0;
 /// The first path: a square with one corner at the start, so that it ends where it began. East, north and up of the
 /// place of take-off, m.
 const FIRST_PATH_M: [[f64; 3]; 4] = [
-    [0.0, 9.0, 6.0],
-    [9.0, 9.0, 7.0],
-    [9.0, 0.0, 6.0],
+    [0.0, 8.0, 6.0],
+    [8.0, 8.0, 7.0],
+    [8.0, 0.0, 6.0],
     [0.0, 0.0, 5.0],
 ];
 
 /// The second path.
-const SECOND_PATH_M: [[f64; 3]; 2] = [[-5.0, 4.0, 6.0], [-4.0, -2.0, 4.0]];
+const SECOND_PATH_M: [[f64; 3]; 2] = [[-4.0, 3.0, 5.0], [-3.0, -2.0, 4.0]];
 
 /// A point of a path, WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use super::watch::{Counts, Watch};
 
 /// How near a consumer must have seen the helicopter to each waypoint, m: the acceptance radius that the DSP is given
 /// (1 m), and what the noise of a simulated GPS and the time between two samples add.
-const TOLERANCE_M: f64 = 2.0;
+const TOLERANCE_M: f64 = 1.5;
 
 /// Everything that is judged.
 pub struct Evidence<'a> {

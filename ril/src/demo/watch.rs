@@ -67,10 +67,11 @@ impl Watch {
         }
     }
 
-    /// A waypoint is approached until the helicopter, once within `NEAR_M`, moves away again; then the next one's turn
-    /// comes. That makes the order count.
+    /// A waypoint is approached until the helicopter, once within `NEAR_M`, moves away again by more than the noise of
+    /// its position; then the next one's turn comes. That makes the order count.
     fn position(&mut self, sample: &HeroTelemetry) {
         const NEAR_M: f64 = 3.0;
+        const NOISE_M: f64 = 0.5;
         if let Some(home) = &self.home {
             self.highest_m = self
                 .highest_m
@@ -90,7 +91,12 @@ impl Watch {
                     approach.distance_m = distance_m;
                     return;
                 }
-                Some(approach) if approach.distance_m > NEAR_M => return,
+                Some(approach)
+                    if approach.distance_m > NEAR_M
+                        || distance_m <= approach.distance_m + NOISE_M =>
+                {
+                    return;
+                }
                 Some(_) => {}
             }
             let Some(next) = self.waypoints.get(self.approaches.len()) else {
