@@ -1,0 +1,268 @@
+//! The real processes together: simulator, bridge, status and the operator's commands, each a process of its own.
+
+mod common;
+
+use common::{Rig, Watch, end, json, says};
+use ipc_types::code::{Functionality, ModuleStatus};
+use ril_tests::Process;
+use ril_tests::process::Signal;
+use ril_tests::pty::is_link;
+
+/// A simulator, a bridge and a status of robot 1, with the link up.
+struct Crew {
+    sim: Process,
+    bridge: Process,
+    status: Process,
+    watch: Watch,
+}
+
+impl Crew {
+    fn start(rig: &Rig, sim_options: &str) -> Crew {
+        let sim = rig.sim(1, sim_options);
+        let bridge = rig.bridge(1);
+        let status = rig.status(1);
+        let mut watch = rig.watch(1);
+        watch.until_ready();
+        Crew {
+            sim,
+            bridge,
+            status,
+            watch,
+        }
+    }
+
+    /// Ends them as an operator does, in an order that no process should care for.
+    fn end(self) {
+        let Crew {
+            sim,
+            bridge,
+            status,
+            watch,
+        } = self;
+        drop(watch);
+        for process in [sim, bridge, status] {
+            end(process, Signal::INT);
+        }
+    }
+}
+
+/// Where the helicopter is: latitude and longitude, degrees, and altitude, m.
+fn position(rig: &Rig, robot: u32) -> (f64, f64, f64) {
+    let args = format!("echo dsp --robot {robot} --count 1 --json --field geographic");
+    let sample = json(&rig.run(&args, 0).stdout[0]);
+    let value = |name: &str| {
+        sample["geographic"][name]
+            .as_f64()
+            .expect("a valid position")
+    };
+    (
+        value("latitude_deg"),
+        value("longitude_deg"),
+        value("altitude_m"),
+    )
+}
+
+#[test]
+fn a_whole_mission_by_hand() {
+    let rig = Rig::new();
+    let mut crew = Crew::start(&rig, "--speed 10");
+    let (latitude, longitude, altitude) = position(&rig, 1);
+
+    assert_eq!(rig.run("start", 0).stdout, ["start: done"]);
+    let take_off = rig.run("takeoff --altitude 5", 0);
+    assert_eq!(
+        take_off.stdout,
+        [
+            "takeoff: accepted",
+            "takeoff: begun on the DSP",
+            "takeoff: done"
+        ]
+    );
+    crew.watch.until("the take-off has ended", |state| {
+        state.status() == Some(ModuleStatus::Ended)
+    });
+
+    let north = latitude + 1e-4;
+    let (up, high) = (altitude + 6.0, altitude + 8.0);
+    let path = rig.run(
+        &format!("goto {north},{longitude},{up} {latitude},{longitude},{high}"),
+        0,
+    );
+    assert!(
+        says(
+            &path.stdout,
+            "goto: waypoint 2 of 2 accepted, the path is complete"
+        ),
+        "{path:#?}"
+    );
+    let last = path.stdout.last().unwrap();
+    assert_eq!(last, "goto: done, 2 of 2 waypoints sent, 2 reached");
+    let (_, _, reached) = position(&rig, 1);
+    assert!((reached - high).abs() < 2.0, "{reached} and not {high}");
+
+    rig.run("land", 0);
+    let stop = rig.run("stop --json", 0);
+    let word = json(stop.stdout.last().unwrap());
+    assert_eq!(
+        (&word["request"], &word["stage"]),
+        (&"stop".into(), &"done".into())
+    );
+    let state = json(&rig.run("state --json", 0).stdout[0]);
+    assert_eq!(state["module"]["status"], "ended");
+    assert_eq!(state["module"]["blocked"], true);
+    assert_eq!(state["link"]["waypoints_sent"], 2);
+    assert_eq!(state["dsp_errors"]["total"], 0);
+    assert_eq!(state["hero"]["stale"], false);
+    crew.end();
+}
+
+#[test]
+fn what_cannot_be_done_now_is_refused_with_the_reason() {
+    let rig = Rig::new();
+    // In real time, and high: the take-off lasts as long as the test needs it.
+    let crew = Crew::start(&rig, "--speed 1");
+    let (latitude, longitude, altitude) = position(&rig, 1);
+    let here = format!("goto {latitude},{longitude},{altitude}");
+    let refused = |args: &str, reason: &str| {
+        let finished = rig.run(args, 5);
+        let expected = format!("refused ({reason})");
+        assert!(says(&finished.stdout, &expected), "{args}: {finished:#?}");
+    };
+    refused(&here, "not-started");
+    refused("takeoff --altitude 5", "not-started");
+    rig.run("start", 0);
+    refused("start", "already-running");
+    refused("land", "not-flying");
+    refused(&here, "not-flying");
+    refused("takeoff --altitude 1000", "out-of-range");
+    rig.run("takeoff --altitude 150 --no-wait", 0);
+    refused("takeoff --altitude 150", "busy");
+    refused("stop", "unable-to-abort");
+    refused(&here, "busy");
+    let state = json(&rig.run("state --json", 0).stdout[0]);
+    assert_eq!(state["module"]["functionality"], "taking-off");
+    assert_eq!(state["module"]["unable_to_abort"], true);
+    assert_eq!(state["module"]["error"], "impossible-to-stop-module");
+    crew.end();
+}
+
+#[test]
+fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped() {
+    let rig = Rig::new();
+    let mut crew = Crew::start(&rig, "--speed 10");
+    let (latitude, longitude, altitude) = position(&rig, 1);
+    rig.run("start", 0);
+    rig.run("takeoff --altitude 5", 0);
+    let (far, up) = (latitude + 1.0, altitude + 5.0);
+    let near = format!("{latitude},{longitude},{up}");
+    let finished = rig.run(
+        &format!("goto {near} {near} {far},{longitude},{up} {near}"),
+        5,
+    );
+    assert!(
+        says(&finished.stdout, "goto: refused (too-far)"),
+        "{finished:#?}"
+    );
+    let state = crew.watch.until("at rest", |state| {
+        state.functionality() == Some(Functionality::AtRest)
+    });
+    assert_eq!(state.link.waypoints_sent, 0);
+
+    // 5 km: it takes minutes, at whatever speed the clock runs here.
+    let remote = latitude + 0.045;
+    let mut path = rig.start(&format!("goto {remote},{longitude},{up}"));
+    path.wait_for_text("goto: progress");
+    rig.run("stop", 0);
+    let finished = path.wait_exit();
+    assert_eq!(finished.code(), Some(5), "{finished:#?}");
+    assert!(
+        says(&finished.stdout, "goto: aborted (stopped)"),
+        "{finished:#?}"
+    );
+    crew.end();
+}
+
+#[test]
+fn each_signal_ends_each_process_with_nothing_left() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let rig = Rig::new();
+        let crew = Crew::start(&rig, "");
+        let link = rig.folder().join("dsp-1");
+        assert!(is_link(&link));
+        drop(crew.watch);
+        let bridge = end(crew.bridge, signal);
+        assert!(says(&bridge.stderr, "ended"), "{bridge:#?}");
+        assert!(is_link(&link), "the port is the simulator's");
+        end(crew.sim, signal);
+        assert!(!is_link(&link));
+        end(crew.status, signal);
+        rig.domain.assert_empty();
+    }
+}
+
+#[test]
+fn two_robots_do_not_see_each_other() {
+    let rig = Rig::new();
+    rig.write("south.toml", "[home]\nlatitude_deg = -10.0\n");
+    let sims = [
+        rig.sim(1, "--speed 10"),
+        rig.sim(2, "--speed 10 --config south.toml"),
+    ];
+    let bridges = [rig.bridge(1), rig.bridge(2)];
+    let statuses = [rig.status(1), rig.status(2)];
+    let mut watches = [rig.watch(1), rig.watch(2)];
+    for watch in &mut watches {
+        watch.until_ready();
+    }
+    rig.run("start --robot 2", 0);
+    rig.run("takeoff --robot 2 --altitude 5", 0);
+    let state = |robot: u32| json(&rig.run(&format!("state --json --robot {robot}"), 0).stdout[0]);
+    assert_eq!(state(2)["module"]["status"], "ended");
+    assert_eq!(state(2)["movement"]["kind"], "takeoff");
+    assert_eq!(state(1)["module"]["status"], "waiting-data-to-start");
+    assert!(state(1)["movement"].is_null());
+    let ((latitude_1, ..), (latitude_2, ..)) = (position(&rig, 1), position(&rig, 2));
+    assert!(
+        (latitude_1 - 37.411).abs() < 0.01 && (latitude_2 + 10.0).abs() < 0.01,
+        "{latitude_1} {latitude_2}"
+    );
+    drop(watches);
+    for process in sims.into_iter().chain(bridges).chain(statuses) {
+        end(process, Signal::TERM);
+    }
+}
+
+#[test]
+fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
+    let rig = Rig::new();
+    let mut crew = Crew::start(&rig, "--speed 1");
+    rig.run("start", 0);
+    let mut echo = rig.start("echo hero --json --field source_epoch_ns --timeout 80");
+    let first = json(&echo.wait_for_text("source_epoch_ns").text);
+    let mut take_off = rig.start("takeoff --altitude 100");
+    take_off.wait_for_text("takeoff: begun");
+
+    crew.bridge.signal(Signal::KILL);
+    crew.bridge.wait_status();
+    let finished = take_off.wait_exit();
+    assert_eq!(finished.code(), Some(7), "{finished:#?}");
+    assert!(says(&finished.stderr, "bridge-gone"), "{finished:#?}");
+    rig.run("state --timeout 0.1", 3);
+
+    crew.bridge = rig.bridge(1);
+    echo.wait_for_line(|line| {
+        line.text.contains("source_epoch_ns")
+            && json(&line.text)["source_epoch_ns"] != first["source_epoch_ns"]
+    });
+    let state = crew.watch.until_ready();
+    assert_eq!(state.status(), Some(ModuleStatus::WaitingDataToStart));
+    // Telemetry in SI units came from the same status all the time.
+    let finished = end(echo, Signal::INT);
+    assert!(
+        says(&finished.stderr, " 0 publisher changes"),
+        "{finished:#?}"
+    );
+    crew.status
+        .wait_for_text("telemetry comes from another bridge now");
+    crew.end();
+}

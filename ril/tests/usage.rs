@@ -1,0 +1,112 @@
+//! Command lines and configurations that make no sense, and commands that find nobody: the exit codes 2, 3 and 78.
+
+mod common;
+
+use common::{Rig, says};
+
+#[test]
+fn what_makes_no_sense_is_refused_before_anybody_is_asked() {
+    let rig = Rig::new();
+    for (args, expected) in [
+        ("", "Usage: ril"),
+        ("strat", "start"),
+        ("start --robot 0", "a robot id is an integer from 1"),
+        ("bridge --robot 0", "a robot id is an integer from 1"),
+        ("sim --speed 0", "a speed is a factor"),
+        ("demo --speed 0", "--speed"),
+        ("goto -91,0,10", "the latitude -91 is out of range"),
+        ("goto 37,-6", "2 numbers, three are needed"),
+        ("takeoff --altitude nan", "the altitude `nan` is not finite"),
+        ("echo", "<TOPIC>"),
+        (
+            "echo hero --field latitude_rad",
+            "did you mean `geodetic.latitude_rad`?",
+        ),
+        (
+            "echo state --field zzz",
+            "the fields are sequence, epoch_ns",
+        ),
+    ] {
+        let finished = rig.run(args, 2);
+        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        assert!(finished.stdout.is_empty(), "{args}: {finished:#?}");
+        rig.domain.assert_empty();
+    }
+}
+
+#[test]
+fn a_wrong_configuration_is_told_with_file_and_line() {
+    let rig = Rig::new();
+    rig.write("wrong.toml", "# a comment\n[request]\ntimeout = 3\n");
+    rig.write("wild.toml", "[observe]\ntimeout_s = 0\n");
+    rig.write("other.toml", "\n[serail]\n");
+    for (command, file, expected) in [
+        (
+            "start",
+            "wrong.toml",
+            "wrong.toml:3: unknown field `timeout`",
+        ),
+        ("stop", "wrong.toml", "did you mean `timeout_s`?"),
+        ("land", "absent.toml", "absent.toml: cannot be read"),
+        ("takeoff --altitude 5", "wrong.toml", "wrong.toml:3"),
+        ("goto 37,-6,20", "wrong.toml", "wrong.toml:3"),
+        ("state", "wild.toml", "wild.toml:2: 0 is out of range"),
+        ("echo dsp", "wild.toml", "wild.toml:2: "),
+        ("start --check-config", "wrong.toml", "wrong.toml:3"),
+        (
+            "bridge",
+            "other.toml",
+            "other.toml:2: unknown field `serail`",
+        ),
+        ("status", "other.toml", "other.toml:2: "),
+        ("sim", "other.toml", "other.toml:2: "),
+    ] {
+        let finished = rig.run(&format!("{command} --config {file}"), 78);
+        assert!(says(&finished.stderr, expected), "{command}: {finished:#?}");
+        rig.domain.assert_empty();
+    }
+}
+
+#[test]
+fn the_file_in_the_working_directory_is_read_if_it_is_there() {
+    let rig = Rig::new();
+    rig.run("start --check-config", 0);
+    rig.write("ril.toml", "[request]\n\ndeadline_ms = -1\n");
+    let finished = rig.run("start --check-config", 78);
+    assert!(says(&finished.stderr, "ril.toml:3: "), "{finished:#?}");
+}
+
+#[test]
+fn without_a_bridge_everybody_is_told_how_to_start_it() {
+    let rig = Rig::new();
+    for (args, process) in [
+        ("start", "bridge"),
+        ("stop", "bridge"),
+        ("takeoff --altitude 5", "bridge"),
+        ("land --no-wait", "bridge"),
+        ("goto -37,-6,20 37,6,20 --json", "bridge"),
+        ("state --timeout 0.05", "bridge"),
+        ("echo dsp --timeout 0.05", "bridge"),
+        ("echo hero --timeout 0.05 --count 1", "status"),
+        ("echo state --timeout 0.05 --json", "bridge"),
+    ] {
+        let finished = rig.run(&format!("{args} --robot 7"), 3);
+        let advice = format!("start `ril {process} --robot 7`");
+        assert!(says(&finished.stderr, &advice), "{args}: {finished:#?}");
+        assert!(finished.stdout.is_empty(), "{args}: {finished:#?}");
+        rig.domain.assert_empty();
+    }
+}
+
+#[test]
+fn help_documents_the_exit_codes() {
+    let rig = Rig::new();
+    for args in ["--help", "start --help", "echo --help", "state --help"] {
+        let finished = rig.run(args, 0);
+        for code in runtime::exit::ExitCode::ALL {
+            let line = format!("{:>4}  ", code.code());
+            let is_there = finished.stdout.iter().any(|text| text.starts_with(&line));
+            assert!(is_there, "{args}: {code:?} in {finished:#?}");
+        }
+    }
+}
