@@ -15,8 +15,9 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
 use crate::domain::Provider;
+use crate::event::{self, Channel};
 use crate::iox::{Listener, Notifier, RequestService, Svc};
-use crate::open::{self, Channel, OpenError};
+use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
 use crate::session::Session;
@@ -75,8 +76,8 @@ impl<R: Request> Client<R> {
     pub(crate) fn open(session: &Rc<Session>) -> Result<Client<R>, OpenError> {
         let robot = session.robot();
         let service = open::request::<R>(session, robot)?;
-        let requests = open::event(session, robot, R::SERVICE, Channel::Requests)?;
-        let responses = open::event(session, robot, R::SERVICE, Channel::Responses)?;
+        let requests = event::open(session, robot, R::SERVICE, Channel::Requests)?;
+        let responses = event::open(session, robot, R::SERVICE, Channel::Responses)?;
         let listener = responses.listener(session)?;
         let port = open::port(
             session,
@@ -131,7 +132,7 @@ impl<R: Request> Client<R> {
             path_id: request.path_id(),
             server_since_ns: server.since_ns,
         });
-        open::notify(&self.notifier, &self.service);
+        event::notify(&self.notifier, &self.service);
         Ok(())
     }
 
@@ -153,7 +154,7 @@ impl<R: Request> Client<R> {
     /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
     /// report from here: [`Stage::Unknown`], [`Reason::BridgeGone`].
     pub fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
-        open::drain_listener(&self.listener);
+        event::drain_listener(&self.listener);
         // Before the reports are read: whatever a server said before it went comes out first.
         let server = if self.outstanding.is_empty() {
             None
@@ -193,7 +194,7 @@ impl<R: Request> Client<R> {
     pub fn give_up(&mut self) {
         if !self.outstanding.is_empty() {
             self.outstanding.clear();
-            open::notify(&self.notifier, &self.service);
+            event::notify(&self.notifier, &self.service);
         }
     }
 
@@ -294,7 +295,7 @@ impl<R: Request> Drop for Client<R> {
 
 impl<R: Request> sealed::Source for Client<R> {
     fn has_something(&self) -> bool {
-        open::drain_listener(&self.listener);
+        event::drain_listener(&self.listener);
         self.has_reports()
     }
 

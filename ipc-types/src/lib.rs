@@ -36,6 +36,7 @@ pub mod client;
 pub mod code;
 pub mod continuity;
 pub mod domain;
+mod event;
 pub mod group;
 mod iox;
 pub mod open;

@@ -6,11 +6,8 @@
 
 use std::fmt::Debug;
 
-use iceoryx2::prelude::{
-    AttributeVerifier, EventId, MessagingPattern, PortFactory, Service, ServiceName,
-};
+use iceoryx2::prelude::{AttributeVerifier, MessagingPattern, Service, ServiceName};
 use iceoryx2::service::attribute::{AttributeKey, AttributeSet, AttributeValue};
-use iceoryx2::service::builder::event::EventOpenOrCreateError;
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
 };
@@ -19,10 +16,10 @@ use iceoryx2::service::builder::request_response::{
 };
 
 use crate::domain::{DomainError, Provider};
-use crate::iox::{EventService, Listener, Notifier, RequestService, Svc, TopicService};
+use crate::iox::{RequestService, Svc, TopicService};
 use crate::payload::RequestReport;
 use crate::robot::RobotId;
-use crate::service::{self, EventCode, Request, ServiceId, Topic};
+use crate::service::{self, Request, ServiceId, Topic};
 use crate::session::Session;
 
 /// A port cannot be made.
@@ -99,7 +96,7 @@ fn describe(provider: Option<&Provider>) -> String {
 const OPEN_ATTEMPTS: u32 = 4;
 
 /// What to do with a failure of iceoryx2.
-enum Verdict {
+pub(crate) enum Verdict {
     /// Clean up and try again.
     Transient,
     /// Another layout.
@@ -111,7 +108,7 @@ enum Verdict {
 }
 
 /// Tries, cleans up and tries again.
-fn with_retries<S, E: Debug + Copy>(
+pub(crate) fn with_retries<S, E: Debug + Copy>(
     session: &Session,
     service: &str,
     judge: impl Fn(E) -> Verdict,
@@ -149,7 +146,7 @@ pub(crate) fn failed(service: &str, error: impl Debug) -> OpenError {
     }
 }
 
-fn service_name(name: &str) -> Result<ServiceName, OpenError> {
+pub(crate) fn service_name(name: &str) -> Result<ServiceName, OpenError> {
     ServiceName::new(name).map_err(|error| failed(name, error))
 }
 
@@ -353,134 +350,6 @@ fn judge_request(error: RequestResponseOpenOrCreateError) -> Verdict {
     }
 }
 
-/// Which of a service's events.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Channel {
-    /// From publisher to subscribers: the service's own name.
-    Samples,
-    /// From subscribers to the publisher: `<service>/subscribers`.
-    Subscribers,
-    /// From clients to the server: `<service>/requests`.
-    Requests,
-    /// From the server to clients: `<service>/responses`.
-    Responses,
-}
-
-/// Name, listeners and notifiers of an event service.
-fn event_limits(channel: Channel) -> (&'static str, usize, usize) {
-    match channel {
-        Channel::Samples => ("", service::MAX_SUBSCRIBERS, service::MAX_PROVIDERS),
-        Channel::Subscribers => (
-            "/subscribers",
-            service::MAX_PROVIDERS,
-            service::MAX_SUBSCRIBERS,
-        ),
-        Channel::Requests => ("/requests", service::MAX_PROVIDERS, service::MAX_CLIENTS),
-        Channel::Responses => ("/responses", service::MAX_CLIENTS, service::MAX_PROVIDERS),
-    }
-}
-
-/// An event service and its name.
-pub(crate) struct Event {
-    name: String,
-    service: EventService,
-    limits: (usize, usize),
-}
-
-/// Opens one of the event services that belong to `id`.
-pub(crate) fn event(
-    session: &Session,
-    robot: RobotId,
-    id: ServiceId,
-    channel: Channel,
-) -> Result<Event, OpenError> {
-    let (suffix, listeners, notifiers) = event_limits(channel);
-    let name = format!("{}{suffix}", id.name(robot));
-    let service = service_name(&name)?;
-    let opened = with_retries(
-        session,
-        &name,
-        judge_event,
-        // Events carry no layout; iceoryx2 objects to attributes only when some are asked for.
-        || failed(&name, EventOpenOrCreateError::SystemInFlux),
-        || {
-            session
-                .node()
-                .service_builder(&service)
-                .event()
-                .max_listeners(listeners)
-                .max_notifiers(notifiers)
-                .max_nodes(service::MAX_NODES)
-                .event_id_max_value(service::EVENT_ID_MAX)
-                .notifier_created_event(event_id(EventCode::Arrived))
-                .notifier_dropped_event(event_id(EventCode::Left))
-                .notifier_dead_event(event_id(EventCode::Died))
-                .disable_deadline()
-                .open_or_create()
-        },
-    )?;
-    Ok(Event {
-        name,
-        service: opened,
-        limits: (listeners, notifiers),
-    })
-}
-
-fn judge_event(error: EventOpenOrCreateError) -> Verdict {
-    use iceoryx2::service::builder::event::{EventCreateError as Create, EventOpenError as Open};
-    match error {
-        EventOpenOrCreateError::SystemInFlux => Verdict::Transient,
-        EventOpenOrCreateError::EventCreateError(error) => match error {
-            Create::InsufficientPermissions => Verdict::Fatal,
-            _ => Verdict::Transient,
-        },
-        EventOpenOrCreateError::EventOpenError(error) => match error {
-            Open::Interrupt
-            | Open::DoesNotExist
-            | Open::InternalFailure
-            | Open::ServiceInCorruptedState
-            | Open::HangsInCreation
-            | Open::IsMarkedForDestruction
-            | Open::UnableToCreateServiceTag => Verdict::Transient,
-            Open::InsufficientPermissions | Open::ExceedsMaxNumberOfNodes => Verdict::Fatal,
-            _ => Verdict::Settings,
-        },
-    }
-}
-
-pub(crate) fn event_id(code: EventCode) -> EventId {
-    EventId::new(code as usize)
-}
-
-impl Event {
-    pub(crate) fn listener(&self, session: &Session) -> Result<Listener, OpenError> {
-        use iceoryx2::port::listener::ListenerCreateError as Error;
-        port(
-            session,
-            &self.name,
-            ("listeners", self.limits.0),
-            |error| error == Error::ExceedsMaxSupportedListeners,
-            || self.service.listener_builder().create(),
-        )
-    }
-
-    pub(crate) fn notifier(&self, session: &Session) -> Result<Notifier, OpenError> {
-        use iceoryx2::port::notifier::NotifierCreateError as Error;
-        port(
-            session,
-            &self.name,
-            ("notifiers", self.limits.1),
-            |error| error == Error::ExceedsMaxSupportedNotifiers,
-            || {
-                self.service
-                    .notifier_builder()
-                    .default_event_id(event_id(EventCode::Data))
-                    .create()
-            },
-        )
-    }
-}
-
 /// Makes a port; when the service is full, cleans up after the dead and tries once more.
 pub(crate) fn port<P, E: Debug + Copy>(
     session: &Session,
@@ -506,18 +375,4 @@ pub(crate) fn port<P, E: Debug + Copy>(
             failed(service, error)
         }
     })
-}
-
-/// Drains a listener and says how many notifications it had.
-///
-/// A failure counts as one: the caller then looks at the data, which is always right.
-pub(crate) fn drain_listener(listener: &Listener) -> u64 {
-    listener.try_wait(|_| {}).unwrap_or(1)
-}
-
-/// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
-pub(crate) fn notify(notifier: &Notifier, service: &impl PortFactory) {
-    if let Err(error) = notifier.notify() {
-        tracing::debug!(service = %service.name(), ?error, "a notification was not sent");
-    }
 }

@@ -10,8 +10,9 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 
 use crate::domain::OwnerLock;
+use crate::event::{self, Channel};
 use crate::iox::{Listener, Notifier, Svc, TopicService};
-use crate::open::{self, Channel, OpenError};
+use crate::open::{self, OpenError};
 use crate::service::{MAX_PROVIDERS, Topic};
 use crate::session::Session;
 use crate::time::MonotonicNs;
@@ -45,8 +46,8 @@ impl<T: Topic> Publisher<T> {
         let robot = session.robot();
         let owner = session.provide(T::SERVICE)?;
         let service = open::topic::<T>(session, robot)?;
-        let samples = open::event(session, robot, T::SERVICE, Channel::Samples)?;
-        let subscribers = open::event(session, robot, T::SERVICE, Channel::Subscribers)?;
+        let samples = event::open(session, robot, T::SERVICE, Channel::Samples)?;
+        let subscribers = event::open(session, robot, T::SERVICE, Channel::Subscribers)?;
         let arrivals = subscribers.listener(session)?;
         let port = open::port(
             session,
@@ -93,13 +94,13 @@ impl<T: Topic> Publisher<T> {
         // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
         sample.send().map_err(publish_error::<T>)?;
-        open::notify(&self.notifier, &self.service);
+        event::notify(&self.notifier, &self.service);
         Ok(sequence)
     }
 
     /// Gives the latest sample to subscribers that joined since the last call. Costs next to nothing when none did.
     pub fn welcome(&mut self) {
-        if open::drain_listener(&self.arrivals) == 0 {
+        if event::drain_listener(&self.arrivals) == 0 {
             return;
         }
         if let Err(error) = self.port.update_connections() {
@@ -110,7 +111,7 @@ impl<T: Topic> Publisher<T> {
             );
         }
         if self.sequence > 0 {
-            open::notify(&self.notifier, &self.service);
+            event::notify(&self.notifier, &self.service);
         }
     }
 

@@ -10,8 +10,9 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 
 use crate::code::{Reason, Stage};
 use crate::domain::OwnerLock;
+use crate::event::{self, Channel};
 use crate::iox::{Listener, Notifier, RequestService, Svc};
-use crate::open::{self, Channel, OpenError};
+use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{MAX_PROVIDERS, Request};
 use crate::session::Session;
@@ -98,8 +99,8 @@ impl<R: Request> Server<R> {
         let robot = session.robot();
         let owner = session.provide(R::SERVICE)?;
         let service = open::request::<R>(session, robot)?;
-        let requests = open::event(session, robot, R::SERVICE, Channel::Requests)?;
-        let responses = open::event(session, robot, R::SERVICE, Channel::Responses)?;
+        let requests = event::open(session, robot, R::SERVICE, Channel::Requests)?;
+        let responses = event::open(session, robot, R::SERVICE, Channel::Responses)?;
         let listener = requests.listener(session)?;
         let port = open::port(
             session,
@@ -138,7 +139,7 @@ impl<R: Request> Server<R> {
     ///
     /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
-        open::drain_listener(&self.listener);
+        event::drain_listener(&self.listener);
         self.send_unsent();
         let mut taken = 0;
         for _ in 0..MAX_REQUESTS_PER_DRAIN {
@@ -183,7 +184,7 @@ impl<R: Request> Server<R> {
         if let Err(error) = entry.send(&report) {
             tracing::debug!(%error, "a refusal was not sent");
         }
-        open::notify(&self.notifier, &self.service);
+        event::notify(&self.notifier, &self.service);
     }
 
     /// Answers a request. A final stage closes it; its ticket is then worth nothing.
@@ -218,7 +219,7 @@ impl<R: Request> Server<R> {
             Err(ReportError::BufferFull) if is_final => entry.unsent = Some(report),
             Err(error) => return Err(error),
         }
-        open::notify(&self.notifier, &self.service);
+        event::notify(&self.notifier, &self.service);
         Ok(())
     }
 
@@ -274,7 +275,7 @@ impl<R: Request> Server<R> {
             |_, _| is_sent = true,
         );
         if is_sent {
-            open::notify(&self.notifier, &self.service);
+            event::notify(&self.notifier, &self.service);
         }
     }
 }
@@ -289,7 +290,7 @@ fn has_requests<R: Request>(
 impl<R: Request> sealed::Source for Server<R> {
     /// A notification counts without a request too: a client may have given one up.
     fn has_something(&self) -> bool {
-        open::drain_listener(&self.listener) > 0 || has_requests(&self.port)
+        event::drain_listener(&self.listener) > 0 || has_requests(&self.port)
     }
 
     fn watched(&self) -> &dyn sealed::Watched {

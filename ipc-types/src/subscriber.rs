@@ -6,8 +6,9 @@ use std::time::Duration;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
 use crate::continuity::{Continuity, Losses};
+use crate::event::{self, Channel};
 use crate::iox::{Listener, Notifier, Svc, TopicService};
-use crate::open::{self, Channel, OpenError};
+use crate::open::{self, OpenError};
 use crate::service::{HISTORY, MAX_PROVIDERS, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
 use crate::session::Session;
 use crate::waiter::{self, WaitError, Wake, sealed};
@@ -42,8 +43,8 @@ impl<T: Topic> Subscriber<T> {
     pub(crate) fn open(session: &Rc<Session>) -> Result<Subscriber<T>, OpenError> {
         let robot = session.robot();
         let service = open::topic::<T>(session, robot)?;
-        let samples = open::event(session, robot, T::SERVICE, Channel::Samples)?;
-        let subscribers = open::event(session, robot, T::SERVICE, Channel::Subscribers)?;
+        let samples = event::open(session, robot, T::SERVICE, Channel::Samples)?;
+        let subscribers = event::open(session, robot, T::SERVICE, Channel::Subscribers)?;
         let listener = samples.listener(session)?;
         let port = make_port(session, &service)?;
         // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
@@ -66,7 +67,7 @@ impl<T: Topic> Subscriber<T> {
     /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The port is then made
     /// again by the next call.
     pub fn drain(&mut self, mut take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
-        open::drain_listener(&self.listener);
+        event::drain_listener(&self.listener);
         let mut taken = 0;
         for _ in 0..MAX_SAMPLES_PER_DRAIN {
             match self.port.receive() {
@@ -126,7 +127,7 @@ impl<T: Topic> Subscriber<T> {
         match make_port(&self.session, &self.service) {
             Ok(port) => {
                 self.port = port;
-                open::notify(&self.arrival, &self.service);
+                event::notify(&self.arrival, &self.service);
             }
             Err(error) => tracing::debug!(%error, "the subscriber was not made again"),
         }
@@ -156,7 +157,7 @@ fn has_samples<T: Topic>(port: &Port<T>) -> bool {
 
 impl<T: Topic> sealed::Source for Subscriber<T> {
     fn has_something(&self) -> bool {
-        open::drain_listener(&self.listener);
+        event::drain_listener(&self.listener);
         has_samples(&self.port)
     }
 

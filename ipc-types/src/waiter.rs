@@ -293,7 +293,7 @@ pub(crate) fn wait_for(
     use iceoryx2::port::listener::ListenerWaitError;
 
     let deadline = Instant::now().checked_add(timeout);
-    let mut notifications = crate::open::drain_listener(listener);
+    let mut notifications = crate::event::drain_listener(listener);
     loop {
         if has_something(notifications) {
             let mut ready = Ready::default();
