@@ -177,8 +177,8 @@ pub enum Topic {
 
 /// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
 ///
-/// Such an argument gets a space in front, which [`waypoint`] drops. No option of ours begins with a digit, so nothing
-/// else is ever touched.
+/// Such an argument gets a space in front, which the reader of waypoints drops. No option of ours begins with a digit, so
+/// nothing else is ever touched.
 pub fn protect_coordinates(args: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let protect = |arg: OsString| match arg.to_str() {
         Some(text) if is_negative_coordinate(text) => OsString::from(format!(" {text}")),

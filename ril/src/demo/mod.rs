@@ -4,8 +4,8 @@
 //! operator, and judges the flight by what a consumer saw in shared memory. Whatever happens, nothing that it started is
 //! left running and nothing of it is left in shared memory; the log stays and is named.
 //!
-//! * [`mission`]: what the operator asks; [`watch`]: what a consumer sees; [`verdict`]: what is checked. All pure.
-//! * [`children`]: the processes; [`screen`]: what is shown; here: the one wait that joins them.
+//! * `mission`: what the operator asks; `watch`: what a consumer sees; `verdict`: what is checked. All pure.
+//! * `children`: the processes; `screen`: what is shown; here: the one wait that joins them.
 
 mod children;
 mod mission;
