@@ -108,6 +108,12 @@ fn what_is_refused_when() {
         desk.run(1200);
         desk
     };
+    let without_fix: fn() -> Desk = || {
+        let mut desk = Desk::started();
+        desk.dsp.status.gps_quality = Some(0);
+        desk.run(1200);
+        desk
+    };
     let gone: fn() -> Desk = || {
         let mut desk = Desk::flying();
         desk.bridge.port_closed(desk.now, &mut desk.out);
@@ -142,6 +148,12 @@ fn what_is_refused_when() {
             Reason::AlreadyFlying,
         ),
         ("go-to without a position", blind, go, Reason::NoPosition),
+        (
+            "take-off without a GPS fix",
+            without_fix,
+            take_off,
+            Reason::NoPosition,
+        ),
         ("land without a port", gone, land, Reason::LinkDown),
         ("go-to without a port", gone, go, Reason::LinkDown),
         ("take-off twice", taking_off, take_off, Reason::Busy),

@@ -35,7 +35,7 @@ use crate::manager::{Event, Manager};
 use crate::outputs::Outputs;
 use activity::Activity;
 use arrival::Tracker;
-use observation::Observation;
+use observation::{Observation, known_position};
 use path::{Assembler, MAX_WAYPOINTS};
 use request::{Envelope, RequestKey};
 use trajectory::Trajectory;
@@ -93,7 +93,8 @@ impl<T: Trajectory> Flight<T> {
             LineEvent::Ready => {}
             LineEvent::Sample(sample) => {
                 self.observation.take(sample);
-                self.watch_arrival(sample.status.geographic, sample.status.flying, cx);
+                let position = known_position(&sample.status);
+                self.watch_arrival(position, sample.status.flying, cx);
             }
             LineEvent::Grant => self.granted(cx),
             LineEvent::Delivered(command) => self.delivered(*command, cx),

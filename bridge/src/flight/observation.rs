@@ -2,10 +2,14 @@
 
 use std::time::Duration;
 
+use dsp_protocol::Status;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
 
 use crate::line::Sample;
+
+/// NMEA fix quality without a fix (`docs/protocol.md` section 4.1).
+const GPS_NO_FIX: u8 = 0;
 
 /// What was last seen. A value that is too old is not known any more.
 #[derive(Clone, Copy, Debug)]
@@ -25,10 +29,10 @@ impl Observation {
         }
     }
 
-    /// Takes a sample. A sample without a position leaves the last one to age.
+    /// Takes a sample. A sample without a known position leaves the last one to age.
     pub fn take(&mut self, sample: &Sample) {
         self.flying = Some((sample.status.flying, sample.received));
-        if let Some(position) = sample.status.geographic {
+        if let Some(position) = known_position(&sample.status) {
             self.position = Some((position, sample.received));
         }
     }
@@ -46,4 +50,11 @@ impl Observation {
     fn fresh<T>(&self, value: Option<(T, MonotonicNs)>, now: MonotonicNs) -> Option<T> {
         value.and_then(|(value, seen)| (now.since(seen) <= self.fresh_for).then_some(value))
     }
+}
+
+/// The position in a status, unless the status says that the GPS has no fix: what stands there then was never measured.
+pub fn known_position(status: &Status) -> Option<Geographic> {
+    status
+        .geographic
+        .filter(|_| status.gps_quality != Some(GPS_NO_FIX))
 }
