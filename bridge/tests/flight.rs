@@ -129,7 +129,7 @@ fn what_is_refused_when() {
         desk.waypoint(9, 1, 1, north(90));
         desk
     };
-    let table: [Case; 16] = [
+    let table: [Case; 17] = [
         ("start without a DSP", closed, start, Reason::LinkDown),
         (
             "take-off before start",
