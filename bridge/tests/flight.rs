@@ -8,7 +8,9 @@ use bridge::{Bridge, BridgeConfig, RequestKey};
 use desk::{Desk, HOME, go_to, north};
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, Waypoint, port};
-use ipc_types::code::{ControlCommand, Functionality, ImiError, ModuleStatus, Reason, Stage};
+use ipc_types::code::{
+    ControlCommand, Functionality, ImiError, ModuleStatus, MovementKind, Reason, Stage,
+};
 use ipc_types::payload::MovementData;
 
 const TAKE_OFF: [Command; 2] = [
@@ -437,6 +439,96 @@ fn ending_answers_everybody() {
         desk.last(path[0]),
         (Stage::Unknown, Reason::BridgeEnding, ImiError::None)
     );
+}
+
+#[test]
+fn a_lost_waypoint_is_sent_again_before_the_next() {
+    let mut desk = Desk::flying();
+    desk.dsp.loses = 3;
+    let path = desk.path(1, &[north(3), north(6)]);
+    desk.run(250);
+    assert_eq!(desk.last_report(path[1]).waypoints_sent, 0);
+    desk.run(400);
+    assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
+    let link = desk.bridge.state().link;
+    assert_eq!((link.delivery_verified, link.waypoints_repeated), (1, 3));
+    assert_eq!(desk.last_report(path[1]).waypoints_sent, 2);
+}
+
+#[test]
+fn a_waypoint_that_never_arrives_fails_the_path() {
+    let mut desk = Desk::flying();
+    desk.dsp.loses = u32::MAX;
+    let path = desk.path(1, &[north(3), north(6)]);
+    desk.run(2000);
+    let fatal = ImiError::CommunicationFatalError;
+    assert_eq!(
+        desk.last(path[1]),
+        (Stage::Aborted, Reason::DeliveryFailed, fatal)
+    );
+    assert!(desk.dsp.commands.ends_with(&STOP));
+}
+
+#[test]
+fn a_dsp_that_does_not_count_gets_each_waypoint_once() {
+    let mut desk = Desk::flying();
+    desk.dsp.counts = false;
+    desk.path(1, &[north(3), north(6)]);
+    desk.run(300);
+    assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
+    assert_eq!(desk.bridge.state().link.delivery_verified, 0);
+}
+
+#[test]
+fn a_waypoint_that_repeats_the_one_before_is_with_the_dsp_already() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(3), north(3), north(6)]);
+    desk.run(400);
+    assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
+    assert_eq!(desk.last_report(path[2]).waypoints_sent, 3);
+}
+
+#[test]
+fn asking_again_never_executes_twice() {
+    let mut desk = Desk::started();
+    let take_off = desk.take_off();
+    let again = |desk: &mut Desk, repeat| {
+        let data = MovementData {
+            request_id: take_off,
+            kind: MovementKind::TakeOff.code(),
+            altitude_m: 10.0,
+            repeat,
+            ..MovementData::default()
+        };
+        let key = RequestKey::Movement(take_off);
+        desk.bridge.movement(desk.now, key, &data, &mut desk.out);
+        desk.exchange();
+        desk.last(take_off)
+    };
+    assert_eq!(
+        again(&mut desk, 0),
+        refused(Reason::Busy),
+        "while it is open"
+    );
+    desk.lift_off();
+    desk.run(100);
+    assert_eq!(desk.last(take_off).0, Stage::Done);
+    let commands = desk.dsp.commands.len();
+    assert_eq!(
+        again(&mut desk, 1).0,
+        Stage::Done,
+        "the same final word once more"
+    );
+    assert_eq!(desk.dsp.commands.len(), commands);
+
+    let mut successor = Desk::started();
+    let unknown = (Stage::Unknown, Reason::NotRemembered, ImiError::None);
+    assert_eq!(
+        again(&mut successor, 1),
+        unknown,
+        "another bridge may have flown it"
+    );
+    assert!(!successor.dsp.commands.contains(&TAKE_OFF[1]));
 }
 
 /// A generator that puts one point in the middle of each leg.

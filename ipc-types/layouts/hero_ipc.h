@@ -18,11 +18,11 @@
 #define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v1"
 #define HERO_HERO_TELEMETRY_LAYOUT_HASH "8b44b9e905ea8843"
 #define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v1"
-#define HERO_MODULE_STATE_LAYOUT_HASH "14065e8a266bd3a1"
+#define HERO_MODULE_STATE_LAYOUT_HASH "a94ae55b7dc1e085"
 #define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v1/hero.RequestReport.v1"
 #define HERO_MODULE_CONTROL_LAYOUT_HASH "361bb96a97a215ca"
 #define HERO_MOVEMENT_LAYOUT "hero.MovementData.v1/hero.RequestReport.v1"
-#define HERO_MOVEMENT_LAYOUT_HASH "b94bc40199bae88c"
+#define HERO_MOVEMENT_LAYOUT_HASH "aa76e115f770de63"
 
 enum hero_control_command {
     HERO_CONTROL_COMMAND_START = 1,
@@ -98,6 +98,8 @@ enum hero_reason {
     HERO_REASON_DSP_REBOOTED = 23,
     HERO_REASON_BRIDGE_ENDING = 24,
     HERO_REASON_BRIDGE_GONE = 25,
+    HERO_REASON_DELIVERY_FAILED = 26,
+    HERO_REASON_NOT_REMEMBERED = 27,
 };
 
 enum hero_imi_error {
@@ -514,10 +516,12 @@ typedef struct LinkHealth {
     uint32_t commands_failed;
     uint32_t acks_unmatched;
     uint32_t waypoints_sent;
+    uint32_t waypoints_repeated;
+    uint32_t delivery_verified;
     uint32_t telemetry_published;
     uint32_t telemetry_incoherent;
 } LinkHealth;
-HERO_ASSERT(sizeof(LinkHealth) == 80);
+HERO_ASSERT(sizeof(LinkHealth) == 88);
 HERO_ASSERT(offsetof(LinkHealth, last_message_ns) == 0);
 HERO_ASSERT(offsetof(LinkHealth, last_telemetry_ns) == 8);
 HERO_ASSERT(offsetof(LinkHealth, state_since_ns) == 16);
@@ -531,8 +535,10 @@ HERO_ASSERT(offsetof(LinkHealth, commands_repeated) == 56);
 HERO_ASSERT(offsetof(LinkHealth, commands_failed) == 60);
 HERO_ASSERT(offsetof(LinkHealth, acks_unmatched) == 64);
 HERO_ASSERT(offsetof(LinkHealth, waypoints_sent) == 68);
-HERO_ASSERT(offsetof(LinkHealth, telemetry_published) == 72);
-HERO_ASSERT(offsetof(LinkHealth, telemetry_incoherent) == 76);
+HERO_ASSERT(offsetof(LinkHealth, waypoints_repeated) == 72);
+HERO_ASSERT(offsetof(LinkHealth, delivery_verified) == 76);
+HERO_ASSERT(offsetof(LinkHealth, telemetry_published) == 80);
+HERO_ASSERT(offsetof(LinkHealth, telemetry_incoherent) == 84);
 
 #define HERO_REFUSED_COUNTERS_TYPE_NAME "hero.RefusedCounters.v1"
 typedef struct RefusedCounters {
@@ -546,7 +552,8 @@ typedef struct RefusedCounters {
     uint32_t implausible_mask;
     uint32_t requests;
     uint32_t transmit_overflows;
-    uint32_t reserved[2];
+    uint32_t other_profile;
+    uint32_t missed_messages;
 } RefusedCounters;
 HERO_ASSERT(sizeof(RefusedCounters) == 48);
 HERO_ASSERT(offsetof(RefusedCounters, stray) == 0);
@@ -559,7 +566,8 @@ HERO_ASSERT(offsetof(RefusedCounters, implausible_groups) == 24);
 HERO_ASSERT(offsetof(RefusedCounters, implausible_mask) == 28);
 HERO_ASSERT(offsetof(RefusedCounters, requests) == 32);
 HERO_ASSERT(offsetof(RefusedCounters, transmit_overflows) == 36);
-HERO_ASSERT(offsetof(RefusedCounters, reserved) == 40);
+HERO_ASSERT(offsetof(RefusedCounters, other_profile) == 40);
+HERO_ASSERT(offsetof(RefusedCounters, missed_messages) == 44);
 
 #define HERO_DSP_ERROR_COUNTERS_TYPE_NAME "hero.DspErrorCounters.v1"
 typedef struct DspErrorCounters {
@@ -592,7 +600,7 @@ typedef struct ModuleState {
     RefusedCounters refused;
     DspErrorCounters dsp_errors;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 336);
+HERO_ASSERT(sizeof(ModuleState) == 344);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -604,8 +612,8 @@ HERO_ASSERT(offsetof(ModuleState, functionality) == 40);
 HERO_ASSERT(offsetof(ModuleState, unable_to_abort) == 44);
 HERO_ASSERT(offsetof(ModuleState, movement) == 48);
 HERO_ASSERT(offsetof(ModuleState, link) == 88);
-HERO_ASSERT(offsetof(ModuleState, refused) == 168);
-HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 216);
+HERO_ASSERT(offsetof(ModuleState, refused) == 176);
+HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 224);
 
 #define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v1"
 typedef struct ModuleControl {
@@ -629,7 +637,7 @@ typedef struct MovementData {
     uint16_t first;
     uint16_t last;
     uint32_t deadline_ms;
-    uint32_t reserved;
+    uint32_t repeat;
 } MovementData;
 HERO_ASSERT(sizeof(MovementData) == 56);
 HERO_ASSERT(offsetof(MovementData, request_id) == 0);
@@ -641,7 +649,7 @@ HERO_ASSERT(offsetof(MovementData, kind) == 40);
 HERO_ASSERT(offsetof(MovementData, first) == 44);
 HERO_ASSERT(offsetof(MovementData, last) == 46);
 HERO_ASSERT(offsetof(MovementData, deadline_ms) == 48);
-HERO_ASSERT(offsetof(MovementData, reserved) == 52);
+HERO_ASSERT(offsetof(MovementData, repeat) == 52);
 
 #define HERO_REQUEST_REPORT_TYPE_NAME "hero.RequestReport.v1"
 typedef struct RequestReport {

@@ -10,9 +10,9 @@ import enum
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v1", "9fab9632384890ef"),
     "hero_telemetry": ("hero.HeroTelemetry.v1", "8b44b9e905ea8843"),
-    "module_state": ("hero.ModuleState.v1", "14065e8a266bd3a1"),
+    "module_state": ("hero.ModuleState.v1", "a94ae55b7dc1e085"),
     "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v1", "361bb96a97a215ca"),
-    "movement": ("hero.MovementData.v1/hero.RequestReport.v1", "b94bc40199bae88c"),
+    "movement": ("hero.MovementData.v1/hero.RequestReport.v1", "aa76e115f770de63"),
 }
 
 
@@ -90,6 +90,8 @@ class Reason(enum.IntEnum):
     DSP_REBOOTED = 23
     BRIDGE_ENDING = 24
     BRIDGE_GONE = 25
+    DELIVERY_FAILED = 26
+    NOT_REMEMBERED = 27
 
 
 class ImiError(enum.IntEnum):
@@ -660,6 +662,8 @@ class LinkHealth(ctypes.Structure):
         ("commands_failed", ctypes.c_uint32),
         ("acks_unmatched", ctypes.c_uint32),
         ("waypoints_sent", ctypes.c_uint32),
+        ("waypoints_repeated", ctypes.c_uint32),
+        ("delivery_verified", ctypes.c_uint32),
         ("telemetry_published", ctypes.c_uint32),
         ("telemetry_incoherent", ctypes.c_uint32),
     ]
@@ -669,7 +673,7 @@ class LinkHealth(ctypes.Structure):
         return "hero.LinkHealth.v1"
 
 
-assert ctypes.sizeof(LinkHealth) == 80
+assert ctypes.sizeof(LinkHealth) == 88
 assert LinkHealth.last_message_ns.offset == 0
 assert LinkHealth.last_telemetry_ns.offset == 8
 assert LinkHealth.state_since_ns.offset == 16
@@ -683,8 +687,10 @@ assert LinkHealth.commands_repeated.offset == 56
 assert LinkHealth.commands_failed.offset == 60
 assert LinkHealth.acks_unmatched.offset == 64
 assert LinkHealth.waypoints_sent.offset == 68
-assert LinkHealth.telemetry_published.offset == 72
-assert LinkHealth.telemetry_incoherent.offset == 76
+assert LinkHealth.waypoints_repeated.offset == 72
+assert LinkHealth.delivery_verified.offset == 76
+assert LinkHealth.telemetry_published.offset == 80
+assert LinkHealth.telemetry_incoherent.offset == 84
 
 
 class RefusedCounters(ctypes.Structure):
@@ -699,7 +705,8 @@ class RefusedCounters(ctypes.Structure):
         ("implausible_mask", ctypes.c_uint32),
         ("requests", ctypes.c_uint32),
         ("transmit_overflows", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32 * 2),
+        ("other_profile", ctypes.c_uint32),
+        ("missed_messages", ctypes.c_uint32),
     ]
 
     @staticmethod
@@ -718,7 +725,8 @@ assert RefusedCounters.implausible_groups.offset == 24
 assert RefusedCounters.implausible_mask.offset == 28
 assert RefusedCounters.requests.offset == 32
 assert RefusedCounters.transmit_overflows.offset == 36
-assert RefusedCounters.reserved.offset == 40
+assert RefusedCounters.other_profile.offset == 40
+assert RefusedCounters.missed_messages.offset == 44
 
 
 class DspErrorCounters(ctypes.Structure):
@@ -765,7 +773,7 @@ class ModuleState(ctypes.Structure):
         return "hero.ModuleState.v1"
 
 
-assert ctypes.sizeof(ModuleState) == 336
+assert ctypes.sizeof(ModuleState) == 344
 assert ModuleState.sequence.offset == 0
 assert ModuleState.epoch_ns.offset == 8
 assert ModuleState.published_ns.offset == 16
@@ -777,8 +785,8 @@ assert ModuleState.functionality.offset == 40
 assert ModuleState.unable_to_abort.offset == 44
 assert ModuleState.movement.offset == 48
 assert ModuleState.link.offset == 88
-assert ModuleState.refused.offset == 168
-assert ModuleState.dsp_errors.offset == 216
+assert ModuleState.refused.offset == 176
+assert ModuleState.dsp_errors.offset == 224
 
 
 class ModuleControl(ctypes.Structure):
@@ -810,7 +818,7 @@ class MovementData(ctypes.Structure):
         ("first", ctypes.c_uint16),
         ("last", ctypes.c_uint16),
         ("deadline_ms", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("repeat", ctypes.c_uint32),
     ]
 
     @staticmethod
@@ -828,7 +836,7 @@ assert MovementData.kind.offset == 40
 assert MovementData.first.offset == 44
 assert MovementData.last.offset == 46
 assert MovementData.deadline_ms.offset == 48
-assert MovementData.reserved.offset == 52
+assert MovementData.repeat.offset == 52
 
 
 class RequestReport(ctypes.Structure):

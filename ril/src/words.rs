@@ -81,7 +81,10 @@ pub const fn exit_code(stage: Stage, reason: Reason) -> ExitCode {
         (Stage::Refused | Stage::Aborted, Reason::LinkDown) => ExitCode::LinkDown,
         (
             Stage::Aborted,
-            Reason::DeadlineExpired | Reason::MovementTimeout | Reason::CommunicationFatalError,
+            Reason::DeadlineExpired
+            | Reason::MovementTimeout
+            | Reason::CommunicationFatalError
+            | Reason::DeliveryFailed,
         ) => ExitCode::Timeout,
         (Stage::Refused | Stage::Aborted, _) => ExitCode::Refused,
         (Stage::Unknown | Stage::Accepted | Stage::Progress, _) => ExitCode::OutcomeUnknown,
@@ -133,6 +136,12 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::DspRebooted => "the DSP rebooted",
         Reason::BridgeEnding => "the bridge was ended meanwhile",
         Reason::BridgeGone => "the bridge vanished: start it again and look at `ril state`",
+        Reason::DeliveryFailed => {
+            "waypoints did not reach the DSP although they were repeated: `ril state` shows the line"
+        }
+        Reason::NotRemembered => {
+            "another bridge may have carried it out: look at the helicopter, then ask anew"
+        }
     }
 }
 
@@ -268,7 +277,8 @@ mod tests {
                         Reason::LinkDown => 6,
                         Reason::DeadlineExpired
                         | Reason::MovementTimeout
-                        | Reason::CommunicationFatalError => 4,
+                        | Reason::CommunicationFatalError
+                        | Reason::DeliveryFailed => 4,
                         _ => 5,
                     },
                     Stage::Unknown | Stage::Accepted | Stage::Progress => 7,

@@ -16,12 +16,15 @@
 
 pub mod activity;
 pub mod arrival;
+mod feed;
+pub mod ledger;
 mod movement;
 pub mod observation;
 pub mod path;
 pub mod request;
 mod stop;
 pub mod trajectory;
+pub mod verification;
 
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
@@ -35,10 +38,12 @@ use crate::manager::{Event, Manager};
 use crate::outputs::Outputs;
 use activity::Activity;
 use arrival::Tracker;
+use ledger::Ledger;
 use observation::{Observation, known_position};
 use path::{Assembler, MAX_WAYPOINTS};
 use request::{Envelope, RequestKey};
 use trajectory::Trajectory;
+use verification::Verification;
 
 /// What a step of the flight works with.
 pub struct Context<'a, O> {
@@ -61,7 +66,9 @@ pub struct Flight<T> {
     assembling: Vec<Envelope>,
     assembly_deadline: Option<MonotonicNs>,
     trajectory: T,
+    verification: Verification,
     tracker: Tracker,
+    ledger: Ledger,
     observation: Observation,
     movement: MovementState,
     refused_requests: u32,
@@ -79,6 +86,8 @@ impl<T: Trajectory> Flight<T> {
             assembling: Vec::with_capacity(MAX_WAYPOINTS),
             assembly_deadline: None,
             trajectory,
+            verification: Verification::begin(),
+            ledger: Ledger::new(),
             tracker: Tracker::new(config.arrival.tolerance(), config.arrival.dwell()),
             observation: Observation::new(config.link.silent_after()),
             movement: MovementState::default(),
@@ -98,6 +107,7 @@ impl<T: Trajectory> Flight<T> {
             }
             LineEvent::Grant => self.granted(cx),
             LineEvent::Delivered(command) => self.delivered(*command, cx),
+            LineEvent::WaypointCount(count) => self.waypoints_counted(*count, cx),
             LineEvent::Undelivered(command) => self.undelivered(*command, cx),
             LineEvent::DspError { code, starting } => {
                 if let (Some(error), false) = (self.errors().transcends(*code), *starting) {
@@ -303,7 +313,7 @@ impl<T: Trajectory> Flight<T> {
     }
 
     fn report<O: Outputs>(
-        &self,
+        &mut self,
         envelope: &Envelope,
         stage: Stage,
         reason: Reason,
@@ -334,12 +344,62 @@ impl<T: Trajectory> Flight<T> {
             waypoints_sent: counts.waypoints_sent,
             waypoints_reached: counts.waypoints_reached,
         };
+        if stage.is_final() {
+            self.ledger.note(&report);
+        }
         cx.out.report(envelope.key, &report);
+    }
+
+    /// Whether this request may be executed. One that was asked before is answered here, and never executed twice.
+    fn is_new<O: Outputs>(&mut self, envelope: &Envelope, cx: &mut Context<'_, O>) -> bool {
+        if let Some(report) = self.ledger.final_word(envelope.request_id) {
+            let report = RequestReport {
+                reported_ns: cx.now.0,
+                ..*report
+            };
+            cx.out.report(envelope.key, &report);
+            return false;
+        }
+        let refusal = if envelope.request_id == 0 {
+            (Stage::Refused, Reason::InvalidRequest)
+        } else if self.is_open(envelope.request_id) {
+            (Stage::Refused, Reason::Busy)
+        } else if envelope.repeat {
+            (Stage::Unknown, Reason::NotRemembered)
+        } else {
+            return true;
+        };
+        // Not through the ledger: this is not the word for the request that was asked first.
+        let report = RequestReport {
+            request_id: envelope.request_id,
+            path_id: envelope.path_id,
+            reported_ns: cx.now.0,
+            ..RequestReport::new(refusal.0, refusal.1)
+        };
+        self.refused_requests = self.refused_requests.saturating_add(1);
+        cx.out.report(envelope.key, &report);
+        false
+    }
+
+    /// Whether a request with this id has not had its final word.
+    fn is_open(&self, request_id: u64) -> bool {
+        let stopping = match &self.activity {
+            Activity::Stopping { requester } => requester.as_ref(),
+            _ => None,
+        };
+        let under_way = self.activity.order().map(|order| &order.envelope);
+        self.assembling
+            .iter()
+            .chain(under_way)
+            .chain(stopping)
+            .any(|envelope| envelope.request_id == request_id)
     }
 
     fn delivered<O: Outputs>(&mut self, command: FlightCommand, cx: &mut Context<'_, O>) {
         match command {
-            FlightCommand::TakeOffAltitude | FlightCommand::InvalidatePath => {}
+            FlightCommand::TakeOffAltitude
+            | FlightCommand::InvalidatePath
+            | FlightCommand::CountWaypoints => {}
             FlightCommand::TakeOff | FlightCommand::Land => {
                 self.movement_begun(cx);
                 self.progress(cx);

@@ -23,6 +23,9 @@ impl<T: Trajectory> Flight<T> {
         movement: Result<Movement, Reason>,
         cx: &mut Context<'_, O>,
     ) {
+        if !self.is_new(envelope, cx) {
+            return;
+        }
         let outcome = movement.and_then(|movement| match movement {
             Movement::TakeOff { altitude_m } => self.take_off(envelope, altitude_m, cx),
             Movement::Land => self.land(envelope, cx),
@@ -204,6 +207,7 @@ impl<T: Trajectory> Flight<T> {
         self.begin(closing, MovementKind::GoToWaypoint, count, cx, |order| {
             Activity::Following { order }
         });
+        self.begin_feed(cx);
     }
 
     /// Gives up the path under assembly, if there is one, and tells the senders of its waypoints.
@@ -219,33 +223,12 @@ impl<T: Trajectory> Flight<T> {
         reason: Reason,
         cx: &mut Context<'_, O>,
     ) {
-        for envelope in &self.assembling {
-            self.report(envelope, stage, reason, ImiError::None, cx);
+        for index in 0..self.assembling.len() {
+            let envelope = self.assembling[index];
+            self.report(&envelope, stage, reason, ImiError::None, cx);
         }
         self.assembling.clear();
         self.assembly_deadline = None;
-    }
-
-    /// Flow control grants one waypoint. A grant that finds nothing to send is not kept: the DSP repeats it.
-    pub(super) fn send_waypoint<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let Activity::Following { order } = &self.activity else {
-            return;
-        };
-        let begun = order.begun;
-        let Some(point) = self.trajectory.peek() else {
-            return;
-        };
-        if !cx.line.is_up() || !cx.line.waypoint(&point.waypoint) {
-            return;
-        }
-        self.trajectory.advance();
-        if !begun {
-            self.movement_begun(cx);
-        }
-        if let Some(index) = point.path_index {
-            self.movement.waypoints_sent = index as u32 + 1;
-            self.progress(cx);
-        }
     }
 
     /// The movement has begun on the DSP: from now on it has the time of a movement.

@@ -33,6 +33,8 @@ pub struct Envelope {
     pub path_id: u64,
     /// Within what time the request must have begun on the DSP.
     pub begin_within: Duration,
+    /// It was sent before, and its outcome is not known to the sender.
+    pub repeat: bool,
 }
 
 /// A movement with values that can be flown.
@@ -60,6 +62,8 @@ pub fn parse_control(
         request_id: control.request_id,
         path_id: 0,
         begin_within: begin_within(control.deadline_ms, limits),
+        // To start or stop a module twice is the same as once.
+        repeat: false,
     };
     let command = ControlCommand::from_code(control.command).ok_or(Reason::InvalidRequest);
     (envelope, command)
@@ -76,6 +80,7 @@ pub fn parse_movement(
         request_id: data.request_id,
         path_id: data.path_id,
         begin_within: begin_within(data.deadline_ms, limits),
+        repeat: data.repeat != 0,
     };
     let movement = match MovementKind::from_code(data.kind) {
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),

@@ -26,6 +26,9 @@ impl<T: Trajectory> Flight<T> {
         control: Result<ControlCommand, Reason>,
         cx: &mut Context<'_, O>,
     ) {
+        if !self.is_new(envelope, cx) {
+            return;
+        }
         match control {
             Ok(ControlCommand::Start) => self.start(envelope, cx),
             Ok(ControlCommand::Stop) => self.stop(envelope, cx),
@@ -122,7 +125,10 @@ impl<T: Trajectory> Flight<T> {
             Reason::CommunicationFatalError,
         );
         match command {
-            FlightCommand::TakeOffAltitude | FlightCommand::TakeOff | FlightCommand::Land => {
+            FlightCommand::TakeOffAltitude
+            | FlightCommand::TakeOff
+            | FlightCommand::Land
+            | FlightCommand::CountWaypoints => {
                 self.fatal(error, reason, cx);
             }
             FlightCommand::InvalidatePath | FlightCommand::ClearErrors => {

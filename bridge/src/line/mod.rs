@@ -66,6 +66,8 @@ pub enum FlightCommand {
     InvalidatePath,
     /// Empties the DSP's error queue; the last command of a stop.
     ClearErrors,
+    /// Reads how many waypoints the DSP took.
+    CountWaypoints,
 }
 
 /// One status message, and when it came.
@@ -94,6 +96,8 @@ pub enum LineEvent {
     Grant,
     /// A command of the flight arrived at the DSP.
     Delivered(FlightCommand),
+    /// The DSP's count of the waypoints that it took was read.
+    WaypointCount(u16),
     /// A command of the flight was not acknowledged: an ack error.
     Undelivered(FlightCommand),
     /// The DSP reports an error; `starting` while start-up is not done, when errors are to be expected.
@@ -267,6 +271,16 @@ impl Line {
         &self.refused
     }
 
+    /// Delivery of a path's waypoints is verified, or is not.
+    pub fn note_verified(&mut self, verified: bool) {
+        self.health.delivery_verified = u32::from(verified);
+    }
+
+    /// A waypoint is going to be sent again.
+    pub fn count_repeated_waypoint(&mut self) {
+        self.health.waypoints_repeated = self.health.waypoints_repeated.saturating_add(1);
+    }
+
     /// A sample was published.
     pub fn count_published(&mut self, received: MonotonicNs) {
         self.health.last_telemetry_ns = received.0;
@@ -359,6 +373,11 @@ impl Line {
                     // Its clock has restarted as well; that must not be taken for a second reboot.
                     self.coherence.reset();
                     self.rebooted(now);
+                }
+            }
+            Purpose::Flight(FlightCommand::CountWaypoints) => {
+                if let AckData::Bits16(count) = data {
+                    self.events.push_back(LineEvent::WaypointCount(count));
                 }
             }
             Purpose::Flight(purpose) => self.events.push_back(LineEvent::Delivered(purpose)),

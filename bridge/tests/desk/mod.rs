@@ -47,6 +47,11 @@ pub struct ScriptedDsp {
     pub silent: bool,
     pub grants: bool,
     pub mask: u16,
+    /// It has the port that counts waypoints.
+    pub counts: bool,
+    /// So many of the next waypoints are lost on their way.
+    pub loses: u32,
+    pub taken: u16,
     pub time_ms: u32,
     pub status: Status,
     pub commands: Vec<Command>,
@@ -61,6 +66,9 @@ impl Default for ScriptedDsp {
             silent: false,
             grants: true,
             mask: 0,
+            counts: true,
+            loses: 0,
+            taken: 0,
             time_ms: 0,
             status: Status {
                 geographic: Some(HOME),
@@ -106,9 +114,9 @@ impl ScriptedDsp {
                     }
                     if self.acknowledges && !self.silent {
                         answers.push(match command {
-                            Command::Read16 { .. } => Downlink::Ack16 {
+                            Command::Read16 { port } => Downlink::Ack16 {
                                 command: 0,
-                                value: self.mask,
+                                value: self.read(port),
                             },
                             _ => Downlink::Ack {
                                 command: command.code(),
@@ -116,12 +124,24 @@ impl ScriptedDsp {
                         });
                     }
                 }
-                Decoded::Message(Uplink::Waypoint(waypoint)) => self.waypoints.push(waypoint),
+                Decoded::Message(Uplink::Waypoint(_)) if self.loses > 0 => self.loses -= 1,
+                Decoded::Message(Uplink::Waypoint(waypoint)) => {
+                    self.waypoints.push(waypoint);
+                    self.taken += 1;
+                }
                 Decoded::Incomplete => {}
                 Decoded::Refused(refusal) => panic!("the bridge sent garbage: {refusal:?}"),
             }
         }
         answers
+    }
+
+    fn read(&self, port: u16) -> u16 {
+        match port {
+            port::STATUS_MASK => self.mask,
+            port::WAYPOINT_COUNT if self.counts => 0x8000 | self.taken,
+            _ => 0,
+        }
     }
 
     pub fn at(&mut self, waypoint: Waypoint) {

@@ -217,7 +217,7 @@ impl MovementData {
             first: 0,
             last: 0,
             deadline_ms: 0,
-            reserved: 0,
+            repeat: 0,
         }
     }
 

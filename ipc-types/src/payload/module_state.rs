@@ -6,7 +6,7 @@ shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
-    pub struct ModuleState("hero.ModuleState.v1") = 336 {
+    pub struct ModuleState("hero.ModuleState.v1") = 344 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -60,7 +60,7 @@ shared_struct! {
 
 shared_struct! {
     /// The line to the DSP.
-    pub struct LinkHealth("hero.LinkHealth.v1") = 80 {
+    pub struct LinkHealth("hero.LinkHealth.v1") = 88 {
         /// When the last valid message came.
         pub last_message_ns: u64,
         /// When the last status message was published.
@@ -87,6 +87,10 @@ shared_struct! {
         pub acks_unmatched: u32,
         /// Waypoints sent.
         pub waypoints_sent: u32,
+        /// Waypoints sent again because the DSP had not taken them.
+        pub waypoints_repeated: u32,
+        /// 1 when the DSP counts the waypoints that it takes, 0 when it does not or has not been asked yet.
+        pub delivery_verified: u32,
         /// Telemetry samples published.
         pub telemetry_published: u32,
         /// Status samples that coherence in time dropped.
@@ -117,8 +121,10 @@ shared_struct! {
         pub requests: u32,
         /// Bytes for the DSP that the line did not take in time.
         pub transmit_overflows: u32,
-        /// Always zero; room for the extended profile.
-        pub reserved: [u32; 2],
+        /// Headers of the other profile: both ends must be configured alike.
+        pub other_profile: u32,
+        /// Messages of the DSP that were missed, by its sequence numbers; extended profile only.
+        pub missed_messages: u32,
     }
 }
 

@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 shared_struct! {
     /// Start or stop the module (`ModuleControl`). Service `module_control`.
     pub struct ModuleControl("hero.ModuleControl.v1") = 16 {
-        /// Chosen by the sender, unique among its requests; every report repeats it.
+        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
         pub request_id: u64,
         /// A [`ControlCommand`](crate::code::ControlCommand).
         pub command: u32,
@@ -20,7 +20,7 @@ shared_struct! {
     /// A path is framed by the pair (`first`, `last`): (1,1) is a single waypoint, (1,0) opens a path, (0,0) continues
     /// it, (0,1) closes it. Nothing of a path goes to the DSP until it is closed.
     pub struct MovementData("hero.MovementData.v1") = 56 {
-        /// Chosen by the sender, unique among its requests; every report repeats it.
+        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
         pub request_id: u64,
         /// Chosen by the sender, the same in all waypoints of one path and in every report about it; 0 for take-off
         /// and landing.
@@ -39,8 +39,9 @@ shared_struct! {
         pub last: u16,
         /// Within how many ms the movement must have begun on the DSP; 0 takes the bridge's default.
         pub deadline_ms: u32,
-        /// Always zero.
-        pub reserved: u32,
+        /// 1 when this is sent again because the outcome is unknown: it is then never executed twice, not even by
+        /// another bridge than the one that was asked first.
+        pub repeat: u32,
     }
 }
 

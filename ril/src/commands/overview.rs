@@ -96,6 +96,8 @@ struct Link {
     commands_failed: u32,
     acks_unmatched: u32,
     waypoints_sent: u32,
+    waypoints_repeated: u32,
+    delivery_verified: bool,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -110,6 +112,8 @@ struct Refused {
     implausible: Vec<&'static str>,
     requests: u32,
     transmit_overflows: u32,
+    other_profile: u32,
+    missed_messages: u32,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -199,6 +203,8 @@ impl Link {
             commands_failed,
             acks_unmatched,
             waypoints_sent,
+            waypoints_repeated,
+            delivery_verified,
             telemetry_published,
             telemetry_incoherent,
         } = *link;
@@ -219,6 +225,8 @@ impl Link {
             commands_failed,
             acks_unmatched,
             waypoints_sent,
+            waypoints_repeated,
+            delivery_verified: delivery_verified == 1,
         }
     }
 }
@@ -236,7 +244,8 @@ impl Refused {
             implausible_mask,
             requests,
             transmit_overflows,
-            reserved: _,
+            other_profile,
+            missed_messages,
         } = *counters;
         // The mask has sixteen bits; others would be of a later layout.
         let mask = (implausible_mask & u32::from(u16::MAX)) as u16;
@@ -253,11 +262,13 @@ impl Refused {
                 .collect(),
             requests,
             transmit_overflows,
+            other_profile,
+            missed_messages,
         }
     }
 
     /// The counters by name.
-    fn counters(&self) -> [(&'static str, u32); 9] {
+    fn counters(&self) -> [(&'static str, u32); 11] {
         [
             ("stray", self.stray),
             ("unknown header", self.unknown_header),
@@ -268,6 +279,8 @@ impl Refused {
             ("implausible groups", self.implausible_groups),
             ("requests", self.requests),
             ("transmit overflows", self.transmit_overflows),
+            ("other profile", self.other_profile),
+            ("missed messages", self.missed_messages),
         ]
     }
 }
@@ -384,7 +397,8 @@ movement    none yet
 link        gone for 0.000 s; port opened 0 times, DSP boots seen 0
             last message never, last telemetry never
             0 bytes, 0 messages; 0 samples published, 0 incoherent
-            0 commands acknowledged, 0 repeated, 0 failed, 0 acks unmatched; 0 waypoints sent
+            0 commands acknowledged, 0 repeated, 0 failed, 0 acks unmatched
+            0 waypoints sent, 0 of them again, delivery not verified
 refused     nothing
 DSP errors  none
 dsp         no sample

@@ -81,12 +81,18 @@ impl fmt::Display for Link {
         )?;
         write!(
             f,
-            "            {} commands acknowledged, {} repeated, {} failed, {} acks unmatched; {} waypoints sent",
+            "            {} commands acknowledged, {} repeated, {} failed, {} acks unmatched\n            {} waypoints sent, {} of them again, delivery {}",
             self.commands_acknowledged,
             self.commands_repeated,
             self.commands_failed,
             self.acks_unmatched,
-            self.waypoints_sent
+            self.waypoints_sent,
+            self.waypoints_repeated,
+            if self.delivery_verified {
+                "verified"
+            } else {
+                "not verified"
+            }
         )
     }
 }

@@ -1,0 +1,219 @@
+//! Verified delivery of waypoints (requirement D14; `docs/protocol.md` sections 6 and 8.4).
+//!
+//! Waypoints are never acknowledged. But the DSP counts those that it takes, and bytes keep their order on the line: when
+//! the count is read after a waypoint was sent, it tells for certain whether that one arrived. So each waypoint is sent,
+//! counted, and sent again if it was lost, before the next one goes. A copy does no harm: the DSP discards a waypoint
+//! that equals the one before.
+//!
+//! | phase | grant | count read |
+//! |---|---|---|
+//! | asking for the count | nothing | may send; or, without such a port, unverified |
+//! | may send | send, then ask → checking | – |
+//! | checking | nothing | as before: send again · one more: next · else: failed |
+//! | unverified | send → unverified | – |
+
+use ipc_types::code::Reason;
+
+/// The bit that the port of a DSP that counts always has; an unknown port reads 0.
+const COUNTS: u16 = 0x8000;
+
+/// Times that one waypoint is sent. With three in ten messages lost in either direction, one waypoint in 10⁶ needs
+/// more than this; then the path is reported as failed, which is true as well.
+pub const MAX_SENDINGS: u32 = 16;
+
+/// What to do with the waypoint that flow control asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnGrant {
+    /// Nothing: the DSP's count is awaited.
+    Wait,
+    /// Send it and read the count.
+    SendAndCount,
+    /// Send it; nobody can know whether it arrives.
+    Send,
+}
+
+/// What a count says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Counted {
+    /// The first waypoint may be sent.
+    Ready,
+    /// The DSP does not count: delivery is unverified.
+    Unverified,
+    /// The waypoint arrived; the next one's turn.
+    Arrived,
+    /// The waypoint was lost; it is to be sent again.
+    Lost,
+    /// The count is not what it can be, or the waypoint was lost too often.
+    Failed(Reason),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Asking,
+    MaySend { count: u16, sendings: u32 },
+    Checking { count: u16, sendings: u32 },
+    Unverified,
+}
+
+/// Delivery of one path.
+#[derive(Clone, Copy, Debug)]
+pub struct Verification {
+    phase: Phase,
+}
+
+impl Verification {
+    /// A path begins: its count is to be read first.
+    pub const fn begin() -> Self {
+        Verification {
+            phase: Phase::Asking,
+        }
+    }
+
+    /// Flow control grants a waypoint.
+    pub fn on_grant(&self) -> OnGrant {
+        match self.phase {
+            Phase::Asking | Phase::Checking { .. } => OnGrant::Wait,
+            Phase::MaySend { .. } => OnGrant::SendAndCount,
+            Phase::Unverified => OnGrant::Send,
+        }
+    }
+
+    /// The waypoint was sent and the count is being read.
+    pub fn sent(&mut self) {
+        if let Phase::MaySend { count, sendings } = self.phase {
+            self.phase = Phase::Checking {
+                count,
+                sendings: sendings + 1,
+            };
+        }
+    }
+
+    /// The DSP's count was read.
+    pub fn counted(&mut self, value: u16) -> Counted {
+        let counts = value & COUNTS != 0;
+        let now = value & !COUNTS;
+        match self.phase {
+            Phase::Asking if counts => {
+                self.phase = Phase::MaySend {
+                    count: now,
+                    sendings: 0,
+                };
+                Counted::Ready
+            }
+            Phase::Asking => {
+                self.phase = Phase::Unverified;
+                Counted::Unverified
+            }
+            Phase::Checking { count, .. } if counts && now == (count + 1) & !COUNTS => {
+                self.phase = Phase::MaySend {
+                    count: now,
+                    sendings: 0,
+                };
+                Counted::Arrived
+            }
+            Phase::Checking { count, sendings } if counts && now == count => {
+                if sendings == MAX_SENDINGS {
+                    return Counted::Failed(Reason::DeliveryFailed);
+                }
+                self.phase = Phase::MaySend { count, sendings };
+                Counted::Lost
+            }
+            Phase::Checking { .. } | Phase::MaySend { .. } | Phase::Unverified => {
+                Counted::Failed(Reason::DeliveryFailed)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FAILED: Counted = Counted::Failed(Reason::DeliveryFailed);
+
+    #[test]
+    fn every_phase_and_event() {
+        let may_send = |count| Phase::MaySend { count, sendings: 0 };
+        let checking = |count| Phase::Checking { count, sendings: 1 };
+        // Phase, what a grant does, value read, what it says, phase afterwards.
+        let table = [
+            (
+                Phase::Asking,
+                OnGrant::Wait,
+                0x8005,
+                Counted::Ready,
+                may_send(5),
+            ),
+            (
+                Phase::Asking,
+                OnGrant::Wait,
+                0,
+                Counted::Unverified,
+                Phase::Unverified,
+            ),
+            (
+                checking(5),
+                OnGrant::Wait,
+                0x8006,
+                Counted::Arrived,
+                may_send(6),
+            ),
+            (
+                checking(0x7FFF),
+                OnGrant::Wait,
+                0x8000,
+                Counted::Arrived,
+                may_send(0),
+            ),
+            (
+                checking(5),
+                OnGrant::Wait,
+                0x8005,
+                Counted::Lost,
+                Phase::MaySend {
+                    count: 5,
+                    sendings: 1,
+                },
+            ),
+            (checking(5), OnGrant::Wait, 0x8007, FAILED, checking(5)),
+            (checking(5), OnGrant::Wait, 0x8000, FAILED, checking(5)),
+            (checking(5), OnGrant::Wait, 6, FAILED, checking(5)),
+            (
+                may_send(5),
+                OnGrant::SendAndCount,
+                0x8005,
+                FAILED,
+                may_send(5),
+            ),
+            (
+                Phase::Unverified,
+                OnGrant::Send,
+                0x8005,
+                FAILED,
+                Phase::Unverified,
+            ),
+        ];
+        for (phase, grant, value, counted, after) in table {
+            let mut verification = Verification { phase };
+            assert_eq!(verification.on_grant(), grant, "{phase:?}");
+            assert_eq!(verification.counted(value), counted, "{phase:?} {value:#x}");
+            assert_eq!(verification.phase, after, "{phase:?} {value:#x}");
+        }
+    }
+
+    #[test]
+    fn a_waypoint_that_is_lost_again_and_again_fails_in_the_end() {
+        let mut verification = Verification::begin();
+        verification.counted(0x8000);
+        for sending in 1..=MAX_SENDINGS {
+            assert_eq!(verification.on_grant(), OnGrant::SendAndCount);
+            verification.sent();
+            let expected = if sending == MAX_SENDINGS {
+                FAILED
+            } else {
+                Counted::Lost
+            };
+            assert_eq!(verification.counted(0x8000), expected);
+        }
+    }
+}
