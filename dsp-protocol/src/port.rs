@@ -8,6 +8,8 @@ pub const STATUS_MASK: u16 = 10_000;
 pub const STATUS_PERIOD_MS: u16 = 10_001;
 /// 16-bit port: flow control period, ms.
 pub const FLOW_CONTROL_PERIOD_MS: u16 = 10_002;
+/// 16-bit port: how many waypoints the DSP took; bit 15 is always set.
+pub const WAYPOINT_COUNT: u16 = 10_003;
 /// 16-bit port: write 1 to take off.
 pub const TAKE_OFF: u16 = 10_121;
 /// 16-bit port: write 1 to land.
