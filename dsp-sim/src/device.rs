@@ -44,7 +44,9 @@ pub struct Counters {
     pub commands: [u64; 8],
     /// Waypoints that the path buffer took.
     pub waypoints: u64,
-    /// Waypoints that were discarded.
+    /// Copies of the newest waypoint, discarded in silence.
+    pub waypoint_copies: u64,
+    /// Waypoints that were discarded with an error.
     pub waypoints_discarded: u64,
     /// Refusals of the decoder, in the order of [`Refusal::ALL`].
     pub refusals: [u64; Refusal::ALL.len()],
@@ -212,6 +214,8 @@ impl Dsp {
         match number {
             port::TAKE_OFF => Some(matches!(phase, Phase::SpinningUp | Phase::TakingOff).into()),
             port::LAND => Some(matches!(phase, Phase::Landing | Phase::SpinningDown).into()),
+            // Bit 15 tells it from an unknown port, which reads 0.
+            port::WAYPOINT_COUNT => Some(0x8000 | (self.counters.waypoints & 0x7FFF) as u16),
             _ => self.ports.read_16(number),
         }
     }
@@ -288,6 +292,11 @@ impl Dsp {
         let error = match outcome {
             Ok(()) => {
                 self.counters.waypoints += 1;
+                return;
+            }
+            // Silence: the PC sent it again because it could not know that it had arrived.
+            Err(Refused::Copy) => {
+                self.counters.waypoint_copies += 1;
                 return;
             }
             Err(Refused::PathFull) => DspErrorCode::UART_QUEUE_FULL,

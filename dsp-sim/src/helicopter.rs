@@ -125,6 +125,9 @@ pub enum Refused {
     /// The phase does not allow it, or no helicopter could fly it.
     #[error("not possible now")]
     Impossible,
+    /// The waypoint equals the newest one in the buffer.
+    #[error("a copy of the newest waypoint")]
+    Copy,
     /// All places of the path buffer are taken.
     #[error("the path buffer is full")]
     PathFull,
@@ -254,6 +257,9 @@ impl Helicopter {
         let position_m = self.world.to_flat(waypoint);
         if position_m.z < MIN_PATH_HEIGHT_M {
             return Err(Refused::Impossible);
+        }
+        if self.path.newest() == Some(position_m) {
+            return Err(Refused::Copy);
         }
         self.path.push(position_m).ok_or(Refused::PathFull)?;
         self.enter(Phase::FollowingPath);

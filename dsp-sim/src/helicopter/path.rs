@@ -40,6 +40,11 @@ impl PathBuffer {
         self.points.front().copied()
     }
 
+    /// Where the newest waypoint is that is not reached.
+    pub fn newest(&self) -> Option<Vector> {
+        self.points.back().map(|point| point.position_m)
+    }
+
     /// Takes out the first waypoint.
     pub fn pop_front(&mut self) -> Option<PathPoint> {
         self.points.pop_front()

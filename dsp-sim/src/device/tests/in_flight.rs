@@ -201,3 +201,30 @@ fn a_reboot_forgets_all_but_the_flight() {
     assert!(statuses[0].1.flying);
     assert_eq!(said[1].1, Downlink::Error(DspErrorCode(40)));
 }
+
+#[test]
+fn waypoints_are_counted_and_a_copy_of_the_newest_is_not_taken() {
+    let mut desk = Desk::hovering();
+    let count = |desk: &mut Desk| {
+        let port = port::WAYPOINT_COUNT;
+        match desk.command(Command::Read16 { port })[..] {
+            [Downlink::Ack16 { value, .. }] => value,
+            ref other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(count(&mut desk), 0x8000);
+    let (here, there) = ((10.0, 0.0, 10.0), (10.0, 10.0, 10.0));
+    for (point, expected) in [
+        (here, 0x8001),
+        (here, 0x8001),
+        (there, 0x8002),
+        (here, 0x8003),
+    ] {
+        desk.waypoint(point);
+        assert_eq!(count(&mut desk), expected, "{point:?}");
+    }
+    assert_eq!(desk.dsp.counters().waypoint_copies, 1);
+    desk.command(write_16(port::WAYPOINT_COUNT, 0));
+    assert_eq!(desk.errors(), [30], "it cannot be written");
+    assert_eq!(count(&mut desk), 0x8003);
+}
