@@ -197,7 +197,7 @@ impl Script {
         now.pan_tilt.tilt_adc = 2048;
         now.references.altitude_m = now.geographic.altitude_m as f32;
         now.references.yaw_deg = now.attitude.yaw_deg;
-        self.samples.push(only(self.now, self.groups));
+        self.samples.push(only_groups(&self.now, self.groups));
     }
 }
 
@@ -206,12 +206,17 @@ fn step_of(metres: f64, zero: f64, m_per_step: f64) -> u32 {
     (zero + metres / m_per_step).round().clamp(0.0, 4095.0) as u32
 }
 
-/// `sample` with only these groups; the values of the others are zero, as the bridge publishes them.
-fn only(sample: DspTelemetry, groups: u16) -> DspTelemetry {
+/// `sample` with only these groups of the status mask; the values of the others are zero, as the contract has them.
+pub fn only_groups(sample: &DspTelemetry, groups: u16) -> DspTelemetry {
     let mut only = DspTelemetry {
+        sequence: sample.sequence,
+        epoch_ns: sample.epoch_ns,
+        received_ns: sample.received_ns,
         valid_groups: groups,
         flying: sample.flying,
         dsp_boots: sample.dsp_boots,
+        dsp_errors: sample.dsp_errors,
+        last_dsp_error_imi: sample.last_dsp_error_imi,
         ..DspTelemetry::default()
     };
     for group in TelemetryGroup::ALL {

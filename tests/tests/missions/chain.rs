@@ -1,0 +1,231 @@
+//! The whole chain: what status makes of each sample, compared with what the helicopter truly does.
+
+use dsp_sim::helicopter::Helicopter;
+use dsp_sim::helicopter::geodesy::{wrap_degrees, wrap_radians};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::{MonotonicNs, TelemetryGroup};
+use status::calibration::Calibration;
+use status::core::Status;
+use status::log::Logs;
+
+/// Below this speed a GPS receiver keeps the course that it had, m/s.
+const COURSE_SPEED_MPS: f64 = 0.25;
+/// Height above which the sonar's converter stays at its greatest value, m.
+const SONAR_RANGE_M: f64 = 10.0;
+
+/// Status' core behind the bridge.
+pub struct Chain {
+    status: Status,
+    pub latest: Option<HeroTelemetry>,
+    /// Samples that were compared.
+    pub compared: u64,
+}
+
+impl Chain {
+    pub fn new() -> Chain {
+        Chain {
+            status: Status::new(Calibration::default(), Logs::default()),
+            latest: None,
+            compared: 0,
+        }
+    }
+
+    /// Translates the next sample.
+    pub fn take(&mut self, sample: &DspTelemetry, now: MonotonicNs) {
+        let hero = self.status.translate(sample, now);
+        self.status.record(sample, Ok(()), now);
+        assert_eq!(hero.source_sequence, sample.sequence);
+        assert_eq!(hero.valid_groups, u32::from(sample.valid_groups));
+        assert_eq!(hero.received(), sample.received());
+        if let Some(last) = &self.latest {
+            assert_eq!(hero.source_sequence, last.source_sequence + 1);
+        }
+        self.latest = Some(hero);
+    }
+
+    /// Compares the latest sample to the truth. Each tolerance is a little more than half a step on the wire.
+    pub fn compare(&mut self, helicopter: &Helicopter) {
+        let Some(hero) = &self.latest else {
+            return;
+        };
+        self.compared += 1;
+        let mut differences = Vec::new();
+        let mut check =
+            |group: TelemetryGroup, what: &str, seen: f64, truth: f64, tolerance: f64| {
+                if hero.valid(group) && (seen.is_nan() || (seen - truth).abs() > tolerance) {
+                    differences.push(format!("{what}: {seen} instead of {truth}"));
+                }
+            };
+        use TelemetryGroup as G;
+        let (body, position) = (helicopter.body(), helicopter.position());
+        let east_of =
+            wrap_degrees(hero.geodetic.longitude_rad.to_degrees() - position.longitude_deg);
+        check(
+            G::Geographic,
+            "latitude",
+            hero.geodetic.latitude_rad,
+            position.latitude_deg.to_radians(),
+            1e-9,
+        );
+        check(
+            G::Geographic,
+            "longitude off by",
+            east_of.to_radians(),
+            0.0,
+            1e-9,
+        );
+        check(
+            G::Geographic,
+            "altitude",
+            hero.geodetic.altitude_m,
+            position.altitude_m,
+            6e-4,
+        );
+        // Its origin is the first fix, which without noise is the home.
+        check(G::Xy, "east", hero.local.east_m, body.position_m.x, 1e-3);
+        check(G::Xy, "north", hero.local.north_m, body.position_m.y, 1e-3);
+
+        let (velocity, truth) = (&hero.velocity, body.velocity_mps);
+        check(G::GpsVelocity, "up", velocity.up_mps.into(), truth.z, 6e-3);
+        check(
+            G::GpsVelocity,
+            "ground speed",
+            velocity.ground_speed_mps.into(),
+            truth.horizontal_norm(),
+            6e-3,
+        );
+        if truth.horizontal_norm() > COURSE_SPEED_MPS {
+            let course = wrap_radians(f64::from(velocity.course_rad) - truth.x.atan2(truth.y));
+            check(G::GpsVelocity, "course off by", course, 0.0, 1e-4);
+            check(
+                G::GpsVelocity,
+                "velocity east",
+                velocity.east_mps.into(),
+                truth.x,
+                1e-2,
+            );
+            check(
+                G::GpsVelocity,
+                "velocity north",
+                velocity.north_mps.into(),
+                truth.y,
+                1e-2,
+            );
+        }
+
+        let (attitude, truth) = (&hero.attitude, &body.angles);
+        let yaw_off = wrap_radians(f64::from(attitude.yaw_rad) - truth.yaw);
+        check(
+            G::Attitude,
+            "roll",
+            attitude.roll_rad.into(),
+            truth.roll,
+            1e-4,
+        );
+        check(
+            G::Attitude,
+            "pitch",
+            attitude.pitch_rad.into(),
+            truth.pitch,
+            1e-4,
+        );
+        check(G::Attitude, "yaw off by", yaw_off, 0.0, 1e-4);
+        let (rate, truth) = (&hero.angular_rate, &body.rates_radps);
+        check(
+            G::AngularRate,
+            "rolling",
+            rate.forward_radps.into(),
+            truth.forward,
+            6e-4,
+        );
+        check(
+            G::AngularRate,
+            "pitching",
+            rate.right_radps.into(),
+            truth.right,
+            6e-4,
+        );
+        check(
+            G::AngularRate,
+            "yawing",
+            rate.down_radps.into(),
+            truth.down,
+            6e-4,
+        );
+        let (force, truth) = (&hero.acceleration, body.specific_force_mps2());
+        check(
+            G::Acceleration,
+            "force forward",
+            force.forward_mps2.into(),
+            truth.forward,
+            6e-3,
+        );
+        check(
+            G::Acceleration,
+            "force right",
+            force.right_mps2.into(),
+            truth.right,
+            6e-3,
+        );
+        check(
+            G::Acceleration,
+            "force down",
+            force.down_mps2.into(),
+            truth.down,
+            6e-3,
+        );
+
+        let height_m = body.position_m.z;
+        if height_m < SONAR_RANGE_M {
+            check(
+                G::Sonar,
+                "sonar",
+                hero.sonar_height_m.into(),
+                height_m,
+                1.3e-3,
+            );
+        }
+        check(
+            G::Barometer,
+            "barometer",
+            hero.barometer_altitude_m.into(),
+            position.altitude_m,
+            0.126,
+        );
+        check(
+            G::RotorSpeed,
+            "rotor",
+            hero.rotor_radps.into(),
+            body.rotor_rpm * std::f64::consts::TAU / 60.0,
+            0.06,
+        );
+        // On the ground nothing is aimed at.
+        if helicopter.is_flying() {
+            let reference = helicopter.reference();
+            check(
+                G::References,
+                "reference altitude",
+                f64::from(hero.references.altitude_m) - position.altitude_m,
+                reference.position_m.z - height_m,
+                2e-3,
+            );
+        }
+        check(
+            G::Supply,
+            "switch",
+            hero.supply.auto_switch.into(),
+            1.0,
+            0.0,
+        );
+        check(
+            G::Supply,
+            "fuel",
+            hero.supply.fuel_fraction.into(),
+            0.5,
+            0.5,
+        );
+        let flying = u32::from(helicopter.is_flying());
+        assert_eq!(hero.flying, flying);
+        assert!(differences.is_empty(), "{differences:#?} in {hero:?}");
+    }
+}

@@ -1,0 +1,86 @@
+//! What a world is made of: both sides' configurations, and what the checkers may expect of the line.
+
+use bridge::BridgeConfig;
+use dsp_protocol::Group;
+use dsp_sim::helicopter::wind::WindModel;
+use dsp_sim::simulator::Setup;
+
+/// What a world is made of.
+#[derive(Clone)]
+pub struct WorldConfig {
+    pub bridge: BridgeConfig,
+    pub simulator: Setup,
+    /// Whether every message arrives: no noise, no reboot, no port that closes.
+    pub is_sound: bool,
+    /// Whether a sample arrives at the moment at which it was measured, without noise: then it is compared to the truth.
+    pub is_exact: bool,
+}
+
+impl WorldConfig {
+    /// The defaults of both sides, and a movement that lasts too long given up after a minute.
+    pub fn new() -> WorldConfig {
+        let mut bridge = BridgeConfig::default();
+        bridge.movement.time_limit_s = 60.0;
+        WorldConfig {
+            bridge,
+            simulator: Setup::default(),
+            is_sound: true,
+            is_exact: false,
+        }
+    }
+
+    /// Another home, with the same altitude and heading.
+    pub fn at(mut self, latitude_deg: f64, longitude_deg: f64) -> WorldConfig {
+        let home = &mut self.simulator.model.home;
+        (home.latitude_deg, home.longitude_deg) = (latitude_deg, longitude_deg);
+        self
+    }
+
+    /// A seed for wind and noise.
+    pub fn seed(mut self, seed: u64) -> WorldConfig {
+        self.simulator.model.seed = seed;
+        self
+    }
+
+    /// No wind, no noise, and a line that takes no time.
+    pub fn exact(mut self) -> WorldConfig {
+        self.simulator.model.noise_level = 0.0;
+        self.simulator.baud = None;
+        self.is_exact = true;
+        self
+    }
+
+    /// Another wind.
+    pub fn wind(mut self, speed_mps: f64, from_deg: f64, gust_mps: f64) -> WorldConfig {
+        self.simulator.model.wind = WindModel {
+            speed_mps,
+            from_deg,
+            gust_mps,
+        };
+        self
+    }
+
+    /// Controller parameters, as a table of TOML.
+    pub fn parameters(mut self, table: &str) -> WorldConfig {
+        let text = format!("[parameters]\n{table}");
+        let parsed: BridgeConfig =
+            runtime::config::parse(&text, "a test").expect("parameters of the contract");
+        self.bridge.parameters = parsed.parameters;
+        self
+    }
+
+    /// All groups but these.
+    pub fn without(mut self, groups: &[Group]) -> WorldConfig {
+        self.bridge
+            .status
+            .groups
+            .retain(|group| !groups.contains(group));
+        self
+    }
+
+    /// Messages will be lost.
+    pub fn unsound(mut self) -> WorldConfig {
+        self.is_sound = false;
+        self
+    }
+}

@@ -1,0 +1,20 @@
+//! Whole missions in virtual time: the bridge's core against the simulated DSP and its helicopter, with checkers outside
+//! both.
+//!
+//! * [`world`]: the two sides ([`config`]), the wire and one clock; [`operator`]: who flies; [`seeds`]: chance that can be repeated;
+//! * checkers: [`witness`] for what consumers get, [`wire`] for what the DSP is told, [`chain`] for what status makes of
+//!   it, and the operator for where the helicopter truly is;
+//! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`].
+
+mod chain;
+mod chance;
+mod config;
+mod operator;
+mod plain;
+mod refusals;
+mod seeds;
+mod settings;
+mod troubles;
+mod wire;
+mod witness;
+mod world;

@@ -1,0 +1,179 @@
+//! The operator: carries out a script of steps, each when the one before it has had its final word.
+
+use std::time::Duration;
+
+use dsp_sim::helicopter::Phase;
+use dsp_sim::helicopter::vector::Vector;
+use ipc_types::code::{ControlCommand, LinkState, Stage};
+use ipc_types::payload::MovementData;
+
+use crate::witness::Outcome;
+use crate::world::World;
+
+/// How far from the altitude that was asked for a take-off may end, m: the bridge's tolerance, and noise.
+const TAKE_OFF_ERROR_M: f64 = 1.2;
+
+/// What an operator does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    Start,
+    TakeOff(f64),
+    /// Points of the flat world around the home: east, north, up in metres.
+    Path(Vec<Vector>),
+    /// The same, sent one waypoint after the other with a pause between.
+    SlowPath(Vec<Vector>, Duration),
+    Land,
+    Stop,
+    /// Does nothing for some time.
+    Wait(Duration),
+}
+
+pub fn point(east_m: f64, north_m: f64, up_m: f64) -> Vector {
+    Vector::new(east_m, north_m, up_m)
+}
+
+/// Runs until the bridge has a link and knows where the helicopter is.
+pub fn await_link(world: &mut World) {
+    world.run_until("a link", |world| {
+        world.bridge().link() == LinkState::Up && world.witness.samples > 0
+    });
+    // A sample of this link.
+    let samples = world.witness.samples;
+    world.run_until("telemetry", |world| world.witness.samples > samples);
+}
+
+/// Carries out `step` and returns its final word; what it says is compared with the truth. Waiting always goes well.
+pub fn carry_out(world: &mut World, step: &Step) -> Outcome {
+    match step {
+        Step::Start => {
+            let id = world.control(ControlCommand::Start);
+            follow(world, id)
+        }
+        Step::Stop => {
+            let id = world.control(ControlCommand::Stop);
+            follow(world, id)
+        }
+        Step::TakeOff(height_m) => {
+            let ground_m = world.simulator.helicopter().body().position_m.z;
+            let id = world.movement(MovementData::take_off(0, *height_m));
+            let outcome = follow(world, id);
+            if outcome.is_done() {
+                let height = world.simulator.helicopter().body().position_m.z - ground_m;
+                assert!(
+                    (height - height_m).abs() < TAKE_OFF_ERROR_M,
+                    "took off to {height} m"
+                );
+            }
+            outcome
+        }
+        Step::Land => {
+            let id = world.movement(MovementData::land(0));
+            let outcome = follow(world, id);
+            if outcome.is_done() {
+                assert!(
+                    !world.simulator.helicopter().is_flying(),
+                    "landed, but flies"
+                );
+            }
+            outcome
+        }
+        Step::Wait(time) => {
+            world.run_for(*time);
+            Outcome::DONE
+        }
+        Step::Path(path) => fly_path(world, path, Duration::ZERO),
+        Step::SlowPath(path, pause) => fly_path(world, path, *pause),
+    }
+}
+
+/// Carries out all steps, each of which must be done well.
+pub fn fly(world: &mut World, steps: &[Step]) {
+    await_link(world);
+    for step in steps {
+        let outcome = carry_out(world, step);
+        assert!(outcome.is_done(), "{step:?} ended with {outcome:?}");
+    }
+}
+
+/// Carries out the steps up to the first that is not done well; then brings the helicopter home. Returns that step's
+/// final word, if there was one.
+pub fn fly_through_trouble(world: &mut World, steps: &[Step]) -> Option<Outcome> {
+    let failure = steps.iter().find_map(|step| {
+        await_link(world);
+        let outcome = carry_out(world, step);
+        (!outcome.is_done()).then_some(outcome)
+    });
+    if failure.is_some() {
+        bring_home(world);
+    }
+    failure
+}
+
+/// What an operator does after something went wrong: waits for the link and until the helicopter hovers or stands,
+/// ends whatever the module still does, starts it again, and lands.
+pub fn bring_home(world: &mut World) {
+    /// Each attempt can meet the rest of the trouble once.
+    const ATTEMPTS: usize = 10;
+    for _ in 0..ATTEMPTS {
+        await_link(world);
+        world.run_until("it hovers or stands", |world| {
+            let phase = world.simulator.helicopter().phase();
+            matches!(phase, Phase::OnGround | Phase::Hovering)
+        });
+        // A landing that the DSP has refused ends with its time limit.
+        world.run_until("the module can be stopped", |world| {
+            !world.witness.state.is_unable_to_abort()
+        });
+        let is_started = [Step::Stop, Step::Start]
+            .iter()
+            .all(|step| carry_out(world, step).is_done());
+        let must_land = world.simulator.helicopter().is_flying();
+        if is_started && (!must_land || carry_out(world, &Step::Land).is_done()) {
+            return;
+        }
+        world.run_for(Duration::from_secs(1));
+    }
+    panic!("the helicopter could not be brought home");
+}
+
+fn follow(world: &mut World, id: u64) -> Outcome {
+    world.run_until("a final word", |world| world.witness.outcome(id).is_some());
+    world.witness.outcome(id).expect("it was awaited")
+}
+
+fn fly_path(world: &mut World, path: &[Vector], pause: Duration) -> Outcome {
+    let path_id = 1000 + world.now().as_nanos() as u64;
+    let mut ids = Vec::new();
+    for index in 0..path.len() {
+        let sent = world.probe.waypoints;
+        ids.push(world.waypoint(path_id, path, index));
+        if index + 1 < path.len() && !pause.is_zero() {
+            world.run_for(pause);
+            assert_eq!(
+                world.probe.waypoints, sent,
+                "sent before the path was closed"
+            );
+        }
+    }
+    // A waypoint that was refused or given up tells how its path ended; else the last one does.
+    let (closing, others) = ids.split_last().expect("a path has waypoints");
+    let outcome = follow(world, *closing);
+    let broken = others.iter().find_map(|id| {
+        let outcome = world.witness.outcome(*id).expect("its path is closed");
+        (!outcome.is_done()).then_some(outcome)
+    });
+    if let Some(broken) = broken {
+        assert_ne!(outcome.stage, Stage::Done, "a path with a hole was flown");
+        return broken;
+    }
+    if outcome.is_done() {
+        let report = world.witness.words(*closing).last().expect("a final word");
+        assert_eq!(report.waypoints_total as usize, path.len());
+        assert_eq!(report.waypoints_sent as usize, path.len());
+        // A waypoint that noise has swallowed is missed by the helicopter, but never claimed to be reached.
+        if world.is_sound() || report.waypoints_reached == report.waypoints_total {
+            world.assert_path_flown();
+        }
+    }
+    outcome
+}

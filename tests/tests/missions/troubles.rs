@@ -1,0 +1,199 @@
+//! Missions on which something goes wrong, at every moment of a flight: the DSP reboots, the port goes and comes back,
+//! the line is full of noise.
+//!
+//! Whatever happens, every request has exactly one final word, no implausible value is published, and an operator who
+//! starts again brings the helicopter home. What the interrupted step is told is in the table.
+
+use std::time::Duration;
+
+use dsp_sim::helicopter::Phase;
+use ipc_types::code::{Functionality, LinkState, Reason, Stage};
+
+use crate::config::WorldConfig;
+use crate::operator::{Step, bring_home, carry_out, fly_through_trouble, point};
+use crate::witness::Outcome;
+use crate::world::{Trouble, World};
+
+/// A moment of a flight.
+type When = fn(&World) -> bool;
+
+fn phase(world: &World) -> Phase {
+    world.simulator.helicopter().phase()
+}
+
+fn does(world: &World, functionality: Functionality) -> bool {
+    world.witness.state.functionality() == Some(functionality)
+}
+
+fn has_moved(world: &World) -> bool {
+    world.witness.state.movement.kind().is_some()
+}
+
+/// What the trouble does to the step of its moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Effect {
+    /// Nothing was under way that could be lost.
+    None,
+    /// A path that was still being sent is lost.
+    Path,
+    /// A movement that the DSP goes on with, or not.
+    Movement,
+}
+
+/// Every moment, and what a loss of the DSP means then.
+const MOMENTS: [(&str, When, Effect); 11] = [
+    (
+        "during start-up",
+        |world| !world.probe.commands.is_empty(),
+        Effect::None,
+    ),
+    (
+        "on the ground",
+        |world| world.bridge().link() == LinkState::Up,
+        Effect::None,
+    ),
+    (
+        "spinning up",
+        |world| phase(world) == Phase::SpinningUp,
+        Effect::Movement,
+    ),
+    (
+        "taking off",
+        |world| phase(world) == Phase::TakingOff,
+        Effect::Movement,
+    ),
+    (
+        "hovering",
+        |world| has_moved(world) && does(world, Functionality::AtRest),
+        Effect::None,
+    ),
+    (
+        "receiving a path",
+        |world| does(world, Functionality::ReceivingPath),
+        Effect::Path,
+    ),
+    (
+        "sending a path",
+        |world| world.probe.waypoints == 1,
+        Effect::Movement,
+    ),
+    (
+        "flying a path",
+        |world| world.witness.state.movement.waypoints_reached == 1,
+        Effect::Movement,
+    ),
+    (
+        "landing",
+        |world| phase(world) == Phase::Landing,
+        Effect::Movement,
+    ),
+    (
+        "spinning down",
+        |world| phase(world) == Phase::SpinningDown && does(world, Functionality::AtRest),
+        Effect::None,
+    ),
+    (
+        "landed",
+        |world| {
+            has_moved(world)
+                && does(world, Functionality::AtRest)
+                && phase(world) == Phase::OnGround
+        },
+        Effect::None,
+    ),
+];
+
+fn mission() -> Vec<Step> {
+    vec![
+        Step::Start,
+        Step::TakeOff(6.0),
+        Step::Wait(Duration::from_secs(4)),
+        Step::SlowPath(
+            vec![
+                point(0.0, 12.0, 8.0),
+                point(12.0, 12.0, 8.0),
+                point(0.0, 0.0, 6.0),
+            ],
+            Duration::from_millis(300),
+        ),
+        Step::Land,
+    ]
+}
+
+/// Flies the mission with `trouble` at a moment; returns how the interrupted step ended.
+fn fly(config: &WorldConfig, when: When, trouble: Trouble) -> (World, Option<Outcome>) {
+    let mut world = World::new(config);
+    world.plan(trouble, when);
+    let failure = fly_through_trouble(&mut world, &mission());
+    // What happens after the mission, or just before its end, must settle as well.
+    world.run_for(Duration::from_secs(8));
+    assert!(world.has_happened());
+    if failure.is_none() {
+        bring_home(&mut world);
+    }
+    assert!(!world.simulator.helicopter().is_flying());
+    // The module can be used again.
+    let start = carry_out(&mut world, &Step::Start);
+    assert!(
+        start.is_done() || start.reason == Reason::AlreadyRunning,
+        "{start:?}"
+    );
+    assert!(carry_out(&mut world, &Step::Stop).is_done());
+    world.finish();
+    (world, failure)
+}
+
+fn check(what: &str, failure: Option<Outcome>, expected: Option<(Stage, Reason)>) {
+    let failure = failure.map(|outcome| (outcome.stage, outcome.reason));
+    assert_eq!(failure, expected, "{what}");
+}
+
+#[test]
+fn a_reboot_of_the_dsp_at_every_moment() {
+    let config = WorldConfig::new().unsound();
+    for (what, when, effect) in MOMENTS {
+        let (world, failure) = fly(&config, when, Trouble::Reboot);
+        let expected = match effect {
+            Effect::None => None,
+            Effect::Path | Effect::Movement => Some((Stage::Aborted, Reason::DspRebooted)),
+        };
+        check(what, failure, expected);
+        // During start-up there is no clock yet that could go back.
+        let boots = u32::from(what != "during start-up");
+        assert_eq!(world.witness.state.link.dsp_boots, boots, "{what}");
+    }
+}
+
+#[test]
+fn a_port_that_goes_and_comes_back_at_every_moment() {
+    let config = WorldConfig::new().unsound();
+    for pause in [Duration::from_millis(150), Duration::from_secs(5)] {
+        for (what, when, effect) in MOMENTS {
+            let (world, failure) = fly(&config, when, Trouble::PortGone(pause));
+            let lost = Reason::CommunicationFatalError;
+            let expected = match effect {
+                Effect::None => None,
+                Effect::Path => Some((Stage::Aborted, lost)),
+                Effect::Movement => Some((Stage::Unknown, lost)),
+            };
+            check(what, failure, expected);
+            assert_eq!(world.witness.state.link.port_openings, 2, "{what}");
+            assert_eq!(world.witness.state.link.dsp_boots, 0, "{what}");
+        }
+    }
+}
+
+#[test]
+fn noise_at_every_moment_publishes_nothing_implausible_and_ends() {
+    for (number, (what, when, _)) in MOMENTS.into_iter().enumerate() {
+        for seconds in [1, 4] {
+            let seed = 10 * number as u64 + seconds;
+            let config = WorldConfig::new().unsound().seed(seed);
+            let trouble = Trouble::Noise(Duration::from_secs(seconds));
+            let (world, _) = fly(&config, when, trouble);
+            let refused = &world.witness.state.refused;
+            let count = refused.checksum + refused.truncated + refused.unknown_header;
+            assert!(count > 0, "{what}: the noise was not heard, {refused:?}");
+        }
+    }
+}

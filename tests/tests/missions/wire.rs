@@ -1,0 +1,301 @@
+//! The wire between bridge and DSP, as somebody with a probe sees it: what is said, checked against what may be said,
+//! and what the wire does to it.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Uplink, Waypoint};
+use dsp_sim::random::Random;
+
+/// Attempts of a command (requirement D2).
+const ATTEMPTS: u32 = 3;
+
+/// How far a waypoint on the wire may be from the one that was asked for, m (requirement C5).
+const CODING_ERROR_M: f64 = 0.01;
+
+/// Metres of a degree, rounded up.
+const DEGREE_M: f64 = 111_700.0;
+
+/// Listens to both directions before the wire damages anything.
+pub struct Probe {
+    uplink: Decoder<Uplink>,
+    downlink: Decoder<Downlink>,
+    /// Waypoints of the path that was closed last and that have not been sent.
+    closed: VecDeque<Waypoint>,
+    /// The waypoint that was sent last: one that was lost is sent again.
+    sent: Option<Waypoint>,
+    /// The command without an acknowledgement, and how often it was sent.
+    outstanding: Option<(Command, u32)>,
+    /// Grants that no waypoint has used.
+    grants: u32,
+    pub commands: Vec<Command>,
+    pub waypoints: usize,
+    /// How often flow control said stop.
+    pub stops: u32,
+    /// Whether every message arrives: then acknowledgements and grants can be counted.
+    is_sound: bool,
+}
+
+impl Probe {
+    pub fn new(is_sound: bool) -> Probe {
+        Probe {
+            uplink: Decoder::new(),
+            downlink: Decoder::new(),
+            closed: VecDeque::new(),
+            sent: None,
+            outstanding: None,
+            grants: 0,
+            commands: Vec::new(),
+            waypoints: 0,
+            stops: 0,
+            is_sound,
+        }
+    }
+
+    /// A path is being closed: from now on its waypoints may be sent, and no others. Returns those that might be sent
+    /// until now.
+    pub fn path_closes(&mut self, path: &[Waypoint]) -> VecDeque<Waypoint> {
+        self.sent = None;
+        std::mem::replace(&mut self.closed, path.iter().copied().collect())
+    }
+
+    /// The path was not closed: what might be sent before still may.
+    pub fn path_goes_on(&mut self, waypoints: VecDeque<Waypoint>) {
+        self.closed = waypoints;
+    }
+
+    /// The port was closed: whatever was outstanding is not any more.
+    pub fn interrupted(&mut self) {
+        self.outstanding = None;
+        self.grants = 0;
+        self.uplink = Decoder::new();
+    }
+
+    /// Bytes from the bridge.
+    pub fn hear_bridge(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let (used, decoded) = self.uplink.decode(bytes);
+            bytes = &bytes[used..];
+            match decoded {
+                Decoded::Message(Uplink::Command(command)) => self.command(command),
+                Decoded::Message(Uplink::Waypoint(waypoint)) => self.waypoint(&waypoint),
+                Decoded::Incomplete => {}
+                Decoded::Refused(refusal) => panic!("the bridge sent bytes that are {refusal:?}"),
+            }
+        }
+    }
+
+    /// Bytes from the DSP.
+    pub fn hear_dsp(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let (used, decoded) = self.downlink.decode(bytes);
+            bytes = &bytes[used..];
+            match decoded {
+                Decoded::Message(
+                    Downlink::Ack { command }
+                    | Downlink::Ack16 { command, .. }
+                    | Downlink::Ack32 { command, .. },
+                ) if self
+                    .outstanding
+                    .is_some_and(|(sent, _)| sent.code() == command) =>
+                {
+                    self.outstanding = None;
+                }
+                Decoded::Message(Downlink::FlowControl(FlowControl::Send)) => self.grants += 1,
+                Decoded::Message(Downlink::FlowControl(FlowControl::Stop)) => self.stops += 1,
+                _ => {}
+            }
+        }
+    }
+
+    fn command(&mut self, command: Command) {
+        self.commands.push(command);
+        if !self.is_sound {
+            return;
+        }
+        let attempts = match self.outstanding {
+            None => 1,
+            Some((sent, attempts)) if sent == command => attempts + 1,
+            Some((sent, _)) => panic!("{command:?} was sent while {sent:?} was outstanding"),
+        };
+        assert!(
+            attempts <= ATTEMPTS,
+            "{command:?} was sent {attempts} times"
+        );
+        self.outstanding = Some((command, attempts));
+    }
+
+    fn waypoint(&mut self, sent: &Waypoint) {
+        self.waypoints += 1;
+        if self.is_sound {
+            assert!(self.grants > 0, "{sent:?} was sent without a grant");
+        }
+        self.grants = self.grants.saturating_sub(1);
+        let is_repeated = self.sent == Some(*sent);
+        if is_repeated && !self.is_sound {
+            return;
+        }
+        self.sent = Some(*sent);
+        let Some(asked) = self.closed.pop_front() else {
+            panic!("{sent:?} was sent, which is not of a closed path");
+        };
+        let error_m = distance_m(sent, &asked);
+        assert!(error_m <= CODING_ERROR_M, "{sent:?} instead of {asked:?}");
+    }
+}
+
+/// Metres between two waypoints that lie near each other.
+fn distance_m(a: &Waypoint, b: &Waypoint) -> f64 {
+    let longitude_deg = a.longitude_deg - b.longitude_deg;
+    let east_m = longitude_deg * DEGREE_M * b.latitude_deg.to_radians().cos();
+    let north_m = (a.latitude_deg - b.latitude_deg) * DEGREE_M;
+    east_m.hypot(north_m).hypot(a.altitude_m - b.altitude_m)
+}
+
+/// A wire that damages bytes for some time.
+pub struct Noise {
+    random: Random,
+    until: Duration,
+    rate: f64,
+}
+
+impl Noise {
+    /// A wire that damages nothing yet.
+    pub fn new(seed: u64, stream: u64) -> Noise {
+        Noise {
+            random: Random::new(seed, stream),
+            until: Duration::ZERO,
+            rate: 0.0,
+        }
+    }
+
+    /// Damages this share of all bytes from now until `until`.
+    pub fn begin(&mut self, rate: f64, until: Duration) {
+        self.rate = rate;
+        self.until = until;
+    }
+
+    /// What becomes of `bytes` at `now`: flipped bits, other bytes, lost and repeated ones.
+    pub fn damage(&mut self, now: Duration, bytes: &mut Vec<u8>) {
+        if now >= self.until {
+            return;
+        }
+        let mut damaged = Vec::with_capacity(bytes.len());
+        for byte in bytes.iter() {
+            if self.random.uniform() >= self.rate {
+                damaged.push(*byte);
+                continue;
+            }
+            let bits = self.random.next_u64();
+            match bits & 7 {
+                0 => {}
+                1 => damaged.extend([*byte, *byte]),
+                2 => damaged.push((bits >> 8) as u8),
+                _ => damaged.push(byte ^ (1 << ((bits >> 8) & 7))),
+            }
+        }
+        *bytes = damaged;
+    }
+}
+
+mod tests {
+    use super::*;
+
+    const NORTH: Waypoint = Waypoint {
+        latitude_deg: 37.0,
+        longitude_deg: -6.0,
+        altitude_m: 10.0,
+    };
+
+    fn granted(probe: &mut Probe) {
+        let grant = Downlink::FlowControl(FlowControl::Send).encode();
+        probe.hear_dsp(grant.as_bytes());
+    }
+
+    fn sends(probe: &mut Probe, message: Uplink) {
+        probe.hear_bridge(message.encode().as_bytes());
+    }
+
+    #[test]
+    #[should_panic(expected = "not of a closed path")]
+    fn a_waypoint_of_an_open_path_is_noticed() {
+        let mut probe = Probe::new(true);
+        granted(&mut probe);
+        sends(&mut probe, Uplink::Waypoint(NORTH));
+    }
+
+    #[test]
+    #[should_panic(expected = "instead of")]
+    fn another_waypoint_is_noticed() {
+        let mut probe = Probe::new(true);
+        probe.path_closes(&[NORTH]);
+        granted(&mut probe);
+        // Two centimetres off.
+        let latitude_deg = NORTH.latitude_deg + 2e-7;
+        sends(
+            &mut probe,
+            Uplink::Waypoint(Waypoint {
+                latitude_deg,
+                ..NORTH
+            }),
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "without a grant")]
+    fn a_second_waypoint_for_one_grant_is_noticed() {
+        let mut probe = Probe::new(true);
+        probe.path_closes(&[NORTH, NORTH]);
+        granted(&mut probe);
+        sends(&mut probe, Uplink::Waypoint(NORTH));
+        sends(&mut probe, Uplink::Waypoint(NORTH));
+    }
+
+    #[test]
+    #[should_panic(expected = "while ClearErrors was outstanding")]
+    fn a_second_outstanding_command_is_noticed() {
+        let mut probe = Probe::new(true);
+        sends(&mut probe, Uplink::Command(Command::ClearErrors));
+        sends(&mut probe, Uplink::Command(Command::InvalidatePath));
+    }
+
+    #[test]
+    #[should_panic(expected = "was sent 4 times")]
+    fn a_fourth_attempt_is_noticed() {
+        let mut probe = Probe::new(true);
+        for _ in 0..4 {
+            sends(&mut probe, Uplink::Command(Command::ClearErrors));
+        }
+    }
+
+    #[test]
+    fn what_is_allowed_passes() {
+        let mut probe = Probe::new(true);
+        for command in [Command::ClearErrors, Command::ClearErrors] {
+            sends(&mut probe, Uplink::Command(command));
+        }
+        let code = Command::ClearErrors.code();
+        probe.hear_dsp(Downlink::Ack { command: code }.encode().as_bytes());
+        sends(&mut probe, Uplink::Command(Command::InvalidatePath));
+        probe.path_closes(&[NORTH]);
+        granted(&mut probe);
+        sends(&mut probe, Uplink::Waypoint(NORTH));
+        assert_eq!((probe.commands.len(), probe.waypoints), (3, 1));
+    }
+
+    #[test]
+    fn noise_damages_three_of_ten_bytes_and_ends() {
+        let mut noise = Noise::new(1, 1);
+        let end = Duration::from_secs(1);
+        noise.begin(0.3, end);
+        let sent = vec![0x55; 10_000];
+        let mut heard = sent.clone();
+        noise.damage(Duration::ZERO, &mut heard);
+        let sound = heard.iter().filter(|byte| **byte == 0x55).count();
+        // Seven of ten are left alone, and one of eight damaged ones comes twice.
+        assert!((7_300..8_300).contains(&sound), "{sound}");
+        let mut heard = sent.clone();
+        noise.damage(end, &mut heard);
+        assert_eq!(heard, sent);
+    }
+}

@@ -1,0 +1,437 @@
+//! The witness: takes what the bridge says in the place of shared memory, and checks what every consumer relies on.
+
+use std::collections::BTreeMap;
+
+use bridge::{Outputs, RequestKey};
+use ipc_types::code::{Functionality, ImiCode, ModuleId, ModuleStatus, Reason, Stage};
+use ipc_types::payload::{DspServoPulses, DspTelemetry, ModuleState, RequestReport};
+use ipc_types::{MonotonicNs, TelemetryGroup};
+use ril_tests::script::only_groups;
+
+/// Longest time between two published states, with the default configuration.
+const STATE_PERIOD_NS: u64 = 250_000_000;
+
+/// The last word about a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    pub stage: Stage,
+    pub reason: Reason,
+    pub imi: ImiCode,
+}
+
+impl Outcome {
+    pub const DONE: Outcome = Outcome {
+        stage: Stage::Done,
+        reason: Reason::None,
+        imi: ImiCode(0),
+    };
+
+    pub fn is_done(&self) -> bool {
+        self.stage == Stage::Done
+    }
+}
+
+/// See the module's documentation.
+pub struct Witness {
+    /// The present; the world sets it before it gives the bridge anything.
+    pub now: MonotonicNs,
+    /// Samples that nobody has looked at yet.
+    pub fresh: Vec<DspTelemetry>,
+    /// Samples so far.
+    pub samples: u64,
+    /// What the module did: each pair once for as long as it lasts.
+    pub phases: Vec<(ModuleStatus, Functionality)>,
+    pub state: ModuleState,
+    last: Option<DspTelemetry>,
+    last_state: Option<MonotonicNs>,
+    requests: BTreeMap<u64, Vec<RequestReport>>,
+    /// Whether every message arrives: then the DSP's clock never seems to go back.
+    is_sound: bool,
+}
+
+impl Witness {
+    pub fn new(is_sound: bool) -> Witness {
+        Witness {
+            now: MonotonicNs(0),
+            fresh: Vec::new(),
+            samples: 0,
+            phases: Vec::new(),
+            state: ModuleState::default(),
+            last: None,
+            last_state: None,
+            requests: BTreeMap::new(),
+            is_sound,
+        }
+    }
+
+    /// A request is about to be sent.
+    pub fn expect(&mut self, request_id: u64) {
+        self.requests.insert(request_id, Vec::new());
+    }
+
+    /// All words about a request.
+    pub fn words(&self, request_id: u64) -> &[RequestReport] {
+        &self.requests[&request_id]
+    }
+
+    /// The final word about a request, if it has been said.
+    pub fn outcome(&self, request_id: u64) -> Option<Outcome> {
+        let last = self.words(request_id).last()?;
+        last.is_final().then(|| Outcome {
+            stage: last.stage().expect("a stage of the contract"),
+            reason: last.reason().expect("a reason of the contract"),
+            imi: last.imi_error(),
+        })
+    }
+
+    /// The latest sample.
+    pub fn latest(&self) -> Option<&DspTelemetry> {
+        self.last.as_ref()
+    }
+
+    /// Every request has had its final word.
+    pub fn assert_all_answered(&self) {
+        let unanswered: Vec<_> = self
+            .requests
+            .iter()
+            .filter(|(_, words)| !words.last().is_some_and(RequestReport::is_final))
+            .collect();
+        assert!(
+            unanswered.is_empty(),
+            "without a final word: {unanswered:?}"
+        );
+    }
+
+    fn check_order(&self, sample: &DspTelemetry) {
+        let Some(last) = &self.last else {
+            return;
+        };
+        assert!(
+            sample.received_ns >= last.received_ns,
+            "{sample:?} after {last:?}"
+        );
+        assert!(
+            sample.dsp_boots >= last.dsp_boots,
+            "{sample:?} after {last:?}"
+        );
+        let both_timed = sample.valid(TelemetryGroup::Time) && last.valid(TelemetryGroup::Time);
+        if self.is_sound && both_timed && sample.dsp_boots == last.dsp_boots {
+            assert!(
+                sample.dsp_time_ms > last.dsp_time_ms,
+                "{sample:?} after {last:?}"
+            );
+        }
+    }
+}
+
+impl Outputs for Witness {
+    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+        let mut sample = DspTelemetry::default();
+        fill(&mut sample);
+        assert_eq!(
+            (sample.sequence, sample.epoch_ns),
+            (0, 0),
+            "the publisher's"
+        );
+        self.samples += 1;
+        sample.sequence = self.samples;
+        assert_plausible(&sample);
+        assert!(
+            sample.received_ns <= self.now.0,
+            "received in the future: {sample:?}"
+        );
+        self.check_order(&sample);
+        self.last = Some(sample);
+        self.fresh.push(sample);
+    }
+
+    fn state(&mut self, state: &ModuleState) {
+        let last = self.last_state.replace(self.now).unwrap_or(self.now);
+        let age_ns = self.now.0 - last.0;
+        assert!(age_ns <= STATE_PERIOD_NS, "no state for {age_ns} ns");
+        assert_consistent(state);
+        let before = &self.state;
+        assert!(state.link.telemetry_published >= before.link.telemetry_published);
+        assert_eq!(u64::from(state.link.telemetry_published), self.samples);
+        assert!(state.refused.requests >= before.refused.requests);
+        assert!(state.dsp_errors.total >= before.dsp_errors.total);
+        let phase = (
+            state.status().expect("a status of the contract"),
+            state.functionality().expect("one of the contract"),
+        );
+        if self.phases.last() != Some(&phase) {
+            self.phases.push(phase);
+        }
+        self.state = *state;
+    }
+
+    fn report(&mut self, to: RequestKey, report: &RequestReport) {
+        let (RequestKey::Control(id) | RequestKey::Movement(id)) = to;
+        assert_eq!(id, report.request_id, "a report for another request");
+        assert_eq!(report.reported_ns, self.now.0, "{report:?}");
+        let Some(words) = self.requests.get_mut(&id) else {
+            panic!("nobody sent the request of {report:?}");
+        };
+        let stage = report.stage().expect("a stage of the contract");
+        assert!(report.reason().is_some(), "{report:?}");
+        assert!(
+            report.waypoints_sent <= report.waypoints_total,
+            "{report:?}"
+        );
+        assert!(
+            report.waypoints_reached <= report.waypoints_sent,
+            "{report:?}"
+        );
+        match words.last() {
+            None => assert_ne!(
+                stage,
+                Stage::Progress,
+                "progress before acceptance: {report:?}"
+            ),
+            Some(last) => {
+                assert!(!last.is_final(), "{report:?} after the final {last:?}");
+                assert!(
+                    !matches!(stage, Stage::Accepted | Stage::Refused),
+                    "{report:?} after {last:?}"
+                );
+                assert!(
+                    report.waypoints_sent >= last.waypoints_sent,
+                    "{report:?} after {last:?}"
+                );
+                assert!(
+                    report.waypoints_reached >= last.waypoints_reached,
+                    "{report:?} after {last:?}"
+                );
+            }
+        }
+        words.push(*report);
+    }
+}
+
+/// What the fields of a state say must fit together.
+fn assert_consistent(state: &ModuleState) {
+    use Functionality as F;
+    use ModuleStatus as S;
+    assert_eq!(state.module(), Some(ModuleId::HeroBridge));
+    let status = state.status().expect("a status of the contract");
+    let functionality = state.functionality().expect("one of the contract");
+    let fits = match functionality {
+        F::TakingOff | F::Landing => {
+            status == S::Running && !state.is_blocked() && state.is_unable_to_abort()
+        }
+        F::FollowingPath => {
+            status == S::Running && !state.is_blocked() && !state.is_unable_to_abort()
+        }
+        F::Stopping => state.is_blocked() && !state.is_unable_to_abort(),
+        F::ReceivingPath => !state.is_blocked() && !state.is_unable_to_abort(),
+        F::AtRest => {
+            let must_block = matches!(status, S::WaitingDataToStart | S::Aborted);
+            (!must_block || state.is_blocked()) && !state.is_unable_to_abort()
+        }
+    };
+    assert!(fits, "{state:?}");
+    assert!(status != S::Running || !state.is_blocked(), "{state:?}");
+    let movement = &state.movement;
+    assert!(
+        movement.waypoints_reached <= movement.waypoints_sent,
+        "{movement:?}"
+    );
+    assert!(
+        movement.waypoints_sent <= movement.waypoints_total,
+        "{movement:?}"
+    );
+    assert!(movement.distance_to_go_m.is_finite(), "{movement:?}");
+}
+
+/// The limits of `docs/protocol.md` section 9, and that groups which are not valid are zero.
+pub fn assert_plausible(sample: &DspTelemetry) {
+    let rest = DspTelemetry {
+        flying: sample.flying,
+        ..only_groups(sample, sample.valid_groups)
+    };
+    assert_eq!(*sample, rest, "a group that is not valid holds something");
+    assert!(sample.flying <= 1, "{sample:?}");
+    for group in TelemetryGroup::ALL {
+        assert!(is_plausible(sample, group), "{group:?} of {sample:?}");
+    }
+}
+
+/// Zero, which stands where nothing is valid, is within all limits but those of the servos.
+fn is_plausible(sample: &DspTelemetry, group: TelemetryGroup) -> bool {
+    use TelemetryGroup as G;
+    let within = |value: f64, limit: f64| value.abs() <= limit;
+    let within32 =
+        |values: &[f32], limit: f64| values.iter().all(|value| within(f64::from(*value), limit));
+    let altitude = |value: f64| (-1000.0..=20_000.0).contains(&value);
+    let pulses = |pulses: &DspServoPulses| {
+        let DspServoPulses {
+            collective_us,
+            roll_us,
+            pitch_us,
+            tail_us,
+            throttle_us,
+        } = *pulses;
+        !sample.valid(group)
+            || [collective_us, roll_us, pitch_us, tail_us, throttle_us]
+                .iter()
+                .all(|pulse| (500..=2500).contains(pulse))
+    };
+    match group {
+        G::Time => true,
+        G::Geographic => {
+            let position = &sample.geographic;
+            within(position.latitude_deg, 90.0)
+                && within(position.longitude_deg, 180.0)
+                && altitude(position.altitude_m)
+        }
+        G::Xy => within(sample.xy.x_m, 1e5) && within(sample.xy.y_m, 1e5),
+        G::GpsVelocity => {
+            let velocity = &sample.gps_velocity;
+            (0.0..=100.0).contains(&velocity.horizontal_speed_mps)
+                && within32(&[velocity.vertical_speed_mps], 50.0)
+                && (0.0..=360.0).contains(&velocity.heading_deg)
+        }
+        G::GpsQuality => sample.gps_quality <= 8,
+        G::Attitude => {
+            within32(&[sample.attitude.pitch_deg], 90.0)
+                && within32(&[sample.attitude.roll_deg, sample.attitude.yaw_deg], 180.0)
+        }
+        G::Acceleration => {
+            let force = &sample.acceleration;
+            within32(&[force.x_mps2, force.y_mps2, force.z_mps2], 160.0)
+        }
+        G::AngularRate => {
+            let rate = &sample.angular_rate;
+            within32(&[rate.x_radps, rate.y_radps, rate.z_radps], 20.0)
+        }
+        G::PilotPwm => pulses(&sample.pilot_pwm),
+        G::Actuation => pulses(&sample.actuation),
+        G::Sonar => sample.sonar_adc <= 4095,
+        G::Barometer => sample.barometer_adc <= 4095,
+        G::PanTilt => sample.pan_tilt.pan_adc <= 4095 && sample.pan_tilt.tilt_adc <= 4095,
+        G::Supply => {
+            sample.supply.battery_mv <= 60_000
+                && sample.supply.fuel_percent <= 100
+                && sample.supply.auto_switch <= 1
+        }
+        G::RotorSpeed => sample.rotor_rpm <= 4000,
+        G::References => {
+            let references = &sample.references;
+            within32(&[references.x_speed_mps, references.y_speed_mps], 100.0)
+                && altitude(references.altitude_m.into())
+                && within32(&[references.pitch_deg], 90.0)
+                && within32(&[references.roll_deg, references.yaw_deg], 180.0)
+        }
+    }
+}
+
+mod tests {
+    use super::*;
+
+    const REQUEST: RequestKey = RequestKey::Control(1);
+
+    fn witness() -> Witness {
+        let mut witness = Witness::new(true);
+        witness.expect(1);
+        witness
+    }
+
+    fn says(witness: &mut Witness, stages: &[Stage]) {
+        for stage in stages {
+            let report = RequestReport {
+                request_id: 1,
+                ..RequestReport::new(*stage, Reason::None)
+            };
+            witness.report(REQUEST, &report);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "after the final")]
+    fn a_second_final_word_is_noticed() {
+        says(
+            &mut witness(),
+            &[Stage::Accepted, Stage::Done, Stage::Aborted],
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "progress before acceptance")]
+    fn progress_without_acceptance_is_noticed() {
+        says(&mut witness(), &[Stage::Progress]);
+    }
+
+    #[test]
+    #[should_panic(expected = "without a final word")]
+    fn a_missing_final_word_is_noticed() {
+        let mut witness = witness();
+        says(&mut witness, &[Stage::Accepted]);
+        witness.assert_all_answered();
+    }
+
+    #[test]
+    #[should_panic(expected = "nobody sent the request")]
+    fn a_word_to_nobody_is_noticed() {
+        says(&mut Witness::new(true), &[Stage::Done]);
+    }
+
+    #[test]
+    #[should_panic(expected = "Geographic of")]
+    fn an_implausible_value_is_noticed() {
+        witness().telemetry(|sample| {
+            sample.valid_groups = TelemetryGroup::Geographic.bit();
+            sample.geographic.latitude_deg = 90.1;
+        });
+    }
+
+    #[test]
+    #[should_panic(expected = "a group that is not valid holds something")]
+    fn a_value_that_was_never_measured_is_noticed() {
+        witness().telemetry(|sample| sample.sonar_adc = 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "after DspTelemetry")]
+    fn a_clock_that_stands_still_is_noticed() {
+        let mut witness = witness();
+        for _ in 0..2 {
+            witness.telemetry(|sample| {
+                sample.valid_groups = TelemetryGroup::Time.bit();
+                sample.dsp_time_ms = 20;
+            });
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "no state for")]
+    fn a_state_that_is_late_is_noticed() {
+        let mut witness = witness();
+        let state = ril_tests::StandInBridge::idle_state();
+        witness.state(&state);
+        witness.now = MonotonicNs(STATE_PERIOD_NS + 1);
+        witness.state(&state);
+    }
+
+    #[test]
+    fn what_is_in_order_passes() {
+        let mut witness = witness();
+        says(
+            &mut witness,
+            &[
+                Stage::Accepted,
+                Stage::Progress,
+                Stage::Progress,
+                Stage::Done,
+            ],
+        );
+        witness.assert_all_answered();
+        assert!(witness.outcome(1).expect("a final word").is_done());
+        for time in [20, 40] {
+            witness.telemetry(|sample| {
+                sample.valid_groups = TelemetryGroup::Time.bit();
+                sample.dsp_time_ms = time;
+            });
+        }
+        assert_eq!(witness.samples, 2);
+    }
+}

@@ -1,0 +1,431 @@
+//! The world: the bridge's core and the simulated DSP with its helicopter, the wire between them, and one clock that
+//! jumps from deadline to deadline. No thread, no file, no sleep.
+
+use std::time::Duration;
+
+use bridge::{Bridge, RequestKey};
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::Geographic;
+use dsp_sim::helicopter::geodesy::LocalFrame;
+use dsp_sim::helicopter::vector::Vector;
+use dsp_sim::simulator::Simulator;
+use ipc_types::MonotonicNs;
+use ipc_types::code::{ControlCommand, MovementKind, Stage};
+use ipc_types::payload::{ModuleControl, MovementData, WaypointPosition};
+
+use crate::chain::Chain;
+use crate::config::WorldConfig;
+use crate::wire::{Noise, Probe};
+use crate::witness::Witness;
+
+/// The host's clock when the world begins: far from zero, so that nobody takes one clock for the other.
+const HOST_EPOCH: MonotonicNs = MonotonicNs(86_400_000_000_000);
+
+/// Longest virtual time to wait for anything: longer than any flight here, with the movements' time limit of
+/// [`WorldConfig`].
+const PATIENCE: Duration = Duration::from_secs(400);
+
+/// Steps in which the clock may stand still: messages that go to and fro without taking time.
+const MAX_STEPS_AT_ONCE: u32 = 1000;
+
+/// Half the edge of the box in which a waypoint counts as reached, m: the bridge's tolerance of 10⁻⁵ degrees of latitude,
+/// and noise.
+const BOX_M: f64 = 1.12 + 0.2;
+
+/// Something that happens to the line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trouble {
+    /// The DSP boots again.
+    Reboot,
+    /// The port goes and comes back after this time.
+    PortGone(Duration),
+    /// Three of ten bytes are damaged in both directions for this time.
+    Noise(Duration),
+}
+
+/// A trouble that waits for its moment.
+struct Plan {
+    when: fn(&World) -> bool,
+    trouble: Trouble,
+}
+
+/// A path as the truth has it: which of its waypoints the helicopter has come to, in order.
+struct Track {
+    waypoints: Vec<Vector>,
+    reached: usize,
+}
+
+impl Track {
+    fn of(path: &[Waypoint], world: &LocalFrame) -> Track {
+        let to_flat = |waypoint: &Waypoint| {
+            world.to_flat(Geographic {
+                latitude_deg: waypoint.latitude_deg,
+                longitude_deg: waypoint.longitude_deg,
+                altitude_m: waypoint.altitude_m,
+            })
+        };
+        Track {
+            waypoints: path.iter().map(to_flat).collect(),
+            reached: 0,
+        }
+    }
+}
+
+/// See the module's documentation.
+pub struct World {
+    pub simulator: Simulator,
+    pub witness: Witness,
+    pub probe: Probe,
+    pub chain: Chain,
+    /// Free places of the DSP's path buffer when it was fullest.
+    pub fewest_free_places: usize,
+    bridge: Bridge,
+    now: Duration,
+    is_exact: bool,
+    is_sound: bool,
+    /// When the port opens; nothing while it is open.
+    port_opens: Option<Duration>,
+    noise: [Noise; 2],
+    plan: Option<Plan>,
+    track: Option<Track>,
+    /// The waypoints that were sent since the last head of a path.
+    open_path: Vec<MovementData>,
+    next_request: u64,
+    steps_at_once: u32,
+}
+
+impl World {
+    pub fn new(config: &WorldConfig) -> World {
+        let seed = config.simulator.model.seed;
+        World {
+            simulator: Simulator::new(config.simulator.clone()),
+            witness: Witness::new(config.is_sound),
+            probe: Probe::new(config.is_sound),
+            chain: Chain::new(),
+            fewest_free_places: usize::MAX,
+            bridge: Bridge::new(&config.bridge),
+            now: Duration::ZERO,
+            is_exact: config.is_exact,
+            is_sound: config.is_sound,
+            port_opens: Some(Duration::from_millis(10)),
+            noise: [Noise::new(seed, 101), Noise::new(seed, 102)],
+            plan: None,
+            track: None,
+            open_path: Vec::new(),
+            next_request: 0,
+            steps_at_once: 0,
+        }
+    }
+
+    /// Lets `trouble` happen as soon as `when` holds; once.
+    pub fn plan(&mut self, trouble: Trouble, when: fn(&World) -> bool) {
+        self.plan = Some(Plan { when, trouble });
+    }
+
+    /// Whether the planned trouble has begun.
+    pub fn has_happened(&self) -> bool {
+        self.plan.is_none()
+    }
+
+    pub fn bridge(&self) -> &Bridge {
+        &self.bridge
+    }
+
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// Whether every message arrives.
+    pub fn is_sound(&self) -> bool {
+        self.is_sound
+    }
+
+    /// Runs until `done` holds.
+    #[track_caller]
+    pub fn run_until(&mut self, what: &str, done: impl Fn(&World) -> bool) {
+        let end = self.now + PATIENCE;
+        while !done(self) {
+            assert!(
+                self.now < end,
+                "never: {what}; {:?}, {:?}, link {}",
+                self.witness.phases.last(),
+                self.simulator.helicopter().phase(),
+                self.bridge.link(),
+            );
+            self.step(end);
+        }
+    }
+
+    /// Runs for some time.
+    pub fn run_for(&mut self, time: Duration) {
+        let end = self.now + time;
+        while self.now < end {
+            self.step(end);
+        }
+    }
+
+    /// Sends a control request and returns its id.
+    pub fn control(&mut self, command: ControlCommand) -> u64 {
+        self.control_request(ModuleControl::new(0, command))
+    }
+
+    /// Sends a control request, with an id of the world's choice, and returns the id.
+    pub fn control_request(&mut self, request: ModuleControl) -> u64 {
+        let id = self.request_id();
+        let request = ModuleControl {
+            request_id: id,
+            ..request
+        };
+        let key = RequestKey::Control(id);
+        self.bridge
+            .control(host(self.now), key, &request, &mut self.witness);
+        self.exchange();
+        id
+    }
+
+    /// Sends a movement request, with an id of the world's choice, and returns the id.
+    pub fn movement(&mut self, request: MovementData) -> u64 {
+        let request_id = self.request_id();
+        let request = MovementData {
+            request_id,
+            ..request
+        };
+        let flown = self.path_closed_by(&request).map(|path| {
+            let flown = (self.probe.path_closes(&path), self.track.take());
+            self.track = Some(Track::of(&path, self.simulator.helicopter().world()));
+            flown
+        });
+        let key = RequestKey::Movement(request_id);
+        self.bridge
+            .movement(host(self.now), key, &request, &mut self.witness);
+        self.exchange();
+        if request.kind() == Some(MovementKind::GoToWaypoint) {
+            self.open_path.push(request);
+        }
+        let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
+        if let (Some((waypoints, track)), false) = (flown, is_accepted) {
+            // The path that is being flown goes on.
+            self.probe.path_goes_on(waypoints);
+            self.track = track;
+        }
+        request_id
+    }
+
+    /// Sends one waypoint of a path, given in the flat world, and returns the request's id. `path` is the whole path.
+    pub fn waypoint(&mut self, path_id: u64, path: &[Vector], index: usize) -> u64 {
+        let position = self
+            .simulator
+            .helicopter()
+            .world()
+            .to_geographic(path[index]);
+        let position = WaypointPosition {
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_m: position.altitude_m,
+        };
+        let (first, last) = (index == 0, index + 1 == path.len());
+        self.movement(MovementData::waypoint(0, path_id, position, first, last))
+    }
+
+    /// The waypoints of the path that `request` would close, judged by the requests and what was said about them: those
+    /// since the last head that have no final word yet, and this one.
+    fn path_closed_by(&mut self, request: &MovementData) -> Option<Vec<Waypoint>> {
+        if request.first == 1 {
+            self.open_path.clear();
+        }
+        if request.kind() != Some(MovementKind::GoToWaypoint) || request.last != 1 {
+            return None;
+        }
+        let witness = &self.witness;
+        let open = self
+            .open_path
+            .iter()
+            .filter(|waypoint| witness.outcome(waypoint.request_id).is_none())
+            .chain([request])
+            .map(|waypoint| Waypoint {
+                latitude_deg: waypoint.latitude_deg,
+                longitude_deg: waypoint.longitude_deg,
+                altitude_m: waypoint.altitude_m,
+            });
+        Some(open.collect())
+    }
+
+    /// Asserts what the end of a path means: the helicopter truly was in the boxes of all its waypoints, in order, and
+    /// is in the last one now.
+    #[track_caller]
+    pub fn assert_path_flown(&self) {
+        let track = self.track.as_ref().expect("a path");
+        let waypoints = &track.waypoints;
+        assert_eq!(
+            track.reached,
+            waypoints.len(),
+            "the helicopter was not at waypoint {} of {waypoints:?}",
+            track.reached,
+        );
+        let last = waypoints.last().expect("waypoints");
+        let away_m = self.simulator.helicopter().body().position_m - *last;
+        assert!(
+            is_in_box(away_m),
+            "the helicopter is {away_m:?} away from the last of {waypoints:?}"
+        );
+    }
+
+    /// The sender of a movement request goes.
+    pub fn sender_gone(&mut self, request_id: u64) {
+        self.witness.now = host(self.now);
+        let key = RequestKey::Movement(request_id);
+        self.bridge
+            .sender_gone(host(self.now), key, &mut self.witness);
+    }
+
+    /// Id of the request that was sent last.
+    pub fn last_request(&self) -> u64 {
+        self.next_request
+    }
+
+    /// How often the DSP's flow control said stop.
+    pub fn stops_heard(&self) -> u32 {
+        self.probe.stops
+    }
+
+    /// Ends the bridge; every request must then have had its final word.
+    pub fn finish(&mut self) {
+        self.witness.now = host(self.now);
+        self.bridge.close(host(self.now), &mut self.witness);
+        self.witness.assert_all_answered();
+    }
+
+    fn request_id(&mut self) -> u64 {
+        self.witness.now = host(self.now);
+        self.next_request += 1;
+        self.witness.expect(self.next_request);
+        self.next_request
+    }
+
+    /// Jumps to the next deadline of anybody, `end` at the latest, and does what is due.
+    fn step(&mut self, end: Duration) {
+        let bridge =
+            Duration::from_nanos(self.bridge.deadline().since(HOST_EPOCH).as_nanos() as u64);
+        let next = [
+            Some(bridge),
+            self.simulator.next_deadline(),
+            self.port_opens,
+            Some(end),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+        .unwrap_or(end);
+        if next > self.now {
+            self.now = next;
+            self.steps_at_once = 0;
+        }
+        self.steps_at_once += 1;
+        assert!(
+            self.steps_at_once < MAX_STEPS_AT_ONCE,
+            "time stands still at {:?}",
+            self.now
+        );
+        let now = host(self.now);
+        self.witness.now = now;
+        self.simulator.advance(self.now);
+        if self.port_opens.is_some_and(|opens| opens <= self.now) {
+            self.port_opens = None;
+            // What was said meanwhile was said to nobody.
+            self.simulator.transmit(|bytes| bytes.len());
+            self.bridge.port_opened(now, &mut self.witness);
+        }
+        self.exchange();
+        self.bridge.advance(now, &mut self.witness);
+        self.exchange();
+        self.look();
+        self.trouble();
+    }
+
+    /// Carries bytes both ways until neither side has any.
+    fn exchange(&mut self) {
+        let now = host(self.now);
+        loop {
+            let mut from_dsp = Vec::new();
+            self.simulator.transmit(|bytes| {
+                from_dsp.extend_from_slice(bytes);
+                bytes.len()
+            });
+            if self.port_opens.is_some() {
+                return;
+            }
+            // A real line would drop what was given up; here it has been sent.
+            self.bridge.take_discard_unsent();
+            let mut to_dsp = self.bridge.transmit(now).to_vec();
+            self.bridge.transmitted(to_dsp.len());
+            if from_dsp.is_empty() && to_dsp.is_empty() {
+                return;
+            }
+            self.probe.hear_dsp(&from_dsp);
+            self.probe.hear_bridge(&to_dsp);
+            self.noise[0].damage(self.now, &mut from_dsp);
+            self.noise[1].damage(self.now, &mut to_dsp);
+            self.bridge.receive(now, &from_dsp, &mut self.witness);
+            let taken = self.simulator.receive(self.now, &to_dsp);
+            assert_eq!(taken, to_dsp.len(), "the line to the DSP is full");
+        }
+    }
+
+    /// Looks at the truth, and compares what the consumers got to it.
+    fn look(&mut self) {
+        let helicopter = self.simulator.helicopter();
+        self.fewest_free_places = self.fewest_free_places.min(helicopter.free_places());
+        if let Some(track) = &mut self.track {
+            let position_m = helicopter.body().position_m;
+            while let Some(waypoint) = track.waypoints.get(track.reached)
+                && is_in_box(position_m - *waypoint)
+            {
+                track.reached += 1;
+            }
+        }
+        for sample in self.witness.fresh.drain(..) {
+            self.chain.take(&sample, host(self.now));
+            if self.is_exact {
+                self.chain.compare(helicopter);
+            }
+        }
+    }
+
+    fn trouble(&mut self) {
+        let Some(plan) = self.plan.take() else {
+            return;
+        };
+        if !(plan.when)(self) {
+            self.plan = Some(plan);
+            return;
+        }
+        let now = host(self.now);
+        match plan.trouble {
+            Trouble::Reboot => {
+                self.probe.interrupted();
+                self.simulator.reboot();
+            }
+            Trouble::PortGone(time) => {
+                self.probe.interrupted();
+                self.port_opens = Some(self.now + time);
+                self.bridge.port_closed(now, &mut self.witness);
+            }
+            Trouble::Noise(time) => {
+                let until = self.now + time;
+                for noise in &mut self.noise {
+                    noise.begin(0.3, until);
+                }
+            }
+        }
+    }
+}
+
+fn is_in_box(away_m: Vector) -> bool {
+    [away_m.x, away_m.y, away_m.z]
+        .iter()
+        .all(|metres| metres.abs() <= BOX_M)
+}
+
+fn host(now: Duration) -> MonotonicNs {
+    HOST_EPOCH + now
+}
