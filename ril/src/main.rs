@@ -8,7 +8,14 @@ use runtime::exit;
 
 fn main() -> std::process::ExitCode {
     let cli = Cli::parse_from(protect_coordinates(std::env::args_os()));
-    exit::main_with(|| match cli.command {
+    exit::main_with(|| {
+        demo::end_with_parent().map_err(exit::Failure::internal)?;
+        run(cli.command)
+    })
+}
+
+fn run(command: Command) -> Result<(), exit::Failure> {
+    match command {
         Command::Demo(args) => demo::run(&args),
         Command::Bridge(args) => bridge::cli::run(args),
         Command::Status(args) => status::cli::run(args),
@@ -20,5 +27,5 @@ fn main() -> std::process::ExitCode {
         Command::Goto(args) => request::go_to(&args),
         Command::State(args) => state::state(&args),
         Command::Echo(args) => echo::echo(&args),
-    })
+    }
 }

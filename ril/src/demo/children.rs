@@ -13,10 +13,31 @@ use std::time::{Duration, Instant};
 
 use ipc_types::Domain;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use rustix::process::{
+    Pid, PidfdFlags, Signal, getppid, pidfd_open, pidfd_send_signal,
+    set_parent_process_death_signal,
+};
 
 /// How long a process may take to end after SIGTERM before it is killed. It takes milliseconds; machines stall.
 const END_WITHIN: Duration = Duration::from_secs(10);
+
+/// Environment variable that makes a process end with its parent, even when that is killed.
+const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
+
+/// Makes this process end with its parent, if the parent wants that.
+pub fn end_with_parent() -> io::Result<()> {
+    if std::env::var_os(WITH_PARENT).is_none() {
+        return Ok(());
+    }
+    set_parent_process_death_signal(Some(Signal::TERM))?;
+    // A parent that has gone meanwhile sends no signal any more.
+    if getppid().is_none_or(Pid::is_init) {
+        return Err(io::Error::other(
+            "the process that started this one is gone",
+        ));
+    }
+    Ok(())
+}
 
 /// Lines of a process's own output that are shown when it failed.
 const SHOWN_LINES: usize = 5;
@@ -59,6 +80,7 @@ impl Nursery<'_> {
             .arg(&config_file)
             .args(args)
             .envs(self.domain.environment())
+            .env(WITH_PARENT, "1")
             .env("NOTIFY_SOCKET", self.readiness.address())
             // What was meant for a supervisor of the demonstration is not meant for its children.
             .env_remove("WATCHDOG_USEC")

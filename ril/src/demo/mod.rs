@@ -31,6 +31,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use serde::Serialize;
 
+pub use children::end_with_parent;
 use children::{Nursery, Process, Readiness};
 use mission::{Mission, Request};
 use screen::Screen;

@@ -1,0 +1,121 @@
+//! The demonstration: it flies, it judges, and whatever ends it leaves nothing behind.
+
+mod common;
+
+use std::fs;
+
+use common::Rig;
+use ril_tests::process::{Process, Signal};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
+
+/// Everything that still carries the mark of the demonstration with process id `demo`: segments, folders, processes.
+fn left_of(demo: u32) -> Vec<String> {
+    let mark = format!("hx{demo:x}-");
+    let in_folder = |folder: &str| -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        entries
+            .filter_map(|entry| Some(entry.ok()?.path().display().to_string()))
+            .filter(|path| path.contains(&mark))
+            .collect()
+    };
+    let mut left = in_folder("/dev/shm");
+    left.extend(in_folder("/tmp"));
+    left.extend(
+        children_by_mark(&mark)
+            .iter()
+            .map(|pid| format!("process {pid}")),
+    );
+    left
+}
+
+/// Processes whose environment names the domain.
+fn children_by_mark(mark: &str) -> Vec<u32> {
+    let processes = fs::read_dir("/proc").unwrap();
+    processes
+        .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
+        .filter(|pid| {
+            let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+            String::from_utf8_lossy(&environment).contains(&format!("RIL_IPC_PREFIX={mark}"))
+        })
+        .collect()
+}
+
+fn start(rig: &Rig, options: &str) -> Process {
+    let folder = rig.folder().join("flight");
+    rig.start(&format!("demo --folder {} {options}", folder.display()))
+}
+
+#[test]
+fn it_flies_and_every_check_passes() {
+    let rig = Rig::new();
+    let mut demo = start(&rig, "--speed 8 --json");
+    let pid = demo.id();
+    let finished = demo.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let report: serde_json::Value = serde_json::from_str(&finished.stdout.join("\n")).unwrap();
+    assert_eq!(report["schema"], "hero.Demo.v1");
+    assert_eq!(report["passed"], true);
+    let checks = report["checks"].as_array().unwrap();
+    assert_eq!(checks.len(), 9);
+    assert!(
+        checks.iter().all(|check| check["passed"] == true),
+        "{checks:#?}"
+    );
+    let log = fs::read_to_string(report["log"].as_str().unwrap()).unwrap();
+    assert!(log.starts_with("flying\t"), "the log stays");
+    assert_eq!(left_of(pid), Vec::<String>::new());
+}
+
+#[test]
+fn elsewhere_than_on_a_terminal_it_speaks_in_plain_lines() {
+    let rig = Rig::new();
+    let finished = start(&rig, "--speed 8 --robot 7").wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    assert_eq!(finished.stdout.last().unwrap(), "all checks passed");
+    assert!(!finished.stdout.join("\n").contains('\x1b'));
+}
+
+#[test]
+fn a_signal_at_any_moment_leaves_nothing() {
+    for (moment, signal) in [
+        ("starting the simulator", Signal::INT),
+        ("start: done", Signal::INT),
+        ("take off to", Signal::TERM),
+        ("fly 4 waypoints", Signal::INT),
+    ] {
+        let rig = Rig::new();
+        let mut demo = start(&rig, "--speed 5");
+        let pid = demo.id();
+        demo.wait_for_text(moment);
+        demo.signal_group(signal);
+        let finished = demo.wait_exit();
+        assert_eq!(finished.code(), Some(1), "{moment}: {finished:#?}");
+        let told = finished.stderr.join("\n");
+        assert!(told.contains("ended by a signal"), "{moment}: {told}");
+        assert_eq!(left_of(pid), Vec::<String>::new(), "{moment}");
+    }
+}
+
+#[test]
+fn its_processes_do_not_outlive_it_even_when_it_is_killed() {
+    let rig = Rig::new();
+    let mut demo = start(&rig, "--speed 5");
+    let pid = demo.id();
+    demo.wait_for_text("take off to");
+    let children: Vec<_> = children_by_mark(&format!("hx{pid:x}-"))
+        .into_iter()
+        .map(|child| {
+            let child = Pid::from_raw(child.cast_signed()).unwrap();
+            pidfd_open(child, PidfdFlags::empty()).unwrap()
+        })
+        .collect();
+    assert_eq!(children.len(), 3);
+    demo.signal(Signal::KILL);
+    demo.wait_exit();
+    for child in &children {
+        // Readable when the process has ended; the fixture's watchdog bounds the wait.
+        poll(&mut [PollFd::new(child, PollFlags::IN)], None).unwrap();
+    }
+    assert_eq!(left_of(pid), Vec::<String>::new());
+}
