@@ -229,8 +229,11 @@ fn references_of(wire: &References) -> DspReferences {
 
 #[cfg(test)]
 mod tests {
+    use dsp_protocol::DspErrorCode;
+    use ipc_types::payload::KNOWN_DSP_ERRORS;
+    use ipc_types::{MonotonicNs, TelemetryGroup};
+
     use super::*;
-    use ipc_types::MonotonicNs;
 
     fn full() -> Status {
         Status {
@@ -388,6 +391,15 @@ mod tests {
             ],
             [36.0, 37.0, 38.0, 39.0, 40.0, 41.0]
         );
+    }
+
+    /// Wire and memory do not know each other; what both call a group is the same group all the same.
+    #[test]
+    fn groups_have_one_name_and_one_bit_on_both_sides() {
+        for (wire, memory) in Group::ALL.into_iter().zip(TelemetryGroup::ALL) {
+            assert_eq!((wire.name(), wire.bit()), (memory.name(), memory.bit()));
+        }
+        assert_eq!(DspErrorCode::KNOWN.len(), KNOWN_DSP_ERRORS);
     }
 
     #[test]
