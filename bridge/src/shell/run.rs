@@ -220,6 +220,8 @@ struct Port {
     open: Option<SerialPort>,
     next_try: Option<MonotonicNs>,
     failures: u32,
+    /// The last failure that was told.
+    told: String,
     ever_open: bool,
 }
 
@@ -230,11 +232,12 @@ impl Port {
             open: None,
             next_try: Some(MonotonicNs(0)),
             failures: 0,
+            told: String::new(),
             ever_open: false,
         }
     }
 
-    /// Opens the port if it is time to. The first failure in a row is told, the others are only counted.
+    /// Opens the port if it is time to. A failure is told when it is another than the one before; the others are counted.
     fn try_open(&mut self, now: MonotonicNs) -> Result<bool, ShellError> {
         if self.next_try.is_none_or(|next_try| now < next_try) {
             return Ok(false);
@@ -245,6 +248,7 @@ impl Port {
                 self.open = Some(port);
                 self.next_try = None;
                 self.failures = 0;
+                self.told.clear();
                 self.ever_open = true;
                 Ok(true)
             }
@@ -252,8 +256,10 @@ impl Port {
                 Err(ShellError::NotAPort(error))
             }
             Err(error) => {
-                if self.failures == 0 {
-                    tracing::error!("{error}; trying again");
+                let told = error.to_string();
+                if self.told != told {
+                    tracing::error!("{told}; trying again");
+                    self.told = told;
                 }
                 self.failures = self.failures.saturating_add(1);
                 self.next_try = Some(now + self.config.reopen_pause(self.failures));
