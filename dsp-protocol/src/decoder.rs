@@ -1,16 +1,20 @@
-//! An incremental, resynchronising decoder (`docs/protocol.md` section 2).
+//! An incremental, resynchronising decoder for either profile (`docs/protocol.md` sections 2 and 11).
 
 use std::marker::PhantomData;
 
-use crate::frame::{MAX_FRAME_LEN, checksum};
+use crate::frame::MAX_FRAME_LEN;
 use crate::header::is_header;
+use crate::profile::{Profile, Received};
 
 /// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
-/// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give.
-pub trait Direction: Sized + sealed::Sealed {
+/// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give. Its functions are those of the
+/// classic profile; a [`Decoder`] has them for both.
+pub trait Direction: sealed::Message {
     /// How long the message is that begins with `prefix`, as far as its bytes tell. `prefix` begins with a header; it may
     /// be shorter than the message or reach beyond it. Never panics, whatever the bytes.
-    fn extent(prefix: &[u8]) -> Extent;
+    fn extent(prefix: &[u8]) -> Extent {
+        Profile::Classic.extent::<Self>(prefix)
+    }
 
     /// The message in `frame`, which is one whole frame (as [`Direction::extent`] measures it) with a right checksum.
     /// Never panics, whatever the bytes.
@@ -18,19 +22,40 @@ pub trait Direction: Sized + sealed::Sealed {
     /// # Errors
     /// [`Refusal::Padding`] or [`Refusal::Value`], in this order when both hold; other refusals only for a slice that is
     /// not a whole frame of this direction.
-    fn parse(frame: &[u8]) -> Result<Self, Refusal>;
+    fn parse(frame: &[u8]) -> Result<Self, Refusal> {
+        Ok(Profile::Classic.parse::<Self>(frame)?.message)
+    }
 }
 
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for crate::Downlink {}
-    impl Sealed for crate::Uplink {}
+pub(crate) mod sealed {
+    use super::{Extent, Refusal};
+    use crate::frame::{Reader, Writer};
+
+    /// What a direction's messages are between the bytes that a profile puts around them. Messages are told apart by
+    /// their classic header, in either profile.
+    pub trait Message: Sized {
+        /// The header of all messages of this direction in the extended profile.
+        const EXTENDED_HEADER: u8;
+
+        /// The message's classic header.
+        fn header(&self) -> u8;
+
+        /// Appends the payload.
+        fn write(&self, writer: &mut Writer);
+
+        /// How long the payload of the message with this `header` is, as far as its first bytes tell. `payload` may be
+        /// shorter than that, or reach beyond it.
+        fn payload_extent(header: u8, payload: &[u8]) -> Extent;
+
+        /// Takes the message with this `header` out of its payload; the errors are those of [`super::Direction::parse`].
+        fn read(header: u8, reader: Reader<'_>) -> Result<Self, Refusal>;
+    }
 }
 
 /// What the first bytes of a message tell about its length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// The whole frame has this many bytes, 3 … [`MAX_FRAME_LEN`].
+    /// The whole frame has this many bytes, at most [`MAX_FRAME_LEN`].
     Exactly(usize),
     /// The length is known once this many bytes are there; more than the prefix has.
     AtLeast(usize),
@@ -54,7 +79,7 @@ pub enum Decoded<M> {
 pub enum Framed<'a> {
     /// All input is used and the frame is not complete yet.
     Incomplete,
-    /// One whole frame with a right checksum, header and checksum included.
+    /// One whole frame with a right checksum or CRC, header and check included.
     Frame(&'a [u8]),
     /// Bytes that were discarded, and why; never [`Refusal::Padding`] or [`Refusal::Value`].
     Refused(Refusal),
@@ -70,7 +95,7 @@ pub enum Refusal {
     UnknownHeader,
     /// A header arrived inside a message.
     Truncated,
-    /// The checksum is wrong (`CHECKSUMERROR`).
+    /// The checksum or the CRC is wrong (`CHECKSUMERROR`).
     Checksum,
     /// The checksum is right, but the unused bits of a value are not zero.
     Padding,
@@ -78,11 +103,13 @@ pub enum Refusal {
     Value,
     /// A command whose code is over 7; only the DSP's side sees it, and reports it as error 30.
     UnknownCommand,
+    /// A header that this direction has in the other profile: the ends of the line are configured differently.
+    OtherProfile,
 }
 
 impl Refusal {
     /// All reasons, in the order of their counters.
-    pub const ALL: [Refusal; 7] = [
+    pub const ALL: [Refusal; 8] = [
         Refusal::Stray,
         Refusal::UnknownHeader,
         Refusal::Truncated,
@@ -90,6 +117,7 @@ impl Refusal {
         Refusal::Padding,
         Refusal::Value,
         Refusal::UnknownCommand,
+        Refusal::OtherProfile,
     ];
 
     /// The reason in logs and test vectors.
@@ -102,6 +130,7 @@ impl Refusal {
             Refusal::Padding => "padding",
             Refusal::Value => "value",
             Refusal::UnknownCommand => "unknown_command",
+            Refusal::OtherProfile => "other_profile",
         }
     }
 }
@@ -112,6 +141,7 @@ impl Refusal {
 /// message is held, in a fixed buffer; a frame that lies whole in the input is read where it lies.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {
+    profile: Profile,
     /// The bytes of the message that has begun.
     buffer: [u8; MAX_FRAME_LEN],
     /// How many they are; 0 when no message is open.
@@ -122,9 +152,15 @@ pub struct Decoder<M> {
 }
 
 impl<M: Direction> Decoder<M> {
-    /// A decoder that waits for the first header.
+    /// A decoder of the classic profile that waits for the first header.
     pub fn new() -> Self {
+        Decoder::with_profile(Profile::Classic)
+    }
+
+    /// A decoder of `profile` that waits for the first header.
+    pub fn with_profile(profile: Profile) -> Self {
         Decoder {
+            profile,
             buffer: [0; MAX_FRAME_LEN],
             held: 0,
             skipping: false,
@@ -132,16 +168,33 @@ impl<M: Direction> Decoder<M> {
         }
     }
 
+    /// The profile of the frames that it looks for.
+    pub fn profile(&self) -> Profile {
+        self.profile
+    }
+
+    /// As [`Decoder::receive`], without the numbers of the extended profile.
+    pub fn decode(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
+        let (taken, decoded) = self.receive(input);
+        let decoded = match decoded {
+            Decoded::Incomplete => Decoded::Incomplete,
+            Decoded::Message(received) => Decoded::Message(received.message),
+            Decoded::Refused(refusal) => Decoded::Refused(refusal),
+        };
+        (taken, decoded)
+    }
+
     /// Takes bytes from the front of `input` up to the end of the next message or refusal. Returns how many it took and
     /// what they gave; call again with the rest until it answers [`Decoded::Incomplete`], which takes all.
     ///
     /// A header that interrupts a message ends it as [`Refusal::Truncated`] and is itself not taken: the next call begins
     /// with it. So a refusal may take no byte, but never twice in a row.
-    pub fn decode(&mut self, input: &[u8]) -> (usize, Decoded<M>) {
+    pub fn receive(&mut self, input: &[u8]) -> (usize, Decoded<Received<M>>) {
+        let profile = self.profile;
         let (taken, framed) = self.next_frame(input);
         let decoded = match framed {
-            Framed::Frame(frame) => match M::parse(frame) {
-                Ok(message) => Decoded::Message(message),
+            Framed::Frame(frame) => match profile.parse(frame) {
+                Ok(received) => Decoded::Message(received),
                 Err(refusal) => Decoded::Refused(refusal),
             },
             Framed::Incomplete => Decoded::Incomplete,
@@ -150,7 +203,7 @@ impl<M: Direction> Decoder<M> {
         (taken, decoded)
     }
 
-    /// As [`Decoder::decode`], but leaves the frame's values alone: only its bounds and its checksum are judged. For a
+    /// As [`Decoder::receive`], but leaves the frame's values alone: only its bounds and its checksum are judged. For a
     /// recorder or a relay, which pass on what they need not understand.
     pub fn next_frame<'a>(&'a mut self, input: &'a [u8]) -> (usize, Framed<'a>) {
         if self.held > 0 {
@@ -165,8 +218,8 @@ impl<M: Direction> Decoder<M> {
             return (strays, Framed::Incomplete);
         };
         self.skipping = false;
-        if let Some(frame) = whole_frame::<M>(&input[strays..]) {
-            return (strays + frame.len(), judge_checksum(frame));
+        if let Some(frame) = whole_frame::<M>(self.profile, &input[strays..]) {
+            return (strays + frame.len(), judge_checksum(self.profile, frame));
         }
         // Cut off by the end of the input or by a header, or unknown: going on piece by piece tells which.
         self.buffer[0] = *header;
@@ -177,7 +230,7 @@ impl<M: Direction> Decoder<M> {
     /// A frame is open, and `input` from `taken` on goes on with it or breaks it off with a header.
     fn continue_frame<'a>(&'a mut self, mut taken: usize, input: &[u8]) -> (usize, Framed<'a>) {
         loop {
-            let wanted = match M::extent(&self.buffer[..self.held]) {
+            let wanted = match self.profile.extent::<M>(&self.buffer[..self.held]) {
                 Extent::Unknown(refusal) => {
                     self.held = 0;
                     self.skipping = true;
@@ -185,7 +238,7 @@ impl<M: Direction> Decoder<M> {
                 }
                 Extent::Exactly(len) if len <= self.held => {
                     self.held = 0;
-                    return (taken, judge_checksum(&self.buffer[..len]));
+                    return (taken, judge_checksum(self.profile, &self.buffer[..len]));
                 }
                 Extent::Exactly(len) | Extent::AtLeast(len) => len - self.held,
             };
@@ -221,9 +274,9 @@ fn run_without_header(input: &[u8]) -> usize {
 }
 
 /// The frame at the front of `input`, if it lies there whole and no header breaks it off.
-fn whole_frame<M: Direction>(input: &[u8]) -> Option<&[u8]> {
+fn whole_frame<M: Direction>(profile: Profile, input: &[u8]) -> Option<&[u8]> {
     // A header among the bytes that tell the length gives a wrong length, but also lies inside that length.
-    let Extent::Exactly(len) = M::extent(input) else {
+    let Extent::Exactly(len) = profile.extent::<M>(input) else {
         return None;
     };
     let frame = input.get(..len)?;
@@ -231,10 +284,11 @@ fn whole_frame<M: Direction>(input: &[u8]) -> Option<&[u8]> {
     (!is_header(inside)).then_some(frame)
 }
 
-/// A whole frame is one only if its last byte is the checksum of the others.
-fn judge_checksum(frame: &[u8]) -> Framed<'_> {
-    match frame.split_last() {
-        Some((sum, summed)) if *sum == checksum(summed) => Framed::Frame(frame),
-        _ => Framed::Refused(Refusal::Checksum),
+/// A whole frame is one only if its check field is that of the bytes before it.
+fn judge_checksum(profile: Profile, frame: &[u8]) -> Framed<'_> {
+    if profile.is_sound(frame) {
+        Framed::Frame(frame)
+    } else {
+        Framed::Refused(Refusal::Checksum)
     }
 }

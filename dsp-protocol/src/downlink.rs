@@ -1,14 +1,15 @@
 //! Messages from the DSP to the PC (`docs/protocol.md` section 4).
 
-use crate::decoder::{Direction, Extent, Refusal};
+use crate::decoder::{Direction, Extent, Refusal, sealed};
 use crate::error_code::DspErrorCode;
 use crate::frame::{Frame, Reader, Writer};
 use crate::header;
 use crate::layout::Layout;
 use crate::mask::{Group, StatusMask};
+use crate::profile::{Profile, Sequence};
 
-/// Bytes of a status from which its mask, and so its length, can be read.
-const STATUS_MASK_END: usize = 4;
+/// Bytes of a status' payload from which its mask, and so its length, can be read.
+const STATUS_MASK_LEN: usize = 3;
 /// The greatest code of a command, hence of an acknowledgement.
 const MAX_COMMAND_CODE: u8 = 7;
 /// The flying flag in the flags of a status.
@@ -49,11 +50,37 @@ pub enum Downlink {
 }
 
 impl Downlink {
-    /// The message as one frame.
+    /// The message as one frame of the classic profile.
     pub fn encode(&self) -> Frame {
-        let mut writer = Writer::new(self.header());
+        self.encode_in(Profile::Classic, Sequence::FIRST, Sequence::FIRST)
+    }
+
+    /// The message as one frame of `profile`, with its own number `sequence`. An acknowledgement also carries the number
+    /// of the command that it `acknowledges`; other messages leave it out, and the classic profile both.
+    pub fn encode_in(&self, profile: Profile, sequence: Sequence, acknowledges: Sequence) -> Frame {
+        profile.encode(self, sequence, acknowledges)
+    }
+}
+
+impl Direction for Downlink {}
+
+impl sealed::Message for Downlink {
+    const EXTENDED_HEADER: u8 = header::EXTENDED_DOWNLINK;
+
+    fn header(&self) -> u8 {
+        match self {
+            Downlink::Status(_) => header::STATUS,
+            Downlink::FlowControl(_) => header::FLOW_CONTROL,
+            Downlink::Ack { .. } => header::ACK,
+            Downlink::Ack16 { .. } => header::ACK_16,
+            Downlink::Ack32 { .. } => header::ACK_32,
+            Downlink::Error(_) => header::ERROR,
+        }
+    }
+
+    fn write(&self, writer: &mut Writer) {
         match *self {
-            Downlink::Status(ref status) => status.write(&mut writer),
+            Downlink::Status(ref status) => status.write(writer),
             Downlink::FlowControl(FlowControl::Stop) => writer.u7(0),
             Downlink::FlowControl(FlowControl::Send) => writer.u7(1),
             Downlink::Ack { command } => writer.u7(command),
@@ -67,56 +94,39 @@ impl Downlink {
             }
             Downlink::Error(DspErrorCode(code)) => writer.u16(code),
         }
-        writer.finish()
     }
 
-    const fn header(&self) -> u8 {
-        match self {
-            Downlink::Status(_) => header::STATUS,
-            Downlink::FlowControl(_) => header::FLOW_CONTROL,
-            Downlink::Ack { .. } => header::ACK,
-            Downlink::Ack16 { .. } => header::ACK_16,
-            Downlink::Ack32 { .. } => header::ACK_32,
-            Downlink::Error(_) => header::ERROR,
-        }
-    }
-}
-
-impl Direction for Downlink {
-    fn extent(prefix: &[u8]) -> Extent {
-        match *prefix {
-            [header::STATUS, high, middle, low, ..] => {
-                Extent::Exactly(mask_of([high, middle, low]).status_frame_len())
+    fn payload_extent(header: u8, payload: &[u8]) -> Extent {
+        match (header, payload) {
+            (header::STATUS, [high, middle, low, ..]) => {
+                Extent::Exactly(mask_of([*high, *middle, *low]).status_payload_len())
             }
-            [header::STATUS, ..] => Extent::AtLeast(STATUS_MASK_END),
-            [header::FLOW_CONTROL | header::ACK, ..] => Extent::Exactly(3),
-            [header::ERROR, ..] => Extent::Exactly(5),
-            [header::ACK_16, ..] => Extent::Exactly(6),
-            [header::ACK_32, ..] => Extent::Exactly(8),
+            (header::STATUS, _) => Extent::AtLeast(STATUS_MASK_LEN),
+            (header::FLOW_CONTROL | header::ACK, _) => Extent::Exactly(1),
+            (header::ERROR, _) => Extent::Exactly(3),
+            (header::ACK_16, _) => Extent::Exactly(4),
+            (header::ACK_32, _) => Extent::Exactly(6),
             _ => Extent::Unknown(Refusal::UnknownHeader),
         }
     }
 
-    fn parse(frame: &[u8]) -> Result<Self, Refusal> {
-        let mut reader = Reader::payload_of(frame);
+    fn read(header: u8, mut reader: Reader<'_>) -> Result<Self, Refusal> {
         // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
-        let message = match frame.first() {
-            Some(&header::STATUS) => return Status::parse(reader).map(Downlink::Status),
-            Some(&header::FLOW_CONTROL) => {
-                return FlowControl::parse(reader).map(Downlink::FlowControl);
-            }
-            Some(&header::ACK) => Downlink::Ack {
+        let message = match header {
+            header::STATUS => return Status::parse(reader).map(Downlink::Status),
+            header::FLOW_CONTROL => return FlowControl::parse(reader).map(Downlink::FlowControl),
+            header::ACK => Downlink::Ack {
                 command: reader.u7(),
             },
-            Some(&header::ACK_16) => Downlink::Ack16 {
+            header::ACK_16 => Downlink::Ack16 {
                 command: reader.u7(),
                 value: reader.u16(),
             },
-            Some(&header::ACK_32) => Downlink::Ack32 {
+            header::ACK_32 => Downlink::Ack32 {
                 command: reader.u7(),
                 value: reader.f32(),
             },
-            Some(&header::ERROR) => Downlink::Error(DspErrorCode(reader.u16())),
+            header::ERROR => Downlink::Error(DspErrorCode(reader.u16())),
             _ => return Err(Refusal::UnknownHeader),
         };
         reader.finish()?;
@@ -133,7 +143,7 @@ impl Direction for Downlink {
     }
 }
 
-/// The mask in bytes 1 … 3 of a status. Its unused bits do not count here: the length follows from the 16 bits of the
+/// The mask in the first bytes of a status' payload. Its unused bits do not count here: the length follows from the 16 bits of the
 /// mask, and the frame is refused for its padding once its checksum is known to be right.
 fn mask_of([high, middle, low]: [u8; 3]) -> StatusMask {
     StatusMask(u16::from(high) << 14 | u16::from(middle) << 7 | u16::from(low))

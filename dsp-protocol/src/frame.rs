@@ -1,11 +1,16 @@
-//! Frames: 7-bit packing, header, checksum (`docs/protocol.md` sections 2 and 3).
+//! Frames: 7-bit packing, header, checksum and CRC (`docs/protocol.md` sections 2, 3 and 11).
 //!
-//! [`Writer`] and [`Reader`] know how a value becomes bytes, never which values a message has.
+//! [`Writer`] and [`Reader`] know how a value becomes bytes, never which values a message has. They are public only by
+//! name, for the sealed half of `Direction`: nobody outside this crate can reach them.
+
+use crc::{CRC_32_ISCSI, Crc};
 
 use crate::decoder::Refusal;
 
-/// The longest frame: a status with all groups.
-pub const MAX_FRAME_LEN: usize = 128;
+/// The longest frame of the classic profile: a status with all groups.
+pub const MAX_CLASSIC_FRAME_LEN: usize = 128;
+/// The longest frame of either profile: the same in the extended one, which needs six bytes more.
+pub const MAX_FRAME_LEN: usize = MAX_CLASSIC_FRAME_LEN + 6;
 
 /// The information bits of a byte on the line.
 const DIGIT_MASK: u8 = 0x7F;
@@ -37,11 +42,17 @@ pub fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)) & DIGIT_MASK
 }
 
+/// The CRC of the extended profile: CRC-32/ISCSI over the bytes as they are on the line.
+pub fn crc32(bytes: &[u8]) -> u32 {
+    static ISCSI: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+    ISCSI.checksum(bytes)
+}
+
 /// Packs values into a frame.
 ///
 /// A scaled value is rounded to the nearest step, halves away from zero, and saturates at the ends of its type. The wire
 /// has no word for "not a number": NaN is written as 0, so that an encoder never fails; senders withhold such groups.
-pub(crate) struct Writer {
+pub struct Writer {
     frame: Frame,
 }
 
@@ -125,30 +136,30 @@ impl Writer {
         self.u7(sum);
         self.frame
     }
+
+    /// Closes the frame with its CRC.
+    pub(crate) fn finish_with_crc(mut self) -> Frame {
+        let crc = crc32(self.frame.as_bytes());
+        self.u32(crc);
+        self.frame
+    }
 }
 
 /// Unpacks the values of a frame. It never fails in the middle: what was wrong is remembered and told by
 /// [`Reader::finish`], so that a parser reads straight on.
-pub(crate) struct Reader<'a> {
+pub struct Reader<'a> {
     rest: &'a [u8],
     short: bool,
     excess: u64,
 }
 
 impl<'a> Reader<'a> {
-    /// Reads what lies between the header and the checksum of `frame`.
-    pub(crate) fn payload_of(frame: &'a [u8]) -> Self {
-        match frame {
-            [_, payload @ .., _] => Reader {
-                rest: payload,
-                short: false,
-                excess: 0,
-            },
-            _ => Reader {
-                rest: &[],
-                short: true,
-                excess: 0,
-            },
+    /// Reads `payload`, which is a frame without what its profile puts around it.
+    pub(crate) fn new(payload: &'a [u8]) -> Self {
+        Reader {
+            rest: payload,
+            short: false,
+            excess: 0,
         }
     }
 
@@ -277,17 +288,23 @@ mod tests {
 
     #[test]
     fn a_reader_tells_what_was_wrong() {
-        let read = |frame: &[u8]| {
-            let mut reader = Reader::payload_of(frame);
+        let read = |payload: &[u8]| {
+            let mut reader = Reader::new(payload);
             let value = reader.u16();
             reader.finish().map(|()| value)
         };
-        assert_eq!(read(&[0x80, 0x03, 0x7F, 0x7F, 0]), Ok(u16::MAX));
-        assert_eq!(read(&[0x80, 0x04, 0, 0, 0]), Err(Refusal::Padding));
-        assert_eq!(read(&[0x80, 0, 0, 0]), Err(Refusal::Truncated));
-        assert_eq!(read(&[0x80, 0, 0, 0, 0, 0]), Err(Refusal::Truncated));
-        assert_eq!(read(&[0x80]), Err(Refusal::Truncated));
+        assert_eq!(read(&[0x03, 0x7F, 0x7F]), Ok(u16::MAX));
+        assert_eq!(read(&[0x04, 0, 0]), Err(Refusal::Padding));
+        assert_eq!(read(&[0, 0]), Err(Refusal::Truncated));
+        assert_eq!(read(&[0, 0, 0, 0]), Err(Refusal::Truncated));
         assert_eq!(read(&[]), Err(Refusal::Truncated));
+    }
+
+    #[test]
+    fn the_crc_is_the_one_with_the_check_value_of_the_catalogues() {
+        assert_eq!(crc32(b"123456789"), 0xE306_9283);
+        assert_eq!(crc32(&[]), 0);
+        assert_eq!(crc32(&[0; 32]), 0x8A91_36AA);
     }
 
     #[test]

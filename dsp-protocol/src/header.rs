@@ -11,7 +11,11 @@
 //! | [`COMMAND`] | `0xF0` | PC → DSP | command | 3 … 11, by its code |
 //! | [`WAYPOINT`] | `0x99` | PC → DSP | waypoint | 17 |
 //!
-//! The seven low bits of each are a word of the Hamming(7,4) code: at least three bits differ between any two.
+//! | [`EXTENDED_DOWNLINK`] | `0xDA` | DSP → PC | any, in the extended profile | 6 or 7 more |
+//! | [`EXTENDED_UPLINK`] | `0xB3` | PC → DSP | any, in the extended profile | 6 more |
+//!
+//! The seven low bits of each are a word of the Hamming(7,4) code: at least three bits differ between any two. In the
+//! extended profile the seven low bits of a message's header are its *kind*.
 
 /// DSP → PC: status (`ESTADOS`).
 pub const STATUS: u8 = 0xE9;
@@ -29,10 +33,29 @@ pub const ERROR: u8 = 0xE6;
 pub const COMMAND: u8 = 0xF0;
 /// PC → DSP: waypoint.
 pub const WAYPOINT: u8 = 0x99;
+/// DSP → PC: every message in the extended profile.
+pub const EXTENDED_DOWNLINK: u8 = 0xDA;
+/// PC → DSP: every message in the extended profile.
+pub const EXTENDED_UPLINK: u8 = 0xB3;
 
 /// Whether `byte` is a header: the only bytes with their most significant bit set.
 pub const fn is_header(byte: u8) -> bool {
     byte & 0x80 != 0
+}
+
+/// Whether `header` is that of one of the three acknowledgements.
+pub const fn is_acknowledgement(header: u8) -> bool {
+    matches!(header, ACK | ACK_16 | ACK_32)
+}
+
+/// The kind, in the extended profile, of the message with the classic `header`.
+pub const fn kind_of(header: u8) -> u8 {
+    header & 0x7F
+}
+
+/// The classic header of the message with this kind in the extended profile.
+pub const fn of_kind(kind: u8) -> u8 {
+    kind | 0x80
 }
 
 #[cfg(test)]
@@ -50,8 +73,8 @@ mod tests {
             ERROR,
             COMMAND,
             WAYPOINT,
-            0x80 | 0x5A,
-            0x80 | 0x33,
+            EXTENDED_DOWNLINK,
+            EXTENDED_UPLINK,
         ];
         for (i, a) in all.iter().enumerate() {
             assert!(is_header(*a));

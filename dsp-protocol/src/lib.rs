@@ -5,6 +5,7 @@
 //!
 //! * [`downlink`]: what the DSP says, [`uplink`]: what the PC says; both encode and parse.
 //! * [`decoder`]: an incremental, resynchronising decoder for either direction.
+//! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile.
 //! * [`header`]: the first byte of each message; [`mask`]: the groups of a status message; [`port`]: the DSP's virtual
 //!   ports; [`error_code`]: its errors.
 //! * [`plausibility`]: which decoded values cannot be.
@@ -53,11 +54,13 @@ mod layout;
 pub mod mask;
 pub mod plausibility;
 pub mod port;
+pub mod profile;
 pub mod uplink;
 
 pub use decoder::{Decoded, Decoder, Direction, Extent, Framed, Refusal};
 pub use downlink::{Downlink, FlowControl, Status};
 pub use error_code::DspErrorCode;
-pub use frame::{Frame, MAX_FRAME_LEN, checksum};
+pub use frame::{Frame, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, checksum, crc32};
 pub use mask::{Group, StatusMask};
+pub use profile::{Profile, Received, Sequence};
 pub use uplink::{Command, Uplink, Waypoint};

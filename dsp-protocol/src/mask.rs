@@ -139,10 +139,15 @@ impl StatusMask {
             .filter(move |group| self.contains(*group))
     }
 
-    /// Length of a whole status frame with this mask, header and checksum included.
+    /// Length of a whole status frame of the classic profile with this mask, header and checksum included.
     pub const fn status_frame_len(self) -> usize {
+        CLASSIC_OVERHEAD_LEN + self.status_payload_len()
+    }
+
+    /// Length of the payload of a status with this mask, the same in both profiles.
+    pub(crate) const fn status_payload_len(self) -> usize {
         let [low, high] = self.0.to_le_bytes();
-        STATUS_OVERHEAD_LEN
+        MASK_AND_FLAGS_LEN
             + LOW_GROUPS_LEN[low as usize] as usize
             + HIGH_GROUPS_LEN[high as usize] as usize
     }
@@ -160,8 +165,10 @@ impl fmt::Debug for StatusMask {
     }
 }
 
-/// Header, mask, flags and checksum of a status.
-const STATUS_OVERHEAD_LEN: usize = 6;
+/// Header and checksum of a classic status.
+const CLASSIC_OVERHEAD_LEN: usize = 2;
+/// What every status has before its groups.
+const MASK_AND_FLAGS_LEN: usize = 4;
 
 // Summed once, since the decoder asks for the length of each frame.
 

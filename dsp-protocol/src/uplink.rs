@@ -1,14 +1,15 @@
 //! Messages from the PC to the DSP (`docs/protocol.md` section 5).
 
-use crate::decoder::{Direction, Extent, Refusal};
+use crate::decoder::{Direction, Extent, Refusal, sealed};
 use crate::frame::{Frame, Reader, Writer};
 use crate::header;
 use crate::layout::Layout;
+use crate::profile::{Profile, Sequence};
 
-/// Lengths of the command frames, by code.
-const COMMAND_LEN: [usize; 8] = [6, 9, 6, 11, 3, 3, 3, 4];
-/// Length of a waypoint frame.
-const WAYPOINT_LEN: usize = 17;
+/// Lengths of the commands' payloads, by code.
+const COMMAND_PAYLOAD_LEN: [usize; 8] = [4, 7, 4, 9, 1, 1, 1, 2];
+/// Length of a waypoint's payload.
+const WAYPOINT_PAYLOAD_LEN: usize = 15;
 
 /// One message from the PC.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,29 +21,42 @@ pub enum Uplink {
 }
 
 impl Uplink {
-    /// The message as one frame.
+    /// The message as one frame of the classic profile.
     pub fn encode(&self) -> Frame {
-        match self {
-            Uplink::Command(command) => {
-                let mut writer = Writer::new(header::COMMAND);
-                command.write(&mut writer);
-                writer.finish()
-            }
-            Uplink::Waypoint(waypoint) => {
-                let mut writer = Writer::new(header::WAYPOINT);
-                waypoint.write(&mut writer);
-                writer.finish()
-            }
-        }
+        self.encode_in(Profile::Classic, Sequence::FIRST)
+    }
+
+    /// The message as one frame of `profile`, with its number `sequence`, which the classic profile leaves out.
+    pub fn encode_in(&self, profile: Profile, sequence: Sequence) -> Frame {
+        // The PC acknowledges nothing.
+        profile.encode(self, sequence, Sequence::FIRST)
     }
 }
 
-impl Direction for Uplink {
-    fn extent(prefix: &[u8]) -> Extent {
-        match *prefix {
-            [header::WAYPOINT, ..] => Extent::Exactly(WAYPOINT_LEN),
-            [header::COMMAND] => Extent::AtLeast(2),
-            [header::COMMAND, code, ..] => match COMMAND_LEN.get(usize::from(code)) {
+impl Direction for Uplink {}
+
+impl sealed::Message for Uplink {
+    const EXTENDED_HEADER: u8 = header::EXTENDED_UPLINK;
+
+    fn header(&self) -> u8 {
+        match self {
+            Uplink::Command(_) => header::COMMAND,
+            Uplink::Waypoint(_) => header::WAYPOINT,
+        }
+    }
+
+    fn write(&self, writer: &mut Writer) {
+        match self {
+            Uplink::Command(command) => command.write(writer),
+            Uplink::Waypoint(waypoint) => waypoint.write(writer),
+        }
+    }
+
+    fn payload_extent(header: u8, payload: &[u8]) -> Extent {
+        match (header, payload) {
+            (header::WAYPOINT, _) => Extent::Exactly(WAYPOINT_PAYLOAD_LEN),
+            (header::COMMAND, []) => Extent::AtLeast(1),
+            (header::COMMAND, [code, ..]) => match COMMAND_PAYLOAD_LEN.get(usize::from(*code)) {
                 Some(len) => Extent::Exactly(*len),
                 None => Extent::Unknown(Refusal::UnknownCommand),
             },
@@ -50,11 +64,10 @@ impl Direction for Uplink {
         }
     }
 
-    fn parse(frame: &[u8]) -> Result<Self, Refusal> {
-        let mut reader = Reader::payload_of(frame);
-        match frame.first() {
-            Some(&header::COMMAND) => Command::parse(reader).map(Uplink::Command),
-            Some(&header::WAYPOINT) => {
+    fn read(header: u8, mut reader: Reader<'_>) -> Result<Self, Refusal> {
+        match header {
+            header::COMMAND => Command::parse(reader).map(Uplink::Command),
+            header::WAYPOINT => {
                 let waypoint = Waypoint::read(&mut reader);
                 reader.finish()?;
                 Ok(Uplink::Waypoint(waypoint))

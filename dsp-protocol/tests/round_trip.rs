@@ -4,7 +4,8 @@ mod common;
 
 use dsp_protocol::downlink::Status;
 use dsp_protocol::{
-    Command, Decoded, Decoder, Direction, Downlink, MAX_FRAME_LEN, StatusMask, Uplink, Waypoint,
+    Command, Decoded, Decoder, Direction, Downlink, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, Profile,
+    Received, Refusal, Sequence, StatusMask, Uplink, Waypoint,
 };
 use proptest::prelude::*;
 
@@ -15,6 +16,17 @@ fn decode_one<M: Direction + std::fmt::Debug>(bytes: &[u8]) -> M {
     assert_eq!(taken, bytes.len());
     match decoded {
         Decoded::Message(message) => message,
+        other => panic!("{other:?} instead of a message"),
+    }
+}
+
+/// Decodes `bytes`, which must be one message of the extended profile and nothing else.
+fn receive_one<M: Direction + std::fmt::Debug>(bytes: &[u8]) -> Received<M> {
+    let mut decoder = Decoder::with_profile(Profile::Extended);
+    let (taken, decoded) = decoder.receive(bytes);
+    assert_eq!(taken, bytes.len());
+    match decoded {
+        Decoded::Message(received) => received,
         other => panic!("{other:?} instead of a message"),
     }
 }
@@ -30,6 +42,50 @@ proptest! {
     #[test]
     fn uplink_on_the_grid_comes_back_as_itself(message in common::uplink()) {
         prop_assert_eq!(decode_one::<Uplink>(message.encode().as_bytes()), message);
+    }
+
+    #[test]
+    fn downlink_comes_back_with_its_numbers(message in common::downlink(), own: u8, answered: u8) {
+        let (own, answered) = (Sequence::new(own), Sequence::new(answered));
+        let frame = message.encode_in(Profile::Extended, own, answered);
+        let is_ack = matches!(
+            message,
+            Downlink::Ack { .. } | Downlink::Ack16 { .. } | Downlink::Ack32 { .. }
+        );
+        let longer = if is_ack { 7 } else { 6 };
+        prop_assert_eq!(frame.as_bytes().len(), message.encode().as_bytes().len() + longer);
+        prop_assert_eq!(receive_one(frame.as_bytes()), Received {
+            message,
+            sequence: Some(own),
+            acknowledges: is_ack.then_some(answered),
+        });
+    }
+
+    #[test]
+    fn uplink_comes_back_with_its_number(message in common::uplink(), own: u8) {
+        let sequence = Sequence::new(own);
+        let frame = message.encode_in(Profile::Extended, sequence);
+        prop_assert_eq!(frame.as_bytes().len(), message.encode().as_bytes().len() + 6);
+        prop_assert_eq!(receive_one(frame.as_bytes()), Received {
+            message,
+            sequence: Some(sequence),
+            acknowledges: None,
+        });
+    }
+
+    #[test]
+    fn a_receiver_of_the_other_profile_knows_what_it_is(down in common::downlink(), up in common::uplink()) {
+        for (sender, receiver) in [
+            (Profile::Classic, Profile::Extended),
+            (Profile::Extended, Profile::Classic),
+        ] {
+            let frame = down.encode_in(sender, Sequence::FIRST, Sequence::FIRST);
+            let (_, decoded) = Decoder::<Downlink>::with_profile(receiver).receive(frame.as_bytes());
+            prop_assert_eq!(decoded, Decoded::Refused(Refusal::OtherProfile));
+            let frame = up.encode_in(sender, Sequence::FIRST);
+            let (_, decoded) = Decoder::<Uplink>::with_profile(receiver).receive(frame.as_bytes());
+            prop_assert_eq!(decoded, Decoded::Refused(Refusal::OtherProfile));
+        }
     }
 
     #[test]
@@ -85,5 +141,6 @@ fn a_nan_is_written_as_zero() {
 
 #[test]
 fn the_longest_frame_fills_the_buffer_exactly() {
-    assert_eq!(StatusMask::ALL.status_frame_len(), MAX_FRAME_LEN);
+    assert_eq!(StatusMask::ALL.status_frame_len(), MAX_CLASSIC_FRAME_LEN);
+    assert_eq!(MAX_CLASSIC_FRAME_LEN + 6, MAX_FRAME_LEN);
 }

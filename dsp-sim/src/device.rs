@@ -313,7 +313,7 @@ impl Dsp {
         }
         self.errors.push(match refusal {
             Refusal::Stray | Refusal::Truncated => return,
-            Refusal::UnknownHeader => DspErrorCode::UNKNOWN_HEADER,
+            Refusal::UnknownHeader | Refusal::OtherProfile => DspErrorCode::UNKNOWN_HEADER,
             Refusal::Checksum => DspErrorCode::PC_CHECKSUM,
             Refusal::Padding | Refusal::Value | Refusal::UnknownCommand => {
                 DspErrorCode::INVALID_COMMAND

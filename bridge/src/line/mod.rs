@@ -473,8 +473,9 @@ impl Line {
     fn count_refusal(&mut self, refusal: Refusal) {
         let counter = match refusal {
             Refusal::Stray => &mut self.refused.stray,
+            Refusal::UnknownHeader | Refusal::OtherProfile => &mut self.refused.unknown_header,
             // The DSP sends no commands; its decoder never gives this one.
-            Refusal::UnknownHeader | Refusal::UnknownCommand => &mut self.refused.unknown_header,
+            Refusal::UnknownCommand => &mut self.refused.unknown_header,
             Refusal::Truncated => &mut self.refused.truncated,
             Refusal::Checksum => &mut self.refused.checksum,
             Refusal::Padding => &mut self.refused.padding,

@@ -1,0 +1,228 @@
+//! The two profiles of the line (`docs/protocol.md` sections 2 and 11): what stands around a message on the wire.
+//!
+//! A profile knows headers, numbers and check fields, never the values of a message: those are the same in both.
+
+use crate::decoder::sealed::Message;
+use crate::decoder::{Extent, Refusal};
+use crate::frame::{Frame, Reader, Writer, checksum, crc32};
+use crate::header;
+
+/// Classic: header and checksum.
+const CLASSIC_OVERHEAD: usize = 2;
+/// Extended: header, sequence and kind before the payload.
+const EXTENDED_FRONT: usize = 3;
+/// Extended: the digits of the CRC behind the payload.
+const CRC_LEN: usize = 5;
+/// Extended: the last field of an acknowledgement, the sequence of the command that it answers.
+const ACKNOWLEDGED_LEN: usize = 1;
+
+/// How messages are framed. Both ends of a line are configured to speak the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Profile {
+    /// A header for each message and a 7-bit sum (section 2).
+    #[default]
+    Classic,
+    /// One header for each direction, a sequence number, a kind and a CRC-32 (section 11).
+    Extended,
+}
+
+impl Profile {
+    /// Both profiles.
+    pub const ALL: [Profile; 2] = [Profile::Classic, Profile::Extended];
+
+    /// The name in configuration files and logs.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Profile::Classic => "classic",
+            Profile::Extended => "extended",
+        }
+    }
+
+    /// The profile with this name.
+    pub fn from_name(name: &str) -> Option<Profile> {
+        Profile::ALL
+            .into_iter()
+            .find(|profile| profile.name() == name)
+    }
+
+    /// `message` as one frame. The classic profile has no place for the numbers; `acknowledges` stands in
+    /// acknowledgements only.
+    pub(crate) fn encode<M: Message>(
+        self,
+        message: &M,
+        sequence: Sequence,
+        acknowledges: Sequence,
+    ) -> Frame {
+        let header = message.header();
+        match self {
+            Profile::Classic => {
+                let mut writer = Writer::new(header);
+                message.write(&mut writer);
+                writer.finish()
+            }
+            Profile::Extended => {
+                let mut writer = Writer::new(M::EXTENDED_HEADER);
+                writer.u7(sequence.number());
+                writer.u7(header::kind_of(header));
+                message.write(&mut writer);
+                if header::is_acknowledgement(header) {
+                    writer.u7(acknowledges.number());
+                }
+                writer.finish_with_crc()
+            }
+        }
+    }
+
+    /// How long the frame is that begins with `prefix`; see [`crate::Direction::extent`].
+    pub(crate) fn extent<M: Message>(self, prefix: &[u8]) -> Extent {
+        match (self, prefix) {
+            (Profile::Classic, [header, ..]) if *header == M::EXTENDED_HEADER => {
+                Extent::Unknown(Refusal::OtherProfile)
+            }
+            (Profile::Classic, [header, payload @ ..]) => {
+                M::payload_extent(*header, payload).within(1, CLASSIC_OVERHEAD)
+            }
+            (Profile::Extended, [header] | [header, _]) if *header == M::EXTENDED_HEADER => {
+                Extent::AtLeast(EXTENDED_FRONT)
+            }
+            (Profile::Extended, [header, _, kind, payload @ ..])
+                if *header == M::EXTENDED_HEADER =>
+            {
+                let header = header::of_kind(*kind);
+                let acknowledged = if header::is_acknowledgement(header) {
+                    ACKNOWLEDGED_LEN
+                } else {
+                    0
+                };
+                M::payload_extent(header, payload)
+                    .within(EXTENDED_FRONT, EXTENDED_FRONT + acknowledged + CRC_LEN)
+            }
+            (Profile::Extended, [header, ..]) => match M::payload_extent(*header, &[]) {
+                Extent::Unknown(refusal) => Extent::Unknown(refusal),
+                _ => Extent::Unknown(Refusal::OtherProfile),
+            },
+            (_, []) => Extent::Unknown(Refusal::UnknownHeader),
+        }
+    }
+
+    /// Whether the check field at the end of a whole frame is that of the bytes before it.
+    pub(crate) fn is_sound(self, frame: &[u8]) -> bool {
+        match self {
+            Profile::Classic => frame
+                .split_last()
+                .is_some_and(|(sum, summed)| *sum == checksum(summed)),
+            Profile::Extended => frame
+                .split_last_chunk()
+                .is_some_and(|(summed, digits)| *digits == crc_digits(crc32(summed))),
+        }
+    }
+
+    /// The message in `frame`; see [`crate::Direction::parse`].
+    pub(crate) fn parse<M: Message>(self, frame: &[u8]) -> Result<Received<M>, Refusal> {
+        match (self, frame) {
+            (Profile::Classic, [header, payload @ .., _]) => Ok(Received {
+                message: M::read(*header, Reader::new(payload))?,
+                sequence: None,
+                acknowledges: None,
+            }),
+            (Profile::Extended, [_, sequence, kind, payload @ .., _, _, _, _, _]) => {
+                let header = header::of_kind(*kind);
+                let (payload, acknowledges) = match payload {
+                    [payload @ .., sequence] if header::is_acknowledgement(header) => {
+                        (payload, Some(Sequence::new(*sequence)))
+                    }
+                    payload => (payload, None),
+                };
+                Ok(Received {
+                    message: M::read(header, Reader::new(payload))?,
+                    sequence: Some(Sequence::new(*sequence)),
+                    acknowledges,
+                })
+            }
+            _ => Err(Refusal::Truncated),
+        }
+    }
+}
+
+impl Extent {
+    /// The extent of a frame whose payload has this extent: `front` bytes lie before it, `overhead` bytes around it.
+    fn within(self, front: usize, overhead: usize) -> Extent {
+        match self {
+            Extent::Exactly(len) => Extent::Exactly(len + overhead),
+            Extent::AtLeast(len) => Extent::AtLeast(len + front),
+            Extent::Unknown(refusal) => Extent::Unknown(refusal),
+        }
+    }
+}
+
+/// The number of a message in the extended profile: 0, 1 … 127, 0 ….
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sequence(u8);
+
+impl Sequence {
+    /// The number of the first message.
+    pub const FIRST: Sequence = Sequence(0);
+
+    /// The number whose low seven bits are those of `number`.
+    pub const fn new(number: u8) -> Sequence {
+        Sequence(number & 0x7F)
+    }
+
+    /// The number, 0 … 127.
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+
+    /// The number of the message after this one.
+    #[must_use]
+    pub const fn next(self) -> Sequence {
+        Sequence::new(self.0.wrapping_add(1))
+    }
+
+    /// How many messages lie between the one with the number `previous` and this one, 0 … 127: what a receiver of both
+    /// has missed, modulo 128.
+    pub const fn missed_since(self, previous: Sequence) -> u8 {
+        Sequence::new(self.0.wrapping_sub(previous.0).wrapping_sub(1)).0
+    }
+}
+
+/// A message and the numbers that its frame carried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Received<M> {
+    /// The message.
+    pub message: M,
+    /// The message's own number; nothing in the classic profile.
+    pub sequence: Option<Sequence>,
+    /// For an acknowledgement, the number of the command that it answers; nothing in the classic profile.
+    pub acknowledges: Option<Sequence>,
+}
+
+/// The CRC as it stands at the end of a frame.
+fn crc_digits(crc: u32) -> [u8; CRC_LEN] {
+    [28, 21, 14, 7, 0].map(|shift| (crc >> shift) as u8 & 0x7F)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profile_is_found_by_its_name_alone() {
+        for profile in Profile::ALL {
+            assert_eq!(Profile::from_name(profile.name()), Some(profile));
+        }
+        assert_eq!(Profile::from_name("Classic"), None);
+        assert_eq!(Profile::default(), Profile::Classic);
+    }
+
+    #[test]
+    fn numbers_go_round_and_tell_what_was_missed() {
+        assert_eq!(Sequence::FIRST.next(), Sequence::new(1));
+        assert_eq!(Sequence::new(127).next(), Sequence::FIRST);
+        assert_eq!(Sequence::new(0x85).number(), 5);
+        for (previous, this, missed) in [(0, 1, 0), (127, 0, 0), (126, 2, 3), (5, 5, 127)] {
+            let this = Sequence::new(this);
+            assert_eq!(this.missed_since(Sequence::new(previous)), missed);
+        }
+    }
+}
