@@ -452,7 +452,8 @@ mod tests {
     fn a_signal_reaches_the_child_and_its_exit_says_so() {
         use std::os::unix::process::ExitStatusExt;
         let domain = TestDomain::new();
-        let trap = "trap 'kill $!; exit 3' INT; tail -f /dev/null & echo ready; wait";
+        // It runs in circles for the moment until the signal: a shell that waits can miss one just before it does.
+        let trap = "trap 'exit 3' INT; echo ready; while :; do :; done";
         let none = "echo ready; exec tail -f /dev/null";
         for (script, signal, code, number) in [
             (trap, Signal::INT, Some(3), None),
