@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use dsp_protocol::port::{self, Port, Port16};
-use dsp_protocol::{Command, Group, StatusMask};
+use dsp_protocol::{Command, Group, Profile, StatusMask};
 use runtime::config::in_range;
 use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -88,6 +88,9 @@ impl SerialConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LinkConfig {
+    /// How messages are framed: the same as at the DSP.
+    #[serde(deserialize_with = "profile")]
+    pub profile: Profile,
     /// How long one attempt of a command waits for its acknowledgement.
     #[serde(deserialize_with = "milliseconds")]
     pub ack_timeout_ms: u64,
@@ -105,6 +108,7 @@ pub struct LinkConfig {
 impl Default for LinkConfig {
     fn default() -> Self {
         LinkConfig {
+            profile: Profile::Classic,
             ack_timeout_ms: 200,
             silent_after_ms: 1000,
             start_up_retry_min_ms: 100,
@@ -132,6 +136,14 @@ impl LinkConfig {
             failures,
         )
     }
+}
+
+fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Profile, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    Profile::from_name(&name).ok_or_else(|| {
+        let known = Profile::ALL.map(Profile::name).join(" or ");
+        D::Error::custom(format_args!("unknown profile `{name}`: it is {known}"))
+    })
 }
 
 /// `min`, doubled for each failure after the first, never more than `max`.

@@ -78,6 +78,11 @@ fn mistakes_are_named_with_file_line_and_reason() {
             "bridge.toml:2:",
             "u16",
         ),
+        (
+            "[link]\nprofile = \"fast\"",
+            "bridge.toml:2:",
+            "classic or extended",
+        ),
         ("[link\n", "bridge.toml:1:", "]"),
     ];
     for (text, place, hint) in table {

@@ -6,8 +6,10 @@ use bridge::BridgeConfig;
 use bridge::line::coherence::Rule;
 use desk::{Desk, north};
 use dsp_protocol::downlink::Attitude;
-use dsp_protocol::{Command, Downlink, Status, port};
-use ipc_types::code::{Functionality, ImiError, LinkState, ModuleStatus, Reason, Stage};
+use dsp_protocol::{Command, Downlink, FlowControl, Profile, Status, port};
+use ipc_types::code::{
+    ControlCommand, Functionality, ImiError, LinkState, ModuleStatus, Reason, Stage,
+};
 
 const MASK: Command = Command::Write16 {
     port: port::STATUS_MASK,
@@ -336,4 +338,55 @@ fn the_state_is_published_at_every_change_and_every_period() {
     desk.out.states.clear();
     desk.control(ipc_types::code::ControlCommand::Start);
     assert_eq!(desk.out.states.len(), 1);
+}
+
+/// A bridge whose DSP speaks `theirs` while the bridge speaks `ours`; both have had two seconds.
+fn between(ours: Profile, theirs: Profile) -> Desk {
+    let mut config = BridgeConfig::default();
+    config.link.profile = ours;
+    let mut desk = Desk::closed(&config);
+    desk.dsp.speak(theirs);
+    desk.open();
+    desk.run(2000);
+    desk
+}
+
+#[test]
+fn both_profiles_connect_and_miss_nothing() {
+    for profile in Profile::ALL {
+        let mut desk = between(profile, profile);
+        assert_eq!(desk.link(), LinkState::Up, "{profile:?}");
+        desk.control(ControlCommand::Start);
+        desk.lift_off();
+        let path = desk.path(1, &[north(3), north(6)]);
+        desk.run(400);
+        assert_eq!(desk.last_report(path[1]).waypoints_sent, 2, "{profile:?}");
+        let refused = desk.bridge.state().refused;
+        assert_eq!((refused.missed_messages, refused.checksum), (0, 0));
+    }
+}
+
+#[test]
+fn a_dsp_with_the_other_profile_is_recognised_and_not_taken_for_noise() {
+    for (ours, theirs) in [
+        (Profile::Classic, Profile::Extended),
+        (Profile::Extended, Profile::Classic),
+    ] {
+        let desk = between(ours, theirs);
+        assert_eq!(desk.link(), LinkState::Connecting);
+        let refused = desk.bridge.state().refused;
+        assert!(refused.other_profile > 0, "{ours:?}");
+        assert_eq!((refused.unknown_header, refused.checksum), (0, 0));
+    }
+}
+
+#[test]
+fn messages_that_were_missed_are_counted_by_their_numbers() {
+    let mut desk = between(Profile::Extended, Profile::Extended);
+    for _ in 0..3 {
+        desk.dsp
+            .frame(&Downlink::FlowControl(FlowControl::Stop), None);
+    }
+    desk.run(260);
+    assert_eq!(desk.bridge.state().refused.missed_messages, 3);
 }

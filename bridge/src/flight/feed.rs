@@ -27,7 +27,11 @@ impl<T: Trajectory> Flight<T> {
             return;
         };
         let on_grant = self.verification.on_grant();
-        if on_grant == OnGrant::Wait || !cx.line.is_up() || !cx.line.waypoint(&point.waypoint) {
+        if on_grant == OnGrant::Wait || !cx.line.is_up() {
+            return;
+        }
+        let again = self.verification.is_repetition();
+        if !cx.line.waypoint(&point.waypoint, again) {
             return;
         }
         if self.activity.order().is_some_and(|order| !order.begun) {

@@ -78,6 +78,11 @@ impl Verification {
         }
     }
 
+    /// Whether the waypoint to send has been sent before.
+    pub fn is_repetition(&self) -> bool {
+        matches!(self.phase, Phase::MaySend { sendings, .. } if sendings > 0)
+    }
+
     /// The waypoint was sent and the count is being read.
     pub fn sent(&mut self) {
         if let Phase::MaySend { count, sendings } = self.phase {

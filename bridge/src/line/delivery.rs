@@ -8,12 +8,13 @@
 //! | waiting, none left | queued, or full | nothing | delivered → idle | unmatched | failed → idle |
 //!
 //! The classic profile's acknowledgement names only its command's code. One that comes after its command was repeated
-//! may therefore be taken for the next command of the same code; `docs/protocol.md` section 10.
+//! may therefore be taken for the next command of the same code; `docs/protocol.md` section 10. In the extended profile
+//! each command has a number, which all its attempts share and its acknowledgement repeats.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use dsp_protocol::Command;
+use dsp_protocol::{Command, Sequence};
 use ipc_types::MonotonicNs;
 
 /// Attempts in all before a command is given up.
@@ -30,6 +31,17 @@ pub struct Ack {
     pub command: u8,
     /// What came with it.
     pub data: AckData,
+    /// Number of the command; extended profile only.
+    pub acknowledges: Option<Sequence>,
+}
+
+/// A command to send, and its number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sending {
+    /// The command.
+    pub command: Command,
+    /// Its number, the same in every attempt.
+    pub number: Sequence,
 }
 
 /// The data of an acknowledgement.
@@ -44,10 +56,14 @@ pub enum AckData {
 }
 
 impl Ack {
-    /// Whether this acknowledgement answers `command`: same code, and the data that the command asks for.
-    fn answers(&self, command: &Command) -> bool {
-        self.command == command.code()
-            && match command {
+    /// Whether this acknowledgement answers the command: same code, the data that it asks for, and its number if there
+    /// are numbers.
+    fn answers(&self, sending: &Sending) -> bool {
+        self.command == sending.command.code()
+            && self
+                .acknowledges
+                .is_none_or(|number| number == sending.number)
+            && match sending.command {
                 Command::Read16 { .. } => matches!(self.data, AckData::Bits16(_)),
                 Command::Read32 { .. } => matches!(self.data, AckData::Bits32(_)),
                 _ => self.data == AckData::None,
@@ -64,14 +80,14 @@ pub struct QueueFull;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Overdue<P> {
     /// To be sent once more.
-    SendAgain(Command),
+    SendAgain(Sending),
     /// Given up after [`ATTEMPTS`]: an ack error.
     Failed(P),
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Outstanding<P> {
-    command: Command,
+    sending: Sending,
     purpose: P,
     attempts: u32,
     deadline: MonotonicNs,
@@ -83,6 +99,7 @@ pub struct Delivery<P> {
     timeout: Duration,
     waiting: VecDeque<(Command, P)>,
     outstanding: Option<Outstanding<P>>,
+    next_number: Sequence,
 }
 
 impl<P: Copy> Delivery<P> {
@@ -92,6 +109,7 @@ impl<P: Copy> Delivery<P> {
             timeout,
             waiting: VecDeque::with_capacity(QUEUE_LEN),
             outstanding: None,
+            next_number: Sequence::FIRST,
         }
     }
 
@@ -105,24 +123,27 @@ impl<P: Copy> Delivery<P> {
     }
 
     /// The next command to send now, if none is outstanding.
-    pub fn poll(&mut self, now: MonotonicNs) -> Option<Command> {
+    pub fn poll(&mut self, now: MonotonicNs) -> Option<Sending> {
         if self.outstanding.is_some() {
             return None;
         }
         let (command, purpose) = self.waiting.pop_front()?;
+        let number = self.next_number;
+        self.next_number = number.next();
+        let sending = Sending { command, number };
         self.outstanding = Some(Outstanding {
-            command,
+            sending,
             purpose,
             attempts: 1,
             deadline: now + self.timeout,
         });
-        Some(command)
+        Some(sending)
     }
 
     /// Takes an acknowledgement; returns the purpose of the command that it completes, or nothing if it matches none.
     pub fn acknowledge(&mut self, ack: &Ack) -> Option<P> {
         self.outstanding
-            .take_if(|outstanding| ack.answers(&outstanding.command))
+            .take_if(|outstanding| ack.answers(&outstanding.sending))
             .map(|outstanding| outstanding.purpose)
     }
 
@@ -139,7 +160,7 @@ impl<P: Copy> Delivery<P> {
         }
         outstanding.attempts += 1;
         outstanding.deadline = now + self.timeout;
-        Some(Overdue::SendAgain(outstanding.command))
+        Some(Overdue::SendAgain(outstanding.sending))
     }
 
     /// When [`Delivery::overdue`] has something to say.
@@ -173,10 +194,24 @@ mod tests {
 
     const TIMEOUT: Duration = Duration::from_millis(100);
     const READ: Command = Command::Read16 { port: 10_000 };
-    const PLAIN: Ack = Ack {
-        command: 4,
-        data: AckData::None,
-    };
+    const PLAIN: Ack = ack(4, AckData::None);
+
+    const fn ack(command: u8, data: AckData) -> Ack {
+        Ack {
+            command,
+            data,
+            acknowledges: None,
+        }
+    }
+
+    const fn sending(command: Command, number: u8) -> Sending {
+        Sending {
+            command,
+            number: Sequence::new(number),
+        }
+    }
+
+    const CLEAR: Sending = sending(Command::ClearErrors, 0);
 
     fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
@@ -189,12 +224,12 @@ mod tests {
             delivery.push(Command::ClearErrors, "clear").unwrap();
         }
         if state >= 2 {
-            assert_eq!(delivery.poll(at(0)), Some(Command::ClearErrors));
+            assert_eq!(delivery.poll(at(0)), Some(CLEAR));
         }
         if state >= 3 {
             for attempt in 1..u64::from(ATTEMPTS) {
                 let again = delivery.overdue(at(100 * attempt));
-                assert_eq!(again, Some(Overdue::SendAgain(Command::ClearErrors)));
+                assert_eq!(again, Some(Overdue::SendAgain(CLEAR)));
             }
         }
         delivery
@@ -203,12 +238,12 @@ mod tests {
     #[test]
     fn every_state_and_event() {
         let late = at(10_000);
-        let sends = [None, Some(Command::ClearErrors), None, None];
+        let sends = [None, Some(CLEAR), None, None];
         let acknowledged = [None, None, Some("clear"), Some("clear")];
         let overdue = [
             None,
             None,
-            Some(Overdue::SendAgain(Command::ClearErrors)),
+            Some(Overdue::SendAgain(CLEAR)),
             Some(Overdue::Failed("clear")),
         ];
         for state in 0..4 {
@@ -228,10 +263,7 @@ mod tests {
                 Ok(()),
                 "push in {state}"
             );
-            let other = Ack {
-                command: 5,
-                data: AckData::None,
-            };
+            let other = ack(5, AckData::None);
             let mut delivery = in_state(state);
             assert_eq!(delivery.acknowledge(&other), None, "other ack in {state}");
             assert_eq!(
@@ -247,27 +279,9 @@ mod tests {
         let mut delivery = Delivery::new(TIMEOUT);
         delivery.push(READ, ()).unwrap();
         delivery.poll(at(0));
-        assert_eq!(
-            delivery.acknowledge(&Ack {
-                command: 0,
-                data: AckData::None
-            }),
-            None
-        );
-        assert_eq!(
-            delivery.acknowledge(&Ack {
-                command: 0,
-                data: AckData::Bits32(1.0)
-            }),
-            None
-        );
-        assert_eq!(
-            delivery.acknowledge(&Ack {
-                command: 0,
-                data: AckData::Bits16(1)
-            }),
-            Some(())
-        );
+        assert_eq!(delivery.acknowledge(&ack(0, AckData::None)), None);
+        assert_eq!(delivery.acknowledge(&ack(0, AckData::Bits32(1.0))), None);
+        assert_eq!(delivery.acknowledge(&ack(0, AckData::Bits16(1))), Some(()));
     }
 
     #[test]
@@ -275,10 +289,13 @@ mod tests {
         let mut delivery = Delivery::new(TIMEOUT);
         delivery.push(Command::ClearErrors, 1).unwrap();
         delivery.push(Command::ActivateStatus, 2).unwrap();
-        assert_eq!(delivery.poll(at(0)), Some(Command::ClearErrors));
+        assert_eq!(delivery.poll(at(0)), Some(CLEAR));
         assert_eq!(delivery.poll(at(0)), None);
         assert_eq!(delivery.acknowledge(&PLAIN), Some(1));
-        assert_eq!(delivery.poll(at(0)), Some(Command::ActivateStatus));
+        assert_eq!(
+            delivery.poll(at(0)),
+            Some(sending(Command::ActivateStatus, 1))
+        );
     }
 
     #[test]
@@ -288,7 +305,7 @@ mod tests {
             delivery.push(Command::ClearErrors, ()).unwrap();
         }
         assert_eq!(delivery.push(READ, ()), Err(QueueFull));
-        assert_eq!(delivery.poll(at(0)), Some(Command::ClearErrors));
+        assert_eq!(delivery.poll(at(0)), Some(CLEAR));
         assert_eq!(delivery.push(READ, ()), Ok(()));
     }
 
@@ -307,8 +324,26 @@ mod tests {
         delivery.push(READ, "read").unwrap();
         delivery.forget(|purpose| *purpose == "clear");
         assert_eq!(delivery.acknowledge(&PLAIN), None);
-        assert_eq!(delivery.poll(at(0)), Some(READ));
+        assert_eq!(delivery.poll(at(0)), Some(sending(READ, 1)));
         assert!(delivery.has(|purpose| *purpose == "read"));
         assert!(!delivery.has(|purpose| *purpose == "clear"));
+    }
+
+    #[test]
+    fn a_late_ack_is_never_taken_for_the_next_command_when_there_are_numbers() {
+        let mut delivery = in_state(3);
+        let late = Ack {
+            acknowledges: Some(Sequence::FIRST),
+            ..PLAIN
+        };
+        assert_eq!(delivery.acknowledge(&late), Some("clear"));
+        delivery.push(Command::ClearErrors, "again").unwrap();
+        let again = delivery.poll(at(1000)).unwrap();
+        assert_eq!(delivery.acknowledge(&late), None, "a second copy of it");
+        let own = Ack {
+            acknowledges: Some(again.number),
+            ..PLAIN
+        };
+        assert_eq!(delivery.acknowledge(&own), Some("again"));
     }
 }

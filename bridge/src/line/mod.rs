@@ -21,8 +21,8 @@ pub mod startup;
 use std::collections::VecDeque;
 
 use dsp_protocol::{
-    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Refusal, Status, StatusMask,
-    Uplink, Waypoint, plausibility, port,
+    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Received, Refusal, Sequence,
+    Status, StatusMask, Uplink, Waypoint, plausibility, port,
 };
 use ipc_types::MonotonicNs;
 use ipc_types::code::LinkState;
@@ -30,7 +30,7 @@ use ipc_types::payload::{LinkHealth, RefusedCounters};
 
 use crate::config::BridgeConfig;
 use coherence::Coherence;
-use delivery::{Ack, AckData, Delivery, Overdue, QueueFull};
+use delivery::{Ack, AckData, Delivery, Overdue, QueueFull, Sending};
 use outgoing::Outgoing;
 
 /// Probes that are answered without anything else being heard before the DSP counts as rebooted.
@@ -117,6 +117,10 @@ pub struct Line {
     coherence: Coherence<Sample>,
     delivery: Delivery<Purpose>,
     outgoing: Outgoing,
+    /// Number of the last waypoint that was sent.
+    waypoint_number: Sequence,
+    /// Number of the last message that was received.
+    heard_number: Option<Sequence>,
     health: LinkHealth,
     refused: RefusedCounters,
     state: LinkState,
@@ -133,10 +137,12 @@ impl Line {
     pub fn new(config: &BridgeConfig) -> Self {
         Line {
             config: config.clone(),
-            decoder: Decoder::new(),
+            decoder: Decoder::with_profile(config.link.profile),
             coherence: Coherence::new(config.status.coherence),
             delivery: Delivery::new(config.link.ack_timeout()),
             outgoing: Outgoing::default(),
+            waypoint_number: Sequence::FIRST,
+            heard_number: None,
             health: LinkHealth::default(),
             refused: RefusedCounters::default(),
             state: LinkState::Gone,
@@ -151,8 +157,9 @@ impl Line {
 
     /// The port was opened: nothing is known of the DSP.
     pub fn opened(&mut self, now: MonotonicNs) {
-        self.health.port_openings = self.health.port_openings.saturating_add(1);
-        self.decoder = Decoder::new();
+        increment(&mut self.health.port_openings);
+        self.decoder = Decoder::with_profile(self.config.link.profile);
+        self.heard_number = None;
         self.coherence.reset();
         self.failed_start_ups = 0;
         self.begin_start_up(now);
@@ -171,13 +178,13 @@ impl Line {
     /// Takes bytes from the front of `input` until something happens or all are used.
     pub fn receive(&mut self, now: MonotonicNs, input: &mut &[u8]) -> Option<LineEvent> {
         while self.events.is_empty() && !input.is_empty() {
-            let (used, decoded) = self.decoder.decode(input);
+            let (used, decoded) = self.decoder.receive(input);
             self.health.bytes_received += used as u64;
             *input = input.get(used..).unwrap_or_default();
             match decoded {
                 Decoded::Incomplete => {}
                 Decoded::Refused(refusal) => self.count_refusal(refusal),
-                Decoded::Message(message) => self.message(now, message),
+                Decoded::Message(received) => self.received(now, &received),
             }
         }
         self.events.pop_front()
@@ -216,13 +223,22 @@ impl Line {
         self.delivery.push(command, Purpose::Flight(purpose))
     }
 
-    /// Sends a waypoint; false when there is no room, and then it must be offered again at the next grant.
-    pub fn waypoint(&mut self, waypoint: &Waypoint) -> bool {
-        let sent = self.outgoing.push(&Uplink::Waypoint(*waypoint).encode());
-        if sent {
-            self.health.waypoints_sent = self.health.waypoints_sent.saturating_add(1);
+    /// Sends a waypoint; false when there is no room, and then it must be offered again at the next grant. One that is
+    /// sent `again` keeps its number, so that the DSP can tell a copy.
+    pub fn waypoint(&mut self, waypoint: &Waypoint, again: bool) -> bool {
+        let number = if again {
+            self.waypoint_number
         } else {
-            self.refused.transmit_overflows = self.refused.transmit_overflows.saturating_add(1);
+            self.waypoint_number.next()
+        };
+        let message = Uplink::Waypoint(*waypoint);
+        let frame = message.encode_in(self.config.link.profile, number);
+        let sent = self.outgoing.push(&frame);
+        if sent {
+            self.waypoint_number = number;
+            increment(&mut self.health.waypoints_sent);
+        } else {
+            increment(&mut self.refused.transmit_overflows);
         }
         sent
     }
@@ -235,8 +251,8 @@ impl Line {
 
     /// The bytes to write to the port.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
-        if let Some(command) = self.delivery.poll(now) {
-            self.send(&command);
+        if let Some(sending) = self.delivery.poll(now) {
+            self.send(&sending);
         }
         self.outgoing.as_bytes()
     }
@@ -278,16 +294,28 @@ impl Line {
 
     /// A waypoint is going to be sent again.
     pub fn count_repeated_waypoint(&mut self) {
-        self.health.waypoints_repeated = self.health.waypoints_repeated.saturating_add(1);
+        increment(&mut self.health.waypoints_repeated);
     }
 
     /// A sample was published.
     pub fn count_published(&mut self, received: MonotonicNs) {
         self.health.last_telemetry_ns = received.0;
-        self.health.telemetry_published = self.health.telemetry_published.saturating_add(1);
+        increment(&mut self.health.telemetry_published);
     }
 
-    fn message(&mut self, now: MonotonicNs, message: Downlink) {
+    fn received(&mut self, now: MonotonicNs, received: &Received<Downlink>) {
+        if let Some(number) = received.sequence
+            && let Some(last) = self.heard_number.replace(number)
+            && number != last
+        {
+            let missed = u32::from(number.missed_since(last));
+            self.refused.missed_messages = self.refused.missed_messages.saturating_add(missed);
+        }
+        let ack = |command, data| Ack {
+            command,
+            data,
+            acknowledges: received.acknowledges,
+        };
         self.health.messages_received += 1;
         self.health.last_message_ns = now.0;
         if self.state == LinkState::Silent {
@@ -296,13 +324,15 @@ impl Line {
         if self.state == LinkState::Up {
             self.silence_deadline = Some(now + self.config.link.silent_after());
         }
-        match message {
-            Downlink::Ack { command } => self.acknowledged(now, command, AckData::None),
+        match received.message {
+            Downlink::Ack { command } => {
+                self.acknowledged(now, &ack(command, AckData::None));
+            }
             Downlink::Ack16 { command, value } => {
-                self.acknowledged(now, command, AckData::Bits16(value))
+                self.acknowledged(now, &ack(command, AckData::Bits16(value)));
             }
             Downlink::Ack32 { command, value } => {
-                self.acknowledged(now, command, AckData::Bits32(value))
+                self.acknowledged(now, &ack(command, AckData::Bits32(value)));
             }
             Downlink::Status(status) => self.status(now, status),
             Downlink::FlowControl(FlowControl::Send) => self.heard(LineEvent::Grant),
@@ -351,12 +381,12 @@ impl Line {
             .extend(verdict.send.into_iter().flatten().map(LineEvent::Sample));
     }
 
-    fn acknowledged(&mut self, now: MonotonicNs, command: u8, data: AckData) {
-        let Some(purpose) = self.delivery.acknowledge(&Ack { command, data }) else {
-            self.health.acks_unmatched = self.health.acks_unmatched.saturating_add(1);
+    fn acknowledged(&mut self, now: MonotonicNs, ack: &Ack) {
+        let Some(purpose) = self.delivery.acknowledge(ack) else {
+            increment(&mut self.health.acks_unmatched);
             return;
         };
-        self.health.commands_acknowledged = self.health.commands_acknowledged.saturating_add(1);
+        increment(&mut self.health.commands_acknowledged);
         match purpose {
             Purpose::StartUp { last: false } => {}
             Purpose::StartUp { last: true } => {
@@ -368,7 +398,7 @@ impl Line {
             }
             Purpose::Probe => {
                 self.lonely_probes += 1;
-                let ours = data == AckData::Bits16(self.config.status.mask().0);
+                let ours = ack.data == AckData::Bits16(self.config.status.mask().0);
                 if !ours || self.lonely_probes >= LONELY_PROBES {
                     // Its clock has restarted as well; that must not be taken for a second reboot.
                     self.coherence.reset();
@@ -376,7 +406,7 @@ impl Line {
                 }
             }
             Purpose::Flight(FlightCommand::CountWaypoints) => {
-                if let AckData::Bits16(count) = data {
+                if let AckData::Bits16(count) = ack.data {
                     self.events.push_back(LineEvent::WaypointCount(count));
                 }
             }
@@ -386,9 +416,9 @@ impl Line {
 
     fn command_overdue(&mut self, now: MonotonicNs, overdue: Overdue<Purpose>) {
         match overdue {
-            Overdue::SendAgain(command) => {
-                self.health.commands_repeated = self.health.commands_repeated.saturating_add(1);
-                self.send(&command);
+            Overdue::SendAgain(sending) => {
+                increment(&mut self.health.commands_repeated);
+                self.send(&sending);
                 return;
             }
             Overdue::Failed(Purpose::StartUp { .. }) => {
@@ -409,11 +439,11 @@ impl Line {
                 self.events.push_back(LineEvent::Undelivered(purpose));
             }
         }
-        self.health.commands_failed = self.health.commands_failed.saturating_add(1);
+        increment(&mut self.health.commands_failed);
     }
 
     fn rebooted(&mut self, now: MonotonicNs) {
-        self.health.dsp_boots = self.health.dsp_boots.saturating_add(1);
+        increment(&mut self.health.dsp_boots);
         self.events.push_back(LineEvent::Rebooted);
         self.begin_start_up(now);
     }
@@ -459,9 +489,11 @@ impl Line {
         }
     }
 
-    fn send(&mut self, command: &Command) {
-        if !self.outgoing.push(&Uplink::Command(*command).encode()) {
-            self.refused.transmit_overflows = self.refused.transmit_overflows.saturating_add(1);
+    fn send(&mut self, sending: &Sending) {
+        let message = Uplink::Command(sending.command);
+        let frame = message.encode_in(self.config.link.profile, sending.number);
+        if !self.outgoing.push(&frame) {
+            increment(&mut self.refused.transmit_overflows);
         }
     }
 
@@ -473,16 +505,21 @@ impl Line {
     fn count_refusal(&mut self, refusal: Refusal) {
         let counter = match refusal {
             Refusal::Stray => &mut self.refused.stray,
-            Refusal::UnknownHeader | Refusal::OtherProfile => &mut self.refused.unknown_header,
-            // The DSP sends no commands; its decoder never gives this one.
-            Refusal::UnknownCommand => &mut self.refused.unknown_header,
+            // The DSP sends no commands; its decoder never gives that one.
+            Refusal::UnknownHeader | Refusal::UnknownCommand => &mut self.refused.unknown_header,
+            Refusal::OtherProfile => &mut self.refused.other_profile,
             Refusal::Truncated => &mut self.refused.truncated,
             Refusal::Checksum => &mut self.refused.checksum,
             Refusal::Padding => &mut self.refused.padding,
             Refusal::Value => &mut self.refused.value,
         };
-        *counter = counter.saturating_add(1);
+        increment(counter);
     }
+}
+
+/// Counters stop at their greatest value.
+fn increment(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
 }
 
 fn passed(deadline: Option<MonotonicNs>, now: MonotonicNs) -> bool {

@@ -57,6 +57,7 @@ pub fn run(
         inbox: Vec::new(),
         buffer: vec![0; READ_LEN],
         link: LinkState::Gone,
+        other_profile: false,
     };
     let waiter = ipc.waiter()?;
     let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
@@ -86,6 +87,8 @@ struct Shell {
     buffer: Vec<u8>,
     /// State of the link as last told in the log.
     link: LinkState,
+    /// Whether the log was told that the ends speak different profiles.
+    other_profile: bool,
 }
 
 impl Shell {
@@ -105,7 +108,7 @@ impl Shell {
         self.bridge.advance(now, &mut self.services);
         self.open_port(now)?;
         self.write(now);
-        self.tell_link();
+        self.tell();
         Ok(())
     }
 
@@ -193,12 +196,20 @@ impl Shell {
         Ok(())
     }
 
-    fn tell_link(&mut self) {
+    /// Says each change once.
+    fn tell(&mut self) {
         let link = self.bridge.link();
         if link != self.link {
             tracing::info!(from = %self.link, to = %link, "link");
             self.link = link;
         }
+        let other_profile = self.bridge.state().refused.other_profile > 0;
+        if other_profile && !self.other_profile {
+            tracing::error!(
+                "the DSP speaks the other profile: give `link.profile` here and the DSP's setting one value"
+            );
+        }
+        self.other_profile = other_profile;
     }
 
     /// Every sender gets its final word before the services go; the port is given back as it was.

@@ -7,7 +7,8 @@ use bridge::flight::trajectory::{PassThrough, Trajectory};
 use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{
-    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Status, Uplink, Waypoint, port,
+    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile, Refusal,
+    Sequence, Status, Uplink, Waypoint, port,
 };
 use ipc_types::MonotonicNs;
 use ipc_types::code::{
@@ -56,6 +57,9 @@ pub struct ScriptedDsp {
     pub status: Status,
     pub commands: Vec<Command>,
     pub waypoints: Vec<Waypoint>,
+    /// How it frames what it says; it understands the same.
+    profile: Profile,
+    number: Sequence,
     decoder: Decoder<Uplink>,
 }
 
@@ -76,6 +80,8 @@ impl Default for ScriptedDsp {
             },
             commands: vec![],
             waypoints: vec![],
+            profile: Profile::Classic,
+            number: Sequence::FIRST,
             decoder: Decoder::new(),
         }
     }
@@ -97,43 +103,75 @@ pub fn north(steps: i32) -> Waypoint {
 }
 
 impl ScriptedDsp {
-    fn hear(&mut self, bytes: &[u8]) -> Vec<Downlink> {
+    /// Speaks another profile from now on.
+    pub fn speak(&mut self, profile: Profile) {
+        self.profile = profile;
+        self.decoder = Decoder::with_profile(profile);
+    }
+
+    /// One message as a frame, with the number of the command that it acknowledges.
+    pub fn frame(&mut self, message: &Downlink, acknowledges: Option<Sequence>) -> Frame {
+        self.number = self.number.next();
+        message.encode_in(self.profile, self.number, acknowledges.unwrap_or_default())
+    }
+
+    fn hear(&mut self, bytes: &[u8]) -> Vec<Frame> {
         let (mut rest, mut answers) = (bytes, vec![]);
         while !rest.is_empty() {
-            let (used, decoded) = self.decoder.decode(rest);
+            let (used, decoded) = self.decoder.receive(rest);
             rest = &rest[used..];
             match decoded {
-                Decoded::Message(Uplink::Command(command)) => {
-                    self.commands.push(command);
-                    if let Command::Write16 {
-                        port: port::STATUS_MASK,
-                        value,
-                    } = command
-                    {
-                        self.mask = value;
-                    }
-                    if self.acknowledges && !self.silent {
-                        answers.push(match command {
-                            Command::Read16 { port } => Downlink::Ack16 {
-                                command: 0,
-                                value: self.read(port),
-                            },
-                            _ => Downlink::Ack {
-                                command: command.code(),
-                            },
-                        });
-                    }
-                }
-                Decoded::Message(Uplink::Waypoint(_)) if self.loses > 0 => self.loses -= 1,
-                Decoded::Message(Uplink::Waypoint(waypoint)) => {
-                    self.waypoints.push(waypoint);
-                    self.taken += 1;
+                Decoded::Message(received) => {
+                    let answer = self.take(&received.message);
+                    answers.extend(answer.map(|answer| self.frame(&answer, received.sequence)));
                 }
                 Decoded::Incomplete => {}
+                Decoded::Refused(Refusal::OtherProfile) => {
+                    let error = Downlink::Error(DspErrorCode::UNKNOWN_HEADER);
+                    answers.push(self.frame(&error, None));
+                }
                 Decoded::Refused(refusal) => panic!("the bridge sent garbage: {refusal:?}"),
             }
         }
         answers
+    }
+
+    fn take(&mut self, message: &Uplink) -> Option<Downlink> {
+        match *message {
+            Uplink::Command(command) => {
+                self.commands.push(command);
+                self.execute(command)
+            }
+            Uplink::Waypoint(_) if self.loses > 0 => {
+                self.loses -= 1;
+                None
+            }
+            Uplink::Waypoint(waypoint) => {
+                self.waypoints.push(waypoint);
+                self.taken += 1;
+                None
+            }
+        }
+    }
+
+    fn execute(&mut self, command: Command) -> Option<Downlink> {
+        if let Command::Write16 {
+            port: port::STATUS_MASK,
+            value,
+        } = command
+        {
+            self.mask = value;
+        }
+        let answer = match command {
+            Command::Read16 { port } => Downlink::Ack16 {
+                command: 0,
+                value: self.read(port),
+            },
+            _ => Downlink::Ack {
+                command: command.code(),
+            },
+        };
+        (self.acknowledges && !self.silent).then_some(answer)
     }
 
     fn read(&self, port: u16) -> u16 {
@@ -249,14 +287,16 @@ impl<T: Trajectory> Desk<T> {
             }
             self.bridge.transmitted(bytes.len());
             for answer in self.dsp.hear(&bytes) {
-                self.say(answer);
+                self.bridge
+                    .receive(self.now, answer.as_bytes(), &mut self.out);
             }
         }
     }
 
     pub fn say(&mut self, message: Downlink) {
+        let frame = self.dsp.frame(&message, None);
         self.bridge
-            .receive(self.now, message.encode().as_bytes(), &mut self.out);
+            .receive(self.now, frame.as_bytes(), &mut self.out);
     }
 
     pub fn dsp_error(&mut self, code: u16) {
