@@ -240,7 +240,7 @@ fn the_error_table_can_be_changed() {
     let mut desk = Desk::up(&config(
         "[errors]\nhero_dsp_fatal = [40]\ncommunication_fatal = []\n",
     ));
-    desk.control(ipc_types::code::ControlCommand::Start);
+    desk.control(ControlCommand::Start);
     desk.dsp_error(8);
     desk.dsp_error(102);
     assert_eq!(desk.module(), ModuleStatus::Running);
@@ -336,7 +336,7 @@ fn the_state_is_published_at_every_change_and_every_period() {
         "four a second while nothing changes"
     );
     desk.out.states.clear();
-    desk.control(ipc_types::code::ControlCommand::Start);
+    desk.control(ControlCommand::Start);
     assert_eq!(desk.out.states.len(), 1);
 }
 
