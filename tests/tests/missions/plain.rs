@@ -28,7 +28,7 @@ fn square() -> Vec<Vector> {
 fn assert_undisturbed(world: &World, waypoints: u64) {
     let dsp = world.simulator.dsp().counters();
     assert_eq!((dsp.waypoints, dsp.waypoints_discarded), (waypoints, 0));
-    assert_eq!(dsp.refusals, [0; 7], "the DSP refused bytes");
+    assert_eq!(dsp.refusals.iter().sum::<u64>(), 0, "the DSP refused bytes");
     let state = &world.witness.state;
     let refused = &state.refused;
     let bytes = [
@@ -389,7 +389,6 @@ fn a_sender_that_goes_takes_its_unfinished_path_along_and_leaves_a_movement_alon
         world.witness.outcome(id).is_some()
     });
     assert!(world.witness.outcome(id).expect("awaited").is_done());
-    world.assert_path_flown();
     fly(&mut world, &[Step::Land]);
     world.finish();
 }

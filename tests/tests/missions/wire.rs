@@ -16,14 +16,20 @@ const CODING_ERROR_M: f64 = 0.01;
 /// Metres of a degree, rounded up.
 const DEGREE_M: f64 = 111_700.0;
 
+/// The waypoints that may be sent: those of the path that was closed last.
+#[derive(Debug, Default)]
+pub struct Allowed {
+    /// Those that have not been sent.
+    waypoints: VecDeque<Waypoint>,
+    /// The one that was sent last: when it was lost it is sent again.
+    sent: Option<Waypoint>,
+}
+
 /// Listens to both directions before the wire damages anything.
 pub struct Probe {
     uplink: Decoder<Uplink>,
     downlink: Decoder<Downlink>,
-    /// Waypoints of the path that was closed last and that have not been sent.
-    closed: VecDeque<Waypoint>,
-    /// The waypoint that was sent last: one that was lost is sent again.
-    sent: Option<Waypoint>,
+    allowed: Allowed,
     /// The command without an acknowledgement, and how often it was sent.
     outstanding: Option<(Command, u32)>,
     /// Grants that no waypoint has used.
@@ -41,8 +47,7 @@ impl Probe {
         Probe {
             uplink: Decoder::new(),
             downlink: Decoder::new(),
-            closed: VecDeque::new(),
-            sent: None,
+            allowed: Allowed::default(),
             outstanding: None,
             grants: 0,
             commands: Vec::new(),
@@ -52,16 +57,19 @@ impl Probe {
         }
     }
 
-    /// A path is being closed: from now on its waypoints may be sent, and no others. Returns those that might be sent
-    /// until now.
-    pub fn path_closes(&mut self, path: &[Waypoint]) -> VecDeque<Waypoint> {
-        self.sent = None;
-        std::mem::replace(&mut self.closed, path.iter().copied().collect())
+    /// A path is being closed: from now on its waypoints may be sent, and no others. Returns what might be sent until
+    /// now.
+    pub fn path_closes(&mut self, path: &[Waypoint]) -> Allowed {
+        let allowed = Allowed {
+            waypoints: path.iter().copied().collect(),
+            sent: None,
+        };
+        std::mem::replace(&mut self.allowed, allowed)
     }
 
     /// The path was not closed: what might be sent before still may.
-    pub fn path_goes_on(&mut self, waypoints: VecDeque<Waypoint>) {
-        self.closed = waypoints;
+    pub fn path_goes_on(&mut self, allowed: Allowed) {
+        self.allowed = allowed;
     }
 
     /// The port was closed: whatever was outstanding is not any more.
@@ -131,12 +139,12 @@ impl Probe {
             assert!(self.grants > 0, "{sent:?} was sent without a grant");
         }
         self.grants = self.grants.saturating_sub(1);
-        let is_repeated = self.sent == Some(*sent);
+        let is_repeated = self.allowed.sent == Some(*sent);
         if is_repeated && !self.is_sound {
             return;
         }
-        self.sent = Some(*sent);
-        let Some(asked) = self.closed.pop_front() else {
+        self.allowed.sent = Some(*sent);
+        let Some(asked) = self.allowed.waypoints.pop_front() else {
             panic!("{sent:?} was sent, which is not of a closed path");
         };
         let error_m = distance_m(sent, &asked);

@@ -55,6 +55,17 @@ struct Track {
     reached: usize,
 }
 
+/// A movement whose end will be compared with the truth.
+#[derive(Clone, Copy)]
+enum Movement {
+    /// To this height above the home, m.
+    TakeOff {
+        height_m: f64,
+    },
+    Land,
+    Path,
+}
+
 impl Track {
     fn of(path: &[Waypoint], world: &LocalFrame) -> Track {
         let to_flat = |waypoint: &Waypoint| {
@@ -88,6 +99,8 @@ pub struct World {
     noise: [Noise; 2],
     plan: Option<Plan>,
     track: Option<Track>,
+    /// The movement under way, by its request.
+    movement: Option<(u64, Movement)>,
     /// The waypoints that were sent since the last head of a path.
     open_path: Vec<MovementData>,
     next_request: u64,
@@ -111,6 +124,7 @@ impl World {
             noise: [Noise::new(seed, 101), Noise::new(seed, 102)],
             plan: None,
             track: None,
+            movement: None,
             open_path: Vec::new(),
             next_request: 0,
             steps_at_once: 0,
@@ -203,10 +217,13 @@ impl World {
             self.open_path.push(request);
         }
         let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
-        if let (Some((waypoints, track)), false) = (flown, is_accepted) {
+        if let (Some((allowed, track)), false) = (flown, is_accepted) {
             // The path that is being flown goes on.
-            self.probe.path_goes_on(waypoints);
+            self.probe.path_goes_on(allowed);
             self.track = track;
+        }
+        if is_accepted {
+            self.moves(&request);
         }
         request_id
     }
@@ -225,6 +242,47 @@ impl World {
         };
         let (first, last) = (index == 0, index + 1 == path.len());
         self.movement(MovementData::waypoint(0, path_id, position, first, last))
+    }
+
+    /// Remembers a movement that was accepted, to compare its end with the truth.
+    fn moves(&mut self, request: &MovementData) {
+        let ground_m = self.simulator.helicopter().body().position_m.z;
+        let movement = match request.kind() {
+            Some(MovementKind::TakeOff) => Movement::TakeOff {
+                height_m: ground_m + request.altitude_m,
+            },
+            Some(MovementKind::Land) => Movement::Land,
+            Some(MovementKind::GoToWaypoint) if request.last == 1 => Movement::Path,
+            _ => return,
+        };
+        self.movement = Some((request.request_id, movement));
+    }
+
+    /// What the final word of a movement says must be true.
+    fn judge(&mut self) {
+        let Some((id, movement)) = self.movement else {
+            return;
+        };
+        let Some(outcome) = self.witness.outcome(id) else {
+            return;
+        };
+        self.movement = None;
+        if !outcome.is_done() {
+            return;
+        }
+        let helicopter = self.simulator.helicopter();
+        match movement {
+            Movement::TakeOff { height_m } => {
+                let error_m = (helicopter.body().position_m.z - height_m).abs();
+                assert!(
+                    error_m <= BOX_M,
+                    "taken off to {error_m} m from the altitude"
+                );
+                assert!(helicopter.is_flying(), "taken off, but stands");
+            }
+            Movement::Land => assert!(!helicopter.is_flying(), "landed, but flies"),
+            Movement::Path => self.assert_path_flown(),
+        }
     }
 
     /// The waypoints of the path that `request` would close, judged by the requests and what was said about them: those
@@ -252,8 +310,7 @@ impl World {
 
     /// Asserts what the end of a path means: the helicopter truly was in the boxes of all its waypoints, in order, and
     /// is in the last one now.
-    #[track_caller]
-    pub fn assert_path_flown(&self) {
+    fn assert_path_flown(&self) {
         let track = self.track.as_ref().expect("a path");
         let waypoints = &track.waypoints;
         assert_eq!(
@@ -373,6 +430,19 @@ impl World {
 
     /// Looks at the truth, and compares what the consumers got to it.
     fn look(&mut self) {
+        self.track();
+        self.judge();
+        let helicopter = self.simulator.helicopter();
+        for sample in self.witness.fresh.drain(..) {
+            self.chain.take(&sample, host(self.now));
+            if self.is_exact {
+                self.chain.compare(helicopter);
+            }
+        }
+    }
+
+    /// Follows the helicopter along its path.
+    fn track(&mut self) {
         let helicopter = self.simulator.helicopter();
         self.fewest_free_places = self.fewest_free_places.min(helicopter.free_places());
         if let Some(track) = &mut self.track {
@@ -381,12 +451,6 @@ impl World {
                 && is_in_box(position_m - *waypoint)
             {
                 track.reached += 1;
-            }
-        }
-        for sample in self.witness.fresh.drain(..) {
-            self.chain.take(&sample, host(self.now));
-            if self.is_exact {
-                self.chain.compare(helicopter);
             }
         }
     }
