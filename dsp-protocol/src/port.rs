@@ -1,6 +1,7 @@
 //! The DSP's virtual ports (`docs/protocol.md` section 6).
 //!
-//! The tables say what may be written; what a port does is the DSP's business. All ports can be read and written.
+//! The tables say what may be written; what a port does is the DSP's business. All ports of the tables can be read and
+//! written; [`WAYPOINT_COUNT`] can only be read and stands in neither.
 
 /// 16-bit port: the status mask.
 pub const STATUS_MASK: u16 = 10_000;

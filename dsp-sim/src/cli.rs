@@ -3,13 +3,14 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use dsp_protocol::Profile;
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use runtime::{config, logging};
 
-use crate::config::{Config, DEFAULT_FILE};
+use crate::config::{Config, DEFAULT_FILE, parse_profile};
 use crate::pty::{Link, Pty};
 use crate::shell;
 use crate::simulator::Simulator;
@@ -35,6 +36,10 @@ pub struct Args {
     /// Seed of wind and noise, instead of `noise.seed` of the configuration
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+
+    /// What the DSP speaks, `classic` or `extended`, instead of `line.profile` of the configuration
+    #[arg(long, value_name = "NAME", value_parser = parse_profile)]
+    pub profile: Option<Profile>,
 }
 
 impl Args {
@@ -58,6 +63,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if let Some(seed) = args.seed {
         config.noise.seed = seed;
     }
+    if let Some(profile) = args.profile {
+        config.line.profile = profile;
+    }
     tracing::debug!(file = ?loaded.file, ?config, "configuration");
     if args.common.check_config {
         return Ok(());
@@ -74,6 +82,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         link = %link.path().display(),
         port = %pty.path().display(),
         baud_rate = config.line.baud_rate,
+        profile = config.line.profile.name(),
         seed = config.noise.seed,
         speed = args.speed,
         "ready"
@@ -124,6 +133,17 @@ mod tests {
         assert_eq!(args(&["--robot", "7"]).link(), Path::new("/tmp/hero-dsp-7"));
         assert_eq!(args(&["--link", "port"]).link(), Path::new("port"));
         assert_eq!(args(&["--speed", "20"]).speed, 20.0);
+    }
+
+    #[test]
+    fn a_profile_is_named() {
+        let profile = |name: &str| {
+            let argument = format!("--profile={name}");
+            Args::try_parse_from(["dsp-sim", &argument]).map(|args| args.profile)
+        };
+        assert_eq!(profile("extended").unwrap(), Some(Profile::Extended));
+        assert_eq!(profile("classic").unwrap(), Some(Profile::Classic));
+        assert_eq!(profile("both").unwrap_err().exit_code(), 2);
     }
 
     #[test]

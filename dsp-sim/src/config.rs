@@ -4,8 +4,8 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use dsp_protocol::DspErrorCode;
 use dsp_protocol::downlink::Geographic;
+use dsp_protocol::{DspErrorCode, Profile};
 use runtime::config::Deserializer;
 use serde::Deserialize;
 use serde::de::Error as _;
@@ -61,11 +61,17 @@ pub struct LineConfig {
     /// Bits per second that the line is paced at, 8N1; 0 switches the pace off.
     #[serde(deserialize_with = "baud_rate")]
     pub baud_rate: u32,
+    /// What the DSP speaks; the bridge must speak the same (`docs/protocol.md` section 11).
+    #[serde(deserialize_with = "profile")]
+    pub profile: Profile,
 }
 
 impl Default for LineConfig {
     fn default() -> Self {
-        LineConfig { baud_rate: 115_200 }
+        LineConfig {
+            baud_rate: 115_200,
+            profile: Profile::Classic,
+        }
     }
 }
 
@@ -184,6 +190,7 @@ impl Config {
                 gps_fix_after: Duration::from_secs_f64(self.gps.fix_after_s),
             },
             baud: NonZeroU32::new(self.line.baud_rate),
+            profile: self.line.profile,
             boot_errors: errors.copied().map(DspErrorCode).collect(),
         }
     }
@@ -194,6 +201,19 @@ impl Default for Setup {
     fn default() -> Self {
         Config::default().setup()
     }
+}
+
+fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Profile, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    parse_profile(&name).map_err(D::Error::custom)
+}
+
+/// The profile that a file or the command line names, or what is wrong with it.
+pub(crate) fn parse_profile(name: &str) -> Result<Profile, String> {
+    Profile::from_name(name).ok_or_else(|| {
+        let names = Profile::ALL.map(Profile::name).join("` or `");
+        format!("`{name}` is no profile; it is `{names}`")
+    })
 }
 
 fn boot_errors<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u16>, D::Error> {
@@ -219,6 +239,7 @@ mod tests {
         // Every key is shown: what is commented out in the example would not be tested.
         for key in [
             "baud_rate",
+            "profile",
             "heading_deg",
             "from_deg",
             "level",
@@ -236,6 +257,10 @@ mod tests {
             (
                 "[line]\nbaud_rate = 5000000",
                 "x.toml:2: 5000000 is out of range",
+            ),
+            (
+                "[line]\nprofile = \"Extended\"",
+                "x.toml:2: `Extended` is no profile; it is `classic` or `extended`",
             ),
             ("[line]\nbaud = 9600", "x.toml:2: unknown field `baud`"),
             (
@@ -262,6 +287,7 @@ mod tests {
         let text = "
             [line]
             baud_rate = 0
+            profile = 'extended'
             [home]
             latitude_deg = -1.0
             longitude_deg = 2.0
@@ -298,6 +324,7 @@ mod tests {
                 gps_fix_after: Duration::from_secs(10),
             },
             baud: None,
+            profile: Profile::Extended,
             boot_errors: vec![DspErrorCode(11)],
         };
         assert_eq!(config.setup(), expected);

@@ -3,17 +3,18 @@
 //!
 //! It was written from that page alone. Where the page leaves a choice:
 //!
-//! * A command with a right checksum whose content is refused (*padding*, *value*) is acknowledged, and error 30 follows.
-//!   A waypoint like that is discarded with error 30. *Stray* bytes and *truncated* messages are only counted: nobody can
-//!   say what they were, and error 102 is kept for a checksum that is wrong.
+//! * *Stray* bytes and *truncated* messages are only counted: nobody can say what they were, and error 102 is kept for a
+//!   checksum that is wrong.
 //! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
 //! * The first status and the first flow control come one period after they were switched on; a shorter period takes
 //!   effect at once.
 //! * Following off empties the path buffer and hovers, as *invalidate path* does.
+//! * A copy of a command is acknowledged as the command was, a read with the value of the first time.
 //! * An acknowledgement that finds its queue full is dropped with error 5.
 //!
 //! Time is simulated: a [`Duration`] since the start of the simulator. The DSP's own clock starts when it boots.
 
+pub mod copies;
 pub mod errors;
 pub mod output;
 pub mod ports;
@@ -22,12 +23,13 @@ use std::time::Duration;
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{
-    Command, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed, Group, Refusal,
-    Status, StatusMask, Uplink, Waypoint, header, port,
+    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Group, Profile, Refusal,
+    Sequence, Status, StatusMask, Uplink, Waypoint, port,
 };
 
 use crate::helicopter::{Helicopter, Phase, Refused};
 
+use copies::Copies;
 use errors::ErrorQueue;
 use output::Output;
 use ports::Ports;
@@ -37,13 +39,18 @@ const PLACES_TO_SEND: usize = 2;
 /// "Write to sci_a with a full queue": the line to the PC hangs at the first serial interface.
 const WRITE_QUEUE_FULL: DspErrorCode = DspErrorCode(5);
 
+/// Least time between two errors that tell of the other profile (section 11).
+const OTHER_PROFILE_PERIOD: Duration = Duration::from_secs(1);
+
 /// What the DSP counted since it booted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Commands by code.
+    /// Commands by code, copies among them.
     pub commands: [u64; 8],
     /// Waypoints that the path buffer took.
     pub waypoints: u64,
+    /// Copies of the last command, acknowledged and not executed.
+    pub command_copies: u64,
     /// Copies of the newest waypoint, discarded in silence.
     pub waypoint_copies: u64,
     /// Waypoints that were discarded with an error.
@@ -69,32 +76,28 @@ pub struct Dsp {
     status_due: Option<Duration>,
     /// When the next flow control is due; nothing while following is off.
     flow_control_due: Option<Duration>,
+    copies: Copies,
+    /// When the PC was told that it speaks the other profile.
+    other_profile_told: Option<Duration>,
     counters: Counters,
 }
 
-/// What the decoder found, free of the bytes it was found in.
-enum Input {
-    Nothing,
-    Message(Uplink),
-    Refused(Refusal),
-    /// A command with a right checksum whose content was refused.
-    BadCommand(u8, Refusal),
-}
-
 impl Dsp {
-    /// A DSP that boots at `now`, and queues `boot_errors` while it does so, now and at every reboot.
-    pub fn boot(now: Duration, boot_errors: Vec<DspErrorCode>) -> Dsp {
+    /// A DSP that speaks `profile`. It boots at `now`, and queues `boot_errors` while it does so, now and at every reboot.
+    pub fn boot(now: Duration, profile: Profile, boot_errors: Vec<DspErrorCode>) -> Dsp {
         let mut errors = ErrorQueue::default();
         boot_errors.iter().for_each(|error| errors.push(*error));
         Dsp {
             boot_errors,
             booted_at: now,
-            decoder: Decoder::new(),
+            decoder: Decoder::with_profile(profile),
             ports: Ports::default(),
             errors,
-            output: Output::default(),
+            output: Output::with_profile(profile),
             status_due: None,
             flow_control_due: None,
+            copies: Copies::default(),
+            other_profile_told: None,
             counters: Counters::default(),
         }
     }
@@ -102,7 +105,8 @@ impl Dsp {
     /// Boots again: everything that is not sent is lost, and the helicopter hovers (see [`Helicopter::reboot`]).
     pub fn reboot(&mut self, now: Duration, helicopter: &mut Helicopter) {
         helicopter.advance(now);
-        *self = Dsp::boot(now, std::mem::take(&mut self.boot_errors));
+        let boot_errors = std::mem::take(&mut self.boot_errors);
+        *self = Dsp::boot(now, self.decoder.profile(), boot_errors);
         helicopter.reboot(self.ports.settings());
     }
 
@@ -111,20 +115,19 @@ impl Dsp {
         self.advance(now, helicopter);
         helicopter.advance(now);
         while !bytes.is_empty() {
-            let (taken, framed) = self.decoder.next_frame(bytes);
+            let (taken, decoded) = self.decoder.receive(bytes);
             bytes = bytes.get(taken..).unwrap_or_default();
-            match Input::from(framed) {
-                Input::Nothing => {}
-                Input::Message(Uplink::Command(command)) => self.execute(now, command, helicopter),
-                Input::Message(Uplink::Waypoint(waypoint)) => {
-                    self.take_waypoint(waypoint, helicopter)
-                }
-                Input::Refused(refusal) => self.refuse(refusal),
-                Input::BadCommand(code, refusal) => {
-                    self.count_command(code);
-                    self.acknowledge(answer(code, 0, 0.0));
-                    self.refuse(refusal);
-                }
+            match decoded {
+                Decoded::Incomplete => {}
+                Decoded::Refused(refusal) => self.refuse(now, refusal),
+                Decoded::Message(received) => match received.message {
+                    Uplink::Command(command) => {
+                        self.serve(now, command, received.sequence, helicopter)
+                    }
+                    Uplink::Waypoint(waypoint) => {
+                        self.take_waypoint(waypoint, received.sequence, helicopter)
+                    }
+                },
             }
         }
     }
@@ -145,8 +148,7 @@ impl Dsp {
                 } else {
                     FlowControl::Stop
                 };
-                self.output
-                    .push_flow_control(Downlink::FlowControl(request).encode());
+                self.output.push_flow_control(request);
             }
         }
     }
@@ -184,26 +186,45 @@ impl Dsp {
         &self.ports
     }
 
-    /// Acknowledges a command, then carries it out or refuses it.
-    fn execute(&mut self, now: Duration, command: Command, helicopter: &mut Helicopter) {
-        self.count_command(command.code());
-        let outcome = match command {
+    /// Acknowledges a command, then carries it out or refuses it, unless it is a copy.
+    fn serve(
+        &mut self,
+        now: Duration,
+        command: Command,
+        sequence: Option<Sequence>,
+        helicopter: &mut Helicopter,
+    ) {
+        if let Some(count) = self.counters.commands.get_mut(usize::from(command.code())) {
+            *count += 1;
+        }
+        if let Some(answer) = self.copies.answer(sequence, command) {
+            self.counters.command_copies += 1;
+            self.acknowledge(answer, sequence);
+            return;
+        }
+        let code = command.code();
+        let (answer, is_known) = match command {
             Command::Read16 { port } => {
                 let value = self.read_16(port, helicopter);
-                self.acknowledge(answer(command.code(), value.unwrap_or(0), 0.0));
-                value.is_some()
+                let answer = Downlink::Ack16 {
+                    command: code,
+                    value: value.unwrap_or(0),
+                };
+                (answer, value.is_some())
             }
             Command::Read32 { port } => {
                 let value = self.ports.read_32(port);
-                self.acknowledge(answer(command.code(), 0, value.unwrap_or(0.0)));
-                value.is_some()
+                let answer = Downlink::Ack32 {
+                    command: code,
+                    value: value.unwrap_or(0.0),
+                };
+                (answer, value.is_some())
             }
-            _ => {
-                self.acknowledge(answer(command.code(), 0, 0.0));
-                self.carry_out(now, command, helicopter)
-            }
+            _ => (Downlink::Ack { command: code }, true),
         };
-        if !outcome {
+        self.acknowledge(answer, sequence);
+        self.copies.executed(sequence, command, answer);
+        if !(is_known && self.carry_out(now, command, helicopter)) {
             self.errors.push(DspErrorCode::INVALID_COMMAND);
         }
     }
@@ -220,10 +241,10 @@ impl Dsp {
         }
     }
 
-    /// Carries out a command that only needs to be acknowledged; false when it is refused.
+    /// Does what a command says once it is acknowledged, which for a read is nothing; false when it is refused.
     fn carry_out(&mut self, now: Duration, command: Command, helicopter: &mut Helicopter) -> bool {
         match command {
-            Command::Read16 { .. } | Command::Read32 { .. } => false,
+            Command::Read16 { .. } | Command::Read32 { .. } => true,
             Command::Write16 { port, value } => self.write_16(now, port, value, helicopter),
             Command::Write32 { port, value } => {
                 let written = self.ports.write_32(port, value).is_ok();
@@ -279,8 +300,15 @@ impl Dsp {
         }
     }
 
-    fn take_waypoint(&mut self, waypoint: Waypoint, helicopter: &mut Helicopter) {
-        let outcome = if self.flow_control_due.is_some() && is_plausible(&waypoint) {
+    fn take_waypoint(
+        &mut self,
+        waypoint: Waypoint,
+        sequence: Option<Sequence>,
+        helicopter: &mut Helicopter,
+    ) {
+        let outcome = if self.copies.has_waypoint(sequence) {
+            Err(Refused::Copy)
+        } else if self.flow_control_due.is_some() && is_plausible(&waypoint) {
             helicopter.push_waypoint(Geographic {
                 latitude_deg: waypoint.latitude_deg,
                 longitude_deg: waypoint.longitude_deg,
@@ -292,6 +320,7 @@ impl Dsp {
         let error = match outcome {
             Ok(()) => {
                 self.counters.waypoints += 1;
+                self.copies.took_waypoint(sequence);
                 return;
             }
             // Silence: the PC sent it again because it could not know that it had arrived.
@@ -307,18 +336,29 @@ impl Dsp {
     }
 
     /// Counts bytes that were refused, and tells the PC about those that can be told.
-    fn refuse(&mut self, refusal: Refusal) {
+    fn refuse(&mut self, now: Duration, refusal: Refusal) {
         if let Some(count) = self.counters.refusals.get_mut(refusal as usize) {
             *count += 1;
         }
         self.errors.push(match refusal {
             Refusal::Stray | Refusal::Truncated => return,
-            Refusal::UnknownHeader | Refusal::OtherProfile => DspErrorCode::UNKNOWN_HEADER,
+            Refusal::OtherProfile => return self.tell_other_profile(now),
+            Refusal::UnknownHeader => DspErrorCode::UNKNOWN_HEADER,
             Refusal::Checksum => DspErrorCode::PC_CHECKSUM,
             Refusal::Padding | Refusal::Value | Refusal::UnknownCommand => {
                 DspErrorCode::INVALID_COMMAND
             }
         });
+    }
+
+    /// Tells the PC at once that it speaks the other profile. It may not have switched the status on, and the errors that
+    /// wait for one would never be told.
+    fn tell_other_profile(&mut self, now: Duration) {
+        let told = self.other_profile_told;
+        if told.is_none_or(|told| now >= told + OTHER_PROFILE_PERIOD) {
+            self.other_profile_told = Some(now);
+            self.output.push_alarm(DspErrorCode::UNKNOWN_HEADER);
+        }
     }
 
     fn queue_status(&mut self, now: Duration, helicopter: &mut Helicopter) {
@@ -331,24 +371,14 @@ impl Dsp {
         // The clock of the DSP has 32 bits of milliseconds, and turns over after 49 days.
         let time_ms = (now - self.booted_at).as_millis() as u32;
         let status = chosen(helicopter.sense(), time_ms, mask);
-        let error = self
-            .errors
-            .pop()
-            .map(|error| Downlink::Error(error).encode());
-        self.output
-            .push_status(Downlink::Status(status).encode(), error);
+        self.output.push_status(status, self.errors.pop());
         self.counters.statuses += 1;
     }
 
-    fn acknowledge(&mut self, ack: Downlink) {
-        if !self.output.push_ack(ack.encode()) {
+    fn acknowledge(&mut self, ack: Downlink, sequence: Option<Sequence>) {
+        // Without a number nothing is sent of it.
+        if !self.output.push_ack(ack, sequence.unwrap_or_default()) {
             self.errors.push(WRITE_QUEUE_FULL);
-        }
-    }
-
-    fn count_command(&mut self, code: u8) {
-        if let Some(count) = self.counters.commands.get_mut(usize::from(code)) {
-            *count += 1;
         }
     }
 
@@ -363,32 +393,6 @@ impl Dsp {
     fn period(&self, number: u16) -> Duration {
         // No period is zero, or time would stand still; the ports do not take one.
         Duration::from_millis(self.ports.read_16(number).unwrap_or(1).max(1).into())
-    }
-}
-
-impl From<Framed<'_>> for Input {
-    fn from(framed: Framed<'_>) -> Input {
-        match framed {
-            Framed::Incomplete => Input::Nothing,
-            Framed::Refused(refusal) => Input::Refused(refusal),
-            Framed::Frame(frame) => match (Uplink::parse(frame), frame) {
-                (Ok(message), _) => Input::Message(message),
-                (Err(refusal), [header::COMMAND, code, ..]) => Input::BadCommand(*code, refusal),
-                (Err(refusal), _) => Input::Refused(refusal),
-            },
-        }
-    }
-}
-
-/// The acknowledgement of a command (section 4.3): which kind it is follows from the code.
-fn answer(command: u8, bits: u16, value: f32) -> Downlink {
-    match command {
-        0 => Downlink::Ack16 {
-            command,
-            value: bits,
-        },
-        2 => Downlink::Ack32 { command, value },
-        _ => Downlink::Ack { command },
     }
 }
 

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use dsp_protocol::DspErrorCode;
+use dsp_protocol::{DspErrorCode, Profile};
 
 use crate::device::Dsp;
 use crate::device::ports::Ports;
@@ -28,6 +28,8 @@ pub struct Setup {
     pub model: Model,
     /// Speed of the line, bits a second; without a figure, bytes take no time.
     pub baud: Option<NonZeroU32>,
+    /// What the DSP speaks.
+    pub profile: Profile,
     /// Errors that the DSP queues while it boots.
     pub boot_errors: Vec<DspErrorCode>,
 }
@@ -50,7 +52,7 @@ impl Simulator {
     pub fn new(setup: Setup) -> Simulator {
         Simulator {
             now: Duration::ZERO,
-            dsp: Dsp::boot(Duration::ZERO, setup.boot_errors),
+            dsp: Dsp::boot(Duration::ZERO, setup.profile, setup.boot_errors),
             helicopter: Helicopter::new(setup.model, Ports::default().settings()),
             to_dsp: Lane::new(setup.baud),
             from_dsp: Lane::new(setup.baud),

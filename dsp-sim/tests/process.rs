@@ -5,7 +5,9 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command as Process, Stdio};
 
-use dsp_protocol::{Command, Decoded, Decoder, Downlink, Uplink, port};
+use dsp_protocol::{
+    Command, Decoded, Decoder, Downlink, DspErrorCode, Profile, Received, Sequence, Uplink, port,
+};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// A simulator in a process of its own, killed when the test ends early.
@@ -106,6 +108,45 @@ fn both_signals_end_it_with_code_0_and_the_link_goes() {
             "the link is still there"
         );
     }
+}
+
+/// Sends a frame of the extended profile and gives the first message that comes back in it.
+fn ask_extended(port: &mut File, sequence: Sequence, command: Command) -> Received<Downlink> {
+    let frame = Uplink::Command(command).encode_in(Profile::Extended, sequence);
+    port.write_all(frame.as_bytes()).unwrap();
+    let mut decoder = Decoder::with_profile(Profile::Extended);
+    let mut byte = [0];
+    loop {
+        port.read_exact(&mut byte).unwrap();
+        if let (_, Decoded::Message(received)) = decoder.receive(&byte) {
+            return received;
+        }
+    }
+}
+
+#[test]
+fn the_profile_is_chosen_on_the_command_line_and_the_other_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let sim = Sim::start(
+        &folder.path().join("port"),
+        &["--profile", "extended", "--speed", "20"],
+    );
+    let mut port = sim.open();
+    let sequence = Sequence::new(100);
+    let expected = Received {
+        message: Downlink::Ack { command: 4 },
+        sequence: Some(Sequence::FIRST),
+        acknowledges: Some(sequence),
+    };
+    assert_eq!(
+        ask_extended(&mut port, sequence, Command::ClearErrors),
+        expected
+    );
+    // A classic frame first: the error comes before the acknowledgement.
+    let classic = Uplink::Command(Command::ClearErrors).encode();
+    port.write_all(classic.as_bytes()).unwrap();
+    let told = ask_extended(&mut port, sequence.next(), Command::ClearErrors);
+    assert_eq!(told.message, Downlink::Error(DspErrorCode::UNKNOWN_HEADER));
 }
 
 #[test]

@@ -1,25 +1,31 @@
-//! What waits to be sent to the PC: whole frames, never a part of one.
+//! What waits to be sent to the PC: whole messages, never a part of one.
 //!
+//! A message becomes a frame when it is its turn, so that the numbers of the extended profile run in the order of the line.
 //! Acknowledgements overtake a status that waits, so that they are in time even on a slow line; nothing overtakes a
 //! frame that has begun, nor the error that belongs to a status.
 
 use std::collections::VecDeque;
 
-use dsp_protocol::Frame;
+use dsp_protocol::{Downlink, DspErrorCode, FlowControl, Frame, Profile, Sequence, Status};
 
 /// Acknowledgements that may wait. The PC has at most one command outstanding, so that more than one is a babbling PC;
 /// 32 is what it can have acknowledged while the longest status is on the line: 128 bytes at the commands' 4. One that
 /// does not fit is dropped whole, as if the line had lost it.
 const MAX_ACKS: usize = 32;
 
-/// Frames that wait, and the one that is being sent.
+/// Messages that wait, and the frame that is being sent.
 #[derive(Clone, Debug, Default)]
 pub struct Output {
+    profile: Profile,
+    /// The number of the next frame.
+    sequence: Sequence,
     sending: Option<Sending>,
-    acks: VecDeque<Frame>,
-    flow_control: Option<Frame>,
-    status: Option<Frame>,
-    error: Option<Frame>,
+    /// Acknowledgements and the numbers of the commands that they answer.
+    acks: VecDeque<(Downlink, Sequence)>,
+    alarm: Option<DspErrorCode>,
+    flow_control: Option<FlowControl>,
+    status: Option<Status>,
+    error: Option<DspErrorCode>,
     status_pending: bool,
 }
 
@@ -31,19 +37,34 @@ struct Sending {
 }
 
 impl Output {
-    /// Appends an acknowledgement; false when there is no room and it is dropped.
-    pub fn push_ack(&mut self, frame: Frame) -> bool {
+    /// Nothing to send yet, and then in this profile.
+    pub fn with_profile(profile: Profile) -> Output {
+        Output {
+            profile,
+            ..Output::default()
+        }
+    }
+
+    /// Appends an acknowledgement of the command with the number `acknowledges`; false when there is no room and it is
+    /// dropped.
+    pub fn push_ack(&mut self, ack: Downlink, acknowledges: Sequence) -> bool {
         if self.acks.len() == MAX_ACKS {
             return false;
         }
-        self.acks.push_back(frame);
+        self.acks.push_back((ack, acknowledges));
         self.next();
         true
     }
 
+    /// Tells an error without waiting for a status, in place of one that still waits to be told so.
+    pub fn push_alarm(&mut self, error: DspErrorCode) {
+        self.alarm = Some(error);
+        self.next();
+    }
+
     /// Puts a flow control in place of one that still waits: the newest is the true one.
-    pub fn push_flow_control(&mut self, frame: Frame) {
-        self.flow_control = Some(frame);
+    pub fn push_flow_control(&mut self, request: FlowControl) {
+        self.flow_control = Some(request);
         self.next();
     }
 
@@ -53,7 +74,7 @@ impl Output {
     }
 
     /// Appends a status and the error that goes with it.
-    pub fn push_status(&mut self, status: Frame, error: Option<Frame>) {
+    pub fn push_status(&mut self, status: Status, error: Option<DspErrorCode>) {
         self.status = Some(status);
         self.error = error;
         self.status_pending = true;
@@ -83,8 +104,11 @@ impl Output {
         if count >= left {
             self.status_pending &= !sending.is_status;
             let error = self.error.take_if(|_| sending.is_status);
-            self.sending = error.map(|frame| Sending::new(frame, false));
-            self.next();
+            self.sending = None;
+            match error {
+                Some(error) => self.send(Downlink::Error(error), Sequence::FIRST),
+                None => self.next(),
+            }
         }
     }
 
@@ -93,32 +117,41 @@ impl Output {
         if self.sending.is_some() {
             return;
         }
-        let urgent = self.acks.pop_front().or_else(|| self.flow_control.take());
-        self.sending = match urgent {
-            Some(frame) => Some(Sending::new(frame, false)),
-            None => self.status.take().map(|frame| Sending::new(frame, true)),
-        };
-    }
-}
-
-impl Sending {
-    fn new(frame: Frame, is_status: bool) -> Sending {
-        Sending {
-            frame,
-            sent: 0,
-            is_status,
+        // Only an acknowledgement has a number of the PC to repeat; the others leave it out.
+        let unasked = |message| (message, Sequence::FIRST);
+        let first = self
+            .acks
+            .pop_front()
+            .or_else(|| self.alarm.take().map(Downlink::Error).map(unasked))
+            .or_else(|| {
+                let request = self.flow_control.take();
+                request.map(Downlink::FlowControl).map(unasked)
+            })
+            .or_else(|| self.status.take().map(Downlink::Status).map(unasked));
+        if let Some((message, acknowledges)) = first {
+            self.send(message, acknowledges);
         }
+    }
+
+    /// Begins to send `message`, under the next number.
+    fn send(&mut self, message: Downlink, acknowledges: Sequence) {
+        self.sending = Some(Sending {
+            frame: message.encode_in(self.profile, self.sequence, acknowledges),
+            sent: 0,
+            is_status: matches!(message, Downlink::Status(_)),
+        });
+        self.sequence = self.sequence.next();
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use dsp_protocol::{Downlink, DspErrorCode, FlowControl, Status};
+    use dsp_protocol::{Decoded, Decoder};
 
     use super::*;
 
-    fn ack(command: u8) -> Frame {
-        Downlink::Ack { command }.encode()
+    fn push_ack(output: &mut Output, command: u8) -> bool {
+        output.push_ack(Downlink::Ack { command }, Sequence::FIRST)
     }
 
     fn drain(output: &mut Output) -> Vec<u8> {
@@ -132,23 +165,23 @@ mod tests {
 
     #[test]
     fn acks_overtake_a_waiting_status_but_not_what_has_begun() {
-        let status = Downlink::Status(Status::default()).encode();
-        let error = Downlink::Error(DspErrorCode(30)).encode();
-        let flow = Downlink::FlowControl(FlowControl::Send).encode();
+        let status = Status::default();
+        let status_frame = Downlink::Status(status).encode();
         let mut output = Output::default();
-        output.push_status(status, Some(error));
+        output.push_status(status, Some(DspErrorCode(30)));
         output.consume(1);
-        output.push_flow_control(flow);
-        assert!(output.push_ack(ack(4)));
-        assert_eq!(output.front().len(), status.as_bytes().len() - 1);
+        output.push_flow_control(FlowControl::Send);
+        output.push_alarm(DspErrorCode(100));
+        assert!(push_ack(&mut output, 4));
+        assert_eq!(output.front().len(), status_frame.as_bytes().len() - 1);
         let first = output.front().to_vec();
-        assert_eq!(drain(&mut output)[1..], [0xE6, 0xC3, 0xAA]);
-        assert_eq!(first, status.as_bytes()[1..]);
+        assert_eq!(drain(&mut output)[1..], [0xE6, 0xC3, 0xE6, 0xAA]);
+        assert_eq!(first, status_frame.as_bytes()[1..]);
 
-        assert!(output.push_ack(ack(4)));
+        assert!(push_ack(&mut output, 4));
         output.push_status(status, None);
-        output.push_flow_control(flow);
-        assert!(output.push_ack(ack(5)));
+        output.push_flow_control(FlowControl::Send);
+        assert!(push_ack(&mut output, 5));
         assert!(output.status_pending());
         assert_eq!(drain(&mut output), [0xC3, 0xC3, 0xAA, 0xE9]);
         assert!(!output.status_pending());
@@ -157,17 +190,41 @@ mod tests {
     #[test]
     fn acks_beyond_the_bound_are_dropped_whole() {
         let mut output = Output::default();
-        let taken = (0..100).filter(|_| output.push_ack(ack(4))).count();
+        let taken = (0..100).filter(|_| push_ack(&mut output, 4)).count();
         assert_eq!(taken, MAX_ACKS + 1, "one is being sent already");
         assert_eq!(drain(&mut output).len(), taken);
-        assert!(output.push_ack(ack(4)));
+        assert!(push_ack(&mut output, 4));
+    }
+
+    #[test]
+    fn numbers_run_in_the_order_of_the_line() {
+        let mut output = Output::with_profile(Profile::Extended);
+        let mut decoder = Decoder::<Downlink>::with_profile(Profile::Extended);
+        let mut numbers = Vec::new();
+        for _ in 0..130 {
+            output.push_flow_control(FlowControl::Stop);
+            output.push_status(Status::default(), Some(DspErrorCode(40)));
+            output.push_ack(Downlink::Ack { command: 4 }, Sequence::new(99));
+            while !output.front().is_empty() {
+                let front = output.front().to_vec();
+                let (_, Decoded::Message(received)) = decoder.receive(&front) else {
+                    panic!("{front:02X?} is no frame");
+                };
+                let is_ack = matches!(received.message, Downlink::Ack { .. });
+                assert_eq!(received.acknowledges, is_ack.then_some(Sequence::new(99)));
+                numbers.extend(received.sequence);
+                output.consume(front.len());
+            }
+        }
+        assert_eq!(numbers.len(), 4 * 130);
+        assert!(numbers.windows(2).all(|pair| pair[1] == pair[0].next()));
     }
 
     #[test]
     fn consuming_more_than_there_is_does_no_harm() {
         let mut output = Output::default();
         output.consume(7);
-        output.push_ack(ack(4));
+        push_ack(&mut output, 4);
         output.consume(1_000);
         assert_eq!(output.front(), [0_u8; 0]);
     }

@@ -1,8 +1,9 @@
 //! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back.
 
+mod extended;
 mod in_flight;
 
-use dsp_protocol::Decoded;
+use dsp_protocol::Received;
 use proptest::prelude::*;
 
 use super::*;
@@ -13,6 +14,9 @@ struct Desk {
     dsp: Dsp,
     helicopter: Helicopter,
     decoder: Decoder<Downlink>,
+    /// The numbers of the next command and of the next waypoint.
+    commands: Sequence,
+    waypoints: Sequence,
     now: Duration,
 }
 
@@ -42,20 +46,31 @@ impl Desk {
     }
 
     fn with_boot_errors(errors: &[u16]) -> Desk {
+        Desk::in_profile(Profile::Classic, errors)
+    }
+
+    fn in_profile(profile: Profile, errors: &[u16]) -> Desk {
         Desk {
             dsp: Dsp::boot(
                 Duration::ZERO,
+                profile,
                 errors.iter().copied().map(DspErrorCode).collect(),
             ),
             helicopter: Helicopter::new(Setup::default().model, Ports::default().settings()),
-            decoder: Decoder::new(),
+            decoder: Decoder::with_profile(profile),
+            commands: Sequence::FIRST,
+            waypoints: Sequence::FIRST,
             now: Duration::ZERO,
         }
     }
 
     /// A DSP after the start-up of section 8.1, with time alone in its mask.
     fn started() -> Desk {
-        let mut desk = Desk::new();
+        Desk::new().start_up()
+    }
+
+    /// The start-up of section 8.1.
+    fn start_up(mut self) -> Desk {
         for command in [
             write_16(port::STATUS_MASK, StatusMask::NONE.with(Group::Time).0),
             Command::ActivateStatus,
@@ -64,22 +79,31 @@ impl Desk {
             Command::Following { on: true },
         ] {
             let code = command.code();
-            assert_eq!(desk.command(command), [Downlink::Ack { command: code }]);
+            assert_eq!(self.command(command), [Downlink::Ack { command: code }]);
         }
-        desk
+        self
     }
 
     /// The same, hovering.
     fn hovering() -> Desk {
-        let mut desk = Desk::started();
-        desk.command(write_16(port::TAKE_OFF, 1));
-        desk.fly_until(Phase::Hovering);
-        assert_eq!(desk.errors(), [0_u16; 0]);
-        desk
+        Desk::started().take_off()
+    }
+
+    fn take_off(mut self) -> Desk {
+        self.command(write_16(port::TAKE_OFF, 1));
+        self.fly_until(Phase::Hovering);
+        assert_eq!(self.errors(), [0_u16; 0]);
+        self
     }
 
     /// What the DSP has to say at this moment.
     fn drain(&mut self) -> Vec<Downlink> {
+        let said = self.drain_received().into_iter();
+        said.map(|received| received.message).collect()
+    }
+
+    /// The same with the numbers of the extended profile.
+    fn drain_received(&mut self) -> Vec<Received<Downlink>> {
         let mut said = Vec::new();
         loop {
             let bytes = self.dsp.output().front().to_vec();
@@ -87,8 +111,8 @@ impl Desk {
                 return said;
             }
             self.dsp.sent(bytes.len());
-            match self.decoder.decode(&bytes) {
-                (taken, Decoded::Message(message)) if taken == bytes.len() => said.push(message),
+            match self.decoder.receive(&bytes) {
+                (taken, Decoded::Message(received)) if taken == bytes.len() => said.push(received),
                 other => panic!("the DSP said {other:?}"),
             }
         }
@@ -100,21 +124,31 @@ impl Desk {
     }
 
     fn command(&mut self, command: Command) -> Vec<Downlink> {
-        self.bytes(Uplink::Command(command).encode().as_bytes())
+        let sequence = self.commands;
+        self.commands = sequence.next();
+        self.numbered(sequence, Uplink::Command(command))
+    }
+
+    fn numbered(&mut self, sequence: Sequence, message: Uplink) -> Vec<Downlink> {
+        let profile = self.decoder.profile();
+        self.bytes(message.encode_in(profile, sequence).as_bytes())
     }
 
     fn waypoint(&mut self, point_m: (f64, f64, f64)) {
+        let sequence = self.waypoints;
+        self.waypoints = sequence.next();
+        self.numbered_waypoint(sequence, point_m);
+    }
+
+    fn numbered_waypoint(&mut self, sequence: Sequence, point_m: (f64, f64, f64)) {
         let point = crate::helicopter::vector::Vector::new(point_m.0, point_m.1, point_m.2);
         let position = self.helicopter.world().to_geographic(point);
-        let said = self.bytes(
-            Uplink::Waypoint(Waypoint {
-                latitude_deg: position.latitude_deg,
-                longitude_deg: position.longitude_deg,
-                altitude_m: position.altitude_m,
-            })
-            .encode()
-            .as_bytes(),
-        );
+        let waypoint = Uplink::Waypoint(Waypoint {
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_m: position.altitude_m,
+        });
+        let said = self.numbered(sequence, waypoint);
         assert_eq!(said, [], "a waypoint is never acknowledged");
     }
 
@@ -268,30 +302,24 @@ fn what_the_decoder_refuses_is_told_by_its_code() {
     let good = Uplink::Command(Command::ClearErrors).encode();
     let mut wrong_sum = good.as_bytes().to_vec();
     wrong_sum[2] ^= 1;
-    for (name, bytes, acks, errors) in [
-        ("unknown header", frame(&[0xE9, 0, 0]), 0, vec![100]),
-        ("header of no table", frame(&[0xDA, 1]), 0, vec![100]),
-        ("checksum", wrong_sum, 0, vec![102]),
-        ("command over 7", frame(&[0xF0, 8]), 0, vec![30]),
-        ("stray bytes", vec![1, 2, 3], 0, vec![]),
-        ("truncated", vec![0xF0, 0x00, 0x01], 0, vec![]),
-        (
-            "padding of a read",
-            frame(&[0xF0, 0, 0x7F, 0, 0]),
-            1,
-            vec![30],
-        ),
-        ("value of following", frame(&[0xF0, 7, 2]), 1, vec![30]),
+    for (name, bytes, errors) in [
+        ("unknown header", frame(&[0xE9, 0, 0]), vec![100]),
+        ("header of no table", frame(&[0xDA, 1]), vec![100]),
+        ("checksum", wrong_sum, vec![102]),
+        ("command over 7", frame(&[0xF0, 8]), vec![30]),
+        ("stray bytes", vec![1, 2, 3], vec![]),
+        ("truncated", vec![0xF0, 0x00, 0x01], vec![]),
+        ("padding of a read", frame(&[0xF0, 0, 0x7F, 0, 0]), vec![30]),
+        ("value of following", frame(&[0xF0, 7, 2]), vec![30]),
         (
             "padding of a waypoint",
             frame(&[0x99, 0x7F, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]),
-            0,
             vec![30],
         ),
     ] {
         let mut desk = Desk::started();
         let said = desk.bytes(&bytes);
-        assert_eq!(said.len(), acks, "{name}: {said:?}");
+        assert_eq!(said, [], "{name} is not acknowledged");
         // In step again at the next header, whatever happened.
         let next = desk.command(Command::InvalidatePath);
         assert_eq!(next, [Downlink::Ack { command: 6 }], "{name}");
