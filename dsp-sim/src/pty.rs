@@ -3,9 +3,9 @@
 //! The PC's end may be opened and closed as often as somebody likes. This end keeps the other open too, so that the
 //! kernel neither hangs it up nor wakes it for nothing while nobody is there; a watch tells when somebody comes or goes.
 //!
-//! Nothing here blocks. What nobody reads is discarded: when the kernel's queue is full, all of it, because the oldest
-//! bytes are the ones in the way; and when somebody comes or goes, so that a newcomer reads what the DSP says now. A
-//! real serial port loses the same bytes.
+//! Nothing here blocks. A PC that reads late finds what was said meanwhile, as far as the queues reach: the kernel's and
+//! then the simulator's, as in the receive queue of a serial port. When somebody comes or goes, what lies unread is
+//! discarded, so that a newcomer reads what the DSP says now.
 
 use std::ffi::OsString;
 use std::fs;
@@ -32,7 +32,6 @@ pub struct Pty {
     /// Tells when the PC's end is opened and closed.
     watch: OwnedFd,
     path: PathBuf,
-    discarded: u64,
 }
 
 /// The pseudo-terminal could not be opened.
@@ -71,7 +70,6 @@ impl Pty {
             slave,
             watch,
             path,
-            discarded: 0,
         })
     }
 
@@ -85,12 +83,13 @@ impl Pty {
         self.watch.as_fd()
     }
 
-    /// Looks whether somebody opened or closed the PC's end. Then what lies unread is discarded. When somebody closed it,
-    /// the next one finds the port as it was at first: raw, and not held exclusively by a process that was killed.
+    /// Looks whether somebody opened or closed the PC's end, and says so. Then what lies unread is discarded. When
+    /// somebody closed it, the next one finds the port as it was at first: raw, and not held exclusively by a process that
+    /// was killed.
     ///
     /// # Errors
     /// The terminal or the watch is gone.
-    pub fn check_peer(&mut self) -> io::Result<()> {
+    pub fn check_peer(&mut self) -> io::Result<bool> {
         let (mut came, mut went) = (false, false);
         let mut buffer = [MaybeUninit::uninit(); EVENTS_LEN];
         let mut reader = inotify::Reader::new(&self.watch, &mut buffer);
@@ -111,7 +110,7 @@ impl Pty {
             tracing::debug!(came, went, "the PC's end");
             self.discard()?;
         }
-        Ok(())
+        Ok(came || went)
     }
 
     /// Reads what the PC wrote; 0 when there is nothing.
@@ -129,34 +128,19 @@ impl Pty {
         }
     }
 
-    /// Writes to the PC. When nobody reads and the kernel's queue is full, the queue is emptied; what still does not fit
-    /// is discarded.
+    /// Writes to the PC what the kernel's queue takes, and says how much that is.
     ///
     /// # Errors
     /// The terminal is gone.
-    pub fn write(&mut self, mut bytes: &[u8]) -> io::Result<()> {
-        let mut emptied = false;
-        while !bytes.is_empty() {
+    pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        loop {
             match rustix::io::write(&self.master, bytes) {
-                Ok(count) if count > 0 => bytes = bytes.get(count..).unwrap_or_default(),
+                Ok(count) => return Ok(count),
                 Err(Errno::INTR) => {}
-                Ok(_) | Err(Errno::AGAIN) if !emptied => {
-                    emptied = true;
-                    self.discard()?;
-                }
-                Ok(_) | Err(Errno::AGAIN) => {
-                    self.discarded += bytes.len() as u64;
-                    return Ok(());
-                }
+                Err(Errno::AGAIN) => return Ok(0),
                 Err(error) => return Err(error.into()),
             }
         }
-        Ok(())
-    }
-
-    /// Bytes that did not even fit into the emptied queue.
-    pub fn discarded(&self) -> u64 {
-        self.discarded
     }
 
     /// Discards what the PC has not read.
@@ -319,6 +303,30 @@ mod tests {
         let mut read = [0; 3];
         peer.read_exact(&mut read).unwrap();
         assert_eq!(&read, b"new");
+    }
+
+    #[test]
+    fn a_late_reader_finds_every_byte_that_was_taken() {
+        let mut pty = Pty::open().unwrap();
+        let mut peer = open_peer(&pty);
+        pty.check_peer().unwrap();
+        let (mut written, mut read) = (Vec::new(), Vec::new());
+        for round in 0..3_u8 {
+            // Until the queue takes no more.
+            for byte in (0..=255).cycle() {
+                if pty.write(&[byte ^ round]).unwrap() == 0 {
+                    break;
+                }
+                written.push(byte ^ round);
+            }
+            while read.len() < written.len() {
+                let mut buffer = [0; 1000];
+                let count = peer.read(&mut buffer).unwrap();
+                read.extend_from_slice(&buffer[..count]);
+            }
+        }
+        assert!(written.len() > 3 * 1000);
+        assert_eq!(read, written);
     }
 
     #[test]

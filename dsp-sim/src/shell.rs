@@ -27,7 +27,7 @@ pub struct Summary {
     pub wakes: u64,
     /// Bytes that came from the PC.
     pub received: u64,
-    /// Bytes that were written to the PC, read or not.
+    /// Bytes that were written to the PC's queue, read or not.
     pub sent: u64,
 }
 
@@ -50,7 +50,9 @@ pub fn run(
     while !termination.requested() {
         let now = clock.now(simulator.next_deadline());
         simulator.advance(now);
-        pty.check_peer()?;
+        if pty.check_peer()? {
+            simulator.discard_output();
+        }
         // What does not fit stays in the kernel's queue, which makes the PC wait, as a slow port would.
         let room = simulator.input_room();
         let count = pty.read(&mut buffer[..room])?;
@@ -61,20 +63,20 @@ pub fn run(
         let deadline = simulator.next_deadline();
         let timeout = deadline.map(|deadline| clock.real(deadline.saturating_sub(now)));
         let timeout = timeout.into_iter().chain(watchdog.left()).min();
-        sleep(pty, simulator.input_room() > 0, termination, timeout)?;
+        sleep(pty, interest(simulator), termination, timeout)?;
         summary.wakes += 1;
     }
     Ok(summary)
 }
 
-/// Writes what has come through the line; gives its length.
-fn transmit(simulator: &mut Simulator, pty: &mut Pty) -> io::Result<u64> {
+/// Writes what has come through the line, as far as the PC's queue takes it; gives its length.
+fn transmit(simulator: &mut Simulator, pty: &Pty) -> io::Result<u64> {
     let mut sent = 0;
     let mut outcome = Ok(());
     simulator.transmit(|bytes| match pty.write(bytes) {
-        Ok(()) => {
-            sent += bytes.len() as u64;
-            bytes.len()
+        Ok(count) => {
+            sent += count as u64;
+            count
         }
         Err(error) => {
             outcome = Err(error);
@@ -84,21 +86,24 @@ fn transmit(simulator: &mut Simulator, pty: &mut Pty) -> io::Result<u64> {
     outcome.map(|()| sent)
 }
 
-/// Sleeps until there is a byte that `reading` wants, a peer, the wish to end, or the timeout is over.
+/// What to wait for at the terminal: bytes, if there is room for them, and room, if there are bytes.
+fn interest(simulator: &Simulator) -> PollFlags {
+    let mut flags = PollFlags::empty();
+    flags.set(PollFlags::IN, simulator.input_room() > 0);
+    flags.set(PollFlags::OUT, simulator.has_output());
+    flags
+}
+
+/// Sleeps until the terminal is ready for `interest`, there is a peer, the wish to end, or the timeout is over.
 fn sleep(
     pty: &Pty,
-    reading: bool,
+    interest: PollFlags,
     termination: &Termination,
     timeout: Option<Duration>,
 ) -> io::Result<()> {
     let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
-    let bytes = if reading {
-        PollFlags::IN
-    } else {
-        PollFlags::empty()
-    };
     let mut sources = [
-        PollFd::from_borrowed_fd(pty.as_fd(), bytes),
+        PollFd::from_borrowed_fd(pty.as_fd(), interest),
         PollFd::from_borrowed_fd(pty.watch(), PollFlags::IN),
         PollFd::from_borrowed_fd(termination.as_fd(), PollFlags::IN),
     ];

@@ -114,6 +114,16 @@ impl Simulator {
         }
     }
 
+    /// Whether bytes for the PC wait to be fetched.
+    pub fn has_output(&self) -> bool {
+        !self.output.is_empty()
+    }
+
+    /// Drops the bytes that wait to be fetched: whoever they were for has gone.
+    pub fn discard_output(&mut self) {
+        self.output.clear();
+    }
+
     /// Lets the DSP boot again; the helicopter stays in the air. What is on the line stays there.
     pub fn reboot(&mut self) {
         self.dsp.reboot(self.now, &mut self.helicopter);
