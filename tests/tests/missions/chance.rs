@@ -88,6 +88,9 @@ impl Dice {
         if self.count(0, 3) == 0 {
             config.bridge.status.coherence = Rule::Confirmed;
         }
+        if self.count(0, 3) == 0 {
+            config = config.extended();
+        }
         config
     }
 }

@@ -1,7 +1,7 @@
 //! What a world is made of: both sides' configurations, and what the checkers may expect of the line.
 
 use bridge::BridgeConfig;
-use dsp_protocol::Group;
+use dsp_protocol::{Group, Profile};
 use dsp_sim::helicopter::wind::WindModel;
 use dsp_sim::simulator::Setup;
 
@@ -75,6 +75,13 @@ impl WorldConfig {
             .status
             .groups
             .retain(|group| !groups.contains(group));
+        self
+    }
+
+    /// Both ends speak the extended profile, with a CRC and numbers.
+    pub fn extended(mut self) -> WorldConfig {
+        self.bridge.link.profile = Profile::Extended;
+        self.simulator.profile = Profile::Extended;
         self
     }
 

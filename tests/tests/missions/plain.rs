@@ -69,7 +69,13 @@ fn assert_arrived(world: &mut World, waypoints: u64) {
 
 #[test]
 fn from_the_ground_to_the_ground() {
-    let mut world = World::new(&WorldConfig::new());
+    for config in [WorldConfig::new(), WorldConfig::new().extended()] {
+        fly_from_the_ground_to_the_ground(&config);
+    }
+}
+
+fn fly_from_the_ground_to_the_ground(config: &WorldConfig) {
+    let mut world = World::new(config);
     let second = vec![point(10.0, 10.0, 12.0), point(0.0, 5.0, 10.0)];
     fly(
         &mut world,

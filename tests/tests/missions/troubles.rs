@@ -197,3 +197,19 @@ fn noise_at_every_moment_publishes_nothing_implausible_and_ends() {
         }
     }
 }
+
+#[test]
+fn in_the_extended_profile_noise_lets_nothing_false_through() {
+    // Without noise of the sensors and on a line that takes no time, every sample can be compared with the truth.
+    for (seed, (what, when, _)) in MOMENTS.into_iter().enumerate() {
+        let config = WorldConfig::new()
+            .extended()
+            .unsound()
+            .exact()
+            .seed(seed as u64);
+        let trouble = Trouble::Noise(Duration::from_secs(3));
+        let (world, _) = fly(&config, when, trouble);
+        assert!(world.chain.compared > 500, "{what}");
+        assert_eq!(world.witness.state.refused.implausible_groups, 0, "{what}");
+    }
+}

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Uplink, Waypoint};
+use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Profile, Uplink, Waypoint};
 use dsp_sim::random::Random;
 
 /// Attempts of a command (requirement D2).
@@ -27,6 +27,7 @@ pub struct Allowed {
 
 /// Listens to both directions before the wire damages anything.
 pub struct Probe {
+    profile: Profile,
     uplink: Decoder<Uplink>,
     downlink: Decoder<Downlink>,
     allowed: Allowed,
@@ -43,10 +44,11 @@ pub struct Probe {
 }
 
 impl Probe {
-    pub fn new(is_sound: bool) -> Probe {
+    pub fn new(profile: Profile, is_sound: bool) -> Probe {
         Probe {
-            uplink: Decoder::new(),
-            downlink: Decoder::new(),
+            profile,
+            uplink: Decoder::with_profile(profile),
+            downlink: Decoder::with_profile(profile),
             allowed: Allowed::default(),
             outstanding: None,
             grants: 0,
@@ -76,7 +78,7 @@ impl Probe {
     pub fn interrupted(&mut self) {
         self.outstanding = None;
         self.grants = 0;
-        self.uplink = Decoder::new();
+        self.uplink = Decoder::with_profile(self.profile);
     }
 
     /// Bytes from the bridge.
@@ -227,7 +229,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "not of a closed path")]
     fn a_waypoint_of_an_open_path_is_noticed() {
-        let mut probe = Probe::new(true);
+        let mut probe = Probe::new(Profile::Classic, true);
         granted(&mut probe);
         sends(&mut probe, Uplink::Waypoint(NORTH));
     }
@@ -235,7 +237,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "instead of")]
     fn another_waypoint_is_noticed() {
-        let mut probe = Probe::new(true);
+        let mut probe = Probe::new(Profile::Classic, true);
         probe.path_closes(&[NORTH]);
         granted(&mut probe);
         // Two centimetres off.
@@ -252,7 +254,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "without a grant")]
     fn a_second_waypoint_for_one_grant_is_noticed() {
-        let mut probe = Probe::new(true);
+        let mut probe = Probe::new(Profile::Classic, true);
         probe.path_closes(&[NORTH, NORTH]);
         granted(&mut probe);
         sends(&mut probe, Uplink::Waypoint(NORTH));
@@ -262,7 +264,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "while ClearErrors was outstanding")]
     fn a_second_outstanding_command_is_noticed() {
-        let mut probe = Probe::new(true);
+        let mut probe = Probe::new(Profile::Classic, true);
         sends(&mut probe, Uplink::Command(Command::ClearErrors));
         sends(&mut probe, Uplink::Command(Command::InvalidatePath));
     }
@@ -270,7 +272,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "was sent 4 times")]
     fn a_fourth_attempt_is_noticed() {
-        let mut probe = Probe::new(true);
+        let mut probe = Probe::new(Profile::Classic, true);
         for _ in 0..4 {
             sends(&mut probe, Uplink::Command(Command::ClearErrors));
         }
@@ -278,7 +280,7 @@ mod tests {
 
     #[test]
     fn what_is_allowed_passes() {
-        let mut probe = Probe::new(true);
+        let mut probe = Probe::new(Profile::Classic, true);
         for command in [Command::ClearErrors, Command::ClearErrors] {
             sends(&mut probe, Uplink::Command(command));
         }

@@ -113,7 +113,7 @@ impl World {
         World {
             simulator: Simulator::new(config.simulator.clone()),
             witness: Witness::new(config.is_sound),
-            probe: Probe::new(config.is_sound),
+            probe: Probe::new(config.bridge.link.profile, config.is_sound),
             chain: Chain::new(),
             fewest_free_places: usize::MAX,
             bridge: Bridge::new(&config.bridge),
