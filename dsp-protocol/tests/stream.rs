@@ -1,4 +1,4 @@
-//! Streams of bytes as a line delivers them: cut anywhere, damaged anywhere, or nothing but noise.
+//! Streams of bytes as a line delivers them: cut anywhere, damaged anywhere, or nothing but noise; in both profiles.
 
 mod common;
 
@@ -6,10 +6,10 @@ use std::fmt::Debug;
 
 use common::{Random, decode_all};
 use dsp_protocol::downlink::{Attitude, Geographic, References, ServoPulses, Status};
-use dsp_protocol::header::is_header;
+use dsp_protocol::header::{self, is_header, kind_of, of_kind};
 use dsp_protocol::{
-    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed, Refusal,
-    Uplink, Waypoint,
+    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed, Profile,
+    Refusal, Sequence, Uplink, Waypoint,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -25,16 +25,24 @@ fn messages<M: Copy>(decoded: &[Decoded<M>]) -> Vec<M> {
 }
 
 /// However `bytes` are cut, they give the same.
-fn check_chunking<M: Direction + Debug + PartialEq>(bytes: &[u8]) {
-    let whole = decode_all::<M>([bytes]);
+fn check_chunking<M: Direction + Debug + PartialEq>(profile: Profile, bytes: &[u8]) {
+    let whole = decode_all::<M>(profile, [bytes]);
     for size in [1, 2, 3, 7, 64] {
-        assert_eq!(decode_all::<M>(bytes.chunks(size)), whole, "by {size}");
+        assert_eq!(
+            decode_all::<M>(profile, bytes.chunks(size)),
+            whole,
+            "by {size}"
+        );
     }
     for cut in 0..=bytes.len() {
         let (front, back) = bytes.split_at(cut);
-        assert_eq!(decode_all::<M>([front, back]), whole, "cut at {cut}");
         assert_eq!(
-            decode_all::<M>([front, &[], back]),
+            decode_all::<M>(profile, [front, back]),
+            whole,
+            "cut at {cut}"
+        );
+        assert_eq!(
+            decode_all::<M>(profile, [front, &[], back]),
             whole,
             "cut at {cut}, an empty slice between"
         );
@@ -44,7 +52,7 @@ fn check_chunking<M: Direction + Debug + PartialEq>(bytes: &[u8]) {
 /// A piece of a stream: a frame, the beginning of one, or noise.
 fn pieces<M: Debug + Clone>(
     message: impl Strategy<Value = M>,
-    encode: fn(&M) -> Vec<u8>,
+    encode: impl Fn(&M) -> Vec<u8>,
 ) -> impl Strategy<Value = Vec<u8>> {
     let piece = (
         message,
@@ -71,49 +79,72 @@ fn pieces<M: Debug + Clone>(
     vec(piece, 0..8).prop_map(|pieces| pieces.concat())
 }
 
-fn downlink_bytes(message: &Downlink) -> Vec<u8> {
-    message.encode().as_bytes().to_vec()
+/// Numbers with bits of both sorts, which the classic profile leaves out.
+const OWN: Sequence = Sequence::new(0x2A);
+const ACKNOWLEDGED: Sequence = Sequence::new(0x55);
+
+fn downlink_bytes(profile: Profile, message: &Downlink) -> Vec<u8> {
+    let frame = message.encode_in(profile, OWN, ACKNOWLEDGED);
+    frame.as_bytes().to_vec()
 }
 
-fn uplink_bytes(message: &Uplink) -> Vec<u8> {
-    message.encode().as_bytes().to_vec()
+fn uplink_bytes(profile: Profile, message: &Uplink) -> Vec<u8> {
+    message.encode_in(profile, OWN).as_bytes().to_vec()
+}
+
+fn profile() -> impl Strategy<Value = Profile> {
+    prop::sample::select(&Profile::ALL[..])
+}
+
+/// A stream in one of the profiles.
+fn stream<M: Debug + Clone, S: Strategy<Value = M>>(
+    message: fn() -> S,
+    encode: fn(Profile, &M) -> Vec<u8>,
+) -> impl Strategy<Value = (Profile, Vec<u8>)> {
+    let of_profile = move |profile| {
+        let pieces = pieces(message(), move |message| encode(profile, message));
+        pieces.prop_map(move |bytes| (profile, bytes))
+    };
+    profile().prop_flat_map(of_profile)
 }
 
 proptest! {
-    #![proptest_config(common::config(60))]
+    #![proptest_config(common::config(120))]
 
     #[test]
     fn a_downlink_stream_means_the_same_however_it_is_cut(
-        bytes in pieces(common::downlink(), downlink_bytes)
+        (profile, bytes) in stream(common::downlink, downlink_bytes)
     ) {
-        check_chunking::<Downlink>(&bytes);
+        check_chunking::<Downlink>(profile, &bytes);
     }
 
     #[test]
     fn an_uplink_stream_means_the_same_however_it_is_cut(
-        bytes in pieces(common::uplink(), uplink_bytes)
+        (profile, bytes) in stream(common::uplink, uplink_bytes)
     ) {
-        check_chunking::<Uplink>(&bytes);
+        check_chunking::<Uplink>(profile, &bytes);
     }
 }
 
 proptest! {
-    #![proptest_config(common::config(2000))]
+    #![proptest_config(common::config(3000))]
 
     #[test]
     fn no_message_after_noise_is_lost(
+        profile in profile(),
         noise in vec(any::<u8>(), 0..300),
         sent in vec(common::downlink(), 1..5),
     ) {
         let mut bytes = noise;
-        sent.iter().for_each(|message| bytes.extend(downlink_bytes(message)));
-        let got = messages(&decode_all::<Downlink>([bytes.as_slice()]));
+        sent.iter().for_each(|message| bytes.extend(downlink_bytes(profile, message)));
+        let got = messages(&decode_all::<Downlink>(profile, [bytes.as_slice()]));
         // The noise may hold a message by chance; it comes first.
         prop_assert!(got.ends_with(&sent), "{got:?}");
     }
 
     #[test]
     fn damage_inside_one_frame_costs_that_message_alone(
+        profile in profile(),
         before in vec(common::downlink(), 0..3),
         hit in common::downlink(),
         after in vec(common::downlink(), 0..3),
@@ -121,21 +152,22 @@ proptest! {
         gone in 0..10usize,
         noise in vec(any::<u8>(), 0..10),
     ) {
-        let mut damaged = downlink_bytes(&hit);
+        let bytes_of = |message: &Downlink| downlink_bytes(profile, message);
+        let mut damaged = bytes_of(&hit);
         let at = at.index(damaged.len());
         let end = damaged.len().min(at + gone);
         damaged.splice(at..end, noise);
-        let mut bytes: Vec<u8> = before.iter().flat_map(downlink_bytes).collect();
+        let mut bytes: Vec<u8> = before.iter().flat_map(bytes_of).collect();
         bytes.extend(damaged);
-        bytes.extend(after.iter().flat_map(downlink_bytes));
-        let got = messages(&decode_all::<Downlink>([bytes.as_slice()]));
+        bytes.extend(after.iter().flat_map(bytes_of));
+        let got = messages(&decode_all::<Downlink>(profile, [bytes.as_slice()]));
         prop_assert!(got.starts_with(&before), "{got:?}");
         prop_assert!(got.ends_with(&after), "{got:?}");
     }
 }
 
 /// Frames of every kind, with values whose bytes have bits of both sorts.
-fn downlink_frames() -> Vec<Vec<u8>> {
+fn downlink_frames(profile: Profile) -> Vec<Vec<u8>> {
     let pulses = ServoPulses {
         collective_us: 1500,
         roll_us: 1100,
@@ -179,11 +211,11 @@ fn downlink_frames() -> Vec<Vec<u8>> {
         Downlink::Error(DspErrorCode(102)),
     ]
     .iter()
-    .map(downlink_bytes)
+    .map(|message| downlink_bytes(profile, message))
     .collect()
 }
 
-fn uplink_frames() -> Vec<Vec<u8>> {
+fn uplink_frames(profile: Profile) -> Vec<Vec<u8>> {
     let place = Waypoint {
         latitude_deg: 40.416_812_3,
         longitude_deg: -3.703_790_2,
@@ -207,39 +239,48 @@ fn uplink_frames() -> Vec<Vec<u8>> {
         Uplink::Waypoint(place),
     ]
     .iter()
-    .map(uplink_bytes)
+    .map(|message| uplink_bytes(profile, message))
     .collect()
 }
 
-/// Whether the length of `frame` follows from its byte `at`, apart from the header.
-fn gives_length(frame: &[u8], at: usize) -> bool {
-    match frame[0] {
-        dsp_protocol::header::STATUS => (1..=3).contains(&at),
-        dsp_protocol::header::COMMAND => at == 1,
+/// Whether the length of `frame` follows from its byte `at`, apart from its header and its kind.
+fn gives_length(profile: Profile, frame: &[u8], at: usize) -> bool {
+    let (kind, payload) = match profile {
+        Profile::Classic => (kind_of(frame[0]), 1),
+        Profile::Extended => (frame[2], 3),
+    };
+    match of_kind(kind) {
+        header::STATUS => (payload..payload + 3).contains(&at),
+        header::COMMAND => at == payload,
         _ => false,
     }
 }
 
 /// Section 10 of `docs/protocol.md`, for each bit of `frame`, which `next` follows:
-/// - a bit of the payload or the checksum that leaves the bounds of the message alone is always seen by the checksum;
-/// - the header's bits never give another message, and the bytes behind it are discarded with it;
+/// - a bit of the payload or the check that leaves the bounds of the message alone is always seen by the check;
+/// - the bits of header and kind never give another message, and the bytes behind it are discarded with it;
 /// - bit 7 of any other byte breaks the message off;
 /// - in every case the frame itself is refused, and `next` arrives.
-fn check_flips<M: Direction + Debug + PartialEq + Copy>(frame: &[u8], next: &[u8]) {
-    let expected_next = decode_all::<M>([next]);
+fn check_flips<M: Direction + Debug + PartialEq + Copy>(
+    profile: Profile,
+    frame: &[u8],
+    next: &[u8],
+) {
+    let expected_next = decode_all::<M>(profile, [next]);
     for at in 0..frame.len() {
         for bit in 0..8 {
-            if gives_length(frame, at) && bit < 7 {
+            if gives_length(profile, frame, at) && bit < 7 {
                 continue;
             }
             let mut flipped = frame.to_vec();
             flipped[at] ^= 1 << bit;
             flipped.extend_from_slice(next);
-            let decoded = decode_all::<M>([flipped.as_slice()]);
-            let first = match (at, bit) {
-                (0, 7) => Refusal::Stray,
-                (0, _) => Refusal::UnknownHeader,
-                (_, 7) => Refusal::Truncated,
+            let decoded = decode_all::<M>(profile, [flipped.as_slice()]);
+            let first = match (profile, at, bit) {
+                (_, 0, 7) => Refusal::Stray,
+                (_, 0, _) => Refusal::UnknownHeader,
+                (_, _, 7) => Refusal::Truncated,
+                (Profile::Extended, 2, _) => Refusal::UnknownHeader,
                 _ => Refusal::Checksum,
             };
             let place = format!("bit {bit} of byte {at} of {frame:02X?}");
@@ -255,66 +296,78 @@ fn check_flips<M: Direction + Debug + PartialEq + Copy>(frame: &[u8], next: &[u8
 
 #[test]
 fn a_flipped_bit_that_leaves_the_bounds_alone_is_always_refused() {
-    for frame in downlink_frames() {
-        for next in downlink_frames() {
-            check_flips::<Downlink>(&frame, &next);
+    for profile in Profile::ALL {
+        for frame in downlink_frames(profile) {
+            for next in downlink_frames(profile) {
+                check_flips::<Downlink>(profile, &frame, &next);
+            }
         }
-    }
-    for frame in uplink_frames() {
-        for next in uplink_frames() {
-            check_flips::<Uplink>(&frame, &next);
+        for frame in uplink_frames(profile) {
+            for next in uplink_frames(profile) {
+                check_flips::<Uplink>(profile, &frame, &next);
+            }
         }
     }
 }
 
 #[test]
 fn a_group_added_to_the_mask_by_a_flipped_bit_is_always_refused() {
-    let next = downlink_bytes(&Downlink::Ack { command: 3 });
-    let frame = downlink_bytes(&Downlink::Status(Status::default()));
-    for bit in 0..16 {
-        let mut flipped = frame.clone();
-        flipped[3 - bit / 7] ^= 1 << (bit % 7);
-        flipped.extend_from_slice(&next);
-        assert_eq!(
-            decode_all::<Downlink>([flipped.as_slice()]),
-            [
-                Decoded::Refused(Refusal::Truncated),
-                Decoded::Message(Downlink::Ack { command: 3 })
-            ],
-            "bit {bit}"
+    for (profile, mask_end) in [(Profile::Classic, 3), (Profile::Extended, 5)] {
+        let next = downlink_bytes(profile, &Downlink::Ack { command: 3 });
+        let frame = downlink_bytes(profile, &Downlink::Status(Status::default()));
+        for bit in 0..16 {
+            let mut flipped = frame.clone();
+            flipped[mask_end - bit / 7] ^= 1 << (bit % 7);
+            flipped.extend_from_slice(&next);
+            assert_eq!(
+                decode_all::<Downlink>(profile, [flipped.as_slice()]),
+                [
+                    Decoded::Refused(Refusal::Truncated),
+                    Decoded::Message(Downlink::Ack { command: 3 })
+                ],
+                "bit {bit}"
+            );
+        }
+    }
+}
+
+/// A flipped bit that takes a group out of the mask leaves a shorter message, whose check is a piece of the payload: section
+/// 10 says that a sum misses that once in 128 times; a CRC would miss it once in 2³².
+#[test]
+fn a_group_taken_out_of_the_mask_is_missed_about_once_in_128_times_by_a_sum() {
+    const FRAMES: usize = 20_000;
+    for (profile, mask_end, expected) in [
+        (Profile::Classic, 3, FRAMES / 128),
+        (Profile::Extended, 5, 0),
+    ] {
+        let mut random = Random::new(1);
+        let mut missed = 0;
+        for _ in 0..FRAMES {
+            let status = Status {
+                time_ms: Some(random.next() as u32),
+                sonar_adc: Some(random.below(4096) as u16),
+                ..Status::default()
+            };
+            let mut bytes = downlink_bytes(profile, &Downlink::Status(status));
+            bytes[mask_end] ^= 1; // The time's bit.
+            missed += messages(&decode_all::<Downlink>(profile, [bytes.as_slice()])).len();
+        }
+        assert!(
+            (expected / 2..=expected * 2).contains(&missed),
+            "{missed} of {FRAMES}"
         );
     }
 }
 
-/// A flipped bit that takes a group out of the mask leaves a shorter message, whose checksum is a byte at random: section
-/// 10 says that it is missed once in 128 times.
-#[test]
-fn a_group_taken_out_of_the_mask_is_missed_about_once_in_128_times() {
-    const FRAMES: usize = 20_000;
-    let mut random = Random::new(1);
-    let mut missed = 0;
-    for _ in 0..FRAMES {
-        let status = Status {
-            time_ms: Some(random.next() as u32),
-            sonar_adc: Some(random.below(4096) as u16),
-            ..Status::default()
-        };
-        let mut bytes = downlink_bytes(&Downlink::Status(status));
-        bytes[3] ^= 1; // The time's bit.
-        missed += messages(&decode_all::<Downlink>([bytes.as_slice()])).len();
-    }
-    let expected = FRAMES / 128;
-    assert!(
-        (expected / 2..expected * 2).contains(&missed),
-        "{missed} of {FRAMES}"
-    );
-}
-
 /// Feeds the decoder noise in random slices; every byte must be taken once, and every call must make progress.
-fn check_noise<M: Direction>(seed: u64, byte: impl Fn(&mut Random) -> u8) -> [usize; 2] {
+fn check_noise<M: Direction>(
+    profile: Profile,
+    seed: u64,
+    byte: impl Fn(&mut Random) -> u8,
+) -> [usize; 2] {
     const TOTAL: usize = 2_000_000;
     let mut random = Random::new(seed);
-    let mut decoder = Decoder::<M>::new();
+    let mut decoder = Decoder::<M>::with_profile(profile);
     let mut slice = Vec::new();
     let (mut fed, mut taken, mut found) = (0, 0, [0; 2]);
     while fed < TOTAL {
@@ -344,23 +397,25 @@ fn check_noise<M: Direction>(seed: u64, byte: impl Fn(&mut Random) -> u8) -> [us
 
 #[test]
 fn frames_come_out_as_they_went_in_whole_or_in_pieces() {
-    let frames = downlink_frames();
-    let stream = frames.concat();
-    for size in [1, 5, stream.len()] {
-        let mut decoder = Decoder::<Downlink>::new();
-        let mut got = Vec::new();
-        for mut rest in stream.chunks(size) {
-            loop {
-                let (taken, framed) = decoder.next_frame(rest);
-                rest = &rest[taken..];
-                match framed {
-                    Framed::Incomplete => break,
-                    Framed::Frame(frame) => got.push(frame.to_vec()),
-                    Framed::Refused(refusal) => panic!("{refusal:?}"),
+    for profile in Profile::ALL {
+        let frames = downlink_frames(profile);
+        let stream = frames.concat();
+        for size in [1, 5, stream.len()] {
+            let mut decoder = Decoder::<Downlink>::with_profile(profile);
+            let mut got = Vec::new();
+            for mut rest in stream.chunks(size) {
+                loop {
+                    let (taken, framed) = decoder.next_frame(rest);
+                    rest = &rest[taken..];
+                    match framed {
+                        Framed::Incomplete => break,
+                        Framed::Frame(frame) => got.push(frame.to_vec()),
+                        Framed::Refused(refusal) => panic!("{refusal:?}"),
+                    }
                 }
             }
+            assert_eq!(got, frames, "by {size}");
         }
-        assert_eq!(got, frames, "by {size}");
     }
 }
 
@@ -380,27 +435,39 @@ fn a_frame_with_a_value_that_cannot_be_is_still_a_frame() {
 
 #[test]
 fn noise_never_panics_and_every_byte_is_accounted_for() {
+    const CLASSIC: [u8; 8] = [0xE9, 0xAA, 0xC3, 0xCC, 0xA5, 0xE6, 0xF0, 0x99];
     let noise = |random: &mut Random| random.next() as u8;
     // Mostly payload with a real header now and then, so that whole frames come about and their checksum is judged.
-    let frames = |random: &mut Random| {
-        const HEADERS: [u8; 8] = [0xE9, 0xAA, 0xC3, 0xCC, 0xA5, 0xE6, 0xF0, 0x99];
-        match random.below(12) {
-            0 => HEADERS[random.below(HEADERS.len())],
-            1..4 => random.below(9) as u8,
-            _ => random.below(128) as u8,
-        }
+    let frames = |random: &mut Random| match random.below(12) {
+        0 => CLASSIC[random.below(CLASSIC.len())],
+        1..4 => random.below(9) as u8,
+        _ => random.below(128) as u8,
     };
-    for [_, refused] in [
-        check_noise::<Downlink>(1, noise),
-        check_noise::<Uplink>(2, noise),
-    ] {
-        assert!(refused > 0);
+    // The same of the extended profile, where kinds are rarer to hit.
+    let extended = |random: &mut Random| match random.below(12) {
+        0 => [0xDA, 0xB3][random.below(2)],
+        1..6 => kind_of(CLASSIC[random.below(CLASSIC.len())]),
+        _ => random.below(128) as u8,
+    };
+    for profile in Profile::ALL {
+        for [_, refused] in [
+            check_noise::<Downlink>(profile, 1, noise),
+            check_noise::<Uplink>(profile, 2, noise),
+        ] {
+            assert!(refused > 0);
+        }
     }
     for [messages, refused] in [
-        check_noise::<Downlink>(3, frames),
-        check_noise::<Uplink>(4, frames),
+        check_noise::<Downlink>(Profile::Classic, 3, frames),
+        check_noise::<Uplink>(Profile::Classic, 4, frames),
     ] {
         assert!(messages > 0 && refused > 0, "{messages}, {refused}");
+    }
+    for [messages, refused] in [
+        check_noise::<Downlink>(Profile::Extended, 3, extended),
+        check_noise::<Uplink>(Profile::Extended, 4, extended),
+    ] {
+        assert!(messages == 0 && refused > 0, "{messages}, {refused}");
     }
 }
 

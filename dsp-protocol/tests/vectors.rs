@@ -11,14 +11,25 @@ use dsp_protocol::downlink::{
     Status, Supply, Xy,
 };
 use dsp_protocol::{
-    Command, Decoded, Direction, Downlink, DspErrorCode, FlowControl, Refusal, StatusMask, Uplink,
-    Waypoint,
+    Command, Decoded, Direction, Downlink, DspErrorCode, FlowControl, Profile, Received, Refusal,
+    Sequence, StatusMask, Uplink, Waypoint,
 };
 
 const DOWNLINK: &str = include_str!("../vectors/downlink.tsv");
 const UPLINK: &str = include_str!("../vectors/uplink.tsv");
 const ENCODE: &str = include_str!("../vectors/encode.tsv");
 const REFUSALS: &str = include_str!("../vectors/refusals.tsv");
+const EXTENDED_DOWNLINK: &str = include_str!("../vectors/extended_downlink.tsv");
+const EXTENDED_UPLINK: &str = include_str!("../vectors/extended_uplink.tsv");
+const EXTENDED_REFUSALS: &str = include_str!("../vectors/extended_refusals.tsv");
+
+/// The files of a profile: downlink, uplink, refusals.
+fn files(profile: Profile) -> [&'static str; 3] {
+    match profile {
+        Profile::Classic => [DOWNLINK, UPLINK, REFUSALS],
+        Profile::Extended => [EXTENDED_DOWNLINK, EXTENDED_UPLINK, EXTENDED_REFUSALS],
+    }
+}
 
 /// The rows of a file, each cut into its four columns; the names are unique.
 fn rows(file: &'static str) -> Vec<[&'static str; 4]> {
@@ -69,6 +80,11 @@ impl Fields {
 
     fn get<T: FromStr<Err: Debug>>(&mut self, name: &str) -> T {
         self.text(name).parse().expect(name)
+    }
+
+    /// A number of the extended profile, which the fields of the classic one do not have.
+    fn sequence(&mut self, name: &str) -> Option<Sequence> {
+        self.number(name).map(Sequence::new)
     }
 
     fn switch(&mut self, name: &str) -> bool {
@@ -217,38 +233,62 @@ fn uplink_of(kind: &str, fields: &mut Fields) -> Option<Uplink> {
     Some(Uplink::Command(command))
 }
 
-/// `bytes` decode to `message`, whole and byte by byte, and to nothing else.
-fn check_decoding<M: Direction + Debug + PartialEq>(name: &str, bytes: &[u8], message: M) {
-    let expected = [Decoded::Message(message)];
-    assert_eq!(common::decode_all::<M>([bytes]), expected, "{name}");
-    assert_eq!(
-        common::decode_all::<M>(bytes.chunks(1)),
-        expected,
-        "{name} byte by byte"
-    );
+/// `bytes` decode to `expected`, whole and byte by byte, and to nothing else.
+fn check_decoding<M: Direction + Debug + PartialEq>(
+    name: &str,
+    profile: Profile,
+    bytes: &[u8],
+    expected: Received<M>,
+) {
+    let expected = [Decoded::Message(expected)];
+    let whole = common::receive_all::<M>(profile, [bytes]);
+    assert_eq!(whole, expected, "{name}");
+    let by_byte = common::receive_all::<M>(profile, bytes.chunks(1));
+    assert_eq!(by_byte, expected, "{name} byte by byte");
 }
 
 #[test]
 fn every_downlink_vector_is_encoded_and_decoded() {
-    for [name, kind, hex, column] in rows(DOWNLINK) {
-        let mut fields = Fields::of(column);
-        let message = downlink_of(kind, &mut fields).expect(name);
-        fields.finish(name);
-        let bytes = bytes_of(hex);
-        assert_eq!(message.encode().as_bytes(), bytes, "{name}");
-        check_decoding(name, &bytes, message);
+    for profile in Profile::ALL {
+        let [file, ..] = files(profile);
+        for [name, kind, hex, column] in rows(file) {
+            let mut fields = Fields::of(column);
+            let expected = Received {
+                sequence: fields.sequence("sequence"),
+                acknowledges: fields.sequence("acknowledges"),
+                message: downlink_of(kind, &mut fields).expect(name),
+            };
+            fields.finish(name);
+            let bytes = bytes_of(hex);
+            let encoded = expected.message.encode_in(
+                profile,
+                expected.sequence.unwrap_or_default(),
+                expected.acknowledges.unwrap_or_default(),
+            );
+            assert_eq!(encoded.as_bytes(), bytes, "{name}");
+            check_decoding(name, profile, &bytes, expected);
+        }
     }
 }
 
 #[test]
 fn every_uplink_vector_is_encoded_and_decoded() {
-    for [name, kind, hex, column] in rows(UPLINK) {
-        let mut fields = Fields::of(column);
-        let message = uplink_of(kind, &mut fields).expect(name);
-        fields.finish(name);
-        let bytes = bytes_of(hex);
-        assert_eq!(message.encode().as_bytes(), bytes, "{name}");
-        check_decoding(name, &bytes, message);
+    for profile in Profile::ALL {
+        let [_, file, _] = files(profile);
+        for [name, kind, hex, column] in rows(file) {
+            let mut fields = Fields::of(column);
+            let expected = Received {
+                sequence: fields.sequence("sequence"),
+                acknowledges: None,
+                message: uplink_of(kind, &mut fields).expect(name),
+            };
+            fields.finish(name);
+            let bytes = bytes_of(hex);
+            let sequence = expected.sequence.unwrap_or_default();
+            let encoded = expected.message.encode_in(profile, sequence);
+            assert_eq!(encoded.as_bytes(), bytes, "{name}");
+            check_decoding(name, profile, &bytes, expected);
+        }
     }
 }
 
@@ -266,7 +306,7 @@ fn values_off_the_grid_are_rounded_and_saturate() {
 }
 
 /// The outcomes of a stream in the words of the file, cut in every way that one cut allows and byte by byte.
-fn outcomes<M: Direction + Debug>(name: &str, bytes: &[u8]) -> String {
+fn outcomes<M: Direction + Debug>(name: &str, profile: Profile, bytes: &[u8]) -> String {
     let words = |decoded: Vec<Decoded<M>>| {
         let words: Vec<&str> = decoded
             .iter()
@@ -282,12 +322,16 @@ fn outcomes<M: Direction + Debug>(name: &str, bytes: &[u8]) -> String {
             words.join(" ")
         }
     };
-    let whole = words(common::decode_all([bytes]));
-    assert_eq!(words(common::decode_all(bytes.chunks(1))), whole, "{name}");
+    let whole = words(common::decode_all(profile, [bytes]));
+    assert_eq!(
+        words(common::decode_all(profile, bytes.chunks(1))),
+        whole,
+        "{name}"
+    );
     for cut in 0..=bytes.len() {
         let (front, back) = bytes.split_at(cut);
         assert_eq!(
-            words(common::decode_all([front, back])),
+            words(common::decode_all(profile, [front, back])),
             whole,
             "{name} cut at {cut}"
         );
@@ -297,34 +341,40 @@ fn outcomes<M: Direction + Debug>(name: &str, bytes: &[u8]) -> String {
 
 #[test]
 fn every_refusal_vector_gives_its_outcomes() {
-    for [name, direction, hex, expected] in rows(REFUSALS) {
-        let bytes = bytes_of(hex);
-        let outcomes = match direction {
-            "downlink" => outcomes::<Downlink>(name, &bytes),
-            "uplink" => outcomes::<Uplink>(name, &bytes),
-            other => panic!("{name}: direction {other}"),
-        };
-        assert_eq!(outcomes, expected, "{name}");
+    for profile in Profile::ALL {
+        let [.., file] = files(profile);
+        for [name, direction, hex, expected] in rows(file) {
+            let bytes = bytes_of(hex);
+            let outcomes = match direction {
+                "downlink" => outcomes::<Downlink>(name, profile, &bytes),
+                "uplink" => outcomes::<Uplink>(name, profile, &bytes),
+                other => panic!("{name}: direction {other}"),
+            };
+            assert_eq!(outcomes, expected, "{name}");
+        }
     }
 }
 
 #[test]
 fn the_vectors_cover_every_message_every_group_and_every_refusal() {
-    let kinds: BTreeSet<&str> = rows(DOWNLINK)
-        .into_iter()
-        .chain(rows(UPLINK))
-        .map(|[_, kind, ..]| kind)
-        .collect();
-    assert_eq!(kinds.len(), 6 + 8 + 1, "{kinds:?}");
-    for bit in 0..16 {
-        let alone = format!("mask=0x{:04X}", 1 << bit);
-        assert!(DOWNLINK.contains(&alone), "no status with {alone} alone");
-    }
-    let outcomes: BTreeSet<&str> = rows(REFUSALS)
-        .into_iter()
-        .flat_map(|[.., outcomes]| outcomes.split(' '))
-        .collect();
-    for refusal in Refusal::ALL {
-        assert!(outcomes.contains(refusal.name()), "{refusal:?}");
+    for profile in Profile::ALL {
+        let [downlink, uplink, refusals] = files(profile);
+        let kinds: BTreeSet<&str> = rows(downlink)
+            .into_iter()
+            .chain(rows(uplink))
+            .map(|[_, kind, ..]| kind)
+            .collect();
+        assert_eq!(kinds.len(), 6 + 8 + 1, "{kinds:?}");
+        for bit in 0..16 {
+            let alone = format!("mask=0x{:04X}", 1 << bit);
+            assert!(downlink.contains(&alone), "no status with {alone} alone");
+        }
+        let outcomes: BTreeSet<&str> = rows(refusals)
+            .into_iter()
+            .flat_map(|[.., outcomes]| outcomes.split(' '))
+            .collect();
+        for refusal in Refusal::ALL {
+            assert!(outcomes.contains(refusal.name()), "{refusal:?}");
+        }
     }
 }

@@ -7,7 +7,8 @@ use dsp_protocol::downlink::{
     Status, Supply, Xy,
 };
 use dsp_protocol::{
-    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Uplink, Waypoint,
+    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Profile, Received,
+    Uplink, Waypoint,
 };
 use proptest::option;
 use proptest::prelude::*;
@@ -219,13 +220,16 @@ pub fn uplink() -> impl Strategy<Value = Uplink> {
     ]
 }
 
-/// All messages and refusals of a stream that arrives in these slices.
-pub fn decode_all<'a, M: Direction>(slices: impl IntoIterator<Item = &'a [u8]>) -> Vec<Decoded<M>> {
-    let mut decoder = Decoder::new();
+/// All messages and refusals of a stream of `profile` that arrives in these slices, with the numbers of the messages.
+pub fn receive_all<'a, M: Direction>(
+    profile: Profile,
+    slices: impl IntoIterator<Item = &'a [u8]>,
+) -> Vec<Decoded<Received<M>>> {
+    let mut decoder = Decoder::with_profile(profile);
     let mut found = Vec::new();
     for mut rest in slices {
         loop {
-            let (taken, decoded) = decoder.decode(rest);
+            let (taken, decoded) = decoder.receive(rest);
             rest = &rest[taken..];
             match decoded {
                 Decoded::Incomplete => break,
@@ -235,6 +239,21 @@ pub fn decode_all<'a, M: Direction>(slices: impl IntoIterator<Item = &'a [u8]>) 
         assert!(rest.is_empty(), "incomplete, but {} bytes left", rest.len());
     }
     found
+}
+
+/// The same without the numbers.
+pub fn decode_all<'a, M: Direction>(
+    profile: Profile,
+    slices: impl IntoIterator<Item = &'a [u8]>,
+) -> Vec<Decoded<M>> {
+    receive_all(profile, slices)
+        .into_iter()
+        .map(|decoded| match decoded {
+            Decoded::Message(Received { message, .. }) => Decoded::Message(message),
+            Decoded::Refused(refusal) => Decoded::Refused(refusal),
+            Decoded::Incomplete => unreachable!("not collected"),
+        })
+        .collect()
 }
 
 /// Reproducible random bytes (xorshift64*, Vigna).
