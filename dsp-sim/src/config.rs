@@ -192,6 +192,7 @@ impl Config {
             baud: NonZeroU32::new(self.line.baud_rate),
             profile: self.line.profile,
             boot_errors: errors.copied().map(DspErrorCode).collect(),
+            faults: None,
         }
     }
 }
@@ -326,6 +327,7 @@ mod tests {
             baud: None,
             profile: Profile::Extended,
             boot_errors: vec![DspErrorCode(11)],
+            faults: None,
         };
         assert_eq!(config.setup(), expected);
     }

@@ -18,6 +18,7 @@ pub mod copies;
 pub mod errors;
 pub mod output;
 pub mod ports;
+mod tamper;
 
 use std::time::Duration;
 
@@ -79,6 +80,8 @@ pub struct Dsp {
     copies: Copies,
     /// When the PC was told that it speaks the other profile.
     other_profile_told: Option<Duration>,
+    /// How far a fault has moved the clock.
+    clock_shift_ms: i64,
     counters: Counters,
 }
 
@@ -98,6 +101,7 @@ impl Dsp {
             flow_control_due: None,
             copies: Copies::default(),
             other_profile_told: None,
+            clock_shift_ms: 0,
             counters: Counters::default(),
         }
     }
@@ -368,8 +372,7 @@ impl Dsp {
         }
         helicopter.advance(now);
         let mask = StatusMask(self.ports.read_16(port::STATUS_MASK).unwrap_or(0));
-        // The clock of the DSP has 32 bits of milliseconds, and turns over after 49 days.
-        let time_ms = (now - self.booted_at).as_millis() as u32;
+        let time_ms = self.clock_ms(now - self.booted_at);
         let status = chosen(helicopter.sense(), time_ms, mask);
         self.output.push_status(status, self.errors.pop());
         self.counters.statuses += 1;

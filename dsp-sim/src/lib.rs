@@ -5,18 +5,18 @@
 //! needed; in a test it is a value that is given bytes and the time.
 //!
 //! ```text
-//!            ┌───────────── simulator (pure) ─────────────┐
-//! pty ─▶ line ─▶ device ─▶ orders ─▶ helicopter
-//! pty ◀─ line ◀─ device ◀─ sensors ◀─ (guidance, control, body, wind)
+//!        ┌────────────────────── simulator (pure) ──────────────────────┐
+//! pty ─▶ line ─▶ faults ─▶ device ─▶ orders ─▶ helicopter
+//! pty ◀─ faults ◀─ line ◀─ device ◀─ sensors ◀─ (guidance, control, body, wind)
 //! ```
 //!
 //! * [`simulator`]: all of it behind one facade; [`device`]: the protocol, ports, errors; [`helicopter`]: the flight;
-//!   [`mod@line`]: the pace of the bytes; [`random`]: seeded numbers. None of them knows a file, a thread or a clock.
-//! * [`pty`], [`shell`], [`cli`], [`config`]: the process around it.
+//!   [`mod@line`]: the pace of the bytes; [`faults`]: what goes wrong on purpose, by a script; [`random`]: seeded numbers.
+//!   None of them knows a file, a thread or a clock.
+//! * [`pty`], [`plug`], [`shell`], [`cli`], [`config`]: the process around it.
 //!
 //! Time is simulated, a `Duration` since the start that the caller holds. The same seed and the same bytes at the same
-//! times give the same flight and the same answers, bit for bit. A layer of faults (flipped bits, lost bytes, stalls)
-//! has its place between device and line.
+//! times give the same flight, the same answers and the same faults, bit for bit.
 //!
 //! # Example
 //!
@@ -54,8 +54,10 @@
 pub mod cli;
 pub mod config;
 pub mod device;
+pub mod faults;
 pub mod helicopter;
 pub mod line;
+pub mod plug;
 pub mod pty;
 pub mod random;
 pub mod shell;

@@ -1,7 +1,7 @@
 //! The serial line's pace: which bytes have gone through at a given time.
 //!
-//! Pure arithmetic on simulated time; it holds no bytes. A layer that damages the line (flipped bits, lost bytes, stalls)
-//! would sit between the DSP's output and a [`Lane`], or between a lane and the DSP's input.
+//! Pure arithmetic on simulated time; it holds no bytes. What damages them on purpose ([`crate::faults`]) gets them at the
+//! far end of a [`Lane`].
 
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -68,11 +68,16 @@ impl Lane {
 
     /// When the next of `waiting` bytes should be taken; nothing when the lane rests or none waits.
     pub fn next_deadline(&self, waiting: usize) -> Option<Duration> {
-        let since = self.busy_since.filter(|_| waiting > 0)?;
+        self.through_at(waiting.min(BURST).checked_sub(1)?)
+    }
+
+    /// When the byte goes through before which `index` others that were not taken do; nothing when the lane rests.
+    pub fn through_at(&self, index: usize) -> Option<Duration> {
+        let since = self.busy_since?;
         let Some(baud) = self.baud else {
             return Some(since);
         };
-        let count = u128::from(self.taken) + waiting.min(BURST) as u128;
+        let count = u128::from(self.taken) + index as u128 + 1;
         let baud = u128::from(baud.get());
         let elapsed_ns = (count * BITS_PER_BYTE * 1_000_000_000).div_ceil(baud);
         let elapsed_ns = u64::try_from(elapsed_ns).unwrap_or(u64::MAX);
@@ -144,6 +149,9 @@ mod tests {
             let burst = waiting.min(BURST);
             prop_assert_eq!(lane.through(deadline), burst);
             prop_assert_eq!(lane.through(deadline - Duration::from_nanos(1)), burst - 1);
+            for index in 0..burst {
+                prop_assert_eq!(lane.through(lane.through_at(index).unwrap()), index + 1);
+            }
         }
     }
 }

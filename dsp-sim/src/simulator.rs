@@ -1,4 +1,5 @@
-//! The whole simulator as a pure value: DSP, helicopter and the line to the PC, on a clock that the caller holds.
+//! The whole simulator as a pure value: DSP, helicopter, the line to the PC and what goes wrong on it by a script of
+//! faults, on a clock that the caller holds.
 //!
 //! It is given bytes and the time, and is drained of bytes. The time is simulated: a [`Duration`] since the simulator
 //! started, which never goes back. A test jumps from deadline to deadline; a shell maps a real clock onto it.
@@ -11,6 +12,7 @@ use dsp_protocol::{DspErrorCode, Profile};
 
 use crate::device::Dsp;
 use crate::device::ports::Ports;
+use crate::faults::{Direction, DspEvent, FaultCounters, Injector, PortState, Script};
 use crate::helicopter::{Helicopter, Model};
 use crate::line::Lane;
 
@@ -32,6 +34,8 @@ pub struct Setup {
     pub profile: Profile,
     /// Errors that the DSP queues while it boots.
     pub boot_errors: Vec<DspErrorCode>,
+    /// What goes wrong on purpose.
+    pub faults: Option<Script>,
 }
 
 /// DSP, helicopter and line.
@@ -45,6 +49,10 @@ pub struct Simulator {
     input: VecDeque<u8>,
     output: VecDeque<u8>,
     overrun: u64,
+    /// Nothing when all goes well: the bytes then take the short way.
+    faults: Option<Box<Injector>>,
+    /// Until when the DSP hangs.
+    hangs_until: Option<Duration>,
 }
 
 impl Simulator {
@@ -59,6 +67,10 @@ impl Simulator {
             input: VecDeque::new(),
             output: VecDeque::new(),
             overrun: 0,
+            faults: setup
+                .faults
+                .map(|script| Box::new(Injector::new(&script, setup.profile))),
+            hangs_until: None,
         }
     }
 
@@ -85,9 +97,11 @@ impl Simulator {
         self.ferry();
         while let Some(next) = self.inner_deadline().filter(|next| *next <= now) {
             self.now = self.now.max(next);
+            self.hangs_until.take_if(|until| *until <= self.now);
             self.deliver();
             self.dsp.advance(self.now, &mut self.helicopter);
             self.ferry();
+            self.suffer();
         }
         self.now = self.now.max(now);
         self.helicopter.advance(self.now);
@@ -126,6 +140,7 @@ impl Simulator {
 
     /// Lets the DSP boot again; the helicopter stays in the air. What is on the line stays there.
     pub fn reboot(&mut self) {
+        self.hangs_until = None;
         self.dsp.reboot(self.now, &mut self.helicopter);
     }
 
@@ -149,29 +164,65 @@ impl Simulator {
         self.overrun
     }
 
-    /// When DSP or line have something to do next.
+    /// What the script of faults has done; nothing when there is none.
+    pub fn faults(&self) -> Option<FaultCounters> {
+        Some(self.faults.as_ref()?.counters())
+    }
+
+    /// Whether the serial port of the PC is there, which a script of faults decides. While it is gone, bytes to the PC are
+    /// lost; whoever holds the PC's end hangs it up and lets it come back.
+    pub fn port(&self) -> PortState {
+        let faults = self.faults.as_ref();
+        faults.map(|faults| faults.port()).unwrap_or_default()
+    }
+
+    /// When DSP, line or faults have something to do next.
     fn inner_deadline(&self) -> Option<Duration> {
         let input = self.to_dsp.next_deadline(self.input.len());
         let output = self.from_dsp.next_deadline(self.dsp.output().front().len());
-        [input, output, self.dsp.next_deadline()]
-            .into_iter()
-            .flatten()
-            .min()
+        let faults = self.faults.as_ref();
+        [
+            input,
+            output,
+            self.dsp.next_deadline(),
+            faults.and_then(|faults| faults.next_deadline()),
+            self.hangs_until,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 
-    /// Hands the DSP the bytes from the PC that have gone through the line.
+    /// Hands the DSP the bytes from the PC that have gone through the line, and what faults leave of them.
     fn deliver(&mut self) {
         let count = self.to_dsp.through(self.now).min(self.input.len());
-        self.to_dsp.take(count);
-        let mut left = count;
-        while left > 0 {
-            let (front, _) = self.input.as_slices();
-            let piece = &front[..front.len().min(left)];
-            let taken = piece.len();
-            self.dsp.receive(self.now, piece, &mut self.helicopter);
-            self.input.drain(..taken);
-            left -= taken;
+        match &mut self.faults {
+            Some(faults) => {
+                for (index, byte) in self.input.drain(..count).enumerate() {
+                    let at = self.to_dsp.through_at(index).unwrap_or(self.now);
+                    faults.enter(Direction::ToDsp, at, byte);
+                }
+                let leave = || faults.leave(Direction::ToDsp, self.now);
+                let heard: Vec<u8> = std::iter::from_fn(leave).collect();
+                if self.hangs_until.is_some() {
+                    faults.count_unheard(heard.len() as u64);
+                } else if !heard.is_empty() {
+                    self.dsp.receive(self.now, &heard, &mut self.helicopter);
+                }
+            }
+            None => {
+                let mut left = count;
+                while left > 0 {
+                    let (front, _) = self.input.as_slices();
+                    let piece = &front[..front.len().min(left)];
+                    let taken = piece.len();
+                    self.dsp.receive(self.now, piece, &mut self.helicopter);
+                    self.input.drain(..taken);
+                    left -= taken;
+                }
+            }
         }
+        self.to_dsp.take(count);
         if self.input.is_empty() {
             self.to_dsp.rest();
         }
@@ -179,24 +230,82 @@ impl Simulator {
 
     /// Moves what the DSP has to say onto the line, and what has gone through off it.
     fn ferry(&mut self) {
-        loop {
+        while self.hangs_until.is_none() {
             let front = self.dsp.output().front();
             if front.is_empty() {
                 self.from_dsp.rest();
-                return;
+                break;
             }
             self.from_dsp.begin(self.now);
             let count = self.from_dsp.through(self.now).min(front.len());
             if count == 0 {
-                return;
+                break;
             }
-            let room = OUTPUT_PLACES - self.output.len();
-            let kept = count.min(room);
-            self.output.extend(&front[..kept]);
-            self.overrun += (count - kept) as u64;
+            let through = &front[..count];
+            match &mut self.faults {
+                Some(faults) => {
+                    for (index, byte) in through.iter().enumerate() {
+                        let at = self.from_dsp.through_at(index).unwrap_or(self.now);
+                        faults.enter(Direction::ToPc, at, *byte);
+                    }
+                }
+                None => {
+                    let room = OUTPUT_PLACES - self.output.len();
+                    let kept = count.min(room);
+                    self.output.extend(&through[..kept]);
+                    self.overrun += (count - kept) as u64;
+                }
+            }
             self.dsp.sent(count);
             self.from_dsp.take(count);
         }
+        self.collect();
+    }
+
+    /// Lets the PC have what faults leave of the bytes that have gone through the line.
+    fn collect(&mut self) {
+        let Some(faults) = &mut self.faults else {
+            return;
+        };
+        while let Some(byte) = faults.leave(Direction::ToPc, self.now) {
+            if faults.port().is_gone {
+                faults.count_unplugged(1);
+            } else if self.output.len() < OUTPUT_PLACES {
+                self.output.push_back(byte);
+            } else {
+                self.overrun += 1;
+            }
+        }
+    }
+
+    /// Lets happen what the script of faults has for now.
+    fn suffer(&mut self) {
+        while let Some(faults) = &mut self.faults
+            && let Some(event) = faults.next_event(self.now)
+        {
+            match event {
+                DspEvent::RaiseError(error) => self.dsp.raise(error),
+                DspEvent::Reboot => self.reboot(),
+                DspEvent::StopStatus => self.dsp.stop_status(),
+                DspEvent::Hang(length) => self.hang(length),
+                DspEvent::ClockJump(milliseconds) => self.dsp.shift_clock(milliseconds),
+            }
+        }
+        if let Some(faults) = &mut self.faults
+            && faults.port().is_gone
+        {
+            // What nobody has fetched goes with the port.
+            faults.count_unplugged(self.output.len() as u64);
+            self.output.clear();
+        }
+    }
+
+    /// The DSP stands still; the rest of a message that it was sending comes when it goes on.
+    fn hang(&mut self, length: Duration) {
+        let until = self.now.saturating_add(length);
+        self.hangs_until = self.hangs_until.max(Some(until));
+        self.dsp.hold(until);
+        self.from_dsp.rest();
     }
 }
 

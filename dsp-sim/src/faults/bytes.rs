@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::random::Random;
 
-use super::counters::DirectionCounters;
+use super::counters::ByteCounters;
 use super::script::{AfterStall, Damage, Window};
 
 /// Bytes that may be under way, in bytes: 5 s of the usual line. Those that enter beyond it are lost and counted, as by
@@ -27,8 +27,11 @@ pub(super) struct ByteStage {
     queue: VecDeque<(Duration, u8)>,
     /// When the last byte that entered leaves.
     last_due: Duration,
+    /// The end of the last stall that held a byte up.
+    stalled_until: Duration,
     /// What becomes of the byte that is entering; kept for its memory alone.
     entering: Vec<u8>,
+    counters: ByteCounters,
 }
 
 /// One fault at work.
@@ -53,12 +56,12 @@ impl ByteStage {
     }
 
     /// Takes a byte that went through the line at `at`, which is no earlier than that of the byte before.
-    pub(super) fn enter(&mut self, at: Duration, byte: u8, counters: &mut DirectionCounters) {
+    pub(super) fn enter(&mut self, at: Duration, byte: u8) {
         self.entering.clear();
         self.entering.push(byte);
         for fault in &mut self.faults {
             if fault.window.contains(at) {
-                fault.damage(&mut self.entering, counters);
+                fault.damage(&mut self.entering, &mut self.counters);
             }
         }
         for index in 0..self.entering.len() {
@@ -66,9 +69,9 @@ impl ByteStage {
                 return;
             };
             let byte = *byte;
-            if let Some(due) = self.due(at, counters) {
+            if let Some(due) = self.due(at) {
                 if self.queue.len() == QUEUE_PLACES {
-                    counters.overflowed += 1;
+                    self.counters.overflowed += 1;
                     continue;
                 }
                 self.last_due = due;
@@ -88,13 +91,18 @@ impl ByteStage {
         self.queue.front().map(|(due, _)| *due)
     }
 
+    /// What was done so far.
+    pub(super) fn counters(&self) -> ByteCounters {
+        self.counters
+    }
+
     /// Bytes under way.
     pub(super) fn waiting(&self) -> usize {
         self.queue.len()
     }
 
     /// When a byte leaves that enters at `at`; nothing when a stall loses it.
-    fn due(&mut self, at: Duration, counters: &mut DirectionCounters) -> Option<Duration> {
+    fn due(&mut self, at: Duration) -> Option<Duration> {
         let mut due = at;
         for fault in self.faults.iter_mut() {
             if fault.window.contains(at) {
@@ -102,7 +110,7 @@ impl ByteStage {
             }
         }
         if due > at {
-            counters.delayed += 1;
+            self.counters.delayed += 1;
         }
         // First in, first out.
         due = due.max(self.last_due);
@@ -111,19 +119,14 @@ impl ByteStage {
                 && let Some(gap) = fault.pause()
             {
                 due = due.max(self.last_due.saturating_add(gap));
-                counters.pieces += 1;
+                self.counters.pieces += 1;
             }
         }
-        self.after_stalls(due, counters)
+        self.after_stalls(at, due)
     }
 
-    /// When a byte leaves that would at `due` if nothing stalled; nothing when a stall loses it.
-    fn after_stalls(
-        &self,
-        mut due: Duration,
-        counters: &mut DirectionCounters,
-    ) -> Option<Duration> {
-        let mut is_stalled = false;
+    /// When a byte leaves that entered at `at` and would leave at `due` if nothing stalled; nothing when a stall loses it.
+    fn after_stalls(&mut self, at: Duration, mut due: Duration) -> Option<Duration> {
         for fault in &self.faults {
             let Damage::Stall { then } = fault.damage else {
                 continue;
@@ -132,23 +135,26 @@ impl ByteStage {
                 continue;
             }
             match (then, fault.window.end_at(due)) {
-                (AfterStall::Pass, Some(end)) => due = end,
+                (AfterStall::Pass, Some(end)) => {
+                    due = end;
+                    self.stalled_until = end;
+                }
                 // A stall without an end never lets anything pass.
                 (AfterStall::Drop, _) | (AfterStall::Pass, None) => {
-                    counters.stall_dropped += 1;
+                    self.counters.stall_dropped += 1;
                     return None;
                 }
             }
-            is_stalled = true;
         }
-        counters.stalled += u64::from(is_stalled);
+        // Those behind a byte that was held up come with it.
+        self.counters.stalled += u64::from(due == self.stalled_until && at < due);
         Some(due)
     }
 }
 
 impl ByteFault {
     /// Damages what is entering.
-    fn damage(&mut self, bytes: &mut Vec<u8>, counters: &mut DirectionCounters) {
+    fn damage(&mut self, bytes: &mut Vec<u8>, counters: &mut ByteCounters) {
         match self.damage {
             Damage::FlipBits { bit_error_rate } => {
                 for byte in bytes {
@@ -185,12 +191,7 @@ impl ByteFault {
     }
 
     /// Puts a byte that `make` makes before each one that the dice choose; gives how many.
-    fn add(
-        &mut self,
-        rate: f64,
-        bytes: &mut Vec<u8>,
-        make: fn(&mut Random, u8) -> u8,
-    ) -> u64 {
+    fn add(&mut self, rate: f64, bytes: &mut Vec<u8>, make: fn(&mut Random, u8) -> u8) -> u64 {
         let mut added = 0;
         let mut index = 0;
         while let Some(byte) = bytes.get(index).copied() {
@@ -205,13 +206,7 @@ impl ByteFault {
     }
 
     /// Replaces `byte` when a burst has begun or begins with it.
-    fn burst(
-        &mut self,
-        rate: f64,
-        length_bytes: u32,
-        byte: &mut u8,
-        counters: &mut DirectionCounters,
-    ) {
+    fn burst(&mut self, rate: f64, length_bytes: u32, byte: &mut u8, counters: &mut ByteCounters) {
         if self.left == 0 {
             if self.random.uniform() >= rate {
                 return;

@@ -4,14 +4,48 @@ use std::fmt;
 
 /// What was done to one direction of the line.
 ///
-/// No byte is lost uncounted: `entered + duplicated + inserted + repeated_bytes` equals `left + dropped + stall_dropped
-/// + outage_dropped + overflowed + swallowed_bytes` and what still waits.
+/// No byte is lost uncounted: [`gained`](Self::gained) equals [`lost`](Self::lost), those that `left`, and those that
+/// still wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DirectionCounters {
     /// Bytes that the faults were given.
     pub entered: u64,
     /// Bytes that came out of them.
     pub left: u64,
+    /// To single bytes.
+    pub bytes: ByteCounters,
+    /// To whole messages.
+    pub messages: MessageCounters,
+}
+
+impl DirectionCounters {
+    /// Bytes that were there to be delivered: those that entered and those that faults added.
+    pub fn gained(&self) -> u64 {
+        self.entered + self.bytes.duplicated + self.bytes.inserted + self.messages.repeated_bytes
+    }
+
+    /// Bytes that faults took away.
+    pub fn lost(&self) -> u64 {
+        let bytes = &self.bytes;
+        bytes.dropped
+            + bytes.stall_dropped
+            + bytes.outage_dropped
+            + bytes.overflowed
+            + self.messages.swallowed_bytes
+    }
+
+    /// All counters with their names, in the order in which they are told.
+    fn named(&self) -> impl Iterator<Item = (u64, &'static str)> {
+        [(self.entered, "bytes in"), (self.left, "bytes out")]
+            .into_iter()
+            .chain(self.bytes.named())
+            .chain(self.messages.named())
+    }
+}
+
+/// What was done to single bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ByteCounters {
     /// Bits that were turned over.
     pub flipped_bits: u64,
     /// Bytes that were lost one by one.
@@ -36,27 +70,12 @@ pub struct DirectionCounters {
     pub outage_dropped: u64,
     /// Bytes that found the queue of delayed ones full.
     pub overflowed: u64,
-    /// Messages that were swallowed.
-    pub swallowed: u64,
-    /// Their bytes.
-    pub swallowed_bytes: u64,
-    /// Messages that came twice.
-    pub repeated: u64,
-    /// The bytes of their copies.
-    pub repeated_bytes: u64,
-    /// Messages that came late.
-    pub late: u64,
-    /// Messages that changed places with the next of their kind, or wait for it.
-    pub reordered: u64,
 }
 
-impl DirectionCounters {
-    /// All counters with their names, in the order in which they are told.
-    fn named(&self) -> [(u64, &'static str); 20] {
+impl ByteCounters {
+    fn named(&self) -> [(u64, &'static str); 12] {
         // Without `..`: a new counter does not compile until it is told.
-        let DirectionCounters {
-            entered,
-            left,
+        let ByteCounters {
             flipped_bits,
             dropped,
             duplicated,
@@ -69,16 +88,8 @@ impl DirectionCounters {
             stall_dropped,
             outage_dropped,
             overflowed,
-            swallowed,
-            swallowed_bytes,
-            repeated,
-            repeated_bytes,
-            late,
-            reordered,
         } = *self;
         [
-            (entered, "bytes in"),
-            (left, "bytes out"),
             (flipped_bits, "bits flipped"),
             (dropped, "bytes dropped"),
             (duplicated, "bytes duplicated"),
@@ -91,6 +102,38 @@ impl DirectionCounters {
             (stall_dropped, "bytes dropped by stalls"),
             (outage_dropped, "bytes dropped by outages"),
             (overflowed, "bytes dropped by a full queue"),
+        ]
+    }
+}
+
+/// What was done to whole messages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MessageCounters {
+    /// Messages that were swallowed.
+    pub swallowed: u64,
+    /// Their bytes.
+    pub swallowed_bytes: u64,
+    /// Messages that came twice.
+    pub repeated: u64,
+    /// The bytes of their copies.
+    pub repeated_bytes: u64,
+    /// Messages that came late, or will.
+    pub late: u64,
+    /// Messages that come after the next of their kind.
+    pub reordered: u64,
+}
+
+impl MessageCounters {
+    fn named(&self) -> [(u64, &'static str); 6] {
+        let MessageCounters {
+            swallowed,
+            swallowed_bytes,
+            repeated,
+            repeated_bytes,
+            late,
+            reordered,
+        } = *self;
+        [
             (swallowed, "messages swallowed"),
             (swallowed_bytes, "bytes swallowed"),
             (repeated, "messages repeated"),
@@ -126,12 +169,12 @@ pub struct FaultCounters {
     pub unplugged_bytes: u64,
 }
 
-impl fmt::Display for FaultCounters {
-    /// The counters that are not zero, by direction.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl FaultCounters {
+    /// What was done elsewhere than on the line.
+    fn events(&self) -> [(u64, &'static str); 8] {
         let FaultCounters {
-            to_pc,
-            to_dsp,
+            to_pc: _,
+            to_dsp: _,
             errors_raised,
             reboots,
             status_stops,
@@ -140,39 +183,46 @@ impl fmt::Display for FaultCounters {
             clock_jumps,
             hang_ups,
             unplugged_bytes,
-        } = self;
-        let events = [
-            (*errors_raised, "errors raised"),
-            (*reboots, "reboots"),
-            (*status_stops, "status stops"),
-            (*hangs, "hangs"),
-            (*unheard_bytes, "bytes not heard"),
-            (*clock_jumps, "clock jumps"),
-            (*hang_ups, "port hang-ups"),
-            (*unplugged_bytes, "bytes to a port that was gone"),
-        ];
-        let mut is_first = true;
-        for (what, counters) in [
-            ("to the PC", &to_pc.named()[..]),
-            ("to the DSP", &to_dsp.named()),
-            ("events", &events),
-        ] {
-            let mut counters = counters.iter().filter(|(count, _)| *count > 0);
-            let Some((count, name)) = counters.next() else {
-                continue;
-            };
-            let separator = if is_first { "" } else { "; " };
-            write!(f, "{separator}{what}: {count} {name}")?;
-            for (count, name) in counters {
-                write!(f, ", {count} {name}")?;
-            }
-            is_first = false;
-        }
-        if is_first {
-            f.write_str("nothing")?;
-        }
-        Ok(())
+        } = *self;
+        [
+            (errors_raised, "errors raised"),
+            (reboots, "reboots"),
+            (status_stops, "status stops"),
+            (hangs, "hangs"),
+            (unheard_bytes, "bytes not heard"),
+            (clock_jumps, "clock jumps"),
+            (hang_ups, "port hang-ups"),
+            (unplugged_bytes, "bytes to a port that was gone"),
+        ]
     }
+}
+
+impl fmt::Display for FaultCounters {
+    /// The counters that are not zero.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts: Vec<String> = [
+            told("to the PC", self.to_pc.named()),
+            told("to the DSP", self.to_dsp.named()),
+            told("events", self.events()),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        if parts.is_empty() {
+            return f.write_str("nothing");
+        }
+        f.write_str(&parts.join("; "))
+    }
+}
+
+/// The counters that are not zero; nothing when all are.
+fn told(what: &str, counters: impl IntoIterator<Item = (u64, &'static str)>) -> Option<String> {
+    let counters: Vec<String> = counters
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, name)| format!("{count} {name}"))
+        .collect();
+    (!counters.is_empty()).then(|| format!("{what}: {}", counters.join(", ")))
 }
 
 #[cfg(test)]
@@ -190,10 +240,11 @@ mod tests {
         assert_eq!(counters.to_string(), "events: 2 reboots, 1 port hang-ups");
         counters.to_dsp.entered = 7;
         counters.to_pc.entered = 9;
-        counters.to_pc.late = 3;
+        counters.to_pc.messages.late = 3;
+        counters.to_pc.bytes.dropped = 1;
         assert_eq!(
             counters.to_string(),
-            "to the PC: 9 bytes in, 3 messages late; to the DSP: 7 bytes in; events: 2 reboots, 1 port hang-ups"
+            "to the PC: 9 bytes in, 1 bytes dropped, 3 messages late; to the DSP: 7 bytes in; events: 2 reboots, 1 port hang-ups"
         );
     }
 }

@@ -11,7 +11,7 @@ use dsp_protocol::{Decoder, Framed, Profile, header};
 
 use crate::random::Random;
 
-use super::counters::DirectionCounters;
+use super::counters::MessageCounters;
 use super::script::{Act, MessageKind, Window};
 
 /// Messages that may be late at a time. One that would be late beyond it is in time instead.
@@ -29,11 +29,12 @@ pub(super) struct MessageStage<M> {
     open: Vec<u8>,
     /// Messages that are late, and when they come; ascending, those of one time in the order in which they were sent.
     late: VecDeque<(Duration, Vec<u8>)>,
+    counters: MessageCounters,
 }
 
 /// One fault at work.
 #[derive(Clone, Debug)]
-struct MessageFault {
+pub(super) struct MessageFault {
     message: MessageKind,
     window: Window,
     rate: f64,
@@ -41,6 +42,26 @@ struct MessageFault {
     random: Random,
     /// The message that waits for the next of its kind.
     held: Option<Vec<u8>>,
+}
+
+impl MessageFault {
+    /// Lets `act` happen to a share of the messages of this kind, chosen by `random`.
+    pub(super) fn new(
+        message: MessageKind,
+        window: Window,
+        rate: f64,
+        act: Act,
+        random: Random,
+    ) -> MessageFault {
+        MessageFault {
+            message,
+            window,
+            rate,
+            act,
+            random,
+            held: None,
+        }
+    }
 }
 
 /// What the faults make of one message.
@@ -59,37 +80,18 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
             decoder: Decoder::with_profile(profile),
             open: Vec::new(),
             late: VecDeque::new(),
+            counters: MessageCounters::default(),
         }
     }
 
-    /// Appends a fault, which draws from `random`.
-    pub(super) fn add(
-        &mut self,
-        message: MessageKind,
-        window: Window,
-        rate: f64,
-        act: Act,
-        random: Random,
-    ) {
-        self.faults.push(MessageFault {
-            message,
-            window,
-            rate,
-            act,
-            random,
-            held: None,
-        });
+    /// Appends a fault.
+    pub(super) fn add(&mut self, fault: MessageFault) {
+        self.faults.push(fault);
     }
 
     /// Takes a byte at `at`, which is no earlier than that of the byte before; `sink` gets what comes out, in the order
     /// of its times.
-    pub(super) fn enter(
-        &mut self,
-        at: Duration,
-        byte: u8,
-        counters: &mut DirectionCounters,
-        sink: Sink<'_>,
-    ) {
+    pub(super) fn enter(&mut self, at: Duration, byte: u8, sink: Sink<'_>) {
         if self.faults.is_empty() {
             return sink(at, &[byte]);
         }
@@ -113,7 +115,7 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
             }
             let whole = std::mem::take(&mut self.open);
             if is_message {
-                self.decide(at, whole, counters, sink);
+                self.decide(at, whole, sink);
             } else {
                 sink(at, &whole);
             }
@@ -134,6 +136,11 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
         self.late.front().map(|(due, _)| *due)
     }
 
+    /// What was done so far.
+    pub(super) fn counters(&self) -> MessageCounters {
+        self.counters
+    }
+
     /// Bytes that are held.
     pub(super) fn waiting(&self) -> usize {
         let late = self.late.iter().map(|(_, message)| message.len());
@@ -142,13 +149,7 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
     }
 
     /// Decides what becomes of one whole message.
-    fn decide(
-        &mut self,
-        at: Duration,
-        message: Vec<u8>,
-        counters: &mut DirectionCounters,
-        sink: Sink<'_>,
-    ) {
+    fn decide(&mut self, at: Duration, message: Vec<u8>, sink: Sink<'_>) {
         let kind = kind_of(&message);
         let waited: Vec<Vec<u8>> = self
             .faults
@@ -159,18 +160,18 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
         let has_waited = !waited.is_empty();
         let fate = self.fate(at, kind, has_waited);
         if fate.copies == 0 {
-            counters.swallowed += 1;
-            counters.swallowed_bytes += message.len() as u64;
+            self.counters.swallowed += 1;
+            self.counters.swallowed_bytes += message.len() as u64;
         } else if let Some(fault) = fate.held_by.and_then(|index| self.faults.get_mut(index)) {
-            counters.reordered += 1;
+            self.counters.reordered += 1;
             fault.held = Some(message);
         } else {
             for copy in 0..fate.copies {
                 if copy > 0 {
-                    counters.repeated += 1;
-                    counters.repeated_bytes += message.len() as u64;
+                    self.counters.repeated += 1;
+                    self.counters.repeated_bytes += message.len() as u64;
                 }
-                self.send(at, fate.late_by, &message, counters, sink);
+                self.send(at, fate.late_by, &message, sink);
             }
         }
         for message in waited {
@@ -206,18 +207,11 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
     }
 
     /// Sends a message on now, or keeps it until it is late enough.
-    fn send(
-        &mut self,
-        at: Duration,
-        late_by: Duration,
-        message: &[u8],
-        counters: &mut DirectionCounters,
-        sink: Sink<'_>,
-    ) {
+    fn send(&mut self, at: Duration, late_by: Duration, message: &[u8], sink: Sink<'_>) {
         if late_by == Duration::ZERO || self.late.len() >= MAX_LATE {
             return sink(at, message);
         }
-        counters.late += 1;
+        self.counters.late += 1;
         let due = at.saturating_add(late_by);
         let place = self.late.partition_point(|(other, _)| *other <= due);
         self.late.insert(place, (due, message.to_vec()));
@@ -227,7 +221,12 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
 /// What kind of message a frame of either profile holds.
 fn kind_of(frame: &[u8]) -> Option<MessageKind> {
     let header = match *frame {
-        [header::EXTENDED_DOWNLINK | header::EXTENDED_UPLINK, _, kind, ..] => header::of_kind(kind),
+        [
+            header::EXTENDED_DOWNLINK | header::EXTENDED_UPLINK,
+            _,
+            kind,
+            ..,
+        ] => header::of_kind(kind),
         [header, ..] => header,
         [] => return None,
     };

@@ -6,6 +6,7 @@
 use std::time::Duration;
 
 use dsp_protocol::DspErrorCode;
+use serde::Deserialize;
 
 /// Shortest period of what repeats: without a bound, time would stand still at a period of zero.
 pub const MIN_PERIOD: Duration = Duration::from_millis(1);
@@ -72,7 +73,8 @@ pub enum Fault {
 }
 
 /// One way of the line, or both.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Directions {
     /// What the DSP says.
     ToPc,
@@ -157,7 +159,8 @@ pub enum Damage {
 }
 
 /// What becomes of the bytes that a stall held up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum AfterStall {
     /// They come all at once at the end of the stall.
     #[default]
@@ -167,7 +170,8 @@ pub enum AfterStall {
 }
 
 /// Which messages a fault is about; each goes one way only.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum MessageKind {
     /// Acknowledgements of all three kinds.
     Ack,
@@ -354,7 +358,7 @@ mod tests {
             (repeated, 15, Some(20)),
             (repeated, 39, None),
             (repeated, 40, Some(50)),
-            (repeated, 3_000_049, None),
+            (repeated, 3_000_050, None),
             (repeated, 3_000_010, Some(3_000_020)),
             (touching, 20, Some(30)),
             (overlapping, 21, Some(28)),

@@ -1,0 +1,452 @@
+//! A script as a TOML file: `seed` and an array of `[[fault]]` tables. The annotated example `dsp-sim/faults.toml` shows
+//! every kind.
+//!
+//! A table is read with all keys that any kind has, each within its range; then the kind takes its own, and a key that is
+//! left over or missing refuses the table.
+
+use std::time::Duration;
+
+use dsp_protocol::DspErrorCode;
+use runtime::config::Deserializer;
+use serde::Deserialize;
+use serde::de::Error as _;
+
+use super::script::{
+    Act, AfterStall, Damage, Directions, DspEvent, Fault, MessageKind, Script, Times, Window,
+};
+
+/// Faults that a file may hold: every byte asks each of them, and nobody writes more by hand.
+pub const MAX_FAULTS: usize = 256;
+
+/// What a `[[fault]]` table may say as its `kind`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Bits turn over.
+    FlipBits,
+    /// Bytes are lost.
+    DropBytes,
+    /// Bytes come twice.
+    DuplicateBytes,
+    /// Random bytes are put in.
+    InsertBytes,
+    /// Bytes come late.
+    DelayBytes,
+    /// Bytes come in pieces.
+    SplitBytes,
+    /// Runs of bytes are replaced by random ones.
+    Burst,
+    /// Nothing comes out of the line for a time.
+    Stall,
+    /// Everything is lost.
+    Outage,
+    /// Messages are lost.
+    Swallow,
+    /// Messages come twice.
+    Repeat,
+    /// Messages come late.
+    Late,
+    /// Messages change places.
+    Reorder,
+    /// The DSP queues an error.
+    RaiseError,
+    /// The DSP boots again.
+    Reboot,
+    /// The DSP stops its status transmission.
+    StopStatus,
+    /// The DSP hangs for a time.
+    Hang,
+    /// The DSP's clock jumps.
+    ClockJump,
+    /// The port goes and comes back.
+    HangUp,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Kind; 19] = [
+        Kind::FlipBits,
+        Kind::DropBytes,
+        Kind::DuplicateBytes,
+        Kind::InsertBytes,
+        Kind::DelayBytes,
+        Kind::SplitBytes,
+        Kind::Burst,
+        Kind::Stall,
+        Kind::Outage,
+        Kind::Swallow,
+        Kind::Repeat,
+        Kind::Late,
+        Kind::Reorder,
+        Kind::RaiseError,
+        Kind::Reboot,
+        Kind::StopStatus,
+        Kind::Hang,
+        Kind::ClockJump,
+        Kind::HangUp,
+    ];
+
+    /// The name in a file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::FlipBits => "flip_bits",
+            Kind::DropBytes => "drop_bytes",
+            Kind::DuplicateBytes => "duplicate_bytes",
+            Kind::InsertBytes => "insert_bytes",
+            Kind::DelayBytes => "delay_bytes",
+            Kind::SplitBytes => "split_bytes",
+            Kind::Burst => "burst",
+            Kind::Stall => "stall",
+            Kind::Outage => "outage",
+            Kind::Swallow => "swallow",
+            Kind::Repeat => "repeat",
+            Kind::Late => "late",
+            Kind::Reorder => "reorder",
+            Kind::RaiseError => "raise_error",
+            Kind::Reboot => "reboot",
+            Kind::StopStatus => "stop_status",
+            Kind::Hang => "hang",
+            Kind::ClockJump => "clock_jump",
+            Kind::HangUp => "hang_up",
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Script {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Script, D::Error> {
+        let File { seed, faults } = File::deserialize(deserializer)?;
+        Ok(Script { seed, faults })
+    }
+}
+
+/// The whole file.
+#[derive(Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct File {
+    #[serde(deserialize_with = "seed")]
+    seed: u64,
+    #[serde(rename = "fault", deserialize_with = "faults")]
+    faults: Vec<Fault>,
+}
+
+impl Default for File {
+    fn default() -> File {
+        let Script { seed, faults } = Script::default();
+        File { seed, faults }
+    }
+}
+
+/// One `[[fault]]` table with the keys of all kinds.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    kind: Kind,
+    direction: Option<Directions>,
+    message: Option<MessageKind>,
+    #[serde(default, deserialize_with = "moment")]
+    from_s: Option<Duration>,
+    #[serde(default, deserialize_with = "moment")]
+    until_s: Option<Duration>,
+    #[serde(default, deserialize_with = "moment")]
+    at_s: Option<Duration>,
+    #[serde(default, deserialize_with = "span")]
+    every_s: Option<Duration>,
+    #[serde(default, deserialize_with = "span")]
+    for_s: Option<Duration>,
+    #[serde(default, deserialize_with = "probability")]
+    rate: Option<f64>,
+    #[serde(default, deserialize_with = "probability")]
+    bit_error_rate: Option<f64>,
+    #[serde(default, deserialize_with = "length_bytes")]
+    length_bytes: Option<u32>,
+    #[serde(default, deserialize_with = "chunk_bytes")]
+    chunk_bytes: Option<usize>,
+    #[serde(default, deserialize_with = "delay")]
+    delay_ms: Option<Duration>,
+    #[serde(default, deserialize_with = "delay")]
+    jitter_ms: Option<Duration>,
+    #[serde(default, deserialize_with = "gap")]
+    gap_ms: Option<Duration>,
+    then: Option<AfterStall>,
+    code: Option<u16>,
+    #[serde(default, deserialize_with = "jump_ms")]
+    jump_ms: Option<i64>,
+    elsewhere: Option<bool>,
+}
+
+/// What is wrong with a table as a whole.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+enum Misfit {
+    #[error("a fault of kind `{kind}` needs `{key}`")]
+    Missing {
+        kind: &'static str,
+        key: &'static str,
+    },
+    #[error("a fault of kind `{kind}` has no `{key}`; leave it out")]
+    LeftOver {
+        kind: &'static str,
+        key: &'static str,
+    },
+    #[error("`until_s` must be later than `from_s`")]
+    Backwards,
+    #[error("`every_s` must be longer than the fault lasts")]
+    TooOften,
+    #[error("`every_s` needs `until_s`: what lasts for ever does not come again")]
+    ForEver,
+}
+
+impl<'de> Deserialize<'de> for Fault {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Fault, D::Error> {
+        let mut table = Table::deserialize(deserializer)?;
+        let fault = table.fault().map_err(D::Error::custom)?;
+        match table.left_over() {
+            Some(key) => Err(D::Error::custom(Misfit::LeftOver {
+                kind: table.kind.name(),
+                key,
+            })),
+            None => Ok(fault),
+        }
+    }
+}
+
+impl Table {
+    /// Takes out the keys of this kind.
+    fn fault(&mut self) -> Result<Fault, Misfit> {
+        match self.kind {
+            Kind::FlipBits => {
+                let bit_error_rate =
+                    self.need(|table| &mut table.bit_error_rate, "bit_error_rate")?;
+                self.bytes(Damage::FlipBits { bit_error_rate })
+            }
+            Kind::DropBytes => {
+                let rate = self.rate()?;
+                self.bytes(Damage::Drop { rate })
+            }
+            Kind::DuplicateBytes => {
+                let rate = self.rate()?;
+                self.bytes(Damage::Duplicate { rate })
+            }
+            Kind::InsertBytes => {
+                let rate = self.rate()?;
+                self.bytes(Damage::Insert { rate })
+            }
+            Kind::DelayBytes => {
+                let delay = self.delay()?;
+                let jitter = self.jitter_ms.take().unwrap_or_default();
+                self.bytes(Damage::Delay { delay, jitter })
+            }
+            Kind::SplitBytes => {
+                let chunk_bytes = self.need(|table| &mut table.chunk_bytes, "chunk_bytes")?;
+                let gap = self.need(|table| &mut table.gap_ms, "gap_ms")?;
+                self.bytes(Damage::Split { chunk_bytes, gap })
+            }
+            Kind::Burst => {
+                let rate = self.rate()?;
+                let length_bytes = self.need(|table| &mut table.length_bytes, "length_bytes")?;
+                self.bytes(Damage::Burst { rate, length_bytes })
+            }
+            Kind::Stall if self.until_s.is_none() => Err(self.missing("until_s")),
+            Kind::Stall => {
+                let then = self.then.take().unwrap_or_default();
+                self.bytes(Damage::Stall { then })
+            }
+            Kind::Outage => self.bytes(Damage::Outage),
+            Kind::Swallow => self.messages(Act::Swallow),
+            Kind::Repeat => self.messages(Act::Repeat),
+            Kind::Reorder => self.messages(Act::Reorder),
+            Kind::Late => {
+                let delay = self.delay()?;
+                self.messages(Act::Late(delay))
+            }
+            Kind::RaiseError => {
+                let code = self.need(|table| &mut table.code, "code")?;
+                self.dsp(DspEvent::RaiseError(DspErrorCode(code)))
+            }
+            Kind::Reboot => self.dsp(DspEvent::Reboot),
+            Kind::StopStatus => self.dsp(DspEvent::StopStatus),
+            Kind::Hang => {
+                let length = self.length()?;
+                self.dsp(DspEvent::Hang(length))
+            }
+            Kind::ClockJump => {
+                let jump_ms = self.need(|table| &mut table.jump_ms, "jump_ms")?;
+                self.dsp(DspEvent::ClockJump(jump_ms))
+            }
+            Kind::HangUp => Ok(Fault::HangUp {
+                times: self.times()?,
+                length: self.length()?,
+                elsewhere: self.elsewhere.take().unwrap_or(false),
+            }),
+        }
+    }
+
+    /// A fault of bytes; without a direction it meets both.
+    fn bytes(&mut self, damage: Damage) -> Result<Fault, Misfit> {
+        Ok(Fault::Bytes {
+            direction: self.direction.take().unwrap_or_default(),
+            window: self.window()?,
+            damage,
+        })
+    }
+
+    /// A fault of messages; without a rate it meets all of them.
+    fn messages(&mut self, act: Act) -> Result<Fault, Misfit> {
+        Ok(Fault::Messages {
+            message: self.need(|table| &mut table.message, "message")?,
+            window: self.window()?,
+            rate: self.rate.take().unwrap_or(1.0),
+            act,
+        })
+    }
+
+    fn dsp(&mut self, event: DspEvent) -> Result<Fault, Misfit> {
+        Ok(Fault::Dsp {
+            times: self.times()?,
+            event,
+        })
+    }
+
+    fn window(&mut self) -> Result<Window, Misfit> {
+        let from = self.from_s.take().unwrap_or_default();
+        let until = self.until_s.take();
+        match (until, self.every_s.take()) {
+            (None, None) => Ok(Window::since(from)),
+            (None, Some(_)) => Err(Misfit::ForEver),
+            (Some(until), _) if until <= from => Err(Misfit::Backwards),
+            (Some(until), None) => Ok(Window::between(from, until)),
+            (Some(until), Some(every)) if every <= until - from => Err(Misfit::TooOften),
+            (Some(until), Some(every)) => Ok(Window::between(from, until).every(every)),
+        }
+    }
+
+    fn times(&mut self) -> Result<Times, Misfit> {
+        let at = self.need(|table| &mut table.at_s, "at_s")?;
+        let every = self.every_s.take();
+        Ok(every.map_or(Times::once(at), |every| Times::every(at, every)))
+    }
+
+    fn rate(&mut self) -> Result<f64, Misfit> {
+        self.need(|table| &mut table.rate, "rate")
+    }
+
+    fn delay(&mut self) -> Result<Duration, Misfit> {
+        self.need(|table| &mut table.delay_ms, "delay_ms")
+    }
+
+    fn length(&mut self) -> Result<Duration, Misfit> {
+        self.need(|table| &mut table.for_s, "for_s")
+    }
+
+    /// Takes out a key that this kind cannot do without.
+    fn need<T>(
+        &mut self,
+        place: impl FnOnce(&mut Table) -> &mut Option<T>,
+        key: &'static str,
+    ) -> Result<T, Misfit> {
+        place(self).take().ok_or_else(|| self.missing(key))
+    }
+
+    fn missing(&self, key: &'static str) -> Misfit {
+        Misfit::Missing {
+            kind: self.kind.name(),
+            key,
+        }
+    }
+
+    /// A key that the kind did not take.
+    fn left_over(&self) -> Option<&'static str> {
+        // Without `..`: a new key does not compile until it is looked at here.
+        let Table {
+            kind: _,
+            direction,
+            message,
+            from_s,
+            until_s,
+            at_s,
+            every_s,
+            for_s,
+            rate,
+            bit_error_rate,
+            length_bytes,
+            chunk_bytes,
+            delay_ms,
+            jitter_ms,
+            gap_ms,
+            then,
+            code,
+            jump_ms,
+            elsewhere,
+        } = self;
+        [
+            (direction.is_some(), "direction"),
+            (message.is_some(), "message"),
+            (from_s.is_some(), "from_s"),
+            (until_s.is_some(), "until_s"),
+            (at_s.is_some(), "at_s"),
+            (every_s.is_some(), "every_s"),
+            (for_s.is_some(), "for_s"),
+            (rate.is_some(), "rate"),
+            (bit_error_rate.is_some(), "bit_error_rate"),
+            (length_bytes.is_some(), "length_bytes"),
+            (chunk_bytes.is_some(), "chunk_bytes"),
+            (delay_ms.is_some(), "delay_ms"),
+            (jitter_ms.is_some(), "jitter_ms"),
+            (gap_ms.is_some(), "gap_ms"),
+            (then.is_some(), "then"),
+            (code.is_some(), "code"),
+            (jump_ms.is_some(), "jump_ms"),
+            (elsewhere.is_some(), "elsewhere"),
+        ]
+        .into_iter()
+        .find_map(|(is_left, key)| is_left.then_some(key))
+    }
+}
+
+runtime::ranged! {
+    // TOML has no unsigned integers.
+    fn seed(u64) in 0..=i64::MAX.cast_unsigned();
+}
+
+/// Defines functions for `#[serde(deserialize_with)]` that read a bounded number of an optional key and make `$into` of
+/// it.
+macro_rules! optional {
+    ($( fn $name:ident($number:ty => $into:ty) in $range:expr, $make:expr; )+) => {
+        $(
+            fn $name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<$into>, D::Error> {
+                runtime::config::in_range::<$number, D>(deserializer, $range).map($make).map(Some)
+            }
+        )+
+    };
+}
+
+optional! {
+    // Eleven days: longer than anybody watches.
+    fn moment(f64 => Duration) in 0.0..=1_000_000.0, Duration::from_secs_f64;
+    fn span(f64 => Duration) in 0.001..=1_000_000.0, Duration::from_secs_f64;
+    fn probability(f64 => f64) in 0.0..=1.0, |rate| rate;
+    fn length_bytes(u32 => u32) in 1..=100_000, |bytes| bytes;
+    fn chunk_bytes(usize => usize) in 1..=1_024, |bytes| bytes;
+    // What the queue of delayed bytes holds of the usual line.
+    fn delay(f64 => Duration) in 0.0..=5_000.0, milliseconds;
+    fn gap(f64 => Duration) in 0.01..=1_000.0, milliseconds;
+    // A day to and fro.
+    fn jump_ms(i64 => i64) in -86_400_000..=86_400_000, |milliseconds| milliseconds;
+}
+
+fn milliseconds(count: f64) -> Duration {
+    Duration::from_secs_f64(count / 1_000.0)
+}
+
+fn faults<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Fault>, D::Error> {
+    let faults = Vec::<Fault>::deserialize(deserializer)?;
+    if faults.len() > MAX_FAULTS {
+        return Err(D::Error::custom(format_args!(
+            "a script has at most {MAX_FAULTS} faults, not {}",
+            faults.len()
+        )));
+    }
+    Ok(faults)
+}
+
+#[cfg(test)]
+mod tests;

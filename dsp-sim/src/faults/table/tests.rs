@@ -1,0 +1,253 @@
+//! What a file says, and what is wrong with it.
+
+use super::*;
+use crate::faults::Direction;
+
+fn parse(text: &str) -> Result<Script, String> {
+    runtime::config::parse(text, "x.toml").map_err(|error| error.to_string())
+}
+
+fn s(count: u64) -> Duration {
+    Duration::from_secs(count)
+}
+
+fn ms(count: u64) -> Duration {
+    Duration::from_millis(count)
+}
+
+/// The kind of the table that a fault was read from.
+fn kind_of(fault: &Fault) -> Kind {
+    match fault {
+        Fault::Bytes { damage, .. } => match damage {
+            Damage::FlipBits { .. } => Kind::FlipBits,
+            Damage::Drop { .. } => Kind::DropBytes,
+            Damage::Duplicate { .. } => Kind::DuplicateBytes,
+            Damage::Insert { .. } => Kind::InsertBytes,
+            Damage::Delay { .. } => Kind::DelayBytes,
+            Damage::Split { .. } => Kind::SplitBytes,
+            Damage::Burst { .. } => Kind::Burst,
+            Damage::Stall { .. } => Kind::Stall,
+            Damage::Outage => Kind::Outage,
+        },
+        Fault::Messages { act, .. } => match act {
+            Act::Swallow => Kind::Swallow,
+            Act::Repeat => Kind::Repeat,
+            Act::Late(_) => Kind::Late,
+            Act::Reorder => Kind::Reorder,
+        },
+        Fault::Dsp { event, .. } => match event {
+            DspEvent::RaiseError(_) => Kind::RaiseError,
+            DspEvent::Reboot => Kind::Reboot,
+            DspEvent::StopStatus => Kind::StopStatus,
+            DspEvent::Hang(_) => Kind::Hang,
+            DspEvent::ClockJump(_) => Kind::ClockJump,
+        },
+        Fault::HangUp { .. } => Kind::HangUp,
+    }
+}
+
+#[test]
+fn the_annotated_example_has_every_kind_and_every_key() {
+    let example = include_str!("../../../faults.toml");
+    let script = parse(example).unwrap();
+    for kind in Kind::ALL {
+        assert!(
+            script.faults.iter().any(|fault| kind_of(fault) == kind),
+            "{} is not in the example",
+            kind.name()
+        );
+    }
+    assert_eq!(script.faults.len(), Kind::ALL.len());
+    let keys = "direction message from_s until_s at_s every_s for_s rate bit_error_rate length_bytes chunk_bytes \
+                delay_ms jitter_ms gap_ms then code jump_ms elsewhere seed";
+    for key in keys.split_whitespace() {
+        let shown = example.lines().any(|line| {
+            let said = line.split('=').next().unwrap_or_default();
+            said.trim() == key
+        });
+        assert!(shown, "{key} is not in the example");
+    }
+    let burst = Fault::Bytes {
+        direction: Directions::Both,
+        window: Window::between(s(45), s(50)),
+        damage: Damage::Burst {
+            rate: 0.001,
+            length_bytes: 40,
+        },
+    };
+    assert!(script.faults.contains(&burst));
+}
+
+#[test]
+fn each_table_becomes_what_it_says() {
+    let bytes = |direction, window, damage| Fault::Bytes {
+        direction,
+        window,
+        damage,
+    };
+    for (table, expected) in [
+        (
+            "kind = 'flip_bits'\ndirection = 'to_pc'\nfrom_s = 1\nbit_error_rate = 1e-3",
+            bytes(
+                Directions::ToPc,
+                Window::since(s(1)),
+                Damage::FlipBits {
+                    bit_error_rate: 1e-3,
+                },
+            ),
+        ),
+        (
+            "kind = 'outage'",
+            bytes(Directions::Both, Window::ALWAYS, Damage::Outage),
+        ),
+        (
+            "kind = 'stall'\ndirection = 'to_dsp'\nfrom_s = 1\nuntil_s = 1.5\nevery_s = 2\nthen = 'drop'",
+            bytes(
+                Directions::ToDsp,
+                Window::between(s(1), ms(1_500)).every(s(2)),
+                Damage::Stall {
+                    then: AfterStall::Drop,
+                },
+            ),
+        ),
+        (
+            "kind = 'delay_bytes'\ndelay_ms = 1.5",
+            bytes(
+                Directions::Both,
+                Window::ALWAYS,
+                Damage::Delay {
+                    delay: Duration::from_micros(1_500),
+                    jitter: Duration::ZERO,
+                },
+            ),
+        ),
+        (
+            "kind = 'late'\nmessage = 'flow_control'\ndelay_ms = 7\nrate = 0.5\nuntil_s = 3",
+            Fault::Messages {
+                message: MessageKind::FlowControl,
+                window: Window::between(s(0), s(3)),
+                rate: 0.5,
+                act: Act::Late(ms(7)),
+            },
+        ),
+        (
+            "kind = 'swallow'\nmessage = 'waypoint'",
+            Fault::Messages {
+                message: MessageKind::Waypoint,
+                window: Window::ALWAYS,
+                rate: 1.0,
+                act: Act::Swallow,
+            },
+        ),
+        (
+            "kind = 'raise_error'\nat_s = 2\nevery_s = 3\ncode = 300",
+            Fault::Dsp {
+                times: Times::every(s(2), s(3)),
+                event: DspEvent::RaiseError(DspErrorCode(300)),
+            },
+        ),
+        (
+            "kind = 'clock_jump'\nat_s = 2\njump_ms = -7",
+            Fault::Dsp {
+                times: Times::once(s(2)),
+                event: DspEvent::ClockJump(-7),
+            },
+        ),
+        (
+            "kind = 'hang_up'\nat_s = 2\nfor_s = 0.25",
+            Fault::HangUp {
+                times: Times::once(s(2)),
+                length: ms(250),
+                elsewhere: false,
+            },
+        ),
+    ] {
+        let script = parse(&format!("seed = 9\n[[fault]]\n{table}")).unwrap();
+        assert_eq!(script.seed, 9);
+        assert_eq!(script.faults, [expected], "{table}");
+    }
+    assert_eq!(parse("").unwrap(), Script::default());
+}
+
+#[test]
+fn every_mistake_is_told_with_its_line() {
+    #[rustfmt::skip]
+    let cases = [
+        // Unknown words and values out of range: the line of the key.
+        ("sead = 1", 1, "did you mean `seed`?"),
+        ("seed = -1", 1, "expected u64"),
+        ("[[fault]]\nkind = 'reboot'\nat_s = 1\n[[fault]]\nkind = 'rebot'", 5, "did you mean `reboot`?"),
+        ("[[fault]]\nkind = 'outage'\nuntill_s = 1", 3, "did you mean `until_s`?"),
+        ("[[fault]]\nkind = 'outage'\n\ndirection = 'to_pcs'", 4, "did you mean `to_pc`?"),
+        ("[[fault]]\nkind = 'swallow'\nmessage = 'nack'", 3, "did you mean `ack`?"),
+        ("[[fault]]\nkind = 'drop_bytes'\nrate = 1.1", 3, "1.1 is out of range: it must be from 0.0 to 1.0"),
+        ("[[fault]]\nkind = 'drop_bytes'\nrate = nan", 3, "NaN is out of range"),
+        ("[[fault]]\nkind = 'hang'\nat_s = 1\nfor_s = 0", 4, "0 is out of range"),
+        ("[[fault]]\nkind = 'outage'\nfrom_s = -1", 3, "-1 is out of range"),
+        ("[[fault]]\nkind = 'burst'\nrate = 0.1\nlength_bytes = 0", 4, "0 is out of range"),
+        ("[[fault]]\nkind = 'split_bytes'\nchunk_bytes = 2000\ngap_ms = 1", 3, "2000 is out of range"),
+        ("[[fault]]\nkind = 'delay_bytes'\ndelay_ms = 5001", 3, "5001 is out of range"),
+        ("[[fault]]\nkind = 'raise_error'\nat_s = 1\ncode = 65536", 4, "expected u16"),
+        ("[[fault]]\nkind = 'clock_jump'\nat_s = 1\njump_ms = 86400001", 4, "is out of range"),
+        // What is wrong with a table as a whole: the line where it begins.
+        ("\n[[fault]]\nat_s = 1", 2, "missing field `kind`"),
+        ("\n[[fault]]\nkind = 'reboot'\nat_s = 1\nrate = 0.5", 2, "a fault of kind `reboot` has no `rate`"),
+        ("\n[[fault]]\nkind = 'swallow'\nmessage = 'ack'\ndirection = 'to_pc'", 2, "has no `direction`"),
+        ("\n[[fault]]\nkind = 'outage'\nmessage = 'ack'", 2, "has no `message`"),
+        ("\n[[fault]]\nkind = 'hang'\nat_s = 1", 2, "a fault of kind `hang` needs `for_s`"),
+        ("\n[[fault]]\nkind = 'reboot'", 2, "needs `at_s`"),
+        ("\n[[fault]]\nkind = 'stall'\nfrom_s = 1", 2, "a fault of kind `stall` needs `until_s`"),
+        ("\n[[fault]]\nkind = 'outage'\nfrom_s = 2\nuntil_s = 2", 2, "`until_s` must be later than `from_s`"),
+        ("\n[[fault]]\nkind = 'outage'\nuntil_s = 2\nevery_s = 2", 2, "`every_s` must be longer"),
+        ("\n[[fault]]\nkind = 'outage'\nevery_s = 2", 2, "`every_s` needs `until_s`"),
+    ];
+    for (text, line, reason) in cases {
+        let error = parse(text).unwrap_err();
+        assert!(
+            error.starts_with(&format!("x.toml:{line}: ")),
+            "{text:?}: {error}"
+        );
+        assert!(error.contains(reason), "{text:?}: {error}");
+    }
+}
+
+#[test]
+fn every_kind_says_what_it_needs() {
+    // With nothing but its name, each kind but the outage misses something.
+    for kind in Kind::ALL {
+        let outcome = parse(&format!("[[fault]]\nkind = '{}'", kind.name()));
+        match kind {
+            Kind::Outage => assert!(outcome.is_ok()),
+            _ => {
+                let error = outcome.unwrap_err();
+                let told = format!("a fault of kind `{}` needs `", kind.name());
+                assert!(error.contains(&told), "{error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_file_holds_no_more_faults_than_a_line_can_ask() {
+    let fault = "[[fault]]\nkind = 'outage'\n";
+    assert_eq!(
+        parse(&fault.repeat(MAX_FAULTS)).unwrap().faults.len(),
+        MAX_FAULTS
+    );
+    let error = parse(&fault.repeat(MAX_FAULTS + 1)).unwrap_err();
+    assert!(error.contains("at most 256 faults"), "{error}");
+}
+
+#[test]
+fn messages_go_one_way() {
+    for (message, direction) in [
+        (MessageKind::Ack, Direction::ToPc),
+        (MessageKind::FlowControl, Direction::ToPc),
+        (MessageKind::Status, Direction::ToPc),
+        (MessageKind::Error, Direction::ToPc),
+        (MessageKind::Command, Direction::ToDsp),
+        (MessageKind::Waypoint, Direction::ToDsp),
+    ] {
+        assert_eq!(message.direction(), direction);
+    }
+}
