@@ -11,13 +11,14 @@ use runtime::signal::Termination;
 use runtime::{config, logging};
 
 use crate::config::{Config, DEFAULT_FILE, parse_profile};
-use crate::pty::{Link, Pty};
+use crate::faults::Script;
+use crate::plug::{Plug, PlugError};
 use crate::shell;
 use crate::simulator::Simulator;
 
 /// Simulates the flight-control DSP and the helicopter behind a pseudo-terminal.
 ///
-/// Prints the path of the serial port when it is there.
+/// Prints the path of the serial port when it is there. With --faults, things go wrong on purpose.
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = "dsp-sim", version)]
 pub struct Args {
@@ -40,6 +41,18 @@ pub struct Args {
     /// What the DSP speaks, `classic` or `extended`, instead of `line.profile` of the configuration
     #[arg(long, value_name = "NAME", value_parser = parse_profile)]
     pub profile: Option<Profile>,
+
+    /// Script of what goes wrong on purpose: a seed and timed faults
+    ///
+    /// A TOML file with `seed` and any number of `[[fault]]` tables, each with a `kind`, its times in simulated seconds
+    /// since the start, and what the kind needs. On bytes: flip_bits, drop_bytes, duplicate_bytes, insert_bytes,
+    /// delay_bytes, split_bytes, burst, stall, outage. On messages: swallow, repeat, late, reorder. In the DSP:
+    /// raise_error, reboot, stop_status, hang, clock_jump. Of the serial port: hang_up.
+    ///
+    /// The annotated example dsp-sim/faults.toml shows each of them. The same seed repeats the same faults; it is told at
+    /// the start, and what was done at the end.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
+    pub faults: Option<PathBuf>,
 }
 
 impl Args {
@@ -53,8 +66,8 @@ impl Args {
 /// Runs the simulator in the foreground until SIGINT or SIGTERM; then the link is removed.
 ///
 /// # Errors
-/// The configuration is wrong (exit code 78), the link cannot be made (2), or there is no pseudo-terminal (1); the
-/// failure says what to do.
+/// The configuration or the script of faults is wrong (exit code 78), the link cannot be made (2), or there is no
+/// pseudo-terminal (1); the failure says what to do.
 pub fn run(args: Args) -> Result<(), Failure> {
     logging::init(args.common.verbosity())?;
     let file = args.common.config.as_deref();
@@ -67,20 +80,23 @@ pub fn run(args: Args) -> Result<(), Failure> {
         config.line.profile = profile;
     }
     tracing::debug!(file = ?loaded.file, ?config, "configuration");
+    let mut setup = config.setup();
+    setup.faults = args.faults.as_deref().map(load_faults).transpose()?;
     if args.common.check_config {
         return Ok(());
     }
     // Before anything that must be left in order.
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
-    let mut pty = Pty::open().or_fail(ExitCode::Internal)?;
-    let link = Link::create(&args.link(), pty.path()).or_fail(ExitCode::Usage)?;
-    let mut simulator = Simulator::new(config.setup());
-    tell_link(link.path()).map_err(Failure::output)?;
+    let mut plug = Plug::new(&args.link()).map_err(|error| match error {
+        PlugError::Pty(error) => Failure::internal(error),
+        PlugError::Link(error) => Failure::usage(error),
+    })?;
+    let mut simulator = Simulator::new(setup);
+    tell_link(plug.link()).map_err(Failure::output)?;
     let supervisor = Notifier::from_env();
     supervisor.ready();
     tracing::info!(
-        link = %link.path().display(),
-        port = %pty.path().display(),
+        link = %plug.link().display(),
         baud_rate = config.line.baud_rate,
         profile = config.line.profile.name(),
         seed = config.noise.seed,
@@ -89,7 +105,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     );
     let outcome = shell::run(
         &mut simulator,
-        &mut pty,
+        &mut plug,
         args.speed,
         &termination,
         &supervisor,
@@ -104,7 +120,22 @@ pub fn run(args: Args) -> Result<(), Failure> {
         simulated = ?simulator.now(),
         "ended"
     );
+    if let Some(done) = simulator.faults() {
+        tracing::info!(%done, "faults on purpose");
+    }
     Ok(())
+}
+
+/// Reads a script of faults, and tells what repeats it.
+fn load_faults(file: &Path) -> Result<Script, Failure> {
+    let script = config::load::<Script>(Some(file), file)?.value;
+    tracing::info!(
+        file = %file.display(),
+        seed = script.seed,
+        faults = script.faults.len(),
+        "faults on purpose"
+    );
+    Ok(script)
 }
 
 /// One line for whoever started this process: the port is there.
@@ -144,6 +175,20 @@ mod tests {
         assert_eq!(profile("extended").unwrap(), Some(Profile::Extended));
         assert_eq!(profile("classic").unwrap(), Some(Profile::Classic));
         assert_eq!(profile("both").unwrap_err().exit_code(), 2);
+    }
+
+    #[test]
+    fn the_help_names_every_kind_of_fault() {
+        use crate::faults::Kind;
+        use clap::CommandFactory;
+        let help = Args::command().render_long_help().to_string();
+        for kind in Kind::ALL {
+            assert!(
+                help.contains(kind.name()),
+                "{} is not in {help}",
+                kind.name()
+            );
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! The loop of the simulator's process: it ferries bytes between the pseudo-terminal and the pure [`Simulator`], and
 //! sleeps until there is something to do. It decides nothing.
 //!
+//! A script of faults may pull the terminal out for a time; then there is nothing to ferry.
+//!
 //! One `poll(2)` waits for bytes, for somebody who opens or closes the port, for the wish to end, and for the simulator's
 //! next deadline.
 
@@ -13,6 +15,7 @@ use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
+use crate::plug::Port;
 use crate::pty::Pty;
 use crate::simulator::{INPUT_PLACES, Simulator};
 
@@ -35,10 +38,10 @@ pub struct Summary {
 /// where `simulator` stands.
 ///
 /// # Errors
-/// The pseudo-terminal is gone, or waiting failed.
+/// The pseudo-terminal is gone, or cannot be put in again after it was pulled out on purpose, or waiting failed.
 pub fn run(
     simulator: &mut Simulator,
-    pty: &mut Pty,
+    port: &mut impl Port,
     speed: f64,
     termination: &Termination,
     supervisor: &Notifier,
@@ -50,23 +53,38 @@ pub fn run(
     while !termination.requested() {
         let now = clock.now(simulator.next_deadline());
         simulator.advance(now);
-        if pty.check_peer()? {
-            simulator.discard_output();
+        port.follow(simulator.port())?;
+        if let Some(pty) = port.pty() {
+            ferry(simulator, pty, now, &mut buffer, &mut summary)?;
         }
-        // What does not fit stays in the kernel's queue, which makes the PC wait, as a slow port would.
-        let room = simulator.input_room();
-        let count = pty.read(&mut buffer[..room])?;
-        simulator.receive(now, &buffer[..count]);
-        summary.received += count as u64;
-        summary.sent += transmit(simulator, pty)?;
         watchdog.feed(supervisor);
         let deadline = simulator.next_deadline();
         let timeout = deadline.map(|deadline| clock.real(deadline.saturating_sub(now)));
         let timeout = timeout.into_iter().chain(watchdog.left()).min();
-        sleep(pty, interest(simulator), termination, timeout)?;
+        sleep(port.pty(), interest(simulator), termination, timeout)?;
         summary.wakes += 1;
     }
     Ok(summary)
+}
+
+/// Takes the PC's bytes, and gives it those that have come through the line.
+fn ferry(
+    simulator: &mut Simulator,
+    pty: &mut Pty,
+    now: Duration,
+    buffer: &mut [u8; INPUT_PLACES],
+    summary: &mut Summary,
+) -> io::Result<()> {
+    if pty.check_peer()? {
+        simulator.discard_output();
+    }
+    // What does not fit stays in the kernel's queue, which makes the PC wait, as a slow port would.
+    let room = simulator.input_room();
+    let count = pty.read(&mut buffer[..room])?;
+    simulator.receive(now, &buffer[..count]);
+    summary.received += count as u64;
+    summary.sent += transmit(simulator, pty)?;
+    Ok(())
 }
 
 /// Writes what has come through the line, as far as the PC's queue takes it; gives its length.
@@ -96,18 +114,25 @@ fn interest(simulator: &Simulator) -> PollFlags {
 
 /// Sleeps until the terminal is ready for `interest`, there is a peer, the wish to end, or the timeout is over.
 fn sleep(
-    pty: &Pty,
+    pty: Option<&mut Pty>,
     interest: PollFlags,
     termination: &Termination,
     timeout: Option<Duration>,
 ) -> io::Result<()> {
     let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
-    let mut sources = [
-        PollFd::from_borrowed_fd(pty.as_fd(), interest),
-        PollFd::from_borrowed_fd(pty.watch(), PollFlags::IN),
-        PollFd::from_borrowed_fd(termination.as_fd(), PollFlags::IN),
-    ];
-    match poll(&mut sources, timeout.as_ref()) {
+    let ending = PollFd::from_borrowed_fd(termination.as_fd(), PollFlags::IN);
+    let outcome = match pty {
+        Some(pty) => {
+            let mut sources = [
+                PollFd::from_borrowed_fd(pty.as_fd(), interest),
+                PollFd::from_borrowed_fd(pty.watch(), PollFlags::IN),
+                ending,
+            ];
+            poll(&mut sources, timeout.as_ref())
+        }
+        None => poll(&mut [ending], timeout.as_ref()),
+    };
+    match outcome {
         // A signal interrupted the wait; the loop looks at everything anyway.
         Ok(_) | Err(Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
