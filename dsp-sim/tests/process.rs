@@ -57,7 +57,7 @@ impl Drop for Sim {
 fn process(arguments: &[&str]) -> Process {
     let mut process = Process::new(env!("CARGO_BIN_EXE_dsp-sim"));
     process.env_remove("RIL_CONFIG").env_remove("RIL_ROBOT");
-    process.arg("-q").args(arguments);
+    process.env("RIL_LOG", "warn").args(arguments);
     process
 }
 
@@ -195,7 +195,9 @@ fn what_is_wrong_is_told_with_its_exit_code() {
     fs::write(&precious, "data").unwrap();
     let wrong = folder.path().join("wrong.toml");
     fs::write(&wrong, "[wind]\nspeed_mps = 99.0\n").unwrap();
-    let (precious, wrong) = (precious.to_str().unwrap(), wrong.to_str().unwrap());
+    let faults = folder.path().join("faults.toml");
+    fs::write(&faults, "[[fault]]\nkind = 'drop_bytes'\nrate = 2\n").unwrap();
+    let [precious, wrong, faults] = [&precious, &wrong, &faults].map(|path| path.to_str().unwrap());
     for (arguments, code, told) in [
         (vec!["--link", precious], 2, "not a symbolic link"),
         (vec!["--link", "/nowhere/port"], 2, "--link"),
@@ -205,6 +207,16 @@ fn what_is_wrong_is_told_with_its_exit_code() {
             "wrong.toml:2: 99 is out of range",
         ),
         (vec!["--config", "/nowhere.toml"], 78, "/nowhere.toml"),
+        (
+            vec!["--faults", faults],
+            78,
+            "faults.toml:3: 2 is out of range",
+        ),
+        (
+            vec!["--check-config", "--faults", "/nowhere.toml"],
+            78,
+            "/nowhere.toml",
+        ),
         (vec!["--robot", "0"], 2, "robot"),
         (vec!["--speed", "0"], 2, "0.01 to 100"),
     ] {
@@ -217,4 +229,38 @@ fn what_is_wrong_is_told_with_its_exit_code() {
     assert_eq!(fs::read_to_string(precious).unwrap(), "data");
     let checked = process(&["--check-config"]).output().unwrap();
     assert_eq!(checked.status.code(), Some(0));
+}
+
+#[test]
+fn the_port_is_hung_up_by_script_and_comes_back_as_another_device() {
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("port");
+    let script = folder.path().join("faults.toml");
+    let faults =
+        "seed = 4711\n[[fault]]\nkind = 'hang_up'\nat_s = 0.3\nfor_s = 0.2\nelsewhere = true\n";
+    fs::write(&script, faults).unwrap();
+    let mut child = process(&["--faults", script.to_str().unwrap(), "--link"])
+        .arg(&link)
+        .env("RIL_LOG", "info")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut told = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut sim = Sim { child, link };
+    let mut wait_for = |what: &str| {
+        let mut lines = told.by_ref().map(Result::unwrap);
+        lines.find(|line| line.contains(what)).expect(what)
+    };
+    assert!(wait_for("faults on purpose").contains("seed=4711"));
+    let port_of = |line: String| line.rsplit_once("port=").unwrap().1.to_owned();
+    let first = port_of(wait_for("the port is there"));
+    assert_eq!(port_of(wait_for("the port is hung up")), first);
+    let second = port_of(wait_for("the port is there"));
+    assert_ne!(first, second);
+    assert_eq!(fs::read_link(&sim.link).unwrap(), Path::new(&second));
+    start_status(&mut sim.open());
+    assert_eq!(sim.end(Signal::TERM), Some(0));
+    let done = wait_for("faults on purpose");
+    assert!(done.contains("1 port hang-ups"), "{done}");
 }
