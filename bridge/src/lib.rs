@@ -9,7 +9,7 @@
 //!              bytes       commands, waypoints      └── requests, manager::Manager
 //! ```
 //!
-//! [`line`] knows bytes, acknowledgements, start-up and liveness; [`flight`] knows movements, paths and arrival;
+//! [`mod@line`] knows bytes, acknowledgements, start-up and liveness; [`flight`] knows movements, paths and arrival;
 //! [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the shared-memory ports, the
 //! clock and the one wait.
 //!

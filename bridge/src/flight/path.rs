@@ -35,7 +35,7 @@ pub struct Segment {
 pub enum Outcome {
     /// The path is open and goes on.
     Open,
-    /// The path is complete; [`Assembler::take`] it.
+    /// The path is complete: [`Assembler::waypoints`] has it.
     Closed,
     /// The waypoint is refused. Any open path is as it was, unless `broken`, when it is gone.
     Refused {
