@@ -207,14 +207,14 @@ impl ByteFault {
 
     /// Replaces `byte` when a burst has begun or begins with it.
     fn burst(&mut self, rate: f64, length_bytes: u32, byte: &mut u8, counters: &mut ByteCounters) {
-        if self.left == 0 {
-            if self.random.uniform() >= rate {
-                return;
-            }
-            self.left = length_bytes.max(1).into();
+        if self.left == 0 && self.random.uniform() < rate {
+            self.left = length_bytes.into();
             counters.bursts += 1;
         }
-        self.left -= 1;
+        let Some(left) = self.left.checked_sub(1) else {
+            return;
+        };
+        self.left = left;
         *byte = random_byte(&mut self.random);
         counters.burst_bytes += 1;
     }

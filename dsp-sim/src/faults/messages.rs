@@ -187,10 +187,8 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
             held_by: None,
         };
         for (index, fault) in self.faults.iter_mut().enumerate() {
-            if Some(fault.message) != kind
-                || !fault.window.contains(at)
-                || fault.random.uniform() >= fault.rate
-            {
+            let is_meant = Some(fault.message) == kind && fault.window.contains(at);
+            if !(is_meant && fault.random.uniform() < fault.rate) {
                 continue;
             }
             match fault.act {
