@@ -27,8 +27,8 @@ pub const WAIT_LIMIT: Duration = Duration::from_secs(90);
 /// Longest line, bytes; a longer one comes in pieces.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
-/// Most lines that are kept of one process: an hour of two lines a second and of fifty telemetry samples a second for
-/// half an hour. What comes after that is read and dropped, so that the process never blocks.
+/// Most lines that are kept of one process: half an hour of a sample each, fifty a second, and some more. What comes after
+/// that is read and dropped, so that the process never blocks.
 const MAX_LINES: usize = 100_000;
 
 /// Lines that are shown of a process when a test fails.

@@ -1,5 +1,6 @@
 //! Missions on which nothing goes wrong.
 
+use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, port};
 use dsp_sim::helicopter::Phase;
 use dsp_sim::helicopter::vector::Vector;
@@ -268,6 +269,30 @@ fn the_whole_chain_says_what_the_helicopter_does() {
             world.chain.compared
         );
     }
+}
+
+#[test]
+fn a_waypoint_just_beyond_the_antimeridian_is_reached_on_this_side() {
+    let config = WorldConfig::new()
+        .at(37.0, 179.9998)
+        .exact()
+        .wind(0.0, 0.0, 0.0);
+    let mut world = World::new(&config);
+    fly(&mut world, &[Step::Start, Step::TakeOff(10.0)]);
+    let line = Geographic {
+        longitude_deg: -179.999_999_9,
+        altitude_m: 20.0,
+        ..config.simulator.model.home
+    };
+    let beyond = world.simulator.helicopter().world().to_flat(line);
+    assert!(beyond.x > 15.0, "to the east");
+    fly(&mut world, &[Step::Path(vec![beyond])]);
+    // The box around the waypoint is about 0.9 m wide to each side there.
+    let away_m = beyond.x - world.simulator.helicopter().body().position_m.x;
+    assert!((0.5..1.0).contains(&away_m), "{away_m}");
+    assert!(world.simulator.helicopter().position().longitude_deg > 179.0);
+    fly(&mut world, &[Step::Land]);
+    world.finish();
 }
 
 #[test]

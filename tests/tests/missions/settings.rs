@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 
 use bridge::line::coherence::Rule;
 use dsp_protocol::port::{self, Port16, Port32};
-use dsp_protocol::{Command, Group};
+use dsp_protocol::{Command, DspErrorCode, Group};
 use ipc_types::code::{LinkState, Reason, Stage};
 
 use crate::config::WorldConfig;
@@ -166,4 +166,21 @@ fn a_slow_line_leaves_out_whole_samples_and_the_mission_is_flown() {
         let refused: u64 = world.simulator.dsp().counters().refusals.iter().sum();
         assert_eq!(refused, 0, "the DSP refused bytes");
     }
+}
+
+#[test]
+fn errors_of_the_boot_end_nothing() {
+    // Two that would end a movement, one that nobody knows, and as many more as the DSP's queue takes.
+    let mut config = WorldConfig::new();
+    config.simulator.boot_errors = [8, 18, 102, 999]
+        .into_iter()
+        .chain([40; 12])
+        .map(DspErrorCode)
+        .collect();
+    let mut world = World::new(&config);
+    fly(&mut world, &short_mission());
+    world.finish();
+    let errors = &world.witness.state.dsp_errors;
+    assert_eq!(errors.transcended, 0);
+    assert!(errors.total <= 16);
 }

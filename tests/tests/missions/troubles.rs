@@ -6,11 +6,12 @@
 
 use std::time::Duration;
 
+use dsp_protocol::Group;
 use dsp_sim::helicopter::Phase;
 use ipc_types::code::{Functionality, LinkState, Reason, Stage};
 
 use crate::config::WorldConfig;
-use crate::operator::{Step, bring_home, carry_out, fly_through_trouble, point};
+use crate::operator::{Step, await_link, bring_home, carry_out, fly_through_trouble, point};
 use crate::witness::Outcome;
 use crate::world::{Trouble, World};
 
@@ -212,4 +213,44 @@ fn in_the_extended_profile_noise_lets_nothing_false_through() {
         assert!(world.chain.compared > 500, "{what}");
         assert_eq!(world.witness.state.refused.implausible_groups, 0, "{what}");
     }
+}
+
+#[test]
+fn what_the_checksum_misses_is_not_believed() {
+    // A sum of 7 bits misses one in 128 damaged messages. In short ones with many narrow limits that shows soon.
+    let wide = [
+        Group::Xy,
+        Group::Attitude,
+        Group::Acceleration,
+        Group::AngularRate,
+        Group::References,
+    ];
+    let mut implausible = 0;
+    for seed in 0..4 {
+        let config = WorldConfig::new().without(&wide).unsound().seed(seed);
+        let mut world = World::new(&config);
+        world.plan(Trouble::FaintNoise(Duration::from_secs(40)), |world| {
+            world.bridge().link() == LinkState::Up
+        });
+        world.run_for(Duration::from_secs(42));
+        bring_home(&mut world);
+        world.finish();
+        implausible += world.witness.state.refused.implausible_groups;
+    }
+    // The witness has looked at every sample that was published.
+    assert!(implausible > 0, "nothing was withdrawn");
+}
+
+#[test]
+fn a_sample_that_comes_late_or_twice_is_not_published() {
+    let mut world = World::new(&WorldConfig::new().exact());
+    await_link(&mut world);
+    // The witness and the chain would notice a sample that is not the newest.
+    for _ in 0..30 {
+        world.plan(Trouble::Replay, |_| true);
+        world.run_for(Duration::from_millis(130));
+    }
+    world.finish();
+    let link = &world.witness.state.link;
+    assert_eq!((link.telemetry_incoherent, link.dsp_boots), (30, 0));
 }

@@ -41,6 +41,10 @@ pub enum Trouble {
     PortGone(Duration),
     /// Three of ten bytes are damaged in both directions for this time.
     Noise(Duration),
+    /// One of a hundred is.
+    FaintNoise(Duration),
+    /// A status message of a while ago arrives once more. For a line that takes no time, where it lies between others.
+    Replay,
 }
 
 /// A trouble that waits for its moment.
@@ -474,12 +478,21 @@ impl World {
                 self.port_opens = Some(self.now + time);
                 self.bridge.port_closed(now, &mut self.witness);
             }
-            Trouble::Noise(time) => {
-                let until = self.now + time;
-                for noise in &mut self.noise {
-                    noise.begin(0.3, until);
+            Trouble::Noise(time) => self.begin_noise(0.3, time),
+            Trouble::Replay => {
+                if let Some(frame) = self.probe.old_status() {
+                    self.bridge
+                        .receive(now, frame.as_bytes(), &mut self.witness);
                 }
             }
+            Trouble::FaintNoise(time) => self.begin_noise(0.01, time),
+        }
+    }
+
+    fn begin_noise(&mut self, rate: f64, time: Duration) {
+        let until = self.now + time;
+        for noise in &mut self.noise {
+            noise.begin(rate, until);
         }
     }
 }
