@@ -1,9 +1,10 @@
 //! Whole missions in virtual time: the bridge's core against the simulated DSP and its helicopter, with checkers outside
 //! both.
 //!
-//! * [`world`]: the two sides ([`config`]), the wire and one clock; [`operator`]: who flies; [`seeds`]: chance that can be repeated;
+//! * [`world`]: the two sides ([`config`]), the wire and one clock; [`operator`]: who flies; [`seeds`]: chance that can
+//!   be repeated;
 //! * checkers: [`witness`] for what consumers get, [`wire`] for what the DSP is told, [`chain`] for what status makes of
-//!   it, and the operator for where the helicopter truly is;
+//!   it, [`truth`] for where the helicopter is;
 //! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`].
 
 mod chain;
@@ -15,6 +16,7 @@ mod refusals;
 mod seeds;
 mod settings;
 mod troubles;
+mod truth;
 mod wire;
 mod witness;
 mod world;

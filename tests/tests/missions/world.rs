@@ -5,8 +5,6 @@ use std::time::Duration;
 
 use bridge::{Bridge, RequestKey};
 use dsp_protocol::Waypoint;
-use dsp_protocol::downlink::Geographic;
-use dsp_sim::helicopter::geodesy::LocalFrame;
 use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
@@ -15,6 +13,7 @@ use ipc_types::payload::{ModuleControl, MovementData, WaypointPosition};
 
 use crate::chain::Chain;
 use crate::config::WorldConfig;
+use crate::truth::Movement;
 use crate::wire::{Noise, Probe};
 use crate::witness::Witness;
 
@@ -27,10 +26,6 @@ const PATIENCE: Duration = Duration::from_secs(400);
 
 /// Steps in which the clock may stand still: messages that go to and fro without taking time.
 const MAX_STEPS_AT_ONCE: u32 = 1000;
-
-/// Half the edge of the box in which a waypoint counts as reached, m: the bridge's tolerance of 10⁻⁵ degrees of latitude,
-/// and noise.
-const BOX_M: f64 = 1.12 + 0.2;
 
 /// Something that happens to the line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,39 +48,6 @@ struct Plan {
     trouble: Trouble,
 }
 
-/// A path as the truth has it: which of its waypoints the helicopter has come to, in order.
-struct Track {
-    waypoints: Vec<Vector>,
-    reached: usize,
-}
-
-/// A movement whose end will be compared with the truth.
-#[derive(Clone, Copy)]
-enum Movement {
-    /// To this height above the home, m.
-    TakeOff {
-        height_m: f64,
-    },
-    Land,
-    Path,
-}
-
-impl Track {
-    fn of(path: &[Waypoint], world: &LocalFrame) -> Track {
-        let to_flat = |waypoint: &Waypoint| {
-            world.to_flat(Geographic {
-                latitude_deg: waypoint.latitude_deg,
-                longitude_deg: waypoint.longitude_deg,
-                altitude_m: waypoint.altitude_m,
-            })
-        };
-        Track {
-            waypoints: path.iter().map(to_flat).collect(),
-            reached: 0,
-        }
-    }
-}
-
 /// See the module's documentation.
 pub struct World {
     pub simulator: Simulator,
@@ -102,7 +64,6 @@ pub struct World {
     port_opens: Option<Duration>,
     noise: [Noise; 2],
     plan: Option<Plan>,
-    track: Option<Track>,
     /// The movement under way, by its request.
     movement: Option<(u64, Movement)>,
     /// The waypoints that were sent since the last head of a path.
@@ -127,7 +88,6 @@ impl World {
             port_opens: Some(Duration::from_millis(10)),
             noise: [Noise::new(seed, 101), Noise::new(seed, 102)],
             plan: None,
-            track: None,
             movement: None,
             open_path: Vec::new(),
             next_request: 0,
@@ -208,11 +168,9 @@ impl World {
             request_id,
             ..request
         };
-        let flown = self.path_closed_by(&request).map(|path| {
-            let flown = (self.probe.path_closes(&path), self.track.take());
-            self.track = Some(Track::of(&path, self.simulator.helicopter().world()));
-            flown
-        });
+        let path = self.path_closed_by(&request);
+        let allowed = path.as_deref().map(|path| self.probe.path_closes(path));
+        let movement = Movement::of(&request, path.as_deref(), self.simulator.helicopter());
         let key = RequestKey::Movement(request_id);
         self.bridge
             .movement(host(self.now), key, &request, &mut self.witness);
@@ -221,13 +179,11 @@ impl World {
             self.open_path.push(request);
         }
         let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
-        if let (Some((allowed, track)), false) = (flown, is_accepted) {
+        match (movement, allowed) {
+            (Some(movement), _) if is_accepted => self.movement = Some((request_id, movement)),
             // The path that is being flown goes on.
-            self.probe.path_goes_on(allowed);
-            self.track = track;
-        }
-        if is_accepted {
-            self.moves(&request);
+            (_, Some(allowed)) if !is_accepted => self.probe.path_goes_on(allowed),
+            _ => {}
         }
         request_id
     }
@@ -246,47 +202,6 @@ impl World {
         };
         let (first, last) = (index == 0, index + 1 == path.len());
         self.movement(MovementData::waypoint(0, path_id, position, first, last))
-    }
-
-    /// Remembers a movement that was accepted, to compare its end with the truth.
-    fn moves(&mut self, request: &MovementData) {
-        let ground_m = self.simulator.helicopter().body().position_m.z;
-        let movement = match request.kind() {
-            Some(MovementKind::TakeOff) => Movement::TakeOff {
-                height_m: ground_m + request.altitude_m,
-            },
-            Some(MovementKind::Land) => Movement::Land,
-            Some(MovementKind::GoToWaypoint) if request.last == 1 => Movement::Path,
-            _ => return,
-        };
-        self.movement = Some((request.request_id, movement));
-    }
-
-    /// What the final word of a movement says must be true.
-    fn judge(&mut self) {
-        let Some((id, movement)) = self.movement else {
-            return;
-        };
-        let Some(outcome) = self.witness.outcome(id) else {
-            return;
-        };
-        self.movement = None;
-        if !outcome.is_done() {
-            return;
-        }
-        let helicopter = self.simulator.helicopter();
-        match movement {
-            Movement::TakeOff { height_m } => {
-                let error_m = (helicopter.body().position_m.z - height_m).abs();
-                assert!(
-                    error_m <= BOX_M,
-                    "taken off to {error_m} m from the altitude"
-                );
-                assert!(helicopter.is_flying(), "taken off, but stands");
-            }
-            Movement::Land => assert!(!helicopter.is_flying(), "landed, but flies"),
-            Movement::Path => self.assert_path_flown(),
-        }
     }
 
     /// The waypoints of the path that `request` would close, judged by the requests and what was said about them: those
@@ -310,25 +225,6 @@ impl World {
                 altitude_m: waypoint.altitude_m,
             });
         Some(open.collect())
-    }
-
-    /// Asserts what the end of a path means: the helicopter truly was in the boxes of all its waypoints, in order, and
-    /// is in the last one now.
-    fn assert_path_flown(&self) {
-        let track = self.track.as_ref().expect("a path");
-        let waypoints = &track.waypoints;
-        assert_eq!(
-            track.reached,
-            waypoints.len(),
-            "the helicopter was not at waypoint {} of {waypoints:?}",
-            track.reached,
-        );
-        let last = waypoints.last().expect("waypoints");
-        let away_m = self.simulator.helicopter().body().position_m - *last;
-        assert!(
-            is_in_box(away_m),
-            "the helicopter is {away_m:?} away from the last of {waypoints:?}"
-        );
     }
 
     /// The sender of a movement request goes.
@@ -434,27 +330,21 @@ impl World {
 
     /// Looks at the truth, and compares what the consumers got to it.
     fn look(&mut self) {
-        self.track();
-        self.judge();
         let helicopter = self.simulator.helicopter();
+        self.fewest_free_places = self.fewest_free_places.min(helicopter.free_places());
+        if let Some((id, movement)) = &mut self.movement {
+            movement.follow(helicopter);
+            if let Some(outcome) = self.witness.outcome(*id) {
+                if outcome.is_done() {
+                    movement.assert_done(helicopter);
+                }
+                self.movement = None;
+            }
+        }
         for sample in self.witness.fresh.drain(..) {
             self.chain.take(&sample, host(self.now));
             if self.is_exact {
                 self.chain.compare(helicopter);
-            }
-        }
-    }
-
-    /// Follows the helicopter along its path.
-    fn track(&mut self) {
-        let helicopter = self.simulator.helicopter();
-        self.fewest_free_places = self.fewest_free_places.min(helicopter.free_places());
-        if let Some(track) = &mut self.track {
-            let position_m = helicopter.body().position_m;
-            while let Some(waypoint) = track.waypoints.get(track.reached)
-                && is_in_box(position_m - *waypoint)
-            {
-                track.reached += 1;
             }
         }
     }
@@ -495,12 +385,6 @@ impl World {
             noise.begin(rate, until);
         }
     }
-}
-
-fn is_in_box(away_m: Vector) -> bool {
-    [away_m.x, away_m.y, away_m.z]
-        .iter()
-        .all(|metres| metres.abs() <= BOX_M)
 }
 
 fn host(now: Duration) -> MonotonicNs {
