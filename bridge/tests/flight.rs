@@ -41,7 +41,13 @@ fn aborted(reason: Reason) -> (Stage, Reason, ImiError) {
 fn a_whole_mission() {
     let mut desk = Desk::started();
     let take_off = desk.take_off();
-    assert!(desk.dsp.commands.ends_with(&TAKE_OFF));
+    assert!(desk.dsp.commands.ends_with(&[
+        TAKE_OFF[0],
+        TAKE_OFF[1],
+        Command::Read16 {
+            port: port::TAKE_OFF
+        }
+    ]));
     assert_eq!(desk.functionality(), Functionality::TakingOff);
     desk.dsp.status.flying = true;
     desk.run(100);
@@ -80,7 +86,7 @@ fn a_whole_mission() {
     assert_eq!((last.path_id, counts), (7, (3, 3, 3)));
 
     let land = desk.land();
-    assert_eq!(desk.dsp.commands.last(), Some(&LAND));
+    assert!(desk.dsp.commands.contains(&LAND));
     desk.run(500);
     assert_eq!(desk.functionality(), Functionality::Landing);
     desk.dsp.status.flying = false;
@@ -529,6 +535,20 @@ fn asking_again_never_executes_twice() {
         "another bridge may have flown it"
     );
     assert!(!successor.dsp.commands.contains(&TAKE_OFF[1]));
+}
+
+#[test]
+fn an_order_that_the_dsp_does_not_carry_out_ends_at_once() {
+    let mut desk = Desk::flying();
+    desk.dsp.obeys = false;
+    let land = desk.land();
+    assert_eq!(desk.last(land), aborted(Reason::RefusedByDsp));
+    assert_eq!(desk.functionality(), Functionality::AtRest);
+    desk.dsp.obeys = true;
+    let land = desk.land();
+    desk.dsp.status.flying = false;
+    desk.run(40);
+    assert_eq!(desk.last(land).0, Stage::Done);
 }
 
 /// A generator that puts one point in the middle of each leg.

@@ -100,6 +100,7 @@ enum hero_reason {
     HERO_REASON_BRIDGE_GONE = 25,
     HERO_REASON_DELIVERY_FAILED = 26,
     HERO_REASON_NOT_REMEMBERED = 27,
+    HERO_REASON_REFUSED_BY_DSP = 28,
 };
 
 enum hero_imi_error {

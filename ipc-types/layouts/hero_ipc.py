@@ -92,6 +92,7 @@ class Reason(enum.IntEnum):
     BRIDGE_GONE = 25
     DELIVERY_FAILED = 26
     NOT_REMEMBERED = 27
+    REFUSED_BY_DSP = 28
 
 
 class ImiError(enum.IntEnum):

@@ -217,6 +217,8 @@ codes! {
         DeliveryFailed = 26 => "delivery-failed",
         /// A repetition of a request that this bridge does not know: the one before may have carried it out.
         NotRemembered = 27 => "not-remembered",
+        /// The DSP got the order and does not carry it out.
+        RefusedByDsp = 28 => "refused-by-dsp",
     }
 }
 

@@ -139,6 +139,9 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::DeliveryFailed => {
             "waypoints did not reach the DSP although they were repeated: `ril state` shows the line"
         }
+        Reason::RefusedByDsp => {
+            "the DSP got the order and does not carry it out: `ril state` shows its errors"
+        }
         Reason::NotRemembered => {
             "another bridge may have carried it out: look at the helicopter, then ask anew"
         }

@@ -27,6 +27,7 @@ pub mod trajectory;
 pub mod verification;
 
 use dsp_protocol::downlink::Geographic;
+use dsp_protocol::{Command, port};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{MovementState, RequestReport};
@@ -108,6 +109,8 @@ impl<T: Trajectory> Flight<T> {
             LineEvent::Grant => self.granted(cx),
             LineEvent::Delivered(command) => self.delivered(*command, cx),
             LineEvent::WaypointCount(count) => self.waypoints_counted(*count, cx),
+            LineEvent::MovementConfirmed(true) => {}
+            LineEvent::MovementConfirmed(false) => self.refused_by_dsp(cx),
             LineEvent::Undelivered(command) => self.undelivered(*command, cx),
             LineEvent::DspError { code, starting } => {
                 if let (Some(error), false) = (self.errors().transcends(*code), *starting) {
@@ -265,6 +268,28 @@ impl<T: Trajectory> Flight<T> {
         }
     }
 
+    /// The DSP has the order. That it arrived does not say that it is carried out: the port tells.
+    fn ordered<O: Outputs>(&mut self, port: u16, cx: &mut Context<'_, O>) {
+        self.movement_begun(cx);
+        self.progress(cx);
+        let confirm = Command::Read16 { port };
+        if cx
+            .line
+            .command(confirm, FlightCommand::ConfirmMovement)
+            .is_err()
+        {
+            self.undelivered(FlightCommand::ConfirmMovement, cx);
+        }
+    }
+
+    /// The DSP does not do what it was ordered to. Nothing is under way, so the next order may come.
+    fn refused_by_dsp<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        if self.activity.unable_to_abort() {
+            self.manager.handle(Event::MovementEnded);
+            self.finish_activity(Stage::Aborted, Reason::RefusedByDsp, ImiError::None, cx);
+        }
+    }
+
     fn movement_ended<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         self.manager.handle(Event::MovementEnded);
         self.finish_activity(Stage::Done, Reason::None, ImiError::None, cx);
@@ -399,11 +424,10 @@ impl<T: Trajectory> Flight<T> {
         match command {
             FlightCommand::TakeOffAltitude
             | FlightCommand::InvalidatePath
-            | FlightCommand::CountWaypoints => {}
-            FlightCommand::TakeOff | FlightCommand::Land => {
-                self.movement_begun(cx);
-                self.progress(cx);
-            }
+            | FlightCommand::CountWaypoints
+            | FlightCommand::ConfirmMovement => {}
+            FlightCommand::TakeOff => self.ordered(port::TAKE_OFF, cx),
+            FlightCommand::Land => self.ordered(port::LAND, cx),
             FlightCommand::ClearErrors => {
                 self.finish_activity(Stage::Done, Reason::None, ImiError::None, cx)
             }

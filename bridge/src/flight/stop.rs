@@ -128,7 +128,8 @@ impl<T: Trajectory> Flight<T> {
             FlightCommand::TakeOffAltitude
             | FlightCommand::TakeOff
             | FlightCommand::Land
-            | FlightCommand::CountWaypoints => {
+            | FlightCommand::CountWaypoints
+            | FlightCommand::ConfirmMovement => {
                 self.fatal(error, reason, cx);
             }
             FlightCommand::InvalidatePath | FlightCommand::ClearErrors => {

@@ -68,6 +68,8 @@ pub enum FlightCommand {
     ClearErrors,
     /// Reads how many waypoints the DSP took.
     CountWaypoints,
+    /// Reads whether the take-off or landing is under way: its port is 1 as long as that lasts.
+    ConfirmMovement,
 }
 
 /// One status message, and when it came.
@@ -98,6 +100,8 @@ pub enum LineEvent {
     Delivered(FlightCommand),
     /// The DSP's count of the waypoints that it took was read.
     WaypointCount(u16),
+    /// Whether the take-off or landing that was ordered is under way.
+    MovementConfirmed(bool),
     /// A command of the flight was not acknowledged: an ack error.
     Undelivered(FlightCommand),
     /// The DSP reports an error; `starting` while start-up is not done, when errors are to be expected.
@@ -409,6 +413,11 @@ impl Line {
                 if let AckData::Bits16(count) = ack.data {
                     self.events.push_back(LineEvent::WaypointCount(count));
                 }
+            }
+            Purpose::Flight(FlightCommand::ConfirmMovement) => {
+                let confirmed = ack.data != AckData::Bits16(0);
+                self.events
+                    .push_back(LineEvent::MovementConfirmed(confirmed));
             }
             Purpose::Flight(purpose) => self.events.push_back(LineEvent::Delivered(purpose)),
         }

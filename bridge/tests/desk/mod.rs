@@ -53,6 +53,8 @@ pub struct ScriptedDsp {
     /// So many of the next waypoints are lost on their way.
     pub loses: u32,
     pub taken: u16,
+    /// It carries out take-offs and landings.
+    pub obeys: bool,
     pub time_ms: u32,
     pub status: Status,
     pub commands: Vec<Command>,
@@ -73,6 +75,7 @@ impl Default for ScriptedDsp {
             counts: true,
             loses: 0,
             taken: 0,
+            obeys: true,
             time_ms: 0,
             status: Status {
                 geographic: Some(HOME),
@@ -177,6 +180,7 @@ impl ScriptedDsp {
     fn read(&self, port: u16) -> u16 {
         match port {
             port::STATUS_MASK => self.mask,
+            port::TAKE_OFF | port::LAND => u16::from(self.obeys),
             port::WAYPOINT_COUNT if self.counts => 0x8000 | self.taken,
             _ => 0,
         }

@@ -5,11 +5,12 @@
 //!   be repeated;
 //! * checkers: [`witness`] for what consumers get, [`wire`] for what the DSP is told, [`chain`] for what status makes of
 //!   it, [`truth`] for where the helicopter is;
-//! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`].
+//! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`], [`delivery`].
 
 mod chain;
 mod chance;
 mod config;
+mod delivery;
 mod operator;
 mod plain;
 mod refusals;
