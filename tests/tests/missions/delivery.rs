@@ -89,7 +89,10 @@ fn path(dice: &mut Random) -> Vec<Vector> {
 fn flown(world: &World, before: u64) -> Vec<Vector> {
     let helicopter = world.simulator.helicopter();
     let count = (helicopter.arrived() - before) as usize;
-    let mut last: Vec<_> = helicopter.arrivals().map(|arrival| arrival.waypoint_m).collect();
+    let mut last: Vec<_> = helicopter
+        .arrivals()
+        .map(|arrival| arrival.waypoint_m)
+        .collect();
     last.split_off(last.len() - count)
 }
 
@@ -119,16 +122,26 @@ fn deliver(seed: u64, figures: &Figures) {
         add(&figures.waypoints, flown.len() as u64);
         for (index, (flown, asked)) in flown.iter().zip(&path).enumerate() {
             let apart = (*flown - *asked).norm();
-            assert!(apart < 0.02, "waypoint {index} of {} is {apart} m off: lost, repeated or out of order", path.len());
+            assert!(
+                apart < 0.02,
+                "waypoint {index} of {} is {apart} m off: lost, repeated or out of order",
+                path.len()
+            );
         }
         let reboots = world.simulator.faults().map_or(0, |faults| faults.reboots);
         if outcome.is_done() {
             // The bridge has seen it arrive a moment before the DSP does; a DSP that reboots in that moment stops there.
             let missing = path.len() - flown.len();
-            assert!(missing as u64 <= reboots, "a path that was done is flown whole: {missing} missing");
+            assert!(
+                missing as u64 <= reboots,
+                "a path that was done is flown whole: {missing} missing"
+            );
             add(&figures.delivered, 1);
         } else {
-            assert!(flown.len() <= path.len(), "more waypoints than the path has");
+            assert!(
+                flown.len() <= path.len(),
+                "more waypoints than the path has"
+            );
             add(&figures.failed, 1);
             break;
         }
