@@ -96,6 +96,19 @@ pub const HOME: Geographic = Geographic {
     altitude_m: 10.0,
 };
 
+/// What a stop tells the DSP.
+pub const STOP: [Command; 2] = [Command::InvalidatePath, Command::ClearErrors];
+
+/// A refusal, as [`Desk::last`] gives it.
+pub fn refused(reason: Reason) -> (Stage, Reason, ImiError) {
+    (Stage::Refused, reason, ImiError::None)
+}
+
+/// An early end without an IMI error, as [`Desk::last`] gives it.
+pub fn aborted(reason: Reason) -> (Stage, Reason, ImiError) {
+    (Stage::Aborted, reason, ImiError::None)
+}
+
 /// A point north of home by so many hundred-thousandths of a degree (1.1 m each), 20 m high.
 pub fn north(steps: i32) -> Waypoint {
     Waypoint {

@@ -1,0 +1,230 @@
+//! The core's side of paths: from single waypoints to the DSP, whole or not at all, each delivered once.
+
+mod desk;
+
+use bridge::flight::path::MAX_WAYPOINTS;
+use bridge::flight::trajectory::{Trajectory, TrajectoryPoint};
+use bridge::{Bridge, BridgeConfig, RequestKey};
+use desk::{Desk, HOME, STOP, aborted, go_to, north, refused};
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::Geographic;
+use ipc_types::code::{ControlCommand, Functionality, ImiError, Reason, Stage};
+use ipc_types::payload::MovementData;
+
+#[test]
+fn nothing_of_a_path_goes_out_until_it_is_closed_and_then_one_for_each_grant() {
+    let mut desk = Desk::flying();
+    desk.waypoint(1, 1, 0, north(3));
+    desk.waypoint(1, 0, 0, north(6));
+    desk.run(1000);
+    assert_eq!(desk.functionality(), Functionality::ReceivingPath);
+    assert!(desk.dsp.waypoints.is_empty());
+    desk.dsp.grants = false;
+    desk.waypoint(1, 0, 1, north(9));
+    desk.run(1000);
+    assert!(desk.dsp.waypoints.is_empty(), "the DSP's buffer is full");
+    desk.dsp.grants = true;
+    for sent in 1..=3 {
+        desk.run(100);
+        assert_eq!(desk.dsp.waypoints.len(), sent);
+    }
+}
+
+#[test]
+fn a_full_buffer_does_not_delay_the_command_that_empties_it() {
+    let mut desk = Desk::flying();
+    desk.dsp.grants = false;
+    let path = desk.path(1, &[north(3), north(6)]);
+    desk.run(500);
+    let stop = desk.control(ControlCommand::Stop);
+    assert!(desk.dsp.commands.ends_with(&STOP));
+    assert_eq!(desk.last(stop).0, Stage::Done);
+    assert_eq!(desk.last(path[1]), aborted(Reason::Stopped));
+    desk.dsp.grants = true;
+    desk.run(1000);
+    assert!(
+        desk.dsp.waypoints.is_empty(),
+        "nothing of a stopped path goes out"
+    );
+}
+
+#[test]
+fn no_path_is_dropped_in_silence() {
+    let mut desk = Desk::flying();
+    let headless = desk.waypoint(1, 0, 1, north(3));
+    assert_eq!(desk.last(headless), refused(Reason::PathWithoutHead));
+
+    let old = desk.waypoint(2, 1, 0, north(3));
+    let new = desk.waypoint(3, 1, 0, north(6));
+    assert_eq!(desk.last(old), aborted(Reason::PathReplaced));
+    let stranger = desk.waypoint(2, 0, 0, north(6));
+    assert_eq!(desk.last(stranger), refused(Reason::PathWithoutHead));
+    assert_eq!(
+        desk.last(new).0,
+        Stage::Accepted,
+        "the stranger does not harm it"
+    );
+
+    let bad = desk.movement(MovementData {
+        path_id: 3,
+        altitude_m: 1e9,
+        ..go_to(north(9))
+    });
+    assert_eq!(desk.last(bad), refused(Reason::OutOfRange));
+    assert_eq!(desk.last(new), aborted(Reason::PathBroken));
+    let closing = desk.waypoint(3, 0, 1, north(9));
+    assert_eq!(
+        desk.last(closing),
+        refused(Reason::PathWithoutHead),
+        "no path with a hole"
+    );
+
+    let land = desk.waypoint(4, 1, 0, north(3));
+    desk.land();
+    assert_eq!(desk.last(land), aborted(Reason::PathReplaced));
+}
+
+#[test]
+fn a_path_has_at_most_so_many_waypoints() {
+    let mut desk = Desk::flying();
+    let taken: Vec<u64> = (0..MAX_WAYPOINTS)
+        .map(|index| desk.waypoint(1, u16::from(index == 0), 0, north(index as i32)))
+        .collect();
+    let one_more = desk.waypoint(1, 0, 1, north(5));
+    assert_eq!(desk.last(one_more), refused(Reason::PathTooLong));
+    for request in taken {
+        assert_eq!(desk.last(request), aborted(Reason::PathTooLong));
+    }
+}
+
+#[test]
+fn a_path_whose_sender_stops_sending_is_given_up() {
+    let mut desk = Desk::flying();
+    let late = desk.waypoint(1, 1, 0, north(3));
+    desk.run(5100);
+    assert_eq!(desk.last(late), aborted(Reason::DeadlineExpired));
+    let vanished = desk.waypoint(2, 1, 0, north(3));
+    desk.bridge
+        .sender_gone(desk.now, RequestKey::Movement(vanished), &mut desk.out);
+    assert_eq!(desk.last(vanished), aborted(Reason::PathBroken));
+    assert_eq!(desk.functionality(), Functionality::AtRest);
+}
+
+#[test]
+fn a_sender_that_vanishes_does_not_stop_a_closed_path() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(3)]);
+    desk.bridge
+        .sender_gone(desk.now, RequestKey::Movement(path[0]), &mut desk.out);
+    assert_eq!(desk.functionality(), Functionality::FollowingPath);
+}
+
+#[test]
+fn a_lost_waypoint_is_sent_again_before_the_next() {
+    let mut desk = Desk::flying();
+    desk.dsp.loses = 3;
+    let path = desk.path(1, &[north(3), north(6)]);
+    desk.run(250);
+    assert_eq!(desk.last_report(path[1]).waypoints_sent, 0);
+    desk.run(400);
+    assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
+    let link = desk.bridge.state().link;
+    assert_eq!((link.delivery_verified, link.waypoints_repeated), (1, 3));
+    assert_eq!(desk.last_report(path[1]).waypoints_sent, 2);
+}
+
+#[test]
+fn a_waypoint_that_never_arrives_fails_the_path() {
+    let mut desk = Desk::flying();
+    desk.dsp.loses = u32::MAX;
+    let path = desk.path(1, &[north(3), north(6)]);
+    desk.run(2000);
+    let fatal = ImiError::CommunicationFatalError;
+    assert_eq!(
+        desk.last(path[1]),
+        (Stage::Aborted, Reason::DeliveryFailed, fatal)
+    );
+    assert!(desk.dsp.commands.ends_with(&STOP));
+}
+
+#[test]
+fn a_dsp_that_does_not_count_gets_each_waypoint_once() {
+    let mut desk = Desk::flying();
+    desk.dsp.counts = false;
+    desk.path(1, &[north(3), north(6)]);
+    desk.run(300);
+    assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
+    assert_eq!(desk.bridge.state().link.delivery_verified, 0);
+}
+
+#[test]
+fn a_waypoint_that_repeats_the_one_before_is_with_the_dsp_already() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(3), north(3), north(6)]);
+    desk.run(400);
+    assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
+    assert_eq!(desk.last_report(path[2]).waypoints_sent, 3);
+}
+
+/// A generator that puts one point in the middle of each leg.
+#[derive(Default)]
+struct Midpoints(std::collections::VecDeque<TrajectoryPoint>);
+
+impl Trajectory for Midpoints {
+    fn begin(&mut self, start: Geographic, path: &[Waypoint]) {
+        let mut latitude_deg = start.latitude_deg;
+        for (index, waypoint) in path.iter().enumerate() {
+            let middle = Waypoint {
+                latitude_deg: (latitude_deg + waypoint.latitude_deg) / 2.0,
+                ..*waypoint
+            };
+            latitude_deg = waypoint.latitude_deg;
+            for (waypoint, path_index) in [(middle, None), (*waypoint, Some(index))] {
+                self.0.push_back(TrajectoryPoint {
+                    waypoint,
+                    path_index,
+                });
+            }
+        }
+    }
+
+    fn peek(&self) -> Option<TrajectoryPoint> {
+        self.0.front().copied()
+    }
+
+    fn advance(&mut self) {
+        self.0.pop_front();
+    }
+
+    fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
+#[test]
+fn a_trajectory_generator_fits_in_without_any_other_change() {
+    let bridge = Bridge::with_trajectory(&BridgeConfig::default(), Midpoints::default());
+    let mut desk = Desk::with(bridge);
+    desk.open();
+    desk.control(ControlCommand::Start);
+    desk.lift_off();
+    let path = desk.path(1, &[north(4), north(8)]);
+    desk.run(500);
+    let steps: Vec<i64> = desk
+        .dsp
+        .waypoints
+        .iter()
+        .map(|waypoint| ((waypoint.latitude_deg - HOME.latitude_deg) * 1e5).round() as i64)
+        .collect();
+    assert_eq!(steps, [2, 4, 6, 8]);
+    assert_eq!(
+        desk.last_report(path[1]).waypoints_sent,
+        2,
+        "two of them are the path's"
+    );
+    desk.dsp.at(north(4));
+    desk.run(40);
+    desk.dsp.at(north(8));
+    desk.run(40);
+    assert_eq!(desk.last(path[1]).0, Stage::Done);
+}
