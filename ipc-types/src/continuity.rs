@@ -1,5 +1,7 @@
 //! Counts what a subscriber missed, by the sequence numbers and epochs of its samples. A pure value.
 
+use crate::time::MonotonicNs;
+
 /// What a subscriber got and what it missed since it began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
@@ -13,6 +15,9 @@ pub struct Losses {
     pub repeated: u64,
     /// How often another publisher took over.
     pub publisher_changes: u64,
+    /// Samples whose publisher claims to begin in the future; dropped. Only a program that does not keep to the contract
+    /// publishes such; without this, no later publisher would ever be believed again.
+    pub impossible: u64,
 }
 
 /// Remembers the last sample and judges the next.
@@ -37,7 +42,11 @@ impl Continuity {
     ///
     /// The first sample of all begins the count wherever it stands. A later epoch is a new publisher, whose samples
     /// from 1 on were meant for this subscriber too.
-    pub(crate) fn accept(&mut self, epoch_ns: u64, sequence: u64) -> bool {
+    pub(crate) fn accept(&mut self, now: MonotonicNs, epoch_ns: u64, sequence: u64) -> bool {
+        if epoch_ns > now.0 {
+            self.losses.impossible += 1;
+            return false;
+        }
         let lost = match self.last {
             None => 0,
             Some(last) if epoch_ns < last.epoch_ns => {
@@ -65,13 +74,15 @@ impl Continuity {
 mod tests {
     use super::*;
 
+    const NOW: MonotonicNs = MonotonicNs(1_000);
+
     /// Feeds (epoch, sequence) pairs; returns which were handed on, and the counts.
     fn check(samples: &[(u64, u64)], handed_on: &[(u64, u64)], losses: Losses) {
         let mut continuity = Continuity::default();
         let accepted: Vec<_> = samples
             .iter()
             .copied()
-            .filter(|(epoch, sequence)| continuity.accept(*epoch, *sequence))
+            .filter(|(epoch, sequence)| continuity.accept(NOW, *epoch, *sequence))
             .collect();
         assert_eq!(accepted, handed_on);
         assert_eq!(continuity.losses(), losses);
@@ -133,12 +144,25 @@ mod tests {
     #[test]
     fn absurd_numbers_do_not_overflow() {
         check(
-            &[(0, 0), (0, u64::MAX), (u64::MAX, u64::MAX)],
-            &[(0, 0), (0, u64::MAX), (u64::MAX, u64::MAX)],
+            &[(0, 0), (0, u64::MAX), (NOW.0, u64::MAX)],
+            &[(0, 0), (0, u64::MAX), (NOW.0, u64::MAX)],
             Losses {
                 received: 3,
                 lost: u64::MAX,
                 publisher_changes: 1,
+                ..Losses::default()
+            },
+        );
+    }
+
+    #[test]
+    fn nobody_who_begins_in_the_future_keeps_others_from_being_heard() {
+        check(
+            &[(u64::MAX, 7), (5, 1), (NOW.0 + 1, 2), (5, 2)],
+            &[(5, 1), (5, 2)],
+            Losses {
+                received: 2,
+                impossible: 2,
                 ..Losses::default()
             },
         );

@@ -11,9 +11,13 @@
 //! This module never touches a segment whose name does not begin with the domain's prefix, nor a file in the root that
 //! is not one of the domain's.
 
+mod abandoned;
+pub(crate) mod dead;
 mod error;
 pub(crate) mod lock;
+pub(crate) mod management;
 pub(crate) mod remains;
+mod repair;
 
 use std::ffi::{OsStr, OsString};
 use std::io;
@@ -24,9 +28,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, FilePath, Path as IoxPath, SemanticString};
 
+pub use dead::Cleaning;
 pub use error::DomainError;
 pub use lock::Provider;
-pub(crate) use lock::{DomainLock, OwnerLock};
+pub(crate) use lock::{DomainLock, MakingLock, OwnerLock};
+pub use repair::Repair;
 
 use crate::time::MonotonicNs;
 
@@ -201,7 +207,9 @@ impl Domain {
     /// [`DomainError::AnotherDomainEntered`] when the process already has another; or when the root is not usable.
     pub fn enter(&self) -> Result<(), DomainError> {
         let lock = DomainLock::acquire(self)?;
+        let making = MakingLock::share(self);
         let result = self.set_global_config();
+        drop(making);
         lock.release(self);
         result
     }
@@ -245,9 +253,11 @@ impl Domain {
         let mut config = Config::default();
         config.global.prefix = prefix;
         config.global.set_root_path(&root);
-        config.global.service.cleanup_dead_nodes_on_open = true;
-        config.global.node.cleanup_dead_nodes_on_creation = true;
-        config.global.node.cleanup_dead_nodes_on_destruction = true;
+        // We clean up ourselves, before each of these and on timers: iceoryx2 stumbles over what was left half made, and
+        // then keeps both the remains and descriptors of them.
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
         Ok(config)
     }
 
@@ -280,8 +290,11 @@ impl Domain {
     /// The file is replaced as a whole, so that nobody who reads it meanwhile ever sees half of it.
     fn write_config_file(&self) -> Result<PathBuf, DomainError> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let path = self.root.join(CONFIG_FILE);
+        if std::fs::read_to_string(&path).is_ok_and(|present| present == self.settings()) {
+            return Ok(path);
+        }
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let draft = format!("{CONFIG_FILE}.{}-{count}", std::process::id());
         let draft = self.root.join(draft);
         std::fs::write(&draft, self.settings())
@@ -293,7 +306,7 @@ impl Domain {
     /// The settings that a foreign consumer needs, as iceoryx2 reads them.
     fn settings(&self) -> String {
         format!(
-            "# The domain of the HERO RIL, for consumers in other languages. Written anew by every process.\n\
+            "# The domain of the HERO RIL, for consumers in other languages. Written by its processes.\n\
              [global]\nroot-path = \"{}\"\nprefix = \"{}\"\n",
             self.root.display(),
             self.prefix

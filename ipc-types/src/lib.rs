@@ -7,6 +7,7 @@
 //! * [`group`]: the groups of a telemetry sample and their bits;
 //! * [`service`]: the one table of services, with every quality-of-service value;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
+//! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time.
@@ -38,6 +39,7 @@ pub mod continuity;
 pub mod domain;
 mod event;
 pub mod group;
+pub mod inspect;
 mod iox;
 pub mod open;
 pub mod payload;
@@ -54,7 +56,7 @@ pub mod waiter;
 
 pub use client::{Client, SendError};
 pub use continuity::Losses;
-pub use domain::{Domain, DomainError, Provider, Removal};
+pub use domain::{Cleaning, Domain, DomainError, Provider, Removal, Repair};
 pub use group::TelemetryGroup;
 pub use open::OpenError;
 pub use publisher::{PublishError, Publisher};
@@ -62,7 +64,7 @@ pub use request_id::fresh_request_id;
 pub use robot::RobotId;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
-pub use session::{Cleaning, Ipc, JoinError};
+pub use session::{Ipc, JoinError};
 pub use subscriber::{ReceiveError, Subscriber};
 pub use ticket::Ticket;
 pub use time::MonotonicNs;

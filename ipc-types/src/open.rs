@@ -117,7 +117,7 @@ pub(crate) fn with_retries<S, E: Debug + Copy>(
 ) -> Result<S, OpenError> {
     let mut attempt = 1;
     loop {
-        let error = match open() {
+        let error = match session.make(&open) {
             Ok(opened) => return Ok(opened),
             Err(error) => error,
         };
@@ -358,13 +358,13 @@ pub(crate) fn port<P, E: Debug + Copy>(
     is_full: impl Fn(E) -> bool,
     create: impl Fn() -> Result<P, E>,
 ) -> Result<P, OpenError> {
-    let error = match create() {
+    let error = match session.make(&create) {
         Ok(port) => return Ok(port),
         Err(error) => error,
     };
     tracing::debug!(service, what, ?error, "making the port again");
     session.clean_dead();
-    create().map_err(|error| {
+    session.make(&create).map_err(|error| {
         if is_full(error) {
             OpenError::Full {
                 service: service.to_owned(),

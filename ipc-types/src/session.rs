@@ -6,15 +6,18 @@
 
 use std::io;
 use std::rc::Rc;
-use std::sync::mpsc;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::Duration;
 
+use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{
-    CallbackProgression, Config, LogLevel, NodeName, NodeState, SignalHandlingMode,
-    set_log_level_from_env_or,
+    Config, LogLevel, NodeName, SignalHandlingMode, set_log_level_from_env_or,
 };
 
-use crate::domain::{Domain, DomainError, DomainLock, OwnerLock, Provider, SHM_DIR, lock, remains};
+use crate::domain::{
+    Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, dead, management,
+};
+use crate::inspect;
 use crate::iox::{Node, NodeBuilder, Svc};
 use crate::open::OpenError;
 use crate::robot::RobotId;
@@ -29,10 +32,15 @@ use crate::{Client, Publisher, Server, Subscriber, Waiter};
 /// its servers 0.5 MB, each client 1.6 MB and each subscriber 7 kB: this is enough for all of them and 16 clients.
 pub const REQUIRED_SHM_BYTES: u64 = 32 << 20;
 
-/// How long making a node may take. It takes milliseconds; a management segment that somebody truncated makes it hang.
+/// How long making a node may take before the management segment is thought to be the cause: iceoryx2 waits without end
+/// for one that is empty. Making a node takes milliseconds, and a second when iceoryx2 waits for one that is half made.
+const NODE_PATIENCE: Duration = Duration::from_secs(2);
+
+/// How long making a node may take with a new management segment; much longer than a machine that is overloaded needs.
 const NODE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// How often making a node is tried: it can fail when another process removes a dead one at that moment.
+/// How often making a node is tried: once; again with a new management segment; and once more, because it can also fail
+/// when another process removes a dead node at that moment.
 const NODE_ATTEMPTS: u32 = 3;
 
 /// Longest process name, bytes: it stands in node names and owner files.
@@ -90,16 +98,6 @@ pub(crate) struct Session {
     process_name: String,
 }
 
-/// What cleaning up after dead processes did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cleaning {
-    /// Dead nodes that were removed.
-    pub removed: u64,
-    /// Dead nodes that could not be removed: another process does it just now, or they were killed while they started.
-    /// These do no harm but for their few files, which go with the whole domain when its last process leaves.
-    pub failed: u64,
-}
-
 impl Ipc {
     /// Takes part in the shared memory of `robot`.
     ///
@@ -123,13 +121,16 @@ impl Ipc {
             process_name: process_name.to_owned(),
         };
         if !domain.is_isolated() {
+            let _making = MakingLock::share(domain);
             domain.set_global_config()?;
         }
-        // Before, so that nobody else's segment is opened; afterwards, because the first node makes it.
-        remains::secure_management_segment(domain)?;
-        session.node = Some(make_node(&session.config, process_name)?);
-        remains::secure_management_segment(domain)?;
         session.clean_dead();
+        let making = MakingLock::share(domain);
+        // Before, so that nobody else's segment is opened; afterwards, because the first node makes it.
+        management::mend(domain)?;
+        session.node = Some(make_node(domain, &session.config, process_name)?);
+        management::mend(domain)?;
+        drop(making);
         Ok(Ipc {
             session: Rc::new(session),
         })
@@ -222,22 +223,14 @@ impl Session {
         self.robot
     }
 
-    /// iceoryx2's own clean-up counts remains that it cannot remove as removed, each time anew; here they are told apart.
     pub(crate) fn clean_dead(&self) -> Cleaning {
-        let mut cleaning = Cleaning::default();
-        let listed = Node::list(&self.config, |node| {
-            if let NodeState::Dead(dead) = node {
-                match dead.try_remove_stale_resources() {
-                    Ok(()) => cleaning.removed += 1,
-                    Err(_) => cleaning.failed += 1,
-                }
-            }
-            CallbackProgression::Continue
-        });
-        if let Err(error) = listed {
-            tracing::debug!(?error, "the dead cannot be looked for");
-        }
-        cleaning
+        dead::clean(&self.domain, &self.config)
+    }
+
+    /// Makes a service or a port, and says meanwhile that it does.
+    pub(crate) fn make<T>(&self, make: impl FnOnce() -> T) -> T {
+        let _making = MakingLock::share(&self.domain);
+        make()
     }
 
     /// Becomes the one provider of `service`.
@@ -256,11 +249,7 @@ impl Session {
     }
 
     pub(crate) fn provider(&self, service: ServiceId) -> Result<Option<Provider>, OpenError> {
-        Ok(lock::find_provider(
-            &self.domain,
-            self.robot,
-            service.spec().key,
-        )?)
+        Ok(self.domain.provider(self.robot, service)?)
     }
 }
 
@@ -286,9 +275,7 @@ fn check_process_name(name: &str) -> Result<(), JoinError> {
 }
 
 fn check_space() -> Result<(), JoinError> {
-    let stat =
-        rustix::fs::statvfs(SHM_DIR).map_err(|error| JoinError::NoSharedMemory(error.into()))?;
-    let available = stat.f_bavail.saturating_mul(stat.f_frsize);
+    let available = inspect::free_memory().map_err(JoinError::NoSharedMemory)?;
     if available < REQUIRED_SHM_BYTES {
         return Err(JoinError::NoSpace { available });
     }
@@ -296,34 +283,87 @@ fn check_space() -> Result<(), JoinError> {
 }
 
 /// Makes the node on a thread of its own, because iceoryx2 has no limit of time for it.
-fn make_node(config: &Config, process_name: &str) -> Result<Node, JoinError> {
+///
+/// Whatever somebody has done to the management segment, one attempt with a new one follows.
+fn make_node(domain: &Domain, config: &Config, process_name: &str) -> Result<Node, JoinError> {
     let name = NodeName::new(process_name)
         .map_err(|_| JoinError::InvalidProcessName(process_name.to_owned()))?;
     let mut last = String::new();
     for _ in 0..NODE_ATTEMPTS {
-        let builder = NodeBuilder::new()
-            .name(&name)
-            .config(config)
-            .signal_handling_mode(SignalHandlingMode::Disabled);
-        let (sender, receiver) = mpsc::sync_channel(1);
-        std::thread::Builder::new()
-            .name("ipc-join".to_owned())
-            .spawn(move || {
-                // Nobody listens any more after the timeout; the node is then dropped here.
-                let _ = sender.send(builder.create::<Svc>());
-            })
-            .map_err(|error| JoinError::Node {
-                reason: error.to_string(),
-            })?;
-        match receiver.recv_timeout(NODE_TIMEOUT) {
+        let result = begin_node(&name, config)?;
+        let made = match result.recv_timeout(NODE_PATIENCE) {
+            Err(RecvTimeoutError::Timeout) => {
+                tracing::warn!("making a node takes long: the management segment is made anew");
+                // The thread finds that it is gone, and goes on.
+                management::renew(domain)?;
+                result.recv_timeout(NODE_TIMEOUT)
+            }
+            made => made,
+        };
+        match made {
             Ok(Ok(node)) => return Ok(node),
-            Ok(Err(error)) => last = format!("{error:?}"),
+            Ok(Err(error)) => {
+                last = format!("{error:?}");
+                tracing::debug!(?error, "making a node failed");
+                management::renew(domain)?;
+            }
             Err(_) => {
-                return Err(JoinError::Node {
-                    reason: format!("no result after {NODE_TIMEOUT:?}"),
-                });
+                let reason = format!("no result after {NODE_TIMEOUT:?}");
+                return Err(JoinError::Node { reason });
             }
         }
     }
     Err(JoinError::Node { reason: last })
+}
+
+type NodeResult = Result<Node, NodeCreationFailure>;
+
+/// Begins to make a node. Who stops listening leaves it to its thread, which drops it.
+fn begin_node(name: &NodeName, config: &Config) -> Result<Receiver<NodeResult>, JoinError> {
+    let builder = NodeBuilder::new()
+        .name(name)
+        .config(config)
+        .signal_handling_mode(SignalHandlingMode::Disabled);
+    let (sender, receiver) = mpsc::sync_channel(1);
+    std::thread::Builder::new()
+        .name("ipc-join".to_owned())
+        .spawn(move || {
+            let _ = sender.send(builder.create::<Svc>());
+        })
+        .map_err(|error| JoinError::Node {
+            reason: error.to_string(),
+        })?;
+    Ok(receiver)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    /// Somebody may spoil it in the instant after it was looked at.
+    #[test]
+    fn a_node_is_made_whatever_happens_to_the_management_segment() {
+        let domain = Domain::isolated();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
+        let config = domain.config().unwrap();
+        for (bytes, mode) in [
+            (&[][..], 0o600),
+            (&[0; 16], 0o600),
+            (&[0xff; 16], 0o600),
+            (&[0; 16], 0o200),
+        ] {
+            let [path] = &management::find(&domain)[..] else {
+                panic!("one management segment");
+            };
+            fs::write(path, bytes).unwrap();
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+            let node = make_node(&domain, &config, "test");
+            assert!(node.is_ok(), "{bytes:?} {mode:03o}: {:?}", node.err());
+        }
+        drop(ipc);
+        assert!(domain.residue().is_empty());
+    }
 }

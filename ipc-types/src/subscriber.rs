@@ -11,6 +11,7 @@ use crate::iox::{Listener, Notifier, Svc, TopicService};
 use crate::open::{self, OpenError};
 use crate::service::{HISTORY, MAX_PROVIDERS, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
 use crate::session::Session;
+use crate::time::MonotonicNs;
 use crate::waiter::{self, WaitError, Wake, sealed};
 
 /// Most samples of one [`Subscriber::drain`]: all buffers full. What comes meanwhile waits for the next.
@@ -73,7 +74,9 @@ impl<T: Topic> Subscriber<T> {
             match self.port.receive() {
                 Ok(None) => break,
                 Ok(Some(sample)) => {
-                    if self.continuity.accept(sample.epoch_ns(), sample.sequence()) {
+                    let (epoch_ns, sequence) = (sample.epoch_ns(), sample.sequence());
+                    let now = MonotonicNs::now();
+                    if self.continuity.accept(now, epoch_ns, sequence) {
                         take(&sample);
                         taken += 1;
                     }

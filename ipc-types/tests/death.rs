@@ -4,17 +4,21 @@
 
 mod support;
 
-use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
+use std::io::BufRead;
+use std::os::unix::fs::PermissionsExt;
+use std::process::ExitCode;
 use std::thread;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::inspect::Life;
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
 use ipc_types::{Domain, Ipc, Removal, RobotId, ServiceId, Source, Wake, fresh_request_id};
+use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, utimensat};
+use rustix::io::Errno;
 use rustix::process::{Pid, Signal, kill_process};
 
-use support::{WATCHDOG, in_domain, join, until};
+use support::{Role, WATCHDOG, in_domain, join, until};
 
 const TESTS: &[(&str, fn())] = &[
     (
@@ -39,44 +43,25 @@ const TESTS: &[(&str, fn())] = &[
         kills_during_start_up_do_not_keep_the_next_from_starting,
     ),
     (
+        "kills_during_start_up_leave_nothing_beside_a_live_neighbour",
+        kills_during_start_up_leave_nothing_beside_a_live_neighbour,
+    ),
+    (
+        "a_connection_that_the_dead_left_half_made_holds_up_nobody",
+        a_connection_that_the_dead_left_half_made_holds_up_nobody,
+    ),
+    (
+        "repairing_removes_the_dead_and_leaves_the_living_alone",
+        repairing_removes_the_dead_and_leaves_the_living_alone,
+    ),
+    (
         "what_the_dead_left_is_removed_by_whoever_comes_next",
         what_the_dead_left_is_removed_by_whoever_comes_next,
     ),
 ];
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    if let [role, name] = &arguments[..]
-        && role == "--role"
-    {
-        play(name);
-        return ExitCode::SUCCESS;
-    }
-    let wanted = |name: &str| {
-        let mut filters = arguments
-            .iter()
-            .filter(|word| !word.starts_with('-'))
-            .peekable();
-        filters.peek().is_none() || filters.any(|filter| name.contains(filter.as_str()))
-    };
-    if arguments.iter().any(|word| word == "--list") {
-        for (name, _) in TESTS {
-            println!("{name}: test");
-        }
-        return ExitCode::SUCCESS;
-    }
-    let mut failed = 0;
-    for (name, test) in TESTS.iter().filter(|(name, _)| wanted(name)) {
-        // The panic's message is on the standard error stream already.
-        let result = std::panic::catch_unwind(test);
-        println!(
-            "test {name} ... {}",
-            if result.is_ok() { "ok" } else { "FAILED" }
-        );
-        failed += usize::from(result.is_err());
-    }
-    println!("test result: {failed} failed");
-    ExitCode::from(u8::from(failed > 0))
+    support::run(TESTS, play)
 }
 
 /// The part of a child process. Each says when it is where the test wants it, and then goes on until it is killed.
@@ -139,59 +124,6 @@ fn play(role: &str) {
 
 fn start() -> ModuleControl {
     ModuleControl::new(fresh_request_id(), ControlCommand::Start)
-}
-
-/// A child process, which is killed with the test.
-struct Role {
-    child: Child,
-    says: BufReader<ChildStdout>,
-}
-
-impl Role {
-    fn start(domain: &Domain, role: &str) -> Role {
-        let program = std::env::current_exe().expect("this program");
-        let mut child = Command::new(program)
-            .args(["--role", role])
-            .envs(domain.environment())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("a child process");
-        let says = BufReader::new(child.stdout.take().expect("its output"));
-        Role { child, says }
-    }
-
-    /// Starts a role and waits until it is where the test wants it.
-    fn ready(domain: &Domain, role: &str, says: &str) -> Role {
-        let mut started = Role::start(domain, role);
-        assert_eq!(started.next_line(), says, "{role}");
-        started
-    }
-
-    fn next_line(&mut self) -> String {
-        let mut line = String::new();
-        self.says.read_line(&mut line).expect("a line");
-        line.trim_end().to_owned()
-    }
-
-    fn signal(&self, signal: Signal) {
-        let pid = Pid::from_child(&self.child);
-        kill_process(pid, signal).expect("a child that is not yet waited for takes signals");
-    }
-
-    /// `kill -9`, and waits until the kernel has done it.
-    fn kill(&mut self) {
-        self.child.kill().expect("kill");
-        self.child.wait().expect("wait");
-    }
-}
-
-impl Drop for Role {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
@@ -358,6 +290,134 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
             subscriber.drain(|_| {}).unwrap();
             subscriber.losses().received >= before + 3
         });
+    });
+}
+
+fn open_descriptors() -> usize {
+    std::fs::read_dir("/proc/self/fd").expect("proc").count()
+}
+
+/// Makes everything in the domain look as if it had been made long ago.
+///
+/// Nothing is opened for that: closing a node's own file again would give up its lock.
+fn make_old(domain: &Domain) {
+    let long_ago = Timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    let times = Timestamps {
+        last_access: long_ago,
+        last_modification: long_ago,
+    };
+    for path in domain.residue() {
+        match utimensat(CWD, &path, &times, AtFlags::SYMLINK_NOFOLLOW) {
+            Ok(()) | Err(Errno::NOENT) => {}
+            Err(error) => panic!("{}: {error}", path.display()),
+        }
+    }
+}
+
+fn kills_during_start_up_leave_nothing_beside_a_live_neighbour() {
+    const KILLS: u64 = 60;
+    in_domain(|domain| {
+        let ipc = join(domain, "neighbour");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        // Whatever a publisher leaves for good, such as the file that names it, is there from the first one on.
+        Role::ready(domain, "publisher", "published").kill();
+        ipc.clean_dead();
+        let (before, descriptors_before) = (domain.residue().len(), open_descriptors());
+        for kill in 0..KILLS {
+            let mut publisher = Role::start(domain, "publisher");
+            // The moment of the kill is this test's input: 0 … 12 ms after the start.
+            thread::sleep(Duration::from_micros(kill * 200));
+            publisher.kill();
+            let cleaning = ipc.clean_dead();
+            assert_eq!(cleaning.failed, 0, "kill {kill}");
+        }
+        // What a dead process was connected with is let go by its partner.
+        subscriber.drain(|_| {}).unwrap();
+        make_old(domain);
+        ipc.clean_dead();
+        let cleaning = ipc.clean_dead();
+        assert!(
+            cleaning.is_nothing(),
+            "{cleaning:?}: {:#?} {:#?}",
+            domain.inspect(),
+            domain.residue()
+        );
+        let seen = domain.inspect();
+        assert_eq!((seen.nodes.len(), seen.unfinished), (1, 0), "{seen:?}");
+        let after = domain.residue();
+        assert!(after.len() <= before, "{before} before: {after:#?}");
+        assert_eq!(open_descriptors(), descriptors_before);
+        // The neighbour has noticed nothing.
+        let received = subscriber.losses().received;
+        let _publisher = Role::ready(domain, "publisher", "published");
+        until("three samples", || {
+            subscriber.wait(WATCHDOG).unwrap();
+            subscriber.drain(|_| {}).unwrap();
+            subscriber.losses().received >= received + 3
+        });
+    });
+}
+
+fn a_connection_that_the_dead_left_half_made_holds_up_nobody() {
+    in_domain(|domain| {
+        let ipc = join(domain, "neighbour");
+        let mut publisher = Role::ready(domain, "publisher", "published");
+        let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
+        let connection = || {
+            let mut segments = domain.residue().into_iter();
+            segments.find(|path| path.extension().is_some_and(|kind| kind == "connection"))
+        };
+        until("they are connected", || connection().is_some());
+        publisher.kill();
+        subscriber.kill();
+        // As it is between the two system calls that make it.
+        let path = connection().expect("nobody has cleaned up");
+        std::fs::write(&path, "").unwrap();
+        std::fs::set_permissions(&path, PermissionsExt::from_mode(0o200)).unwrap();
+        let cleaning = ipc.clean_dead();
+        assert_eq!((cleaning.removed, cleaning.failed), (2, 0), "{cleaning:?}");
+        assert_eq!(connection(), None);
+    });
+}
+
+fn repairing_removes_the_dead_and_leaves_the_living_alone() {
+    in_domain(|domain| {
+        let neighbour = Domain::isolated();
+        let ipc = join(&neighbour, "neighbour");
+        let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let living = neighbour.residue().len();
+
+        let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
+        let mut publisher = Role::ready(domain, "publisher", "published");
+        publisher.kill();
+        let seen = domain.inspect();
+        let of = |life| -> Vec<(u32, String)> {
+            seen.nodes_that_are(life)
+                .map(|node| (node.pid, node.process.clone()))
+                .collect()
+        };
+        let described = |role: &Role, name: &str| vec![(role.child.id(), name.to_owned())];
+        assert_eq!(of(Life::Live), described(&subscriber, "subscriber"));
+        assert_eq!(of(Life::Dead), described(&publisher, "publisher"));
+
+        let repair = domain.repair().unwrap();
+        assert_eq!(repair.removal, Removal::InUse);
+        assert_eq!((repair.cleaning.removed, repair.cleaning.failed), (1, 0));
+        assert!(!repair.secured && !repair.renewed);
+        let seen = domain.inspect();
+        assert_eq!(seen.nodes_that_are(Life::Live).count(), 1);
+        assert_eq!(seen.nodes.len(), 1);
+
+        subscriber.kill();
+        let repair = domain.repair().unwrap();
+        assert!(matches!(repair.removal, Removal::Removed(_)), "{repair:?}");
+        assert_eq!(domain.repair().unwrap().removal, Removal::Nothing);
+        assert_eq!(neighbour.residue().len(), living);
+        drop((_publisher, ipc));
+        assert!(neighbour.residue().is_empty());
     });
 }
 

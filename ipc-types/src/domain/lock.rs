@@ -1,6 +1,6 @@
-//! The two kinds of locks of a domain: who is in it, and who provides a service.
+//! The three kinds of locks of a domain: who is in it, who is making something in it, and who provides a service.
 //!
-//! Both are `flock`s on files in the root, because the kernel drops them with the process, also after `kill -9`.
+//! All are `flock`s on files in the root, because the kernel drops them with the process, also after `kill -9`.
 //! `flock` belongs to the open file, not to the process, so that several sessions of one process count one by one.
 
 use std::fs::{self, File, OpenOptions};
@@ -18,6 +18,9 @@ use crate::robot::RobotId;
 /// The file whose lock says that somebody is in the domain.
 pub(super) const LOCK_FILE: &str = "domain.lock";
 
+/// The file whose lock says that somebody is making something.
+pub(super) const MAKING_FILE: &str = "making.lock";
+
 /// The folder with a file for each service that was ever provided.
 pub(super) const OWNERS_DIR: &str = "owners";
 
@@ -32,6 +35,13 @@ const MAX_LOCK_ATTEMPTS: u32 = 16;
 /// chance.
 const OWNER_ATTEMPTS: u32 = 20;
 const OWNER_PAUSE: Duration = Duration::from_millis(1);
+
+/// How often and how long somebody who makes something waits for somebody who removes remains.
+///
+/// That takes a fraction of a millisecond for each dead process; only a cleaner that was stopped takes longer than all
+/// of these together.
+const MAKING_ATTEMPTS: u32 = 100;
+const MAKING_PAUSE: Duration = Duration::from_millis(1);
 
 /// Largest owner file: a process id, a time and a name.
 const MAX_OWNER_LEN: u64 = 256;
@@ -178,12 +188,17 @@ fn make_root(root: &Path) -> Result<(), DomainError> {
     Ok(())
 }
 
+/// Whether something belongs to this user.
+pub(super) fn is_ours(metadata: &fs::Metadata) -> bool {
+    metadata.uid() == rustix::process::geteuid().as_raw()
+}
+
 /// Refuses what belongs to another user.
 pub(super) fn check_owner(path: &Path, metadata: &fs::Metadata) -> Result<(), DomainError> {
-    let uid = rustix::process::geteuid().as_raw();
-    if metadata.uid() == uid {
+    if is_ours(metadata) {
         return Ok(());
     }
+    let uid = rustix::process::geteuid().as_raw();
     let reason = format!("it belongs to user {}, this is user {uid}", metadata.uid());
     Err(unsafe_path(path, reason))
 }
@@ -210,6 +225,40 @@ fn open_lock_file(path: &Path) -> Result<Option<File>, DomainError> {
         Ok(file) => Ok(Some(file)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(DomainError::io("open", path, error)),
+    }
+}
+
+/// Somebody is making a node, a service or a port: a shared lock. Who holds it exclusively knows that what looks half made will
+/// never be finished, because its maker is dead.
+#[derive(Debug)]
+pub(crate) struct MakingLock {
+    _file: File,
+}
+
+impl MakingLock {
+    /// Announces that something is being made. Waits for whoever has the lock exclusively, but not without end: nothing,
+    /// when that takes too long or the domain is gone.
+    ///
+    /// It is then made without the lock. Whoever has it exclusively was stopped for long, and knows only of older things.
+    pub(crate) fn share(domain: &Domain) -> Option<MakingLock> {
+        let file = open_lock_file(&domain.root.join(MAKING_FILE)).ok()??;
+        for _ in 0..MAKING_ATTEMPTS {
+            match rustix::fs::flock(&file, FlockOperation::NonBlockingLockShared) {
+                Ok(()) => return Some(MakingLock { _file: file }),
+                Err(Errno::INTR) => {}
+                Err(Errno::WOULDBLOCK) => std::thread::sleep(MAKING_PAUSE),
+                Err(_) => return None,
+            }
+        }
+        tracing::debug!("somebody has been removing remains for long");
+        None
+    }
+
+    /// Makes sure that nobody makes anything; nothing when somebody does.
+    pub(super) fn exclude(domain: &Domain) -> Option<MakingLock> {
+        let file = open_lock_file(&domain.root.join(MAKING_FILE)).ok()??;
+        rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive).ok()?;
+        Some(MakingLock { _file: file })
     }
 }
 

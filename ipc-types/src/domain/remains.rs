@@ -2,12 +2,11 @@
 
 use std::fs;
 use std::io;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{CallbackProgression, NodeState};
 
-use super::lock::{LOCK_FILE, OWNERS_DIR, check_owner};
+use super::lock::{LOCK_FILE, MAKING_FILE, OWNERS_DIR, is_ours};
 use super::{CONFIG_FILE, Domain, DomainError, SHM_DIR};
 use crate::iox::Node;
 
@@ -37,12 +36,18 @@ fn list_folder(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) {
 }
 
 /// The domain's shared-memory segments.
-pub(super) fn segments(domain: &Domain) -> Vec<PathBuf> {
-    with_prefix(Path::new(SHM_DIR), &domain.prefix)
+///
+/// A segment of another user is none of them, whatever its name: `/dev/shm` lets everybody choose. It cannot be
+/// removed, and it does no harm: iceoryx2 makes its segments exclusively, under names that nobody can guess. The one
+/// exception is looked at by [`management`](super::management).
+pub(crate) fn segments(domain: &Domain) -> Vec<PathBuf> {
+    let mut found = with_prefix(Path::new(SHM_DIR), &domain.prefix);
+    found.retain(|path| fs::symlink_metadata(path).is_ok_and(|metadata| is_ours(&metadata)));
+    found
 }
 
 /// Paths in a folder, in no order; a folder that cannot be read has none.
-fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+pub(crate) fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
     fs::read_dir(folder)
         .into_iter()
         .flatten()
@@ -50,7 +55,7 @@ fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
         .map(|entry| entry.path())
 }
 
-fn with_prefix(folder: &Path, prefix: &str) -> Vec<PathBuf> {
+pub(crate) fn with_prefix(folder: &Path, prefix: &str) -> Vec<PathBuf> {
     entries(folder)
         .filter(|path| {
             path.file_name()
@@ -86,10 +91,6 @@ pub(super) fn has_live_node(domain: &Domain) -> bool {
 pub(super) fn remove(domain: &Domain) -> Result<usize, DomainError> {
     let mut removed = 0;
     for path in segments(domain) {
-        let Ok(metadata) = fs::symlink_metadata(&path) else {
-            continue;
-        };
-        check_owner(&path, &metadata)?;
         removed += remove_path(&path, fs::remove_file)?;
     }
     for folder in FOLDERS {
@@ -101,11 +102,12 @@ pub(super) fn remove(domain: &Domain) -> Result<usize, DomainError> {
     for path in with_prefix(&domain.root, CONFIG_FILE) {
         removed += remove_path(&path, fs::remove_file)?;
     }
+    removed += remove_path(&domain.root.join(MAKING_FILE), fs::remove_file)?;
     debug_assert!(domain.root.join(LOCK_FILE).exists());
     Ok(removed)
 }
 
-fn remove_path<'a>(
+pub(crate) fn remove_path<'a>(
     path: &'a Path,
     remove: impl FnOnce(&'a Path) -> io::Result<()>,
 ) -> Result<usize, DomainError> {
@@ -114,27 +116,4 @@ fn remove_path<'a>(
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
         Err(error) => Err(DomainError::io("remove", path, error)),
     }
-}
-
-/// Checks that iceoryx2's management segment is ours, and takes it away from everybody else.
-///
-/// iceoryx2 creates it with mode 0666: another user who zeroes or truncates it makes the creation of nodes fail or
-/// hang. The others of its segments are 0600 from the beginning.
-pub(crate) fn secure_management_segment(domain: &Domain) -> Result<(), DomainError> {
-    for path in segments(domain) {
-        let Ok(metadata) = fs::symlink_metadata(&path) else {
-            continue;
-        };
-        check_owner(&path, &metadata)?;
-        if metadata.mode() & 0o077 != 0 {
-            let mode = std::os::unix::fs::PermissionsExt::from_mode(0o600);
-            match fs::set_permissions(&path, mode) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(DomainError::io("change the mode of", &path, error));
-                }
-                _ => {}
-            }
-        }
-    }
-    Ok(())
 }

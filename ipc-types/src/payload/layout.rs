@@ -8,6 +8,12 @@ pub trait SharedStruct: Copy + Default + 'static {
     const TYPE_NAME: &'static str;
     /// The fields in the order of their offsets.
     const FIELDS: &'static [FieldLayout];
+
+    /// What a reader finds when these bytes lie in shared memory, in this machine's order; nothing when they are not as
+    /// many as the struct has.
+    ///
+    /// For recordings, and for tests of readers: every pattern of bits is some value, though perhaps a senseless one.
+    fn from_bytes(bytes: &[u8]) -> Option<Self>;
 }
 
 /// One field of a [`SharedStruct`].
@@ -92,8 +98,11 @@ const fn hash_byte(hash: u64, byte: u8) -> u64 {
 }
 
 /// Types that may be a field of a shared struct.
-pub(crate) trait FieldType {
+pub(crate) trait FieldType: Sized {
     const KIND: FieldKind;
+
+    /// As [`SharedStruct::from_bytes`].
+    fn read(bytes: &[u8]) -> Option<Self>;
 }
 
 macro_rules! numbers {
@@ -101,10 +110,26 @@ macro_rules! numbers {
         $(
             impl FieldType for $number {
                 const KIND: FieldKind = FieldKind::Number(stringify!($number));
+
+                fn read(bytes: &[u8]) -> Option<Self> {
+                    Some($number::from_ne_bytes(bytes.try_into().ok()?))
+                }
             }
 
             impl<const N: usize> FieldType for [$number; N] {
                 const KIND: FieldKind = FieldKind::Array(stringify!($number), N);
+
+                fn read(bytes: &[u8]) -> Option<Self> {
+                    if bytes.len() != size_of::<Self>() {
+                        return None;
+                    }
+                    let mut numbers = [$number::default(); N];
+                    let parts = bytes.chunks_exact(size_of::<$number>());
+                    for (number, part) in numbers.iter_mut().zip(parts) {
+                        *number = $number::read(part)?;
+                    }
+                    Some(numbers)
+                }
             }
         )+
     };
@@ -114,6 +139,10 @@ numbers!(u8, u16, u32, u64, i32, f32, f64);
 
 impl<T: SharedStruct> FieldType for T {
     const KIND: FieldKind = FieldKind::Struct(T::NAME, T::FIELDS);
+
+    fn read(bytes: &[u8]) -> Option<Self> {
+        T::from_bytes(bytes)
+    }
 }
 
 /// Defines a struct of the contract: `pub struct Name("hero.Name.v1") = SIZE { fields }`.
@@ -149,6 +178,19 @@ macro_rules! shared_struct {
                     kind: <$type as $crate::payload::layout::FieldType>::KIND,
                 }, )+
             ];
+
+            fn from_bytes(bytes: &[u8]) -> Option<Self> {
+                use $crate::payload::layout::FieldType;
+                if bytes.len() != size_of::<Self>() {
+                    return None;
+                }
+                Some($name {
+                    $( $field: {
+                        let offset = std::mem::offset_of!($name, $field);
+                        FieldType::read(&bytes[offset..offset + size_of::<$type>()])?
+                    }, )+
+                })
+            }
         }
 
         const _: () = {

@@ -1,10 +1,14 @@
-//! What the tests share: a domain of their own with a watchdog, and waiting with a limit.
+//! What the tests share: a domain of their own with a watchdog, waiting with a limit, and the program itself as a child
+//! process in a role.
 
+use std::io::{BufRead, BufReader};
+use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use ipc_types::{Domain, Ipc, RobotId};
+use rustix::process::{Pid, Signal, kill_process};
 
 /// Far longer than any test takes; only a test that hangs meets it.
 pub const WATCHDOG: Duration = Duration::from_secs(60);
@@ -49,5 +53,103 @@ pub fn until(what: &str, mut step: impl FnMut() -> bool) {
     let end = Instant::now() + WATCHDOG / 2;
     while !step() {
         assert!(Instant::now() < end, "never: {what}");
+    }
+}
+
+/// The main function of a test program that starts itself again in roles: plays the role that it is asked for, or runs
+/// the tests whose names contain one of the arguments.
+#[allow(dead_code)]
+pub fn run(tests: &[(&str, fn())], play: fn(&str)) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [role, name] = &arguments[..]
+        && role == "--role"
+    {
+        play(name);
+        return ExitCode::SUCCESS;
+    }
+    let wanted = |name: &str| {
+        let mut filters = arguments
+            .iter()
+            .filter(|word| !word.starts_with('-'))
+            .peekable();
+        filters.peek().is_none() || filters.any(|filter| name.contains(filter.as_str()))
+    };
+    if arguments.iter().any(|word| word == "--list") {
+        for (name, _) in tests {
+            println!("{name}: test");
+        }
+        return ExitCode::SUCCESS;
+    }
+    let mut failed = 0;
+    for (name, test) in tests.iter().filter(|(name, _)| wanted(name)) {
+        // The panic's message is on the standard error stream already.
+        let result = std::panic::catch_unwind(test);
+        println!(
+            "test {name} ... {}",
+            if result.is_ok() { "ok" } else { "FAILED" }
+        );
+        failed += usize::from(result.is_err());
+    }
+    println!("test result: {failed} failed");
+    ExitCode::from(u8::from(failed > 0))
+}
+
+/// A child process, which is killed with the test.
+#[allow(dead_code)]
+pub struct Role {
+    pub child: Child,
+    pub says: BufReader<ChildStdout>,
+}
+
+#[allow(dead_code)]
+impl Role {
+    pub fn start(domain: &Domain, role: &str) -> Role {
+        let program = std::env::current_exe().expect("this program");
+        Role::spawn(domain, role, Command::new(program))
+    }
+
+    /// Starts a role with a command that names a copy of this program, or another user.
+    pub fn spawn(domain: &Domain, role: &str, mut command: Command) -> Role {
+        let mut child = command
+            .args(["--role", role])
+            .envs(domain.environment())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("a child process");
+        let says = BufReader::new(child.stdout.take().expect("its output"));
+        Role { child, says }
+    }
+
+    /// Starts a role and waits until it is where the test wants it.
+    pub fn ready(domain: &Domain, role: &str, says: &str) -> Role {
+        let mut started = Role::start(domain, role);
+        assert_eq!(started.next_line(), says, "{role}");
+        started
+    }
+
+    pub fn next_line(&mut self) -> String {
+        let mut line = String::new();
+        self.says.read_line(&mut line).expect("a line");
+        line.trim_end().to_owned()
+    }
+
+    pub fn signal(&self, signal: Signal) {
+        let pid = Pid::from_child(&self.child);
+        kill_process(pid, signal).expect("a child that is not yet waited for takes signals");
+    }
+
+    /// `kill -9`, and waits until the kernel has done it.
+    pub fn kill(&mut self) {
+        self.child.kill().expect("kill");
+        self.child.wait().expect("wait");
+    }
+}
+
+impl Drop for Role {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
