@@ -1,6 +1,9 @@
 //! The command line, for the binary `status` and for the command `ril status`.
 
+use std::io;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use ipc_types::{Domain, RobotId};
 use runtime::args::CommonArgs;
@@ -8,9 +11,11 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use runtime::{config, logging};
+use signal_hook::consts::SIGXFSZ;
 
 use crate::config::{Config, DEFAULT_FILE};
 use crate::core::Summary;
+use crate::log::{LogSummary, Written};
 use crate::shell::Shell;
 
 /// Translates the DSP's raw telemetry into SI units, publishes it, and writes logs.
@@ -41,6 +46,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     // Before anything that must be left in order.
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    survive_file_size_limits().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let robot = RobotId::new(common.robot.get())
         .ok_or_else(|| Failure::usage("a robot id is greater than 0"))?;
@@ -50,16 +56,17 @@ pub fn run(args: Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Says in one line what the process did, and in one more for each log what it holds.
+/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be an error that a log can deal with: by default its
+/// signal ends the process, and telemetry with it.
+fn survive_file_size_limits() -> io::Result<()> {
+    // The flag is of no use; setting it is the least that a handler can do.
+    let flag = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(SIGXFSZ, flag).map(|_handler| ())
+}
+
+/// Says in one line what the process did, and what became of each log.
 fn tell(summary: &Summary) {
-    let logs: Vec<_> = summary
-        .logs
-        .iter()
-        .map(|log| {
-            let end = if log.failed { ", ended early" } else { "" };
-            format!("{}: {} rows{end}", log.file.display(), log.rows)
-        })
-        .collect();
+    let logs: Vec<_> = summary.logs.iter().map(outcome).collect();
     tracing::info!(
         received = summary.received,
         lost = summary.lost,
@@ -67,4 +74,66 @@ fn tell(summary: &Summary) {
         logs = ?logs,
         "ended"
     );
+}
+
+/// What became of a log, in words; losses only if there are some.
+fn outcome(log: &LogSummary) -> String {
+    let name = &log.log;
+    let dropped = log.dropped;
+    let Some(written) = log.written else {
+        let taken = log.taken;
+        return format!(
+            "{name}: the disk does not answer, what became of {taken} rows is unknown, {dropped} rows lost"
+        );
+    };
+    let Written { files, rows, .. } = written;
+    let files = match files {
+        1 => "1 file".to_owned(),
+        _ => format!("{files} files"),
+    };
+    let mut text = format!("{name}: {rows} rows in {files}");
+    let mut add = |count: u64, what: &str| {
+        if count > 0 {
+            text += &format!(", {count} rows {what}");
+        }
+    };
+    add(written.lost.saturating_add(dropped), "lost");
+    add(written.unsure, "perhaps not on the disk");
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_outcome_of_a_log_in_words() {
+        let summary = |dropped, written| LogSummary {
+            log: "log/x.tsv".to_owned(),
+            taken: 90,
+            dropped,
+            written,
+        };
+        let written = |files, lost, unsure| {
+            Some(Written {
+                files,
+                rows: 50,
+                unsure,
+                lost,
+            })
+        };
+        #[rustfmt::skip]
+        let cases = [
+            (summary(0, written(1, 0, 0)), "log/x.tsv: 50 rows in 1 file"),
+            (summary(7, written(2, 40, 0)), "log/x.tsv: 50 rows in 2 files, 47 rows lost"),
+            (summary(0, written(2, 0, 5)), "log/x.tsv: 50 rows in 2 files, 5 rows perhaps not on the disk"),
+            (
+                summary(7, None),
+                "log/x.tsv: the disk does not answer, what became of 90 rows is unknown, 7 rows lost",
+            ),
+        ];
+        for (summary, expected) in cases {
+            assert_eq!(outcome(&summary), expected);
+        }
+    }
 }

@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer};
 
 use crate::calibration::Calibration;
 use crate::group::GroupSet;
+use crate::log::Limits;
 
 /// Most logs at once: each field group in one of its own. More are refused.
 pub const MAX_LOGS: usize = 16;
@@ -18,6 +19,14 @@ const MAX_NAME_CHARS: usize = 24;
 
 /// The file that is read when none is named; it may be absent.
 pub const DEFAULT_FILE: &str = "status.toml";
+
+const MIB: u64 = 1024 * 1024;
+
+runtime::ranged! {
+    fn max_file_mib(u64) in 1..=4095;
+    fn max_total_mib(u64) in 2..=1_048_576;
+    fn min_free_mib(u64) in 0..=1_048_576;
+}
 
 /// All of it.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -40,6 +49,26 @@ pub struct LogConfig {
     pub directory: PathBuf,
     /// What is logged; nothing is created when this is empty.
     pub groups: GroupSet,
+    /// Longest file, MiB; the next one follows. Less than the 4 GiB that memory cards' file systems can hold.
+    #[serde(deserialize_with = "max_file_mib")]
+    pub max_file_mib: u64,
+    /// Most for all files of this log, MiB, at least two files' worth; beyond it the oldest are removed.
+    #[serde(deserialize_with = "max_total_mib")]
+    pub max_total_mib: u64,
+    /// Room on the disk that is left to others, MiB; if less is free, nothing is written.
+    #[serde(deserialize_with = "min_free_mib")]
+    pub min_free_mib: u64,
+}
+
+impl LogConfig {
+    /// The limits in bytes.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            max_file_bytes: self.max_file_mib * MIB,
+            max_total_bytes: self.max_total_mib * MIB,
+            min_free_bytes: self.min_free_mib * MIB,
+        }
+    }
 }
 
 impl Default for LogConfig {
@@ -48,6 +77,9 @@ impl Default for LogConfig {
             name: LogName::default(),
             directory: PathBuf::from("log"),
             groups: GroupSet::default(),
+            max_file_mib: 64,
+            max_total_mib: 1024,
+            min_free_mib: 256,
         }
     }
 }
@@ -97,14 +129,29 @@ impl<'de> Deserialize<'de> for LogName {
     }
 }
 
-/// Reads the logs, at most [`MAX_LOGS`].
+/// Reads the logs, at most [`MAX_LOGS`], and what no single value of theirs can say.
 fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D::Error> {
     let logs = Vec::<LogConfig>::deserialize(deserializer)?;
-    if logs.len() > MAX_LOGS {
-        let count = logs.len();
+    let count = logs.len();
+    if count > MAX_LOGS {
         return Err(D::Error::custom(format_args!(
             "{count} logs are too many: at most {MAX_LOGS} can be written at once"
         )));
+    }
+    for (index, log) in logs.iter().enumerate() {
+        let name = &log.name;
+        // Each log removes its own old files, and knows them by their names, in whatever way the directory is written.
+        if logs[..index].iter().any(|other| other.name == *name) {
+            return Err(D::Error::custom(format_args!(
+                "two logs have the name `{name}`: give each a `name` of its own"
+            )));
+        }
+        let (file, total) = (log.max_file_mib, log.max_total_mib);
+        if total < 2 * file {
+            return Err(D::Error::custom(format_args!(
+                "the log `{name}` has max_total_mib = {total}: it must be at least twice max_file_mib, which is {file}"
+            )));
+        }
     }
     Ok(logs)
 }
@@ -135,7 +182,12 @@ mod tests {
         let text: String = EXAMPLE.lines().map(enable).collect();
         let config: Config = parse(&text, "status.toml").unwrap();
         assert_eq!(config.log.len(), 2);
-        assert_eq!(config.log[0].groups, GroupSet::ALL);
+        // Everything is at its default but the groups.
+        let all = LogConfig {
+            groups: GroupSet::ALL,
+            ..LogConfig::default()
+        };
+        assert_eq!(config.log[0], all);
         assert_eq!(config.log[1].name.as_str(), "imu");
         let imu = [
             Group::Time,
@@ -158,6 +210,12 @@ mod tests {
             ("[calibration.barometer]\nzero_adc = '500'", 2, "invalid type: string"),
             ("[[log]]\ngroups = ['time']\n[[log]]\ngroups = ['altitude']", 4, "did you mean `attitude`?"),
             ("[[log]]\ngroups = 'time'", 2, "invalid type: string"),
+            ("[[log]]\nmax_file_mib = 0", 2, "must be from 1 to 4095"),
+            ("[[log]]\nmax_file_mib = 1.5", 2, "invalid type: floating point"),
+            ("[[log]]\nmax_total_mib = 1", 2, "must be from 2 to 1048576"),
+            ("[[log]]\nmin_free_mib = -1", 2, "-1"),
+            ("[[log]]\nmax_total_mib = 127", 1, "must be at least twice max_file_mib, which is 64"),
+            ("[[log]]\nname = 'a'\n[[log]]\nname = 'a'", 1, "two logs have the name `a`"),
             ("[[log]]\nname = '../x'", 2, "is not a name for a log"),
             ("[[log]]\nname = 'aaaaaaaaaaaaaaaaaaaaaaaaa'", 2, "up to 24 letters"),
             ("[log]\ngroups = []", 1, "invalid type: map, expected a sequence"),

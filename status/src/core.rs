@@ -10,6 +10,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 
 use crate::calibration::Calibration;
 use crate::log::{LogEvent, LogSummary, Logs};
+use crate::tally::Tally;
 use crate::translate::translate;
 
 /// How long no sample must come until the input counts as silent: the bridge's default is 50 samples a second, so fifty
@@ -51,7 +52,7 @@ pub enum Event {
         /// Why.
         reason: String,
     },
-    /// About a log.
+    /// A log loses samples.
     Log(LogEvent),
 }
 
@@ -64,7 +65,7 @@ pub struct Summary {
     pub lost: u64,
     /// Samples out.
     pub published: u64,
-    /// What each log's file holds.
+    /// What became of each log.
     pub logs: Vec<LogSummary>,
 }
 
@@ -79,15 +80,11 @@ pub struct Status {
 }
 
 /// The state of the input.
-#[derive(Default)]
 struct Input {
     counts: InputCounts,
     /// When the last sample came, while the input is not silent.
     flowing_since: Option<MonotonicNs>,
-    /// Of `counts.lost`, how many were told.
-    lost_told: u64,
-    /// Before this, no losses are told.
-    next_telling: MonotonicNs,
+    lost: Tally,
 }
 
 /// The state of the output.
@@ -99,12 +96,16 @@ struct Output {
 }
 
 impl Status {
-    /// The process with `calibration`, which writes `logs`.
+    /// The process with `calibration`, which gives what comes to `logs`.
     pub fn new(calibration: Calibration, logs: Logs) -> Status {
         Status {
             calibration,
             logs,
-            input: Input::default(),
+            input: Input {
+                counts: InputCounts::default(),
+                flowing_since: None,
+                lost: Tally::every(LOSS_REPORT_PERIOD),
+            },
             output: Output::default(),
             events: Vec::new(),
         }
@@ -131,8 +132,7 @@ impl Status {
                 }
             }
         }
-        let log_events = self.logs.record(dsp, now);
-        self.events.extend(log_events.into_iter().map(Event::Log));
+        self.logs.record(dsp);
     }
 
     /// Takes note of what the subscriber has counted by `now`.
@@ -141,12 +141,13 @@ impl Status {
             self.events.push(Event::PublisherChanged);
         }
         self.input.counts = counts;
+        self.input.lost.set(counts.lost);
         self.tell_losses(now);
     }
 
     /// Does what is due at `now`.
     pub fn on_time(&mut self, now: MonotonicNs) {
-        let log_events = self.logs.flush_if_due(now);
+        let log_events = self.logs.on_time(now);
         self.events.extend(log_events.into_iter().map(Event::Log));
         self.tell_losses(now);
         if self.input.silent_at().is_some_and(|at| at <= now) {
@@ -157,7 +158,7 @@ impl Status {
 
     /// When [`on_time`](Self::on_time) wants to be called next; nothing means not before the next sample.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let tell_losses = (self.input.untold() > 0).then_some(self.input.next_telling);
+        let tell_losses = self.input.lost.deadline();
         [self.logs.deadline(), self.input.silent_at(), tell_losses]
             .into_iter()
             .flatten()
@@ -169,10 +170,9 @@ impl Status {
         std::mem::take(&mut self.events)
     }
 
-    /// Writes what the logs have in memory; the last thing to do.
+    /// Lets the logs end; the last thing to do. What their writers made of the samples is not known here.
     pub fn finish(&mut self) -> Summary {
-        let log_events = self.logs.flush();
-        self.events.extend(log_events.into_iter().map(Event::Log));
+        self.logs.close();
         Summary {
             received: self.input.counts.received,
             lost: self.input.counts.lost,
@@ -182,22 +182,14 @@ impl Status {
     }
 
     fn tell_losses(&mut self, now: MonotonicNs) {
-        let lost = self.input.untold();
-        if lost > 0 && self.input.next_telling <= now {
-            let lost_in_all = self.input.counts.lost;
-            self.input.lost_told = lost_in_all;
-            self.input.next_telling = now + LOSS_REPORT_PERIOD;
+        if let Some(lost) = self.input.lost.due(now) {
+            let lost_in_all = self.input.lost.total();
             self.events.push(Event::InputLost { lost, lost_in_all });
         }
     }
 }
 
 impl Input {
-    /// Losses that were not told.
-    fn untold(&self) -> u64 {
-        self.counts.lost.saturating_sub(self.lost_told)
-    }
-
     /// When the input counts as silent, unless a sample comes.
     fn silent_at(&self) -> Option<MonotonicNs> {
         self.flowing_since.map(|since| since + SILENT_AFTER)
@@ -206,14 +198,9 @@ impl Input {
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::RobotId;
-
     use super::*;
-    use crate::config::LogConfig;
-    use crate::group::GroupSet;
-    use crate::log::FLUSH_PERIOD;
-    use crate::log::file_name::Utc;
-    use crate::test_samples::{Memory, MemoryStore, sample};
+    use crate::log::queue::QUEUE_SAMPLES;
+    use crate::test_samples::sample;
 
     const START: MonotonicNs = MonotonicNs(10_000_000_000);
 
@@ -225,23 +212,12 @@ mod tests {
         Status::new(Calibration::default(), Logs::default())
     }
 
-    fn with_log() -> (Status, Memory) {
-        let mut store = MemoryStore::default();
-        let config = LogConfig {
-            groups: GroupSet::ALL,
-            ..LogConfig::default()
-        };
-        let at = Utc::from_unix(0);
-        let (logs, _) = Logs::open(&[config], RobotId::DEFAULT, at, &mut store);
-        (Status::new(Calibration::default(), logs), store.file(0))
-    }
-
     /// Names of the events since the last call.
     fn told(status: &mut Status) -> Vec<String> {
         let events = status.take_events();
         let name = |event: &Event| match event {
             Event::InputLost { lost, lost_in_all } => format!("lost {lost} of {lost_in_all}"),
-            Event::Log(LogEvent::Failed { rows, .. }) => format!("log failed after {rows}"),
+            Event::Log(LogEvent::QueueFull { lost, .. }) => format!("log lost {lost}"),
             Event::OutputFailed { reason } => reason.clone(),
             other => format!("{other:?}"),
         };
@@ -318,41 +294,24 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_flushed_at_the_deadline_and_at_the_end() {
-        let (mut status, file) = with_log();
-        status.record(&sample(1, 1), Ok(()), START);
-        assert_eq!(status.deadline(), Some(START + FLUSH_PERIOD));
-        status.on_time(START + FLUSH_PERIOD);
-        assert_eq!(file.text().lines().count(), 2);
-        status.record(&sample(1, 2), Ok(()), after_ms(600));
-        status.count(
-            InputCounts {
-                received: 2,
-                lost: 0,
-                publisher_changes: 0,
-            },
-            after_ms(600),
-        );
-        let summary = status.finish();
-        assert_eq!(file.text().lines().count(), 3);
-        assert_eq!((summary.received, summary.published), (2, 2));
-        assert_eq!(summary.logs[0].rows, 2);
-    }
-
-    #[test]
-    fn a_failing_log_never_stops_the_telemetry() {
-        let (mut status, file) = with_log();
-        file.fail();
-        for sequence in 1..=100 {
+    fn a_log_whose_disk_hangs_never_stops_the_telemetry() {
+        let mut logs = Logs::default();
+        // Nobody takes anything out.
+        let hanging = logs.add("log/x.tsv".to_owned());
+        let mut status = Status::new(Calibration::default(), logs);
+        let bound = QUEUE_SAMPLES as u64;
+        for sequence in 1..=bound + 100 {
             let now = after_ms(20 * sequence);
             status.on_time(now);
             let dsp = sample(1, sequence);
             assert_eq!(status.translate(&dsp, now).source_sequence, sequence);
             status.record(&dsp, Ok(()), now);
         }
-        assert_eq!(told(&mut status), ["InputBegan", "log failed after 0"]);
+        assert_eq!(told(&mut status), ["InputBegan", "log lost 1"]);
         let summary = status.finish();
-        assert_eq!(summary.published, 100);
-        assert_eq!((summary.logs[0].rows, summary.logs[0].failed), (0, true));
+        assert_eq!(summary.published, bound + 100);
+        assert_eq!(summary.logs[0].taken, bound);
+        assert_eq!(summary.logs[0].dropped, 100);
+        assert_eq!(hanging.iter().count() as u64, bound);
     }
 }

@@ -3,15 +3,17 @@
 //!
 //! ```text
 //! DspTelemetry ═▶ shell ─▶ core::Status ─┬▶ translate ─▶ shell ═▶ HeroTelemetry
-//!                                        └▶ log::Logs ─▶ files
+//!                                        └▶ log::Logs ─▶ queue ─▶ log::LogWriter ─▶ files
+//!                                                 (one of each for each log, in a thread of its own)
 //! ```
 //!
 //! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
-//! * [`log`] writes tab-separated values, several logs at once, none of which can disturb the telemetry;
+//! * [`log`] writes tab-separated values, several logs at once, none of which can disturb the telemetry: neither a full
+//!   disk nor one that hangs, and every row is in a file or in the counts;
 //! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
-//! * [`shell`] owns ports, clock, files and the one wait; [`cli`] is the command line, [`config`] the file.
+//! * [`shell`] owns ports, clock, threads and the one wait; [`cli`] is the command line, [`config`] the file.
 //!
-//! Everything but [`shell`] and [`cli`] is pure: values that a test builds with no thread, file or clock.
+//! Everything but [`shell`], [`cli`] and [`log::store`] is pure: values that a test builds with no thread, file or clock.
 //!
 //! # Example
 //!
@@ -48,6 +50,9 @@ pub mod core;
 pub mod group;
 pub mod log;
 pub mod shell;
+pub mod tally;
 #[cfg(test)]
 mod test_samples;
+#[cfg(test)]
+mod test_store;
 pub mod translate;

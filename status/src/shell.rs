@@ -1,7 +1,11 @@
-//! The process around the core: ports, clock, files, and the one wait. It decides nothing.
+//! The process around the core: ports, clock, and the one wait. It decides nothing.
 //!
 //! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it, and then drains
-//! everything, whatever it was that woke it.
+//! everything, whatever it was that woke it. It never touches a file: each log has a thread of its own for that.
+
+mod log_thread;
+#[cfg(test)]
+mod tests;
 
 use std::os::fd::AsFd;
 use std::time::Duration;
@@ -14,9 +18,8 @@ use runtime::signal::Termination;
 
 use crate::config::Config;
 use crate::core::{Event, InputCounts, Status, Summary};
-use crate::log::file_name::Utc;
-use crate::log::store::FileStore;
-use crate::log::{LogEvent, Logs};
+use crate::log::store::{FileStore, Store};
+use log_thread::{END_PATIENCE, LogThreads, tell_event};
 
 /// How often the remains of dead processes are cleaned up, so that a bridge that was killed is noticed and its place
 /// is free for the next.
@@ -25,6 +28,9 @@ const CLEANING_PERIOD: Duration = Duration::from_secs(1);
 /// The process with its surroundings.
 pub struct Shell {
     status: Status,
+    log_threads: LogThreads,
+    /// How long the end waits for the disks.
+    end_patience: Duration,
     input: Subscriber<DspTelemetry>,
     output: Publisher<HeroTelemetry>,
     ipc: Ipc,
@@ -36,7 +42,7 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// Joins the robot's shared memory in `domain` and creates the logs of `config`.
+    /// Joins the robot's shared memory in `domain` and starts the logs of `config`.
     ///
     /// # Errors
     /// Shared memory cannot be used, or another process is the status of this robot. Logs that cannot be created are
@@ -47,6 +53,21 @@ impl Shell {
         config: &Config,
         notifier: Notifier,
     ) -> Result<Shell, Failure> {
+        Shell::open_with(domain, robot, config, notifier, || FileStore)
+    }
+
+    /// The same with another place for the files.
+    fn open_with<S>(
+        domain: &Domain,
+        robot: RobotId,
+        config: &Config,
+        notifier: Notifier,
+        store: impl FnMut() -> S,
+    ) -> Result<Shell, Failure>
+    where
+        S: Store + Send + 'static,
+        S::File: Send,
+    {
         let ipc = Ipc::join(domain, robot, "status")
             .or_fail_with(ExitCode::Internal, "status cannot join the shared memory")?;
         let output = ipc
@@ -56,13 +77,12 @@ impl Shell {
             .subscriber::<DspTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot receive telemetry")?;
         // Last, so that a process that cannot start leaves no files.
-        let (logs, events) = Logs::open(&config.log, robot, Utc::now(), &mut FileStore);
-        for event in &events {
-            tell_log(event);
-        }
+        let (logs, log_threads) = LogThreads::start(&config.log, robot, store);
         let now = MonotonicNs::now();
         Ok(Shell {
             status: Status::new(config.calibration.clone(), logs),
+            log_threads,
+            end_patience: END_PATIENCE,
             input,
             output,
             ipc,
@@ -73,11 +93,23 @@ impl Shell {
         })
     }
 
-    /// Works until `termination` is requested; then writes what the logs have in memory.
+    /// Works until `termination` is requested; then waits, for a bounded time, until the logs have written what they
+    /// have in memory.
     ///
     /// # Errors
     /// The operating system cannot wait any more.
     pub fn run(mut self, termination: &Termination) -> Result<Summary, Failure> {
+        let result = self.work(termination);
+        self.notifier.stopping();
+        let mut summary = self.status.finish();
+        self.tell();
+        // The place in shared memory is free before the disks have answered.
+        drop((self.input, self.output, self.ipc));
+        self.log_threads.end(&mut summary.logs, self.end_patience);
+        result.map(|()| summary)
+    }
+
+    fn work(&mut self, termination: &Termination) -> Result<(), Failure> {
         let waiter = self.ipc.waiter().or_fail(ExitCode::Internal)?;
         self.notifier.ready();
         tracing::info!(robot = %self.ipc.robot(), "ready");
@@ -89,12 +121,9 @@ impl Shell {
                 .wait(&[&self.input, &self.output, &signals], Some(timeout))
                 .or_fail(ExitCode::Internal)?;
         }
-        self.notifier.stopping();
         // What was published before the end still counts.
         self.step();
-        let summary = self.status.finish();
-        self.tell();
-        Ok(summary)
+        Ok(())
     }
 
     /// Drains everything and does what is due.
@@ -170,25 +199,6 @@ fn tell(event: &Event) {
             );
         }
         Event::OutputFailed { reason } => tracing::error!(reason, "telemetry cannot be published"),
-        Event::Log(event) => tell_log(event),
-    }
-}
-
-fn tell_log(event: &LogEvent) {
-    match event {
-        LogEvent::Opened { file, groups } => {
-            tracing::info!(file = %file.display(), %groups, "log opened");
-        }
-        LogEvent::GroupsMissing { file, groups } => tracing::warn!(
-            file = %file.display(),
-            %groups,
-            "the log asks for groups that are not valid; their cells stay empty (see the bridge's status mask)"
-        ),
-        LogEvent::Failed { file, rows, error } => tracing::error!(
-            file = %file.display(),
-            rows,
-            %error,
-            "the log has ended early, telemetry goes on: make room or give permission, then start status again"
-        ),
+        Event::Log(event) => tell_event(event),
     }
 }

@@ -1,16 +1,9 @@
-//! Telemetry and log files for the tests of this crate.
-
-use std::cell::RefCell;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
-use std::rc::Rc;
+//! Telemetry for the tests of this crate.
 
 use ipc_types::payload::{
     DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,
     DspReferences, DspServoPulses, DspSupply, DspTelemetry, DspXy,
 };
-
-use crate::log::store::{Sink, Store};
 
 /// A sample with all groups valid and a different number in every field.
 pub(crate) fn full_sample() -> DspTelemetry {
@@ -98,74 +91,5 @@ pub(crate) fn sample(epoch_ns: u64, sequence: u64) -> DspTelemetry {
         sequence,
         epoch_ns,
         ..full_sample()
-    }
-}
-
-/// A file in memory that can be told to fail.
-#[derive(Clone, Default)]
-pub(crate) struct Memory(Rc<RefCell<MemoryFile>>);
-
-#[derive(Default)]
-struct MemoryFile {
-    bytes: Vec<u8>,
-    failing: bool,
-}
-
-impl Memory {
-    pub(crate) fn sink(&self) -> Sink {
-        Box::new(self.clone())
-    }
-
-    pub(crate) fn text(&self) -> String {
-        String::from_utf8(self.0.borrow().bytes.clone()).unwrap()
-    }
-
-    /// From now on the disk is full.
-    pub(crate) fn fail(&self) {
-        self.0.borrow_mut().failing = true;
-    }
-
-    pub(crate) fn recover(&self) {
-        self.0.borrow_mut().failing = false;
-    }
-}
-
-impl Write for Memory {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut file = self.0.borrow_mut();
-        if file.failing {
-            return Err(io::ErrorKind::StorageFull.into());
-        }
-        file.bytes.extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-/// A file system in memory; the directory `forbidden` cannot be written.
-#[derive(Clone, Default)]
-pub(crate) struct MemoryStore {
-    pub(crate) files: Rc<RefCell<Vec<(PathBuf, Memory)>>>,
-}
-
-impl MemoryStore {
-    /// The file created as the `index`-th.
-    pub(crate) fn file(&self, index: usize) -> Memory {
-        self.files.borrow()[index].1.clone()
-    }
-}
-
-impl Store for MemoryStore {
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, Sink)> {
-        if directory == Path::new("forbidden") {
-            return Err(io::ErrorKind::PermissionDenied.into());
-        }
-        let path = directory.join(format!("{stem}.tsv"));
-        let memory = Memory::default();
-        self.files.borrow_mut().push((path.clone(), memory.clone()));
-        Ok((path, memory.sink()))
     }
 }

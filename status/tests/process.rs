@@ -1,7 +1,7 @@
 //! The shell and the binary `status` over real shared memory, each test in a domain of its own.
 
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::sync::mpsc;
@@ -12,7 +12,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, TelemetryGroup};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 use status::config::Config;
 use status::shell::Shell;
 
@@ -59,17 +59,23 @@ impl Ends {
 
 fn config(directory: &Path) -> String {
     format!(
-        "[calibration.sonar]\nm_per_step = 0.5\n[[log]]\ndirectory = '{}'\ngroups = ['sonar', 'xy']\n",
+        "[calibration.sonar]\nm_per_step = 0.5\n[[log]]\ndirectory = '{}'\ngroups = ['sonar', 'xy']\nmin_free_mib = 0\n",
         directory.display()
     )
 }
 
-/// The one file of `directory`.
+/// The texts of all logs in `directory`, which need not exist yet.
+fn log_texts(directory: &Path) -> Vec<String> {
+    let entries = fs::read_dir(directory).into_iter().flatten();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let logs = paths.filter(|path| path.extension().is_some_and(|extension| extension == "tsv"));
+    logs.map(|path| fs::read_to_string(path).unwrap()).collect()
+}
+
+/// The one log in `directory`.
 fn log_text(directory: &Path) -> String {
-    let mut files = fs::read_dir(directory).unwrap();
-    let file = files.next().expect("a log").unwrap().path();
-    assert!(files.next().is_none(), "one log");
-    fs::read_to_string(file).unwrap()
+    let [text] = <[String; 1]>::try_from(log_texts(directory)).expect("one log");
+    text
 }
 
 #[test]
@@ -104,7 +110,8 @@ fn samples_go_through_the_shell_and_into_the_log() {
         (summary.received, summary.published, summary.lost),
         (100, 100, 0)
     );
-    assert_eq!(summary.logs[0].rows, 100);
+    let log = &summary.logs[0];
+    assert_eq!((log.taken, log.written.unwrap().rows), (100, 100));
 
     let text = log_text(folder.path());
     let mut lines = text.lines();
@@ -145,6 +152,8 @@ fn code_and_errors(output: Output) -> (Option<i32>, String) {
 struct Process {
     child: Child,
     errors: BufReader<ChildStderr>,
+    /// What it has said as far as it was listened to.
+    said: Vec<String>,
 }
 
 impl Process {
@@ -158,19 +167,32 @@ impl Process {
             .spawn()
             .unwrap();
         let errors = BufReader::new(child.stderr.take().unwrap());
-        let mut process = Process { child, errors };
-        let mut line = String::new();
-        while !line.contains("ready") {
-            line.clear();
-            let length = process.errors.read_line(&mut line).unwrap();
-            assert_ne!(length, 0, "ended too early");
-        }
+        let mut process = Process {
+            child,
+            errors,
+            said: Vec::new(),
+        };
+        process.hear("ready");
         process
+    }
+
+    /// Waits until the process says `word`, or has said it.
+    fn hear(&mut self, word: &str) {
+        while !self.said.iter().any(|line| line.contains(word)) {
+            let mut line = String::new();
+            let length = self.errors.read_line(&mut line).unwrap();
+            assert_ne!(length, 0, "ended without `{word}`: {:#?}", self.said);
+            self.said.push(line);
+        }
+    }
+
+    fn id(&self) -> Pid {
+        Pid::from_child(&self.child)
     }
 
     /// Sends `signal`; gives the exit code and the rest of what the process says.
     fn end(&mut self, signal: Signal) -> (Option<i32>, Vec<String>) {
-        kill_process(Pid::from_child(&self.child), signal).unwrap();
+        kill_process(self.id(), signal).unwrap();
         let told = self.errors.by_ref().lines().map(Result::unwrap).collect();
         (self.child.wait().unwrap().code(), told)
     }
@@ -207,7 +229,7 @@ fn each_signal_ends_the_process_with_everything_in_order() {
         );
         assert!(last.contains(": 10 rows"), "{told:#?}");
         // Told once, however often: the log asks for groups that no sample has.
-        let missing = told.iter().filter(|line| line.contains("groups=xy"));
+        let missing = told.iter().filter(|line| line.ends_with(" groups=xy"));
         assert_eq!(missing.count(), 1, "{told:#?}");
         assert_eq!(log_text(&logs).lines().count(), 11);
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
@@ -243,7 +265,7 @@ fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
     let mut process = Process::start(&domain, &file);
     // Until rows have reached the file by themselves.
     let mut number = 0;
-    while !logs.exists() || log_text(&logs).lines().count() < 2 {
+    while log_texts(&logs).iter().all(|text| text.lines().count() < 2) {
         number += 1;
         ends.through(number);
     }
@@ -262,6 +284,159 @@ fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
     drop(ends);
     assert_eq!(process.end(Signal::TERM).0, Some(0));
     assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+/// Lets the room for logs in `directory` run out while telemetry flows, and gives it back: nothing is lost, because it
+/// was not for long, and a `word` was said about it.
+fn room_runs_out_and_comes_back(
+    directory: &Path,
+    configuration: &str,
+    word: &str,
+    run_out: impl FnOnce(Pid),
+    give_back: impl FnOnce(Pid),
+) {
+    const SAMPLES: u32 = 2000;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("status.toml");
+    fs::write(&file, configuration).unwrap();
+    let domain = Domain::isolated();
+    let mut ends = Ends::join(&domain);
+    let mut process = Process::start(&domain, &file);
+    process.hear("log opened");
+    ends.through(1);
+    run_out(process.id());
+    for number in 2..=SAMPLES {
+        ends.through(number);
+    }
+    process.hear(word);
+    for number in SAMPLES + 1..=2 * SAMPLES {
+        ends.through(number);
+    }
+    give_back(process.id());
+    process.hear("the log is written again");
+    for number in 2 * SAMPLES + 1..=3 * SAMPLES {
+        ends.through(number);
+    }
+    drop(ends);
+    let (code, told) = process.end(Signal::TERM);
+    assert_eq!(code, Some(0));
+    let last = told.last().unwrap();
+    let (all, rows) = (
+        format!("published={}", 3 * SAMPLES),
+        format!(": {} rows in", 3 * SAMPLES),
+    );
+    assert!(last.contains(&all) && last.contains(&rows), "{last}");
+    assert!(!last.contains("rows lost"), "{last}");
+
+    let mut numbers = Vec::new();
+    for text in log_texts(directory) {
+        assert!(text.starts_with("flying\t") && text.ends_with('\n'));
+        for row in text.lines().skip(1) {
+            let cells: Vec<_> = row.split('\t').collect();
+            assert_eq!(cells.len(), 6, "{row:?}");
+            numbers.push(cells[1].parse::<u32>().unwrap());
+        }
+    }
+    numbers.sort_unstable();
+    assert!(
+        numbers.into_iter().eq(1..=3 * SAMPLES),
+        "none twice and none missing"
+    );
+}
+
+#[test]
+fn writes_that_the_kernel_refuses_cost_no_telemetry_and_no_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let limit_files = |process: Pid, current: Option<u64>| {
+        // What a process inherits it has in common with this one.
+        let maximum = getrlimit(Resource::Fsize).maximum;
+        let limits = Rlimit { current, maximum };
+        prlimit(Some(process), Resource::Fsize, limits).unwrap();
+    };
+    room_runs_out_and_comes_back(
+        folder.path(),
+        &config(folder.path()),
+        "the log cannot be written",
+        // In the middle of a row. Its signal would end the process.
+        |process| limit_files(process, Some(5_001)),
+        |process| limit_files(process, None),
+    );
+}
+
+/// A file system of its own in memory, of some size; gone when it is dropped.
+struct SmallDisk {
+    mount_point: tempfile::TempDir,
+}
+
+impl SmallDisk {
+    /// Nothing if this user may not have one, which is said.
+    fn mount(size: &str) -> Option<SmallDisk> {
+        let mount_point = tempfile::tempdir().unwrap();
+        let mount = Command::new("mount")
+            .args(["-t", "tmpfs", "-o"])
+            .arg(format!("size={size}"))
+            .arg("status-test")
+            .arg(mount_point.path())
+            .output();
+        match mount {
+            Ok(output) if output.status.success() => Some(SmallDisk { mount_point }),
+            refused => {
+                eprintln!("SKIPPED: this user cannot mount a small file system: {refused:?}");
+                None
+            }
+        }
+    }
+
+    fn path(&self) -> &Path {
+        self.mount_point.path()
+    }
+
+    /// Takes `bytes`, or all that there are.
+    fn fill(&self, bytes: usize) {
+        let mut file = fs::File::create(self.path().join("filler")).unwrap();
+        // That it is full is what is wanted.
+        let _ = file.write_all(&vec![0; bytes]);
+    }
+
+    fn empty(&self) {
+        fs::remove_file(self.path().join("filler")).unwrap();
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        // Lazily: a process that a failed test has left may still have a file open.
+        let _ = Command::new("umount").arg("-l").arg(self.path()).status();
+    }
+}
+
+#[test]
+fn a_full_file_system_costs_no_telemetry_and_no_row() {
+    let Some(disk) = SmallDisk::mount("256k") else {
+        return;
+    };
+    room_runs_out_and_comes_back(
+        disk.path(),
+        &config(disk.path()),
+        "the log cannot be written",
+        |_| disk.fill(1 << 20),
+        |_| disk.empty(),
+    );
+}
+
+#[test]
+fn a_file_system_that_is_nearly_full_is_left_alone() {
+    let Some(disk) = SmallDisk::mount("16m") else {
+        return;
+    };
+    let configuration = config(disk.path()).replace("min_free_mib = 0", "min_free_mib = 8");
+    room_runs_out_and_comes_back(
+        disk.path(),
+        &configuration,
+        "the disk is nearly full",
+        |_| disk.fill(9 << 20),
+        |_| disk.empty(),
+    );
 }
 
 #[test]

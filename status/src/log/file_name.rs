@@ -1,14 +1,25 @@
 //! File names of logs: robot, date, time, as in the source's `hero(1)_28_08_06-20_39_26`.
 //!
 //! The time is UTC: it does not jump with summer time, and logs of machines in several zones lie in order.
+//!
+//! A name says whose a file is, and nothing else does: a log removes old files of its own [`Series`] only. That is why a
+//! number that tells two files of the same second apart begins with a dot, which no log's name has.
 
 use std::fmt::Write;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::RobotId;
 
-/// A date and time of day, UTC.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+use crate::config::LogName;
+
+/// Ends every name.
+const EXTENSION: &str = ".tsv";
+
+/// `DD_MM_YY-HH_MM_SS`.
+const TIME_CHARS: usize = 17;
+
+/// A date and time of day, UTC; of two, the later is the greater.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Utc {
     /// Year of the Gregorian calendar.
     pub year: u64,
@@ -44,6 +55,15 @@ impl Utc {
             second: second_of_day % 60,
         }
     }
+
+    /// Whether each number is one that a clock shows.
+    fn is_possible(self) -> bool {
+        (1..=12).contains(&self.month)
+            && (1..=31).contains(&self.day)
+            && self.hour < 24
+            && self.minute < 60
+            && self.second < 60
+    }
 }
 
 /// Year, month and day of the date `days` after 1970-01-01.
@@ -77,36 +97,179 @@ fn date(days: u64) -> (u64, u64, u64) {
     }
 }
 
-/// The file name of a log without its extension: `hero(ROBOT)_DD_MM_YY-HH_MM_SS`, and `_NAME` if it has a name.
-pub fn stem(robot: RobotId, at: Utc, name: &str) -> String {
-    let Utc {
-        year,
-        month,
-        day,
-        hour,
-        minute,
-        second,
-    } = at;
-    let year = year % 100;
-    let mut stem =
-        format!("hero({robot})_{day:02}_{month:02}_{year:02}-{hour:02}_{minute:02}_{second:02}");
-    if !name.is_empty() {
-        // Writing to a string cannot fail.
-        let _ = write!(stem, "_{name}");
+/// When a file was created, as its name says; of two files of a series, the later is the greater.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Stamp {
+    /// The second.
+    pub at: Utc,
+    /// Which file of that second, from 1.
+    pub number: u32,
+}
+
+/// All files that one log has written, and will write, in its directory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Series {
+    robot: RobotId,
+    name: LogName,
+}
+
+impl Series {
+    /// The files of the log `name` of `robot`.
+    pub fn new(robot: RobotId, name: LogName) -> Series {
+        Series { robot, name }
     }
-    stem
+
+    /// The beginning of a file's name: `hero(ROBOT)_DD_MM_YY-HH_MM_SS`, and `_NAME` if the log has a name.
+    pub fn stem(&self, at: Utc) -> String {
+        let Utc {
+            year,
+            month,
+            day,
+            hour,
+            minute,
+            second,
+        } = at;
+        let year = year % 100;
+        self.with_time(&format!(
+            "{day:02}_{month:02}_{year:02}-{hour:02}_{minute:02}_{second:02}"
+        ))
+    }
+
+    /// What the files are called, as a shell's pattern: for messages that are about no one file.
+    pub fn pattern(&self) -> String {
+        file_name(&self.with_time("*"), 1)
+    }
+
+    /// When the file of this name was created; nothing if it is not of this series.
+    pub fn stamp(&self, name: &str) -> Option<Stamp> {
+        let rest = name.strip_prefix(&format!("hero({})_", self.robot))?;
+        let (time, rest) = rest.split_at_checked(TIME_CHARS)?;
+        let mut numbers = time.split(['_', '-']).map(|digits| digits.parse().ok());
+        let mut next = || numbers.next().flatten();
+        let (day, month, year) = (next()?, next()?, next()?);
+        let at = Utc {
+            // Without a clock of its own a machine begins in 1970.
+            year: if year < 70 { 2000 } else { 1900 } + year,
+            month,
+            day,
+            hour: next()?,
+            minute: next()?,
+            second: next()?,
+        };
+        let (_, number) = rest
+            .strip_suffix(EXTENSION)?
+            .split_once('.')
+            .unwrap_or(("", "1"));
+        let number = number.parse().ok()?;
+        // Whatever else the name may be, it is of this series only if this series could call it so.
+        let own = at.is_possible() && file_name(&self.stem(at), number) == name;
+        own.then_some(Stamp { at, number })
+    }
+
+    fn with_time(&self, time: &str) -> String {
+        let mut stem = format!("hero({})_{time}", self.robot);
+        if !self.name.as_str().is_empty() {
+            // Writing to a string cannot fail.
+            let _ = write!(stem, "_{}", self.name);
+        }
+        stem
+    }
+}
+
+/// The name of the `number`-th file that begins with `stem`: `STEM.tsv`, `STEM.2.tsv`, …
+pub fn file_name(stem: &str, number: u32) -> String {
+    match number {
+        1 => format!("{stem}{EXTENSION}"),
+        _ => format!("{stem}.{number}{EXTENSION}"),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn series(robot: u32, name: &str) -> Series {
+        Series::new(RobotId::new(robot).unwrap(), name.parse().unwrap())
+    }
+
     #[test]
     fn the_example_of_the_source() {
         let at = Utc::from_unix(1_156_797_566);
-        assert_eq!(stem(RobotId::DEFAULT, at, ""), "hero(1)_28_08_06-20_39_26");
-        let robot = RobotId::new(12).unwrap();
-        assert_eq!(stem(robot, at, "imu"), "hero(12)_28_08_06-20_39_26_imu");
+        assert_eq!(series(1, "").stem(at), "hero(1)_28_08_06-20_39_26");
+        assert_eq!(series(12, "imu").stem(at), "hero(12)_28_08_06-20_39_26_imu");
+        assert_eq!(series(12, "imu").pattern(), "hero(12)_*_imu.tsv");
+    }
+
+    #[test]
+    fn a_name_belongs_to_one_series() {
+        let all = [
+            series(1, ""),
+            series(11, ""),
+            series(1, "imu"),
+            series(1, "imu_2"),
+            series(1, "2"),
+            series(1, "28_08_06-20_39_26"),
+        ];
+        for second in [0, 1_156_797_566, 1_709_164_800] {
+            for owner in &all {
+                for number in [1, 2, 10, 100] {
+                    let at = Utc::from_unix(second);
+                    let name = file_name(&owner.stem(at), number);
+                    let owners = all.iter().filter(|series| series.stamp(&name).is_some());
+                    assert_eq!(owners.collect::<Vec<_>>(), [owner], "{name}");
+                    assert_eq!(owner.stamp(&name), Some(Stamp { at, number }));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_only_looks_like_a_log_is_of_no_series() {
+        for name in [
+            "hero(1)_28_08_06-20_39_26",
+            "hero(1)_28_08_06-20_39_26.csv",
+            "hero(1)_28_08_06-20_39_26.tsv.gz",
+            "hero(1)_28_08_06-20_39_26.1.tsv",
+            "hero(1)_28_08_06-20_39_26.02.tsv",
+            "hero(1)_28_08_06-20_39_26.2.2.tsv",
+            "hero(1)_28_08_06-20_39_26..tsv",
+            "hero(1)_28_08_06-20_39_26.99999999999.tsv",
+            "hero(1)_28_08_06-20-39-26.tsv",
+            "hero(1)_28_08_06-20_39_2.tsv",
+            "hero(1)_+8_08_06-20_39_26.tsv",
+            "hero(1)_00_08_06-20_39_26.tsv",
+            "hero(1)_28_13_06-20_39_26.tsv",
+            "hero(1)_28_08_06-24_00_00.tsv",
+            "hero(1)_28_08_06-20_39_26_.tsv",
+            "hero(1)_28_08_06-20_39_2é.tsv",
+            "hero(1)_.tsv",
+            "Hero(1)_28_08_06-20_39_26.tsv",
+            " hero(1)_28_08_06-20_39_26.tsv",
+            "hero(01)_28_08_06-20_39_26.tsv",
+            "",
+        ] {
+            assert_eq!(series(1, "").stamp(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn stamps_are_in_the_order_of_time() {
+        let stamp = |unix_s, number| Stamp {
+            at: Utc::from_unix(unix_s),
+            number,
+        };
+        let mut last = stamp(0, 1);
+        for next in [
+            stamp(0, 2),
+            stamp(0, 10),
+            stamp(951_782_399, 1),
+            stamp(951_782_400, 1),
+            stamp(1_735_689_599, 3),
+            stamp(1_735_689_600, 1),
+        ] {
+            assert!(next > last, "{next:?}");
+            last = next;
+        }
     }
 
     #[test]

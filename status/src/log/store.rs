@@ -1,23 +1,77 @@
-//! Where log files are created. A test puts another [`Store`] in the place of the file system.
+//! Where log files live. A test puts another [`Store`] in the place of the file system.
+//!
+//! Nothing here decides: which file is old, what is too much and when to try again is [`LogWriter`]'s business. Every
+//! call may take as long as the disk likes; only the thread of that log waits for it.
+//!
+//! [`LogWriter`]: super::writer::LogWriter
 
 use std::fs::{self, File};
 use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use super::file_name::{Utc, file_name};
+
 /// How many names are tried when files of that name exist: far more logs than a process has within one second. Beyond
-/// it the log is given up; nothing is ever overwritten.
+/// it the attempt has failed; nothing is ever overwritten.
 const MAX_TRIES: u32 = 100;
 
-/// What takes the bytes of a log.
-pub type Sink = Box<dyn Write>;
-
-/// Creates log files.
+/// The directories and files of logs.
 pub trait Store {
+    /// A file that is being written.
+    type File: LogFile;
+
+    /// What the wall clock shows, for the names of files.
+    fn utc(&self) -> Utc;
+
+    /// Creates `directory` unless it is there.
+    ///
+    /// # Errors
+    /// It can neither be found nor created.
+    fn prepare(&mut self, directory: &Path) -> io::Result<()>;
+
+    /// Room that is left to ordinary users where `directory` lies, bytes.
+    ///
+    /// # Errors
+    /// The file system does not say.
+    fn free_bytes(&mut self, directory: &Path) -> io::Result<u64>;
+
+    /// Names and lengths in bytes of those regular files in `directory` whose name is `wanted`.
+    ///
+    /// # Errors
+    /// The directory cannot be read.
+    fn list(
+        &mut self,
+        directory: &Path,
+        wanted: &dyn Fn(&str) -> bool,
+    ) -> io::Result<Vec<(String, u64)>>;
+
+    /// Removes `file`; that it is gone already is no error.
+    ///
+    /// # Errors
+    /// It is still there.
+    fn remove(&mut self, file: &Path) -> io::Result<()>;
+
     /// Creates a new file in `directory` whose name begins with `stem`.
     ///
     /// # Errors
-    /// The directory or the file cannot be created.
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, Sink)>;
+    /// It cannot be created.
+    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, Self::File)>;
+}
+
+/// What takes the bytes of a log. Each `write` may take a part of what it is given.
+pub trait LogFile: Write {
+    /// Cuts the file off after `bytes`.
+    ///
+    /// # Errors
+    /// The file is as long as it was.
+    fn cut(&mut self, bytes: u64) -> io::Result<()>;
+
+    /// Forces what was written onto the disk.
+    ///
+    /// # Errors
+    /// What was written since the last time may not be on the disk, or the file has been removed by somebody.
+    fn sync(&mut self) -> io::Result<()>;
 }
 
 /// The file system.
@@ -25,39 +79,96 @@ pub trait Store {
 pub struct FileStore;
 
 impl Store for FileStore {
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, Sink)> {
-        fs::create_dir_all(directory)?;
-        let mut result = Err(io::ErrorKind::AlreadyExists.into());
-        for number in 1..=MAX_TRIES {
-            let name = match number {
-                1 => format!("{stem}.tsv"),
-                _ => format!("{stem}_{number}.tsv"),
+    type File = File;
+
+    fn utc(&self) -> Utc {
+        Utc::now()
+    }
+
+    fn prepare(&mut self, directory: &Path) -> io::Result<()> {
+        fs::create_dir_all(directory)
+    }
+
+    fn free_bytes(&mut self, directory: &Path) -> io::Result<u64> {
+        let system = rustix::fs::statvfs(directory)?;
+        Ok(system.f_bavail.saturating_mul(system.f_frsize))
+    }
+
+    fn list(
+        &mut self,
+        directory: &Path,
+        wanted: &dyn Fn(&str) -> bool,
+    ) -> io::Result<Vec<(String, u64)>> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(directory)? {
+            let entry = entry?;
+            let Ok(name) = entry.file_name().into_string() else {
+                continue;
             };
-            let path = directory.join(name);
-            match File::create_new(&path) {
-                Ok(file) => return Ok((path, Box::new(file))),
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => {
-                    result = Err(error);
-                    break;
-                }
+            if !wanted(&name) {
+                continue;
+            }
+            // Of the entry itself: a link is no log, whatever it is called. What vanished meanwhile needs no room.
+            match entry.metadata() {
+                Ok(metadata) if metadata.is_file() => found.push((name, metadata.len())),
+                Ok(_) => {}
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
             }
         }
-        result
+        Ok(found)
+    }
+
+    fn remove(&mut self, file: &Path) -> io::Result<()> {
+        match fs::remove_file(file) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            result => result,
+        }
+    }
+
+    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, File)> {
+        for number in 1..=MAX_TRIES {
+            let path = directory.join(file_name(stem, number));
+            match File::create_new(&path) {
+                Ok(file) => return Ok((path, file)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Err(io::ErrorKind::AlreadyExists.into())
+    }
+}
+
+impl LogFile for File {
+    fn cut(&mut self, bytes: u64) -> io::Result<()> {
+        self.set_len(bytes)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        // The length belongs to the data; times of access do not.
+        self.sync_data()?;
+        if self.metadata()?.nlink() == 0 {
+            let reason = "the file was removed while it was being written";
+            return Err(io::Error::new(io::ErrorKind::NotFound, reason));
+        }
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::symlink;
+
     use super::*;
 
     #[test]
     fn an_existing_file_is_never_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let directory = folder.path().join("a/b");
-        for expected in ["x.tsv", "x_2.tsv", "x_3.tsv"] {
-            let (path, mut sink) = FileStore.create(&directory, "x").unwrap();
-            sink.write_all(expected.as_bytes()).unwrap();
+        FileStore.prepare(&directory).unwrap();
+        for expected in ["x.tsv", "x.2.tsv", "x.3.tsv"] {
+            let (path, mut file) = FileStore.create(&directory, "x").unwrap();
+            file.write_all(expected.as_bytes()).unwrap();
             assert_eq!(path, directory.join(expected));
         }
         let first = fs::read_to_string(directory.join("x.tsv")).unwrap();
@@ -70,7 +181,7 @@ mod tests {
         for _ in 0..MAX_TRIES {
             FileStore.create(folder.path(), "x").unwrap();
         }
-        let error = FileStore.create(folder.path(), "x").err().unwrap();
+        let error = FileStore.create(folder.path(), "x").unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::AlreadyExists);
     }
 
@@ -79,6 +190,39 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        assert!(FileStore.create(&file.join("log"), "x").is_err());
+        let directory = file.join("log");
+        assert!(FileStore.prepare(&directory).is_err());
+        assert!(FileStore.create(&directory, "x").is_err());
+        assert!(FileStore.list(&directory, &|_| true).is_err());
+        assert!(FileStore.free_bytes(&directory).is_err());
+    }
+
+    #[test]
+    fn regular_files_with_a_wanted_name_are_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a"), "123").unwrap();
+        fs::write(at("unwanted"), "1").unwrap();
+        fs::create_dir(at("folder")).unwrap();
+        symlink(at("unwanted"), at("link")).unwrap();
+        let wanted = |name: &str| name != "unwanted";
+        let found = FileStore.list(folder.path(), &wanted).unwrap();
+        assert_eq!(found, [("a".to_owned(), 3)]);
+        assert!(FileStore.free_bytes(folder.path()).unwrap() > 0);
+    }
+
+    #[test]
+    fn a_file_is_cut_removed_and_missed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, mut file) = FileStore.create(folder.path(), "x").unwrap();
+        file.write_all(b"whole\nha").unwrap();
+        file.cut(6).unwrap();
+        file.sync().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole\n");
+        for _ in 0..2 {
+            FileStore.remove(&path).unwrap();
+        }
+        assert_eq!(file.sync().unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert!(FileStore.remove(folder.path()).is_err());
     }
 }
