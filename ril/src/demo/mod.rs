@@ -202,7 +202,8 @@ fn status_config(folder: &Path) -> String {
         .map(|group| format!("\"{group}\""))
         .collect();
     format!(
-        "[[log]]\ndirectory = {:?}\ngroups = [{}]\n",
+        // A few megabytes, however full the disk is.
+        "[[log]]\ndirectory = {:?}\nmin_free_mib = 0\ngroups = [{}]\n",
         folder,
         groups.join(", ")
     )
