@@ -29,3 +29,39 @@ pub mod config;
 pub mod demo;
 pub mod fields;
 pub mod words;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use commands::{echo, request, state};
+use runtime::exit::{self, Failure};
+
+/// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
+///
+/// Programs that start the processes of the RIL may be one of them themselves with this.
+pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = cli::Cli::parse_from(cli::protect_coordinates(args));
+    exit::main_with(|| {
+        demo::end_with_parent().map_err(Failure::internal)?;
+        run(cli.command)
+    })
+}
+
+fn run(command: cli::Command) -> Result<(), Failure> {
+    use cli::Command;
+    match command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Bridge(args) => bridge::cli::run(args),
+        Command::Status(args) => status::cli::run(args),
+        Command::Sim(args) => dsp_sim::cli::run(args),
+        Command::Start(args) => request::start(&args),
+        Command::Stop(args) => request::stop(&args),
+        Command::Takeoff(args) => request::take_off(&args),
+        Command::Land(args) => request::land(&args),
+        Command::Goto(args) => request::go_to(&args),
+        Command::State(args) => state::state(&args),
+        Command::Echo(args) => echo::echo(&args),
+    }
+}
