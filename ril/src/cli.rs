@@ -61,6 +61,12 @@ pub enum Command {
     State(StateArgs),
     /// Prints samples as they come
     Echo(EchoArgs),
+    /// Measures how often samples come and how often they are published, and counts the lost ones
+    Hz(MeasureArgs),
+    /// Measures how old samples are when they come
+    Delay(MeasureArgs),
+    /// Measures how many bytes the samples make
+    Bw(MeasureArgs),
 }
 
 /// What every request takes.
@@ -164,7 +170,39 @@ pub struct EchoArgs {
     pub json: bool,
 }
 
-/// What can be echoed.
+/// `ril hz`, `ril delay`, `ril bw`
+///
+/// On a terminal the figures are shown anew each second; elsewhere once, at the end.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+#[group(id = "end", multiple = true, args = ["count", "duration"])]
+pub struct MeasureArgs {
+    /// Which samples
+    #[arg(value_enum)]
+    pub topic: Topic,
+
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Ends after so many samples, of which a rate needs two
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    pub count: Option<u64>,
+
+    /// Ends after so many seconds
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub duration: Option<Duration>,
+
+    /// How long to wait for the first sample, and for a publisher that is gone, in seconds [default: 2, or ril.toml]
+    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+
+    /// Prints one JSON object at the end; needs --count, --duration or both
+    #[arg(long, requires = "end")]
+    pub json: bool,
+}
+
+/// What can be watched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Topic {
     /// Telemetry as the DSP sends it
@@ -311,7 +349,7 @@ mod tests {
 
     #[test]
     fn what_makes_no_sense_is_a_usage_error_that_says_why() {
-        let cases: [(&[&str], &str); 19] = [
+        let cases: [(&[&str], &str); 24] = [
             (&["goto"], "LAT,LON,ALT"),
             (&["goto", "37,-6"], "2 numbers, three are needed"),
             (&["goto", "37,-6,20,1"], "4 numbers"),
@@ -345,6 +383,14 @@ mod tests {
             (&["start", "--deadline=-1"], "-1 is not in 0..=86400000"),
             (&["echo", "gps"], "[possible values: dsp, hero, state]"),
             (&["echo", "dsp", "--count", "0"], "count"),
+            (&["hz"], "<TOPIC>"),
+            (&["delay", "gps"], "[possible values: dsp, hero, state]"),
+            (&["hz", "hero", "--count", "1"], "1 is not in 2.."),
+            (&["bw", "hero", "--duration", "0"], "seconds from 0.01"),
+            (
+                &["bw", "hero", "--json"],
+                "not provided:\n  <--count <N>|--duration <S>>",
+            ),
             (
                 &["strat"],
                 "some similar subcommands exist: 'status', 'state', 'start'",

@@ -4,6 +4,8 @@
 //! * [`config`]: the file `ril.toml`;
 //! * [`commands`]: the operator's commands, thin shells around pure values;
 //! * [`demo`]: a whole simulated mission with one command;
+//! * [`measure`]: rates, ages and bytes of samples, with their histograms;
+//! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`words`]: reports in words, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
@@ -28,6 +30,8 @@ pub mod commands;
 pub mod config;
 pub mod demo;
 pub mod fields;
+pub mod live;
+pub mod measure;
 pub mod words;
 
 use std::ffi::OsString;
@@ -63,5 +67,8 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Goto(args) => request::go_to(&args),
         Command::State(args) => state::state(&args),
         Command::Echo(args) => echo::echo(&args),
+        Command::Hz(args) => commands::measure::hz(&args),
+        Command::Delay(args) => commands::measure::delay(&args),
+        Command::Bw(args) => commands::measure::bw(&args),
     }
 }

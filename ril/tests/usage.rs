@@ -18,6 +18,8 @@ fn what_makes_no_sense_is_refused_before_anybody_is_asked() {
         ("goto 37,-6", "2 numbers, three are needed"),
         ("takeoff --altitude nan", "the altitude `nan` is not finite"),
         ("echo", "<TOPIC>"),
+        ("hz gps", "[possible values: dsp, hero, state]"),
+        ("delay hero --json", "<--count <N>|--duration <S>>"),
         (
             "echo hero --field latitude_rad",
             "did you mean `geodetic.latitude_rad`?",
@@ -52,6 +54,7 @@ fn a_wrong_configuration_is_told_with_file_and_line() {
         ("goto 37,-6,20", "wrong.toml", "wrong.toml:3"),
         ("state", "wild.toml", "wild.toml:2: 0 is out of range"),
         ("echo dsp", "wild.toml", "wild.toml:2: "),
+        ("hz dsp", "wild.toml", "wild.toml:2: "),
         ("start --check-config", "wrong.toml", "wrong.toml:3"),
         (
             "bridge",
@@ -89,6 +92,9 @@ fn without_a_bridge_everybody_is_told_how_to_start_it() {
         ("echo dsp --timeout 0.05", "bridge"),
         ("echo hero --timeout 0.05 --count 1", "status"),
         ("echo state --timeout 0.05 --json", "bridge"),
+        ("hz dsp --timeout 0.05", "bridge"),
+        ("delay hero --timeout 0.05 --count 2 --json", "status"),
+        ("bw state --timeout 0.05 --duration 1", "bridge"),
     ] {
         let finished = rig.run(&format!("{args} --robot 7"), 3);
         let advice = format!("start `ril {process} --robot 7`");
@@ -101,7 +107,13 @@ fn without_a_bridge_everybody_is_told_how_to_start_it() {
 #[test]
 fn help_documents_the_exit_codes() {
     let rig = Rig::new();
-    for args in ["--help", "start --help", "echo --help", "state --help"] {
+    for args in [
+        "--help",
+        "start --help",
+        "echo --help",
+        "state --help",
+        "delay --help",
+    ] {
         let finished = rig.run(args, 0);
         for code in runtime::exit::ExitCode::ALL {
             let line = format!("{:>4}  ", code.code());

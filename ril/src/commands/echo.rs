@@ -4,10 +4,11 @@ use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Losses, MonotonicNs, Subscriber};
+use ipc_types::{Losses, MonotonicNs};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::patience::{Limits, Next, Patience};
+use super::patience::{Limits, Next};
+use super::stream::{self, Watcher};
 use super::{Session, configuration, json_line};
 use crate::cli::{EchoArgs, Topic};
 use crate::fields::{JsonLine, Plainly, Selection, Shown, Tree};
@@ -41,12 +42,13 @@ fn run<T: Shown>(args: &EchoArgs) -> Result<(), Failure> {
         selection,
         json: args.json,
         out: BufWriter::new(io::stdout().lock()),
+        seen: Seen::default(),
     };
-    let mut seen = Seen::default();
-    let end = watch(&session, &mut samples, limits, &mut printer, &mut seen)?;
+    let end = stream::watch(&session, &mut samples, limits, &mut printer)?;
     if tracing::enabled!(tracing::Level::INFO) {
+        let summary = printer.seen.summary(samples.losses());
         // Standard error may be closed; that harms nobody.
-        let _ = writeln!(io::stderr(), "{}", seen.summary(samples.losses()));
+        let _ = writeln!(io::stderr(), "{summary}");
     }
     match end {
         Next::Nothing => Err(session.nothing_came(T::SERVICE, limits.timeout)?),
@@ -54,65 +56,28 @@ fn run<T: Shown>(args: &EchoArgs) -> Result<(), Failure> {
     }
 }
 
-/// Prints samples until it is enough, nothing comes any more, or a signal comes; the latter is enough, too.
-fn watch<T: Shown>(
-    session: &Session,
-    samples: &mut Subscriber<T>,
-    limits: Limits,
-    printer: &mut Printer<impl Write>,
-    seen: &mut Seen,
-) -> Result<Next, Failure> {
-    let mut patience = Patience::new(limits, MonotonicNs::now());
-    while !session.termination.requested() {
-        let count = print(samples, patience.wanted(), printer, seen)?;
-        let now = MonotonicNs::now();
-        patience.came(count, now);
-        match patience.next(now) {
-            Next::Wait(until) => session.wait(&[&*samples], Some(until))?,
-            Next::Look => {
-                // Nobody else may be there to notice that a publisher was killed.
-                session.ipc.clean_dead();
-                patience.provider(session.is_provided(T::SERVICE)?, now);
-            }
-            end => return Ok(end),
-        }
-    }
-    Ok(Next::Enough)
-}
-
-/// Prints what is there, at most `wanted` samples, and says how many those were.
-fn print<T: Shown>(
-    samples: &mut Subscriber<T>,
-    wanted: u64,
-    printer: &mut Printer<impl Write>,
-    seen: &mut Seen,
-) -> Result<u64, Failure> {
-    let mut count = 0;
-    let mut result = Ok(());
-    let received = samples.drain(|sample| {
-        if count < wanted && result.is_ok() {
-            count += 1;
-            seen.take(sample);
-            result = printer.sample(sample);
-        }
-    });
-    if let Err(error) = received {
-        tracing::warn!(%error, "samples could not be received");
-    }
-    result?;
-    printer.out.flush().map_err(Failure::output)?;
-    Ok(count)
-}
-
 /// How samples are printed.
 struct Printer<W> {
     selection: Selection,
     json: bool,
     out: W,
+    seen: Seen,
+}
+
+impl<T: Shown, W: Write> Watcher<T> for Printer<W> {
+    fn sample(&mut self, sample: &T) -> Result<bool, Failure> {
+        self.seen.take(sample);
+        self.print(sample)?;
+        Ok(true)
+    }
+
+    fn woken(&mut self, _: Losses, _: MonotonicNs) -> Result<(), Failure> {
+        self.out.flush().map_err(Failure::output)
+    }
 }
 
 impl<W: Write> Printer<W> {
-    fn sample<T: Shown>(&mut self, sample: &T) -> Result<(), Failure> {
+    fn print<T: Shown>(&mut self, sample: &T) -> Result<(), Failure> {
         let tree = Tree::of(sample, &self.selection);
         if self.json {
             let schema = T::TYPE_NAME;
@@ -204,8 +169,9 @@ mod tests {
             selection: Selection::of::<DspTelemetry>(&names).unwrap(),
             json,
             out: Vec::new(),
+            seen: Seen::default(),
         };
-        printer.sample(&sample()).unwrap();
+        printer.print(&sample()).unwrap();
         String::from_utf8(printer.out).unwrap()
     }
 

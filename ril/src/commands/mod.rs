@@ -2,10 +2,12 @@
 
 pub mod echo;
 pub mod exchange;
+pub mod measure;
 pub mod overview;
 pub mod patience;
 pub mod request;
 pub mod state;
+mod stream;
 
 use std::io::Write;
 use std::os::fd::AsFd;

@@ -7,6 +7,7 @@ use ipc_types::MonotonicNs;
 
 use super::mission::{Mission, Outcome};
 use super::watch::{Counts, Watch};
+use crate::live::Block;
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
@@ -16,7 +17,7 @@ const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 pub struct Screen {
     kind: Kind,
     drawn: Option<Instant>,
-    lines_up: usize,
+    live: Block,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +38,7 @@ impl Screen {
         Screen {
             kind,
             drawn: None,
-            lines_up: 0,
+            live: Block::default(),
         }
     }
 
@@ -46,7 +47,7 @@ impl Screen {
         if self.kind == Kind::Silent {
             return Ok(());
         }
-        self.clear()?;
+        self.live.clear(&mut io::stdout())?;
         writeln!(io::stdout(), "{line}")
     }
 
@@ -73,30 +74,15 @@ impl Screen {
         if self.kind != Kind::Live || recent {
             return Ok(());
         }
-        self.clear()?;
         let block = block(mission, watch, counts, MonotonicNs::now());
-        let mut out = io::stdout().lock();
-        for line in &block {
-            writeln!(out, "{line}")?;
-        }
-        out.flush()?;
-        self.lines_up = block.len();
+        self.live.show(&mut io::stdout().lock(), &block)?;
         self.drawn = Some(Instant::now());
-        Ok(())
-    }
-
-    fn clear(&mut self) -> io::Result<()> {
-        if self.lines_up > 0 {
-            // Up to the block's first line, then erase to the end of the screen.
-            write!(io::stdout(), "\x1b[{}A\x1b[J", self.lines_up)?;
-            self.lines_up = 0;
-        }
         Ok(())
     }
 
     /// Takes the live block away.
     pub fn end(&mut self) -> io::Result<()> {
-        self.clear()?;
+        self.live.clear(&mut io::stdout())?;
         io::stdout().flush()
     }
 }
