@@ -189,6 +189,36 @@ fn a_dsp_that_only_answers_probes_is_started_again() {
 }
 
 #[test]
+fn a_dsp_that_stops_its_status_alone_is_told_to_send_it_and_the_movement_goes_on() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(5)]);
+    desk.run(300);
+    desk.dsp.commands.clear();
+    desk.dsp.sends_status = false;
+    desk.run(1500);
+    assert_eq!(desk.dsp.commands, [], "not at once");
+    desk.run(600);
+    assert_eq!(desk.dsp.commands, [Command::ActivateStatus]);
+    let samples = desk.out.telemetry.len();
+    desk.dsp.at(north(5));
+    desk.run(3000);
+    assert!(desk.out.telemetry.len() > samples + 100);
+    assert_eq!(desk.dsp.commands.len(), 1, "told once");
+    assert_eq!(desk.last(path[0]).0, Stage::Done);
+}
+
+#[test]
+fn a_slow_status_is_waited_for() {
+    let mut desk = Desk::up(&config("[parameters]\nstatus_period_ms = 10000\n"));
+    desk.dsp.commands.clear();
+    desk.dsp.sends_status = false;
+    desk.run(39_000);
+    assert_eq!(desk.dsp.commands, []);
+    desk.run(2_000);
+    assert_eq!(desk.dsp.commands, [Command::ActivateStatus]);
+}
+
+#[test]
 fn a_port_that_goes_and_comes_back_is_started_again() {
     let mut desk = Desk::flying();
     let path = desk.path(1, &[north(5)]);

@@ -11,10 +11,12 @@
 //! | silent | no valid message for the configured time | any message → up; probe failed → connecting (`Lost`) |
 //!
 //! In silence the DSP is probed by reading its status mask, which disturbs nothing. A mask that is not ours, or a DSP
-//! that answers probes but sends nothing else, has rebooted.
+//! that answers probes but sends nothing else, has rebooted. One that says other things but sends no status any more is
+//! told to send it.
 
 pub mod coherence;
 pub mod delivery;
+mod liveness;
 pub mod outgoing;
 pub mod startup;
 
@@ -22,7 +24,7 @@ use std::collections::VecDeque;
 
 use dsp_protocol::{
     Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Received, Refusal, Sequence,
-    Status, StatusMask, Uplink, Waypoint, plausibility, port,
+    Status, StatusMask, Uplink, Waypoint, plausibility,
 };
 use ipc_types::MonotonicNs;
 use ipc_types::code::LinkState;
@@ -49,6 +51,8 @@ pub enum Purpose {
     },
     /// Is the DSP there, and does it still have our mask?
     Probe,
+    /// The DSP is there and has stopped to send status: it is told again to do so.
+    WakeStatus,
     /// For the flight.
     Flight(FlightCommand),
 }
@@ -129,6 +133,8 @@ pub struct Line {
     refused: RefusedCounters,
     state: LinkState,
     silence_deadline: Option<MonotonicNs>,
+    /// When the next status must have come; nothing unless the link is up.
+    status_deadline: Option<MonotonicNs>,
     start_up_retry: Option<MonotonicNs>,
     failed_start_ups: u32,
     lonely_probes: u32,
@@ -151,6 +157,7 @@ impl Line {
             refused: RefusedCounters::default(),
             state: LinkState::Gone,
             silence_deadline: None,
+            status_deadline: None,
             start_up_retry: None,
             failed_start_ups: 0,
             lonely_probes: 0,
@@ -203,6 +210,8 @@ impl Line {
                 self.begin_start_up(now);
             } else if passed(self.silence_deadline, now) {
                 self.silence(now);
+            } else if passed(self.status_deadline, now) {
+                self.wake_status(now);
             } else {
                 break;
             }
@@ -216,6 +225,7 @@ impl Line {
             self.delivery.deadline(),
             self.start_up_retry,
             self.silence_deadline,
+            self.status_deadline,
         ]
         .into_iter()
         .flatten()
@@ -322,12 +332,7 @@ impl Line {
         };
         self.health.messages_received += 1;
         self.health.last_message_ns = now.0;
-        if self.state == LinkState::Silent {
-            self.enter(LinkState::Up, now);
-        }
-        if self.state == LinkState::Up {
-            self.silence_deadline = Some(now + self.config.link.silent_after());
-        }
+        self.heard_something(now);
         match received.message {
             Downlink::Ack { command } => {
                 self.acknowledged(now, &ack(command, AckData::None));
@@ -355,6 +360,7 @@ impl Line {
 
     fn status(&mut self, now: MonotonicNs, mut status: Status) {
         self.lonely_probes = 0;
+        self.expect_status(now);
         let implausible = plausibility::implausible_groups(&status);
         if implausible != StatusMask::NONE {
             self.refused.implausible_groups = self
@@ -392,12 +398,13 @@ impl Line {
         };
         increment(&mut self.health.commands_acknowledged);
         match purpose {
-            Purpose::StartUp { last: false } => {}
+            Purpose::StartUp { last: false } | Purpose::WakeStatus => {}
             Purpose::StartUp { last: true } => {
                 self.failed_start_ups = 0;
                 self.lonely_probes = 0;
                 self.enter(LinkState::Up, now);
-                self.silence_deadline = Some(now + self.config.link.silent_after());
+                self.heard_something(now);
+                self.expect_status(now);
                 self.events.push_back(LineEvent::Ready);
             }
             Purpose::Probe => {
@@ -443,6 +450,8 @@ impl Line {
                     self.begin_start_up(now);
                 }
             }
+            // It is told again when the next status is overdue; a DSP that answers nothing else falls silent.
+            Overdue::Failed(Purpose::WakeStatus) => {}
             Overdue::Failed(Purpose::Flight(purpose)) => {
                 self.discard_waiting_bytes();
                 self.events.push_back(LineEvent::Undelivered(purpose));
@@ -451,64 +460,12 @@ impl Line {
         increment(&mut self.health.commands_failed);
     }
 
-    fn rebooted(&mut self, now: MonotonicNs) {
-        increment(&mut self.health.dsp_boots);
-        self.events.push_back(LineEvent::Rebooted);
-        self.begin_start_up(now);
-    }
-
-    fn begin_start_up(&mut self, now: MonotonicNs) {
-        self.abandon();
-        self.start_up_retry = None;
-        if self.state != LinkState::Connecting {
-            self.enter(LinkState::Connecting, now);
-        }
-        let mut commands =
-            startup::sequence(self.config.status.mask(), &self.config.parameters).peekable();
-        while let Some(command) = commands.next() {
-            let last = commands.peek().is_none();
-            // The queue is empty, and its length is derived from the longest start-up.
-            let queued = self.delivery.push(command, Purpose::StartUp { last });
-            debug_assert_eq!(queued, Ok(()));
-        }
-    }
-
-    /// Gives up every command and all bytes that have not left.
-    fn abandon(&mut self) {
-        self.delivery.forget(|_| true);
-        self.silence_deadline = None;
-        self.discard_waiting_bytes();
-    }
-
-    /// A command that was given up must not reach the DSP later, when nobody expects it any more.
-    fn discard_waiting_bytes(&mut self) {
-        self.outgoing.clear();
-        self.discard_unsent = true;
-    }
-
-    fn silence(&mut self, now: MonotonicNs) {
-        self.enter(LinkState::Silent, now);
-        self.silence_deadline = None;
-        if !self.delivery.has(|purpose| *purpose == Purpose::Probe) {
-            let probe = Command::Read16 {
-                port: port::STATUS_MASK,
-            };
-            // A queue full of unanswered commands is itself a probe: its failure ends the silence.
-            let _ = self.delivery.push(probe, Purpose::Probe);
-        }
-    }
-
     fn send(&mut self, sending: &Sending) {
         let message = Uplink::Command(sending.command);
         let frame = message.encode_in(self.config.link.profile, sending.number);
         if !self.outgoing.push(&frame) {
             increment(&mut self.refused.transmit_overflows);
         }
-    }
-
-    fn enter(&mut self, state: LinkState, now: MonotonicNs) {
-        self.state = state;
-        self.health.state_since_ns = now.0;
     }
 
     fn count_refusal(&mut self, refusal: Refusal) {

@@ -47,6 +47,8 @@ pub struct ScriptedDsp {
     pub acknowledges: bool,
     pub silent: bool,
     pub grants: bool,
+    /// It sends status; a command switches it on.
+    pub sends_status: bool,
     pub mask: u16,
     /// It has the port that counts waypoints.
     pub counts: bool,
@@ -71,6 +73,7 @@ impl Default for ScriptedDsp {
             acknowledges: true,
             silent: false,
             grants: true,
+            sends_status: true,
             mask: 0,
             counts: true,
             loses: 0,
@@ -178,6 +181,7 @@ impl ScriptedDsp {
         {
             self.mask = value;
         }
+        self.sends_status |= command == Command::ActivateStatus && !self.silent;
         let answer = match command {
             Command::Read16 { port } => Downlink::Ack16 {
                 command: 0,
@@ -276,7 +280,10 @@ impl<T: Trajectory> Desk<T> {
             self.now = MonotonicNs(self.now.0 + 10_000_000);
             self.dsp.time_ms += 10;
             if !self.dsp.silent && self.bridge.link() != LinkState::Gone {
-                if self.dsp.time_ms.is_multiple_of(20) && self.dsp.mask != 0 {
+                if self.dsp.time_ms.is_multiple_of(20)
+                    && self.dsp.mask != 0
+                    && self.dsp.sends_status
+                {
                     let mut status = self.dsp.status;
                     status.time_ms = Some(self.dsp.time_ms);
                     self.say(Downlink::Status(status));
