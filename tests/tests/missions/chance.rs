@@ -1,8 +1,12 @@
-//! Missions of chance: paths, heights, wind, noise of the sensors and of the line, by seed.
+//! Missions of chance: paths, heights, wind, noise of the sensors and of the line, and faults of every kind, by seed.
 
 use std::time::Duration;
 
 use bridge::line::coherence::Rule;
+use dsp_protocol::DspErrorCode;
+use dsp_sim::faults::{
+    Act, AfterStall, Damage, Directions, DspEvent, Fault, MessageKind, Script, Times, Window,
+};
 use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::random::Random;
 use ipc_types::code::ControlCommand;
@@ -10,7 +14,6 @@ use ipc_types::payload::{MovementData, WaypointPosition};
 
 use crate::config::WorldConfig;
 use crate::operator::{Step, bring_home, fly, fly_through_trouble, point};
-use crate::seeds;
 use crate::world::{Trouble, World};
 
 /// The stream of a seed that makes missions; the simulator has others.
@@ -71,6 +74,115 @@ impl Dice {
         }
     }
 
+    fn duration(&mut self, low_s: f64, high_s: f64) -> Duration {
+        Duration::from_secs_f64(self.within(low_s, high_s))
+    }
+
+    /// A span of a mission.
+    fn window(&mut self) -> Window {
+        let begin = self.duration(0.0, 40.0);
+        Window::between(begin, begin + self.duration(0.0, 15.0))
+    }
+
+    fn damage(&mut self) -> Damage {
+        match self.count(0, 9) {
+            0 => Damage::FlipBits {
+                bit_error_rate: 10_f64.powf(self.within(-5.0, -1.5)),
+            },
+            1 => Damage::Drop {
+                rate: self.within(0.0, 0.2),
+            },
+            2 => Damage::Duplicate {
+                rate: self.within(0.0, 0.2),
+            },
+            3 => Damage::Insert {
+                rate: self.within(0.0, 0.2),
+            },
+            4 => Damage::Delay {
+                delay: self.duration(0.0, 0.2),
+                jitter: self.duration(0.0, 0.2),
+            },
+            5 => Damage::Split {
+                // No slower than a third of what is said, or it would arrive minutes later.
+                chunk_bytes: self.count(8, 32) as usize,
+                gap: self.duration(0.000_1, 0.005),
+            },
+            6 => Damage::Burst {
+                rate: self.within(0.0, 0.01),
+                length_bytes: self.count(1, 200) as u32,
+            },
+            7 => Damage::Stall {
+                then: AfterStall::Pass,
+            },
+            8 => Damage::Stall {
+                then: AfterStall::Drop,
+            },
+            _ => Damage::Outage,
+        }
+    }
+
+    fn message_fault(&mut self) -> Fault {
+        let message = [
+            MessageKind::Ack,
+            MessageKind::FlowControl,
+            MessageKind::Status,
+            MessageKind::Error,
+            MessageKind::Command,
+            MessageKind::Waypoint,
+        ][self.count(0, 5) as usize];
+        let act = match self.count(0, 3) {
+            0 => Act::Swallow,
+            1 => Act::Repeat,
+            2 => Act::Late(self.duration(0.0, 0.3)),
+            _ => Act::Reorder,
+        };
+        Fault::Messages {
+            message,
+            window: self.window(),
+            rate: self.within(0.0, 0.5),
+            act,
+        }
+    }
+
+    fn dsp_event(&mut self) -> DspEvent {
+        match self.count(0, 4) {
+            0 => DspEvent::Reboot,
+            1 => DspEvent::StopStatus,
+            2 => DspEvent::Hang(self.duration(0.0, 8.0)),
+            3 => DspEvent::ClockJump(self.within(-20_000.0, 20_000.0) as i64),
+            _ => {
+                let codes = [1, 8, 18, 30, 45, 102, 300, 999];
+                DspEvent::RaiseError(DspErrorCode(codes[self.count(0, 7) as usize]))
+            }
+        }
+    }
+
+    /// One to six faults of every kind that a script can have.
+    fn script(&mut self, seed: u64) -> Script {
+        let faults = (0..self.count(1, 6)).map(|_| match self.count(0, 3) {
+            0 => Fault::Bytes {
+                direction: [Directions::ToPc, Directions::ToDsp, Directions::Both]
+                    [self.count(0, 2) as usize],
+                window: self.window(),
+                damage: self.damage(),
+            },
+            1 => self.message_fault(),
+            2 => Fault::Dsp {
+                times: Times::once(self.duration(0.0, 50.0)),
+                event: self.dsp_event(),
+            },
+            _ => Fault::HangUp {
+                times: Times::once(self.duration(0.0, 50.0)),
+                length: self.duration(0.0, 10.0),
+                elsewhere: self.count(0, 1) == 1,
+            },
+        });
+        Script {
+            seed,
+            faults: faults.collect(),
+        }
+    }
+
     /// A windy place somewhere on Earth.
     fn config(&mut self, seed: u64) -> WorldConfig {
         let mut config = WorldConfig::new()
@@ -96,7 +208,7 @@ impl Dice {
 }
 
 /// A mission in wind and with noisy sensors, on a line that is sound.
-fn fly_in_wind(seed: u64) {
+pub fn fly_in_wind(seed: u64) -> u64 {
     let mut dice = Dice(Random::new(seed, STREAM));
     let config = dice.config(seed);
     let mission = dice.mission();
@@ -107,10 +219,11 @@ fn fly_in_wind(seed: u64) {
     let refused: u64 = dsp.refusals.iter().sum();
     assert_eq!((dsp.waypoints_discarded, refused), (0, 0));
     assert_eq!(world.witness.state.refused.implausible_groups, 0);
+    1
 }
 
 /// A mission with noise on the line from a moment of chance on.
-fn fly_in_noise(seed: u64) {
+pub fn fly_in_noise(seed: u64) -> u64 {
     let mut dice = Dice(Random::new(seed, STREAM));
     let config = dice.config(seed).unsound();
     let mission = dice.mission();
@@ -127,10 +240,11 @@ fn fly_in_noise(seed: u64) {
     fly_through_trouble(&mut world, &mission);
     assert!(!world.simulator.helicopter().is_flying());
     world.finish();
+    1
 }
 
 /// An operator who sends anything at any time, while everything goes wrong at once.
-fn be_reckless(seed: u64) {
+pub fn be_reckless(seed: u64) -> u64 {
     let mut dice = Dice(Random::new(seed, STREAM));
     let config = dice.config(seed).unsound();
     let mut world = World::new(&config);
@@ -156,31 +270,51 @@ fn be_reckless(seed: u64) {
     bring_home(&mut world);
     assert!(!world.simulator.helicopter().is_flying());
     world.finish();
+    1
 }
 
-// In parts, so that they run side by side.
-
-#[test]
-fn a_hundred_missions_in_wind() {
-    seeds::for_each(0..100, fly_in_wind);
+/// A mission under a script of faults, as `ril sim --faults` takes it; half of the bridges are killed on the way.
+pub fn fly_through_faults(seed: u64) -> u64 {
+    let mut dice = Dice(Random::new(seed, STREAM));
+    let mut config = dice.config(seed).unsound();
+    config.simulator.faults = Some(dice.script(seed));
+    let mission = dice.mission();
+    let mut world = World::new(&config);
+    if dice.count(0, 1) == 0 {
+        let when = dice.duration(0.0, 50.0);
+        let away = dice.duration(0.01, 5.0);
+        world.schedule(vec![(when, Trouble::BridgeDies(away))]);
+    }
+    fly_through_trouble(&mut world, &mission);
+    if world.simulator.helicopter().is_flying() {
+        bring_home(&mut world);
+    }
+    world.finish();
+    1
 }
 
-#[test]
-fn another_hundred_missions_in_wind() {
-    seeds::for_each(100..200, fly_in_wind);
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seeds;
 
-#[test]
-fn seventy_missions_in_noise() {
-    seeds::for_each(1000..1070, fly_in_noise);
-}
+    #[test]
+    fn missions_in_wind() {
+        seeds::fly_each(0..350, fly_in_wind);
+    }
 
-#[test]
-fn another_seventy_missions_in_noise() {
-    seeds::for_each(1070..1140, fly_in_noise);
-}
+    #[test]
+    fn missions_in_noise() {
+        seeds::fly_each(1000..1250, fly_in_noise);
+    }
 
-#[test]
-fn sixty_reckless_operators() {
-    seeds::for_each(2000..2060, be_reckless);
+    #[test]
+    fn reckless_operators() {
+        seeds::fly_each(2000..2200, be_reckless);
+    }
+
+    #[test]
+    fn missions_under_faults_of_every_kind() {
+        seeds::fly_each(3000..3200, fly_through_faults);
+    }
 }

@@ -93,8 +93,8 @@ pub fn fly_through_trouble(world: &mut World, steps: &[Step]) -> Option<Outcome>
 /// What an operator does after something went wrong: waits for the link and until the helicopter hovers or stands,
 /// ends whatever the module still does, starts it again, and lands.
 pub fn bring_home(world: &mut World) {
-    /// Each attempt can meet the rest of the trouble once.
-    const ATTEMPTS: usize = 10;
+    /// One a second, for longer than any trouble lasts.
+    const ATTEMPTS: usize = 120;
     for _ in 0..ATTEMPTS {
         await_link(world);
         world.run_until("it hovers or stands", |world| {
@@ -114,7 +114,12 @@ pub fn bring_home(world: &mut World) {
         }
         world.run_for(Duration::from_secs(1));
     }
-    panic!("the helicopter could not be brought home");
+    panic!(
+        "the helicopter could not be brought home: {:?}, {:?}, {:?}",
+        world.now(),
+        world.simulator.helicopter().phase(),
+        world.witness.state
+    );
 }
 
 fn follow(world: &mut World, id: u64) -> Outcome {

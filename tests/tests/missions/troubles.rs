@@ -1,5 +1,5 @@
 //! Missions on which something goes wrong, at every moment of a flight: the DSP reboots, the port goes and comes back,
-//! the line is full of noise.
+//! the bridge is killed and started again, the line is full of noise.
 //!
 //! Whatever happens, every request has exactly one final word, no implausible value is published, and an operator who
 //! starts again brings the helicopter home. What the interrupted step is told is in the table.
@@ -7,8 +7,10 @@
 use std::time::Duration;
 
 use dsp_protocol::Group;
+use dsp_sim::faults::{Fault, Script, Times};
 use dsp_sim::helicopter::Phase;
 use ipc_types::code::{Functionality, LinkState, Reason, Stage};
+use ipc_types::payload::MovementData;
 
 use crate::config::WorldConfig;
 use crate::operator::{Step, await_link, bring_home, carry_out, fly_through_trouble, point};
@@ -140,6 +142,7 @@ fn fly(config: &WorldConfig, when: When, trouble: Trouble) -> (World, Option<Out
         "{start:?}"
     );
     assert!(carry_out(&mut world, &Step::Stop).is_done());
+    ask_again(&mut world);
     world.finish();
     (world, failure)
 }
@@ -182,6 +185,100 @@ fn a_port_that_goes_and_comes_back_at_every_moment() {
             assert_eq!(world.witness.state.link.dsp_boots, 0, "{what}");
         }
     }
+}
+
+#[test]
+fn a_bridge_that_is_killed_and_started_again_at_every_moment() {
+    let config = WorldConfig::new().unsound();
+    for away in [Duration::from_millis(50), Duration::from_secs(5)] {
+        for (what, when, effect) in MOMENTS {
+            let (world, failure) = fly(&config, when, Trouble::BridgeDies(away));
+            let is_begun = !matches!(what, "during start-up" | "on the ground");
+            let is_over = matches!(what, "spinning down" | "landed");
+            let expected = match effect {
+                // The client's own side says it. The DSP empties its buffer when the next bridge starts up.
+                Effect::Path | Effect::Movement => Some((Stage::Unknown, Reason::BridgeGone)),
+                // A new bridge does nothing before it is started.
+                Effect::None if is_begun && !is_over => Some((Stage::Refused, Reason::NotStarted)),
+                Effect::None => None,
+            };
+            check(what, failure, expected);
+            assert_eq!(world.deaths, 1, "{what}");
+            assert_eq!(world.witness.state.link.dsp_boots, 0, "{what}");
+        }
+    }
+}
+
+/// Asks again for everything that the dead bridge was asked for: the one that runs now carries out none of it.
+fn ask_again(world: &mut World) {
+    let sent = (world.probe.waypoints, world.probe.commands.len());
+    for request_id in 1..=world.requests_of_the_dead {
+        for request in [
+            MovementData::take_off(request_id, 6.0),
+            MovementData::land(request_id),
+        ] {
+            let outcome = world.ask_again(&MovementData {
+                repeat: 1,
+                ..request
+            });
+            let expected = (Stage::Unknown, Reason::NotRemembered);
+            assert_eq!((outcome.stage, outcome.reason), expected);
+        }
+    }
+    let now = (world.probe.waypoints, world.probe.commands.len());
+    assert_eq!(now, sent, "it was carried out");
+}
+
+#[test]
+fn the_port_of_a_script_hangs_up_at_every_second_of_a_mission() {
+    for second in 1..40 {
+        let mut config = WorldConfig::new().unsound();
+        config.simulator.faults = Some(Script {
+            seed: second,
+            faults: vec![Fault::HangUp {
+                times: Times::once(Duration::from_secs(second)),
+                length: Duration::from_millis(100 * (second % 7)),
+                elsewhere: false,
+            }],
+        });
+        let mut world = World::new(&config);
+        let failure = fly_through_trouble(&mut world, &mission());
+        world.run_until("the hang-up", |world| world.simulator.port().hang_ups > 0);
+        await_link(&mut world);
+        if let Some(outcome) = failure {
+            // A request that comes while there is no link is refused; nobody knows what becomes of a movement.
+            let expected = [
+                (Stage::Refused, Reason::LinkDown),
+                (Stage::Aborted, Reason::CommunicationFatalError),
+                (Stage::Unknown, Reason::CommunicationFatalError),
+            ];
+            let outcome = (outcome.stage, outcome.reason);
+            assert!(expected.contains(&outcome), "{outcome:?} at {second} s");
+        }
+        assert!(!world.simulator.helicopter().is_flying());
+        assert_eq!(world.witness.state.link.port_openings, 2, "at {second} s");
+        world.finish();
+    }
+}
+
+#[test]
+fn the_script_that_comes_with_the_simulator_is_survived() {
+    let text = include_str!("../../../dsp-sim/faults.toml");
+    let script: Script =
+        runtime::config::parse(text, "faults.toml").expect("an example that parses");
+    let mut config = WorldConfig::new().unsound();
+    config.simulator.faults = Some(script);
+    let mut world = World::new(&config);
+    // Longer than the last fault that it has.
+    while world.now() < Duration::from_secs(240) {
+        fly_through_trouble(&mut world, &mission());
+        bring_home(&mut world);
+    }
+    let faults = world.simulator.faults().expect("there is a script");
+    assert!(
+        faults.hang_ups > 0 && faults.reboots > 0 && faults.hangs > 0 && faults.clock_jumps > 0
+    );
+    world.finish();
 }
 
 #[test]

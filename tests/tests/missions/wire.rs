@@ -44,6 +44,8 @@ pub struct Probe {
     statuses: VecDeque<Frame>,
     pub commands: Vec<Command>,
     pub waypoints: usize,
+    /// Those of them that had been sent before.
+    pub repeated_waypoints: u64,
     /// How often flow control said stop.
     pub stops: u32,
     /// Whether every message arrives: then acknowledgements and grants can be counted.
@@ -62,6 +64,7 @@ impl Probe {
             statuses: VecDeque::new(),
             commands: Vec::new(),
             waypoints: 0,
+            repeated_waypoints: 0,
             stops: 0,
             is_sound,
         }
@@ -162,6 +165,7 @@ impl Probe {
         self.grants = self.grants.saturating_sub(1);
         let is_repeated = self.allowed.sent == Some(*sent);
         if is_repeated && !self.is_sound {
+            self.repeated_waypoints += 1;
             return;
         }
         self.allowed.sent = Some(*sent);
@@ -227,6 +231,7 @@ impl Noise {
     }
 }
 
+#[cfg(test)]
 mod tests {
     use super::*;
 

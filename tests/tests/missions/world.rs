@@ -3,8 +3,9 @@
 
 use std::time::Duration;
 
-use bridge::{Bridge, RequestKey};
+use bridge::{Bridge, BridgeConfig, RequestKey};
 use dsp_protocol::Waypoint;
+use dsp_sim::faults::PortState;
 use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
@@ -15,7 +16,7 @@ use crate::chain::Chain;
 use crate::config::WorldConfig;
 use crate::truth::Movement;
 use crate::wire::{Noise, Probe};
-use crate::witness::Witness;
+use crate::witness::{Outcome, Witness};
 
 /// The host's clock when the world begins: far from zero, so that nobody takes one clock for the other.
 const HOST_EPOCH: MonotonicNs = MonotonicNs(86_400_000_000_000);
@@ -23,6 +24,9 @@ const HOST_EPOCH: MonotonicNs = MonotonicNs(86_400_000_000_000);
 /// Longest virtual time to wait for anything: longer than any flight here, with the movements' time limit of
 /// [`WorldConfig`].
 const PATIENCE: Duration = Duration::from_secs(400);
+
+/// How long the bridge's process takes to find a port that is back: its shortest pause between two attempts.
+const REOPENING: Duration = Duration::from_millis(50);
 
 /// Steps in which the clock may stand still: messages that go to and fro without taking time.
 const MAX_STEPS_AT_ONCE: u32 = 1000;
@@ -34,6 +38,8 @@ pub enum Trouble {
     Reboot,
     /// The port goes and comes back after this time.
     PortGone(Duration),
+    /// The bridge's process is killed, and started again after this time.
+    BridgeDies(Duration),
     /// Three of ten bytes are damaged in both directions for this time.
     Noise(Duration),
     /// One of a hundred is.
@@ -56,14 +62,25 @@ pub struct World {
     pub chain: Chain,
     /// Free places of the DSP's path buffer when it was fullest.
     pub fewest_free_places: usize,
+    /// How often the bridge was killed.
+    pub deaths: u32,
+    /// Id of the last request that was sent before a bridge was killed; 0 when none was.
+    pub requests_of_the_dead: u64,
     bridge: Bridge,
+    bridge_config: BridgeConfig,
+    /// When a bridge that was killed is started again.
+    bridge_starts: Option<Duration>,
     now: Duration,
     is_exact: bool,
     is_sound: bool,
-    /// When the port opens; nothing while it is open.
+    /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
     port_opens: Option<Duration>,
+    /// The device as it was last seen.
+    device: PortState,
     noise: [Noise; 2],
     plan: Option<Plan>,
+    /// Troubles and when they happen, the next one last.
+    agenda: Vec<(Duration, Trouble)>,
     /// The movement under way, by its request.
     movement: Option<(u64, Movement)>,
     /// The waypoints that were sent since the last head of a path.
@@ -81,16 +98,22 @@ impl World {
             probe: Probe::new(config.bridge.link.profile, config.is_sound),
             chain: Chain::new(),
             fewest_free_places: usize::MAX,
+            deaths: 0,
             bridge: Bridge::new(&config.bridge),
+            bridge_config: config.bridge.clone(),
+            bridge_starts: None,
             now: Duration::ZERO,
             is_exact: config.is_exact,
             is_sound: config.is_sound,
             port_opens: Some(Duration::from_millis(10)),
+            device: PortState::default(),
             noise: [Noise::new(seed, 101), Noise::new(seed, 102)],
             plan: None,
+            agenda: Vec::new(),
             movement: None,
             open_path: Vec::new(),
             next_request: 0,
+            requests_of_the_dead: 0,
             steps_at_once: 0,
         }
     }
@@ -98,6 +121,12 @@ impl World {
     /// Lets `trouble` happen as soon as `when` holds; once.
     pub fn plan(&mut self, trouble: Trouble, when: fn(&World) -> bool) {
         self.plan = Some(Plan { when, trouble });
+    }
+
+    /// Lets each trouble happen at its time.
+    pub fn schedule(&mut self, mut agenda: Vec<(Duration, Trouble)>) {
+        agenda.sort_by_key(|(when, _)| std::cmp::Reverse(*when));
+        self.agenda = agenda;
     }
 
     /// Whether the planned trouble has begun.
@@ -155,9 +184,11 @@ impl World {
             ..request
         };
         let key = RequestKey::Control(id);
-        self.bridge
-            .control(host(self.now), key, &request, &mut self.witness);
-        self.exchange();
+        if self.is_alive() {
+            self.bridge
+                .control(host(self.now), key, &request, &mut self.witness);
+            self.exchange();
+        }
         id
     }
 
@@ -168,6 +199,9 @@ impl World {
             request_id,
             ..request
         };
+        if !self.is_alive() {
+            return request_id;
+        }
         let path = self.path_closed_by(&request);
         let allowed = path.as_deref().map(|path| self.probe.path_closes(path));
         let movement = Movement::of(&request, path.as_deref(), self.simulator.helicopter());
@@ -186,6 +220,18 @@ impl World {
             _ => {}
         }
         request_id
+    }
+
+    /// Sends a request that was sent before, under its id, and returns what is said at once.
+    pub fn ask_again(&mut self, request: &MovementData) -> Outcome {
+        self.witness.now = host(self.now);
+        self.witness.expect(request.request_id);
+        let key = RequestKey::Movement(request.request_id);
+        self.bridge
+            .movement(host(self.now), key, request, &mut self.witness);
+        self.exchange();
+        let outcome = self.witness.outcome(request.request_id);
+        outcome.expect("a final word at once")
     }
 
     /// Sends one waypoint of a path, given in the flat world, and returns the request's id. `path` is the whole path.
@@ -231,6 +277,9 @@ impl World {
     pub fn sender_gone(&mut self, request_id: u64) {
         self.witness.now = host(self.now);
         let key = RequestKey::Movement(request_id);
+        if !self.is_alive() {
+            return;
+        }
         self.bridge
             .sender_gone(host(self.now), key, &mut self.witness);
     }
@@ -248,7 +297,9 @@ impl World {
     /// Ends the bridge; every request must then have had its final word.
     pub fn finish(&mut self) {
         self.witness.now = host(self.now);
-        self.bridge.close(host(self.now), &mut self.witness);
+        if self.is_alive() {
+            self.bridge.close(host(self.now), &mut self.witness);
+        }
         self.witness.assert_all_answered();
     }
 
@@ -256,17 +307,27 @@ impl World {
         self.witness.now = host(self.now);
         self.next_request += 1;
         self.witness.expect(self.next_request);
+        if !self.is_alive() {
+            self.witness.bridge_gone();
+        }
         self.next_request
+    }
+
+    fn is_alive(&self) -> bool {
+        self.bridge_starts.is_none()
     }
 
     /// Jumps to the next deadline of anybody, `end` at the latest, and does what is due.
     fn step(&mut self, end: Duration) {
-        let bridge =
-            Duration::from_nanos(self.bridge.deadline().since(HOST_EPOCH).as_nanos() as u64);
+        let bridge = self.is_alive().then(|| {
+            Duration::from_nanos(self.bridge.deadline().since(HOST_EPOCH).as_nanos() as u64)
+        });
         let next = [
-            Some(bridge),
+            bridge,
+            self.bridge_starts,
             self.simulator.next_deadline(),
             self.port_opens,
+            self.agenda.last().map(|(when, _)| *when),
             Some(end),
         ]
         .into_iter()
@@ -286,6 +347,8 @@ impl World {
         let now = host(self.now);
         self.witness.now = now;
         self.simulator.advance(self.now);
+        self.bridge_starts.take_if(|starts| *starts <= self.now);
+        self.follow_device();
         if self.port_opens.is_some_and(|opens| opens <= self.now) {
             self.port_opens = None;
             // What was said meanwhile was said to nobody.
@@ -293,10 +356,49 @@ impl World {
             self.bridge.port_opened(now, &mut self.witness);
         }
         self.exchange();
-        self.bridge.advance(now, &mut self.witness);
-        self.exchange();
+        if self.is_alive() {
+            self.bridge.advance(now, &mut self.witness);
+            self.exchange();
+        }
         self.look();
         self.trouble();
+    }
+
+    /// Does to the port what the simulator's script of faults does to the device.
+    fn follow_device(&mut self) {
+        let device = self.simulator.port();
+        // A hang-up whose end has passed already is one all the same.
+        if device.hang_ups != self.device.hang_ups {
+            self.close_port(Duration::MAX);
+        }
+        if !device.is_gone && self.port_opens == Some(Duration::MAX) {
+            let found = self.now + REOPENING;
+            self.port_opens = self.bridge_starts.max(Some(found));
+        }
+        self.device = device;
+    }
+
+    /// The port is closed, and opens again at `opens`.
+    fn close_port(&mut self, opens: Duration) {
+        self.probe.interrupted();
+        let was_open = self.port_opens.is_none();
+        self.port_opens = self.port_opens.max(Some(opens));
+        if was_open && self.is_alive() {
+            self.bridge.port_closed(host(self.now), &mut self.witness);
+        }
+    }
+
+    /// The bridge's process is killed: what it knew is gone, and its clients are told by their own side.
+    fn kill_bridge(&mut self, starts: Duration) {
+        self.deaths += 1;
+        self.requests_of_the_dead = self.next_request;
+        self.probe.interrupted();
+        self.probe.path_closes(&[]);
+        self.witness.bridge_gone();
+        self.movement = None;
+        self.bridge = Bridge::new(&self.bridge_config);
+        self.bridge_starts = Some(starts);
+        self.port_opens = self.port_opens.max(Some(starts));
     }
 
     /// Carries bytes both ways until neither side has any.
@@ -350,6 +452,9 @@ impl World {
     }
 
     fn trouble(&mut self) {
+        while let Some((_, trouble)) = self.agenda.pop_if(|(when, _)| *when <= self.now) {
+            self.happen(trouble);
+        }
         let Some(plan) = self.plan.take() else {
             return;
         };
@@ -357,17 +462,18 @@ impl World {
             self.plan = Some(plan);
             return;
         }
+        self.happen(plan.trouble);
+    }
+
+    fn happen(&mut self, trouble: Trouble) {
         let now = host(self.now);
-        match plan.trouble {
+        match trouble {
             Trouble::Reboot => {
                 self.probe.interrupted();
                 self.simulator.reboot();
             }
-            Trouble::PortGone(time) => {
-                self.probe.interrupted();
-                self.port_opens = Some(self.now + time);
-                self.bridge.port_closed(now, &mut self.witness);
-            }
+            Trouble::PortGone(time) => self.close_port(self.now + time),
+            Trouble::BridgeDies(time) => self.kill_bridge(self.now + time),
             Trouble::Noise(time) => self.begin_noise(0.3, time),
             Trouble::Replay => {
                 if let Some(frame) = self.probe.old_status() {
