@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use crate::log::file_name::{Utc, file_name};
+use crate::log::gathered::whole_rows;
 use crate::log::store::{LogFile, Store};
 
 /// What goes wrong.
@@ -51,6 +52,7 @@ pub(crate) enum Act {
     Prepare,
     List,
     Remove,
+    Mend,
     Create,
     Write,
     Cut,
@@ -168,6 +170,18 @@ impl Store for MemoryStore {
         disk.files.remove(file);
         disk.created.retain(|created| created != file);
         Ok(())
+    }
+
+    fn mend(&mut self, file: &Path) -> io::Result<u64> {
+        let mut disk = self.0.borrow_mut();
+        disk.check(Act::Mend)?;
+        let bytes = disk.files.get_mut(file).unwrap();
+        let before = bytes.len();
+        match whole_rows(bytes) {
+            0 => {}
+            whole => bytes.truncate(whole),
+        }
+        Ok((before - bytes.len()) as u64)
     }
 
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, MemoryFile)> {

@@ -13,7 +13,7 @@
 //! What can be lost, and how it is known:
 //!
 //! * A kill of the process costs the rows of the last second: they are handed to the operating system every
-//!   [`FLUSH_PERIOD`](writer::FLUSH_PERIOD).
+//!   [`FLUSH_PERIOD`](writer::FLUSH_PERIOD). A piece of a row that it leaves is cut off at the next start.
 //! * A power cut costs those of the last [`SYNC_PERIOD`](open_file::SYNC_PERIOD) too: so often they are forced onto the
 //!   disk, and whenever a file is closed. More often would be a write of the disk's journal each time, which wears
 //!   memory cards; never would leave it to the system, and errors that a disk reports only then would go unnoticed.
@@ -72,6 +72,13 @@ pub enum LogEvent {
         /// The file.
         file: PathBuf,
         /// How long it was, bytes.
+        bytes: u64,
+    },
+    /// A kill or a power cut had left a piece of a row at the end of an earlier file; it was cut off.
+    Mended {
+        /// The file.
+        file: PathBuf,
+        /// How long the piece was, bytes.
         bytes: u64,
     },
     /// Samples come without groups that the log should have; their cells are empty. Once for each group.

@@ -49,6 +49,15 @@ impl Retention {
         &self.series
     }
 
+    /// The newest file of the series in `directory`, if there is one and it can be found.
+    pub fn newest(&self, store: &mut impl Store, directory: &Path) -> Option<PathBuf> {
+        let own = |name: &str| self.series.stamp(name).is_some();
+        let files = store.list(directory, &own).ok()?;
+        let names = files.into_iter().map(|(name, _)| name);
+        let newest = names.max_by_key(|name| self.age(name))?;
+        Some(directory.join(newest))
+    }
+
     /// Takes note that this process created `file`.
     pub fn created(&mut self, file: &Path) {
         if let Some(name) = file.file_name().and_then(|name| name.to_str()) {

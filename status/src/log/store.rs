@@ -6,15 +6,21 @@
 //! [`LogWriter`]: super::writer::LogWriter
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use super::file_name::{Utc, file_name};
+use super::gathered::whole_rows;
 
 /// How many names are tried when files of that name exist: far more logs than a process has within one second. Beyond
 /// it the attempt has failed; nothing is ever overwritten.
 const MAX_TRIES: u32 = 100;
+
+/// How much of a file's end is looked through for the end of its last whole row. What a kill or a power cut leaves there
+/// is at most what was written since the last time it was forced onto the disk: 5 s at 500 samples a second. If there is
+/// no end of a row in it, the file is left as it is.
+const MENDED_TAIL_BYTES: u64 = 1024 * 1024;
 
 /// The directories and files of logs.
 pub trait Store {
@@ -51,6 +57,12 @@ pub trait Store {
     /// # Errors
     /// It is still there.
     fn remove(&mut self, file: &Path) -> io::Result<()>;
+
+    /// Cuts off what follows the last whole row of `file`, unless somebody is writing it; says how many bytes that was.
+    ///
+    /// # Errors
+    /// The file is as it was.
+    fn mend(&mut self, file: &Path) -> io::Result<u64>;
 
     /// Creates a new file in `directory` whose name begins with `stem`.
     ///
@@ -126,11 +138,35 @@ impl Store for FileStore {
         }
     }
 
+    fn mend(&mut self, file: &Path) -> io::Result<u64> {
+        let mut file = File::options().read(true).write(true).open(file)?;
+        file.try_lock()?;
+        let bytes = file.metadata()?.len();
+        let tail_begin = bytes.saturating_sub(MENDED_TAIL_BYTES);
+        file.seek(SeekFrom::Start(tail_begin))?;
+        let mut tail = Vec::new();
+        Read::take(&file, MENDED_TAIL_BYTES).read_to_end(&mut tail)?;
+        match whole_rows(&tail) {
+            0 => Ok(0),
+            whole => {
+                let whole_bytes = tail_begin + whole as u64;
+                if whole_bytes < bytes {
+                    file.set_len(whole_bytes)?;
+                }
+                Ok(bytes.saturating_sub(whole_bytes))
+            }
+        }
+    }
+
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, File)> {
         for number in 1..=MAX_TRIES {
             let path = directory.join(file_name(stem, number));
             match File::create_new(&path) {
-                Ok(file) => return Ok((path, file)),
+                Ok(file) => {
+                    // Says to `mend` that it is being written. Where there are no locks nothing is mended.
+                    let _ = file.try_lock();
+                    return Ok((path, file));
+                }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
             }
@@ -209,6 +245,39 @@ mod tests {
         let found = FileStore.list(folder.path(), &wanted).unwrap();
         assert_eq!(found, [("a".to_owned(), 3)]);
         assert!(FileStore.free_bytes(folder.path()).unwrap() > 0);
+    }
+
+    #[test]
+    fn what_follows_the_last_whole_row_is_cut_off() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.tsv");
+        let long = format!("row\n{}", "x".repeat(MENDED_TAIL_BYTES as usize));
+        #[rustfmt::skip]
+        let cases = [
+            ("", ""), ("a\tb\n", "a\tb\n"), ("a\tb\n1", "a\tb\n"), ("a\n1\n2\n\0\0\0", "a\n1\n2\n"),
+            // Nothing whole that could be kept.
+            ("a\tb", "a\tb"), (&long, &long), (&long[1..], &long[1..]),
+            // Just within reach.
+            (&long[..long.len() - 1], "row\n"),
+        ];
+        for (before, after) in cases {
+            fs::write(&path, before).unwrap();
+            let cut = FileStore.mend(&path).unwrap();
+            assert_eq!(cut as usize, before.len() - after.len());
+            assert!(fs::read_to_string(&path).unwrap() == after);
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_is_not_mended() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, mut file) = FileStore.create(folder.path(), "x").unwrap();
+        file.write_all(b"whole\nha").unwrap();
+        assert!(FileStore.mend(&path).is_err());
+        file.write_all(b"lf\n").unwrap();
+        drop(file);
+        assert_eq!(FileStore.mend(&path).unwrap(), 0);
+        assert_eq!(fs::read(&path).unwrap(), b"whole\nhalf\n");
     }
 
     #[test]

@@ -123,6 +123,7 @@ fn words(event: &LogEvent) -> String {
     match event {
         LogEvent::Opened { .. } => "opened".to_owned(),
         LogEvent::Removed { .. } => "removed".to_owned(),
+        LogEvent::Mended { bytes, .. } => format!("mended {bytes}"),
         LogEvent::GroupsMissing { groups, .. } => format!("missing {groups}"),
         LogEvent::Failed { error, .. } => match error.kind() {
             std::io::ErrorKind::StorageFull => "full".to_owned(),

@@ -103,8 +103,9 @@ impl<S: Store> LogWriter<S> {
         }
     }
 
-    /// Creates the first file.
+    /// Mends the last file of the process before this one, and creates the first of its own.
     pub fn start(&mut self, now: MonotonicNs) {
+        self.mend_newest();
         self.attempt(now);
     }
 
@@ -175,6 +176,17 @@ impl<S: Store> LogWriter<S> {
     /// What happened since the last call.
     pub fn take_events(&mut self) -> Vec<LogEvent> {
         std::mem::take(&mut self.events)
+    }
+
+    /// Cuts off the piece of a row that a kill or a power cut has left at the end of the newest file. Each start does so,
+    /// so that older ones are in order. If it cannot be done, nothing is lost: a line without its end is no row.
+    fn mend_newest(&mut self) {
+        let newest = self.retention.newest(&mut self.store, &self.directory);
+        if let Some(file) = newest
+            && let Ok(bytes @ 1..) = self.store.mend(&file)
+        {
+            self.events.push(LogEvent::Mended { file, bytes });
+        }
     }
 
     /// When rows are to be written, or writing is to be tried again.

@@ -106,6 +106,11 @@ pub fn tell_event(event: &LogEvent) {
         LogEvent::Removed { file, bytes } => {
             tracing::info!(file = %file.display(), bytes, "old log removed to make room (max_total_mib)");
         }
+        LogEvent::Mended { file, bytes } => tracing::info!(
+            file = %file.display(),
+            bytes,
+            "the last run ended in the middle of a row: the piece was cut off"
+        ),
         LogEvent::GroupsMissing { log, groups } => tracing::warn!(
             log,
             %groups,

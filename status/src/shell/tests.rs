@@ -90,6 +90,11 @@ impl Store for HangingStore {
         FileStore.remove(file)
     }
 
+    fn mend(&mut self, file: &Path) -> io::Result<u64> {
+        self.act();
+        FileStore.mend(file)
+    }
+
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, HangingFile)> {
         self.act();
         let (path, file) = FileStore.create(directory, stem)?;
@@ -186,8 +191,9 @@ fn nothing_is_created_when_no_group_is_chosen() {
 #[test]
 fn wherever_the_disk_hangs_telemetry_goes_on_and_the_queue_is_bounded() {
     const HANGING: u64 = 3 * BOUND;
-    // Preparing, listing, creating, the first line, and the blocks that are due before any time has passed.
-    for blocking_act in 0..=6 {
+    // Looking for an earlier file, preparing, listing, creating, the first line, and the blocks that are due before any
+    // time has passed.
+    for blocking_act in 0..=7 {
         let folder = tempfile::tempdir().unwrap();
         let (mut status, threads, hangs) = start(folder.path(), blocking_act);
         // The queue has room for all of them, and they are enough for every one of those calls.
@@ -201,7 +207,7 @@ fn wherever_the_disk_hangs_telemetry_goes_on_and_the_queue_is_bounded() {
         let LogSummary { taken, dropped, .. } = summary.logs[0];
         assert_eq!(taken + dropped, BOUND + HANGING);
         assert!((BOUND..=2 * BOUND).contains(&taken), "{taken}");
-        if blocking_act <= 3 {
+        if blocking_act <= 4 {
             assert_eq!(taken, BOUND, "nothing was in its hands yet");
         }
 
@@ -222,7 +228,7 @@ fn wherever_the_disk_hangs_telemetry_goes_on_and_the_queue_is_bounded() {
 #[test]
 fn a_disk_that_hangs_at_the_end_does_not_hold_the_process() {
     let folder = tempfile::tempdir().unwrap();
-    let (mut status, threads, hangs) = start(folder.path(), 4);
+    let (mut status, threads, hangs) = start(folder.path(), 5);
     // Less than a block, so that the first write of rows is the one at the end.
     record(&mut status, 1..=10);
     let mut summary = status.finish();

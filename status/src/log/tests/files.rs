@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::*;
+use crate::log::file_name::{Series, Utc, file_name};
 use crate::log::open_file::SYNC_PERIOD;
+use crate::log::retention::MAX_FILES;
 use crate::log::writer::{BLOCK_BYTES, FLUSH_PERIOD};
 use crate::test_samples::full_sample;
-use crate::test_store::Act;
+use crate::test_store::{Act, Fault};
 
 #[test]
 fn the_file_is_created_at_the_start_and_rows_follow_the_first_line() {
@@ -297,4 +299,49 @@ fn a_total_that_cannot_be_kept_stops_the_log_until_it_can() {
     assert_eq!(told[..2], ["removed", "opened"]);
     assert!(told.contains(&"resumed, 0 lost".to_owned()), "{told:?}");
     assert_eq!(flight.land().lost, 0);
+}
+
+#[test]
+fn the_piece_of_a_row_that_a_kill_left_is_cut_off_at_the_next_start() {
+    let older = "log/hero(1)_01_01_05-00_00_00.tsv";
+    let newer = "log/hero(1)_02_01_05-00_00_00.tsv";
+    let foreign = "log/hero(1)_03_01_05-00_00_00_imu.tsv";
+    for broken in [false, true] {
+        let disk = MemoryStore::default();
+        for path in [older, newer, foreign] {
+            let content = b"names\nrow\npie".to_vec();
+            disk.0.borrow_mut().files.insert(path.into(), content);
+        }
+        // The first act is to look for the file, the second to mend it.
+        let fault = (1..2, Fault::Broken);
+        disk.0.borrow_mut().fault = broken.then_some(fault);
+        let mut flight = Flight::begin(disk.clone(), UNLIMITED);
+        let expected: &[_] = match broken {
+            true => &["opened"],
+            false => &["mended 3", "opened"],
+        };
+        assert_eq!(flight.told(), expected);
+        assert_eq!(disk.0.borrow().acts[1], Act::Mend);
+        flight.fly(100);
+        assert_eq!(flight.land().rows, 100);
+        let length = |path: &str| disk.0.borrow().files[Path::new(path)].len();
+        let lengths = [older, newer, foreign].map(length);
+        assert_eq!(lengths, [13, if broken { 13 } else { 10 }, 13]);
+    }
+}
+
+#[test]
+fn the_number_of_files_is_bounded_however_short_they_are() {
+    let disk = MemoryStore::default();
+    let series = Series::new(RobotId::DEFAULT, "".parse().unwrap());
+    for second in 0..MAX_FILES as u64 + 5 {
+        let stem = series.stem(Utc::from_unix(second));
+        let path = Path::new("log").join(file_name(&stem, 1));
+        disk.0.borrow_mut().files.insert(path, Vec::new());
+    }
+    let mut flight = Flight::begin(disk.clone(), UNLIMITED);
+    assert_eq!(disk.0.borrow().files.len(), MAX_FILES);
+    let told = flight.told();
+    assert!(told[..6].iter().all(|word| word == "removed"), "{told:?}");
+    assert_eq!(told[6..], ["opened"]);
 }
