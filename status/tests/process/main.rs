@@ -1,0 +1,167 @@
+//! The shell and the binary `status` over real shared memory, each test in a domain of its own.
+
+mod fixture;
+mod logs;
+
+use std::fs;
+use std::process::Output;
+use std::sync::mpsc;
+use std::thread;
+
+use fixture::{Ends, PATIENCE, Process, command, config, log_text};
+use ipc_types::{Domain, RobotId};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+use rustix::process::Signal;
+use status::config::Config;
+use status::shell::Shell;
+
+#[test]
+fn samples_go_through_the_shell_and_into_the_log() {
+    const SAMPLES: u32 = 100;
+    let folder = tempfile::tempdir().unwrap();
+    let domain = Domain::isolated();
+    let (termination, request) = Termination::by_hand().unwrap();
+    let config: Config = runtime::config::parse(&config(folder.path()), "status.toml").unwrap();
+    let (opened, is_open) = mpsc::channel();
+    let process = thread::spawn({
+        let domain = domain.clone();
+        move || {
+            let notifier = Notifier::from_env();
+            let shell = Shell::open(&domain, RobotId::DEFAULT, &config, notifier).unwrap();
+            opened.send(()).unwrap();
+            shell.run(&termination).unwrap()
+        }
+    });
+    is_open.recv_timeout(PATIENCE).unwrap();
+
+    let mut ends = Ends::join(&domain);
+    for number in 1..=SAMPLES {
+        let hero = ends.through(number);
+        assert_eq!(hero.sonar_height_m, number as f32 / 2.0);
+        assert_eq!(hero.sequence, u64::from(number));
+        assert!(hero.published_ns > 0);
+    }
+    request.request();
+    let summary = process.join().unwrap();
+    assert_eq!(
+        (summary.received, summary.published, summary.lost),
+        (100, 100, 0)
+    );
+    let log = &summary.logs[0];
+    assert_eq!((log.taken, log.written.unwrap().rows), (100, 100));
+
+    let text = log_text(folder.path());
+    let mut lines = text.lines();
+    let names = "flying\tsequence\treceived_ns\tx_m\ty_m\tsonar_adc";
+    assert_eq!(lines.next(), Some(names));
+    for number in 1..=SAMPLES {
+        assert_eq!(
+            lines.next(),
+            Some(&*format!("0\t{number}\t0\t\t\t{number}"))
+        );
+    }
+    assert_eq!(lines.next(), None);
+    drop(ends);
+    assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+fn code_and_errors(output: Output) -> (Option<i32>, String) {
+    assert_eq!(output.stdout, b"", "standard output is for data");
+    (
+        output.status.code(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+#[test]
+fn each_signal_ends_the_process_with_everything_in_order() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let folder = tempfile::tempdir().unwrap();
+        let logs = folder.path().join("log");
+        let file = folder.path().join("status.toml");
+        fs::write(&file, config(&logs)).unwrap();
+        let domain = Domain::isolated();
+        let mut process = Process::start(&domain, &file);
+        let mut ends = Ends::join(&domain);
+        for number in 1..=10 {
+            ends.through(number);
+        }
+        drop(ends);
+        let (code, told) = process.end(signal);
+        assert_eq!(code, Some(0));
+        let last = told.last().unwrap();
+        assert!(
+            last.contains("received=10 lost=0 published=10"),
+            "{told:#?}"
+        );
+        assert!(last.contains(": 10 rows"), "{told:#?}");
+        // Told once, however often: the log asks for groups that no sample has.
+        let missing = told.iter().filter(|line| line.ends_with(" groups=xy"));
+        assert_eq!(missing.count(), 1, "{told:#?}");
+        assert_eq!(log_text(&logs).lines().count(), 11);
+        assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+    }
+}
+
+#[test]
+fn a_second_status_of_the_same_robot_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("status.toml");
+    fs::write(&file, "").unwrap();
+    let domain = Domain::isolated();
+    let mut first = Process::start(&domain, &file);
+    let second = command(&domain)
+        .arg("--config")
+        .arg(&file)
+        .output()
+        .unwrap();
+    let (code, errors) = code_and_errors(second);
+    assert_eq!(code, Some(1), "{errors}");
+    assert!(errors.contains("already provided by `status`"), "{errors}");
+    assert_eq!(first.end(Signal::TERM).0, Some(0));
+}
+
+#[test]
+fn wrong_command_lines_and_configurations_have_their_exit_codes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let right = file("right.toml", "[calibration.sonar]\nm_per_step = 1\n");
+    let wrong = file("wrong.toml", "[calibration.sonar]\n\nm_per_stap = 1\n");
+    let wild = file("wild.toml", "[calibration.servo]\nhalf_travel_us = 1e9\n");
+    let absent = folder.path().join("absent.toml").display().to_string();
+    let cases: [(&[&str], i32, &str); 8] = [
+        (
+            &["--check-config", "--config", &right],
+            0,
+            "the configuration is right",
+        ),
+        (
+            &["--check-config", "--config", &wrong],
+            78,
+            "wrong.toml:3: unknown field `m_per_stap`",
+        ),
+        (&["--config", &wrong], 78, "did you mean `m_per_step`?"),
+        (
+            &["--config", &wild],
+            78,
+            "wild.toml:2: 1000000000 is out of range",
+        ),
+        (&["--config", &absent], 78, "absent.toml: cannot be read"),
+        (&["--robot", "0"], 2, "a robot id is an integer from 1"),
+        (&["--robots", "1"], 2, "--robots"),
+        (&["-v", "-q"], 2, "cannot be used with"),
+    ];
+    let domain = Domain::isolated();
+    for (arguments, expected_code, expected_text) in cases {
+        let output = command(&domain).args(arguments).output().unwrap();
+        let (code, errors) = code_and_errors(output);
+        assert_eq!(code, Some(expected_code), "{arguments:?}: {errors}");
+        assert!(errors.contains(expected_text), "{arguments:?}: {errors}");
+        assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+    }
+}
