@@ -1,0 +1,214 @@
+//! `hop`: one sample of telemetry from one process to another.
+
+use std::fmt;
+
+use anyhow::Result;
+use ipc_types::payload::HeroTelemetry;
+
+use super::Common;
+use crate::child::{Child, Role};
+use crate::latency::Series;
+use crate::peers::Peer;
+use crate::plot::{Bar, Plot, Row};
+use crate::report::{Bound, Section, us};
+use crate::rounds::Measured;
+use crate::site::Site;
+use crate::statistics::{Ratio, Times};
+
+/// Options of the command.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    common: Common,
+
+    /// Rates, Hz
+    #[arg(long, value_delimiter = ',', default_values_t = [1000, 100], value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    rates: Vec<u32>,
+
+    /// Seconds that one case is measured for in one round
+    #[arg(long, default_value_t = 2.0)]
+    seconds: f64,
+
+    /// Only these peers
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Peer::all().iter().copied())]
+    peers: Vec<Peer>,
+}
+
+/// What is measured at once.
+#[derive(Clone, Copy, PartialEq)]
+pub struct Case {
+    /// The way.
+    pub peer: Peer,
+    /// Samples a second.
+    pub rate_hz: u32,
+}
+
+impl fmt::Display for Case {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {} Hz", self.peer, self.rate_hz)
+    }
+}
+
+/// Measures `case` once, for about so many seconds.
+pub fn measure(case: Case, seconds: f64) -> Result<Series> {
+    let site = Site::new()?;
+    let receive = Role::HopReceive {
+        peer: case.peer,
+        site: site.path().to_owned(),
+        samples: (f64::from(case.rate_hz) * seconds).ceil() as usize,
+    };
+    let send = Role::HopSend {
+        peer: case.peer,
+        site: site.path().to_owned(),
+        rate_hz: case.rate_hz,
+    };
+    let mut receiver = Child::start(&site, &receive)?;
+    let sender = Child::start(&site, &send)?;
+    let series = receiver.result()?;
+    sender.end();
+    drop(receiver);
+    Ok(series)
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let cases: Vec<Case> = args
+        .rates
+        .iter()
+        .flat_map(|rate_hz| {
+            args.peers.iter().map(|peer| Case {
+                peer: *peer,
+                rate_hz: *rate_hz,
+            })
+        })
+        .collect();
+    let measured = Measured::take(&cases, args.common.rounds, |case| {
+        measure(case, args.seconds)
+    })?;
+    let mut section = Section::new("hop", "One hop: from a process to another", "");
+    section.text(format!(
+        "A `HeroTelemetry` ({} bytes) from one process to another, from just before it is given to the sender's library until \
+         the receiver can read it; µs. {} rounds, in each of which every way is measured for {} s in two new processes; the \
+         ratios are medians of the rounds' ratios of their medians.",
+        size_of::<HeroTelemetry>(),
+        args.common.rounds,
+        args.seconds,
+    ));
+    section.plot(
+        "performance-hop.svg",
+        "Latency of one hop",
+        plot(args, &measured).to_svg(),
+    );
+    for rate_hz in &args.rates {
+        section.text(format!("At {rate_hz} Hz:"));
+        let header = [
+            "way",
+            "p50",
+            "p99",
+            "p99.9",
+            "lost",
+            "to Unix socket",
+            "to futex",
+        ];
+        let rows: Vec<_> = args
+            .peers
+            .iter()
+            .map(|peer| row(&measured, *peer, *rate_hz))
+            .collect();
+        section.table(&header, &rows);
+    }
+    goals(&mut section, args, &measured);
+    section.publish(args.common.out().as_deref())
+}
+
+/// All rounds of a case together.
+fn merged(rounds: &[Series]) -> Times {
+    let mut all = Times::new();
+    for series in rounds {
+        all.merge(&series.times());
+    }
+    all
+}
+
+fn row(measured: &Measured<Case, Series>, peer: Peer, rate_hz: u32) -> Vec<String> {
+    let rounds = measured.rounds(Case { peer, rate_hz });
+    let times = merged(rounds);
+    let to = |other| match ratio(measured, peer, other, rate_hz) {
+        Some(ratio) => format!("{:.2}", ratio.median),
+        None => "–".to_owned(),
+    };
+    vec![
+        peer.title().to_owned(),
+        us(times.p50_ns()),
+        us(times.quantile_ns(0.99)),
+        us(times.quantile_ns(0.999)),
+        rounds
+            .iter()
+            .map(|series| series.lost)
+            .sum::<u64>()
+            .to_string(),
+        to(Peer::UnixSocket),
+        to(Peer::Futex),
+    ]
+}
+
+/// The ratio of the medians of two ways.
+fn ratio(
+    measured: &Measured<Case, Series>,
+    peer: Peer,
+    other: Peer,
+    rate_hz: u32,
+) -> Option<Ratio> {
+    let medians = |peer| measured.each(Case { peer, rate_hz }, |series| series.times().p50_ns());
+    Ratio::of_rounds(&medians(peer), &medians(other))
+}
+
+fn goals(section: &mut Section, args: &Args, measured: &Measured<Case, Series>) {
+    for rate_hz in &args.rates {
+        for (peer, other, most) in [
+            (Peer::Ours, Peer::UnixSocket, 0.75),
+            (Peer::Ours, Peer::Futex, 1.15),
+            (Peer::OursSpin, Peer::IceoryxSpin, 1.1),
+        ] {
+            section.goal(
+                format!("{peer} / {other}, p50, {rate_hz} Hz"),
+                Bound::AtMost(most),
+                ratio(measured, peer, other, *rate_hz),
+            );
+        }
+    }
+}
+
+fn plot(args: &Args, measured: &Measured<Case, Series>) -> Plot {
+    let bar = |peer, rate_hz| {
+        let times = merged(measured.rounds(Case { peer, rate_hz }));
+        (times.count() > 0).then(|| Bar {
+            p50: times.p50_ns() / 1000.0,
+            p99: times.quantile_ns(0.99) / 1000.0,
+            p999: times.quantile_ns(0.999) / 1000.0,
+        })
+    };
+    Plot {
+        title: "One sample of telemetry from a process to another".to_owned(),
+        subtitle: "µs, logarithmic; bar: median, line: to the 99th percentile, dot: 99.9th"
+            .to_owned(),
+        series: args
+            .rates
+            .iter()
+            .map(|rate_hz| format!("{rate_hz} Hz"))
+            .collect(),
+        rows: args
+            .peers
+            .iter()
+            .map(|peer| Row {
+                name: peer.title().to_owned(),
+                is_ours: peer.is_ours(),
+                bars: args
+                    .rates
+                    .iter()
+                    .map(|rate_hz| bar(*peer, *rate_hz))
+                    .collect(),
+            })
+            .collect(),
+    }
+}

@@ -1,0 +1,35 @@
+//! The commands: each measures, and makes one section of the report.
+
+pub mod hop;
+
+use std::path::{Path, PathBuf};
+
+use crate::report;
+use crate::rounds::DEFAULT_ROUNDS;
+
+/// What every command takes.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Common {
+    /// Rounds; every case is measured once in each
+    #[arg(long, default_value_t = DEFAULT_ROUNDS)]
+    pub rounds: usize,
+
+    /// Folder that the Markdown file and the plots are written to [default: docs of the repository]
+    #[arg(long, value_name = "DIR", conflicts_with = "print_only")]
+    out: Option<PathBuf>,
+
+    /// Prints the tables and writes nothing
+    #[arg(long)]
+    print_only: bool,
+}
+
+impl Common {
+    /// Where the results go, if anywhere.
+    pub fn out(&self) -> Option<PathBuf> {
+        if self.print_only {
+            return None;
+        }
+        let given = self.out.as_deref().map(Path::to_owned);
+        Some(given.unwrap_or_else(report::default_folder))
+    }
+}

@@ -1,0 +1,53 @@
+//! Measures the RIL side by side with what its users would use otherwise.
+//!
+//! Four commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
+//!
+//! * `hop`: one sample of telemetry from one process to another;
+//! * `codec`: the decoder of the serial line;
+//! * `end-to-end`: from a byte on the serial line to a consumer, and a request and its answer;
+//! * `cost`: processor time, wake-ups, system calls, highest rate, losses.
+//!
+//! What is compared is always measured in the same run, in rounds that take turns, so that whatever else the machine
+//! does falls upon all alike. A ratio is that of one round; the median over the rounds is told. Every process that is
+//! measured is one of its own: this program starts itself again (`child`).
+
+mod child;
+mod commands;
+mod latency;
+mod machine;
+#[cfg(feature = "peers")]
+mod mavlink_message;
+mod pace;
+mod peers;
+mod plain;
+mod plot;
+mod report;
+mod rounds;
+mod site;
+mod statistics;
+
+use clap::{Parser, Subcommand};
+
+/// Measures the RIL side by side with what its users would use otherwise.
+#[derive(Parser)]
+#[command(name = "bench", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// One sample of telemetry from one process to another, over everything that could carry it
+    Hop(commands::hop::Args),
+    /// A process that another command measures
+    #[command(hide = true)]
+    Child(child::Args),
+}
+
+fn main() -> anyhow::Result<()> {
+    match Cli::parse().command {
+        Command::Hop(args) => commands::hop::run(&args),
+        Command::Child(args) => child::run(args),
+    }
+}

@@ -1,0 +1,168 @@
+//! The ways in which one sample of telemetry can get from one process to another.
+//!
+//! Each is a file of its own behind two small traits, written as its users would write it: the library's own settings,
+//! but for those that trade latency for throughput. The sample is a whole [`HeroTelemetry`] wherever the way can carry
+//! one.
+
+mod futex;
+mod iceoryx2;
+#[cfg(feature = "peers")]
+mod mavlink_udp;
+mod ours;
+mod unix_json;
+mod unix_socket;
+#[cfg(feature = "peers")]
+mod zenoh;
+#[cfg(feature = "peers")]
+mod zeromq;
+
+pub use futex::segment;
+
+use std::fmt;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::Result;
+use clap::ValueEnum;
+use ipc_types::payload::HeroTelemetry;
+
+/// Longest time that a receiver waits for a sample before it gives up.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// What tells one sample from another, whatever else a peer carries of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Counts from 1; a gap is a loss. It lies in `source_sequence`.
+    pub index: u64,
+    /// `CLOCK_MONOTONIC` just before the sample was given to the peer, ns. It lies in `published_ns`.
+    pub sent_ns: u64,
+}
+
+impl Mark {
+    /// The mark of `sample`.
+    fn of(sample: &HeroTelemetry) -> Mark {
+        Mark {
+            index: sample.source_sequence,
+            sent_ns: sample.published_ns,
+        }
+    }
+}
+
+/// The sending end.
+pub trait Sender {
+    /// Sends `sample`; never waits for the receiver.
+    fn send(&mut self, sample: &HeroTelemetry) -> Result<()>;
+}
+
+/// The receiving end.
+pub trait Receiver {
+    /// Waits, in the way of the peer, until there is a sample, and hands on the marks of all that are there, each as soon
+    /// as its values can be read.
+    fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()>;
+}
+
+/// A way from one process to another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Peer {
+    /// The typed subscriber of `ipc-types`, blocking.
+    Ours,
+    /// The typed subscriber of `ipc-types` on a core of its own.
+    OursSpin,
+    /// The typed subscriber of `ipc-types` among the sources of a `Waiter`.
+    OursWaiter,
+    /// iceoryx2 alone; the receiver asks all the time.
+    IceoryxSpin,
+    /// iceoryx2 alone with its default event; the receiver blocks on its listener.
+    IceoryxEvent,
+    /// Shared memory with a slot and a futex.
+    Futex,
+    /// A Unix datagram socket that carries the struct as it is.
+    UnixSocket,
+    /// A Unix datagram socket that carries JSON.
+    UnixJson,
+    /// MAVLink over UDP.
+    #[cfg(feature = "peers")]
+    MavlinkUdp,
+    /// ZeroMQ, publish/subscribe over `ipc://`.
+    #[cfg(feature = "peers")]
+    ZeroMq,
+    /// Zenoh, peer to peer over a Unix socket.
+    #[cfg(feature = "peers")]
+    Zenoh,
+}
+
+impl Peer {
+    /// All of them, in the order of the tables.
+    pub fn all() -> &'static [Peer] {
+        Peer::value_variants()
+    }
+
+    /// The name in tables and plots.
+    pub fn title(self) -> &'static str {
+        match self {
+            Peer::Ours => "RIL, blocking",
+            Peer::OursSpin => "RIL, spinning",
+            Peer::OursWaiter => "RIL, among other sources",
+            Peer::IceoryxSpin => "iceoryx2, spinning",
+            Peer::IceoryxEvent => "iceoryx2, default event",
+            Peer::Futex => "shared memory + futex",
+            Peer::UnixSocket => "Unix socket, struct",
+            Peer::UnixJson => "Unix socket, JSON",
+            #[cfg(feature = "peers")]
+            Peer::MavlinkUdp => "MAVLink over UDP",
+            #[cfg(feature = "peers")]
+            Peer::ZeroMq => "ZeroMQ",
+            #[cfg(feature = "peers")]
+            Peer::Zenoh => "Zenoh",
+        }
+    }
+
+    /// Whether it is ours.
+    pub fn is_ours(self) -> bool {
+        matches!(self, Peer::Ours | Peer::OursSpin | Peer::OursWaiter)
+    }
+
+    /// The receiving end, which is made first. `site` is a folder that both ends know and nobody else uses.
+    pub fn receiver(self, site: &Path) -> Result<Box<dyn Receiver>> {
+        Ok(match self {
+            Peer::Ours => Box::new(ours::Blocking::new()?),
+            Peer::OursSpin => Box::new(ours::Spinning::new()?),
+            Peer::OursWaiter => Box::new(ours::Waiting::new()?),
+            Peer::IceoryxSpin => Box::new(iceoryx2::Spinning::new()?),
+            Peer::IceoryxEvent => Box::new(iceoryx2::Blocking::new()?),
+            Peer::Futex => Box::new(futex::Reader::new(site)?),
+            Peer::UnixSocket => Box::new(unix_socket::Receiver::new(site)?),
+            Peer::UnixJson => Box::new(unix_json::Receiver::new(site)?),
+            #[cfg(feature = "peers")]
+            Peer::MavlinkUdp => Box::new(mavlink_udp::Receiver::new(site)?),
+            #[cfg(feature = "peers")]
+            Peer::ZeroMq => Box::new(zeromq::Receiver::new(site)?),
+            #[cfg(feature = "peers")]
+            Peer::Zenoh => Box::new(zenoh::Receiver::new(site)?),
+        })
+    }
+
+    /// The sending end, which is made when the receiving one is there.
+    pub fn sender(self, site: &Path) -> Result<Box<dyn Sender>> {
+        Ok(match self {
+            Peer::Ours | Peer::OursSpin | Peer::OursWaiter => Box::new(ours::Sender::new()?),
+            Peer::IceoryxSpin => Box::new(iceoryx2::Sender::without_event()?),
+            Peer::IceoryxEvent => Box::new(iceoryx2::Sender::with_event()?),
+            Peer::Futex => Box::new(futex::Writer::new(site)?),
+            Peer::UnixSocket => Box::new(unix_socket::Sender::new(site)?),
+            Peer::UnixJson => Box::new(unix_json::Sender::new(site)?),
+            #[cfg(feature = "peers")]
+            Peer::MavlinkUdp => Box::new(mavlink_udp::Sender::new(site)?),
+            #[cfg(feature = "peers")]
+            Peer::ZeroMq => Box::new(zeromq::Sender::new(site)?),
+            #[cfg(feature = "peers")]
+            Peer::Zenoh => Box::new(zenoh::Sender::new(site)?),
+        })
+    }
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.title())
+    }
+}

@@ -1,0 +1,52 @@
+//! [`Site`]: what the processes of one measurement share, and nobody else: a domain of shared memory and a folder. Both
+//! are removed afterwards, also when the processes were killed.
+
+use std::path::Path;
+
+use anyhow::Result;
+use ipc_types::Domain;
+use tempfile::TempDir;
+
+use crate::peers;
+
+/// See the module's documentation.
+pub struct Site {
+    domain: Domain,
+    folder: TempDir,
+}
+
+impl Site {
+    /// A new one.
+    pub fn new() -> Result<Site> {
+        Ok(Site {
+            domain: Domain::isolated(),
+            // Short, because the name of a socket in it has at most 108 bytes.
+            folder: tempfile::Builder::new()
+                .prefix("ril-bench-")
+                .tempdir_in("/tmp")?,
+        })
+    }
+
+    /// The domain, which children have as their own.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+impl Drop for Site {
+    fn drop(&mut self) {
+        // What cannot be removed is told, and is no reason to lose the measurement.
+        if let Err(error) = self.domain.remove_if_dead() {
+            eprintln!("the domain of a measurement is left behind: {error}");
+        }
+        let _ = std::fs::remove_file(peers::segment(self.path()));
+        for path in self.domain.residue() {
+            eprintln!("left behind: {}", path.display());
+        }
+    }
+}
