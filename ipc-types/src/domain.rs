@@ -20,7 +20,7 @@ pub(crate) mod remains;
 mod repair;
 
 use std::ffi::{OsStr, OsString};
-use std::io;
+use std::io::{self, Read};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -291,13 +291,14 @@ impl Domain {
     fn write_config_file(&self) -> Result<PathBuf, DomainError> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let path = self.root.join(CONFIG_FILE);
-        if std::fs::read_to_string(&path).is_ok_and(|present| present == self.settings()) {
+        let settings = self.settings();
+        if file_holds(&path, settings.as_bytes()) {
             return Ok(path);
         }
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let draft = format!("{CONFIG_FILE}.{}-{count}", std::process::id());
         let draft = self.root.join(draft);
-        std::fs::write(&draft, self.settings())
+        std::fs::write(&draft, settings)
             .and_then(|()| std::fs::rename(&draft, &path))
             .map_err(|error| DomainError::io("write", &path, error))?;
         Ok(path)
@@ -312,6 +313,17 @@ impl Domain {
             self.prefix
         )
     }
+}
+
+/// Whether the file at `path` holds exactly `content`. Waits for nobody, whatever stands there.
+fn file_holds(path: &Path, content: &[u8]) -> bool {
+    let Ok(file) = lock::open_to_look(path) else {
+        return false;
+    };
+    let mut present = Vec::new();
+    // One byte more tells a longer one.
+    let limit = content.len() as u64 + 1;
+    file.take(limit).read_to_end(&mut present).is_ok() && present == content
 }
 
 /// 1 to 24 letters, digits and `-`, then one `_`.
@@ -423,5 +435,25 @@ mod tests {
         let child = Domain::from_values(Some(&prefix), Some(&root)).unwrap();
         assert_eq!((child.prefix(), child.root()), (one.prefix(), one.root()));
         assert!(one.isolated && !child.isolated);
+    }
+
+    #[test]
+    fn settings_are_written_once_and_replace_whatever_stands_in_their_place() {
+        use rustix::fs::{CWD, Mode, mkfifoat};
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let domain = Domain::new("lab_", folder.path()).unwrap();
+        let path = folder.path().join(CONFIG_FILE);
+        // Nobody writes into the pipe: whoever reads it would wait without end.
+        mkfifoat(CWD, &path, Mode::RUSR | Mode::WUSR).unwrap();
+        domain.write_config_file().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), domain.settings());
+        let inode = || std::fs::symlink_metadata(&path).unwrap().ino();
+        let before = inode();
+        domain.write_config_file().unwrap();
+        assert_eq!(inode(), before);
+        std::fs::write(&path, domain.settings() + "#").unwrap();
+        domain.write_config_file().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), domain.settings());
     }
 }

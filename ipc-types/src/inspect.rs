@@ -29,8 +29,10 @@ pub struct Inspection {
     /// Things that processes left half made or half removed when they were killed, and that belong to nobody. What a
     /// process is just making counts for a moment.
     pub unfinished: usize,
-    /// Files, folders and segments of the domain, all in all.
+    /// Files, folders and segments of the domain, all in all, the root with them.
     pub entries: usize,
+    /// What lies in the root and is not the domain's. Nobody touches it, and the root stays as long as it is there.
+    pub strangers: Vec<PathBuf>,
     /// Segments of other users under the domain's prefix. They are not the domain's, and nobody opens them.
     pub foreign: Vec<Entry>,
 }
@@ -122,7 +124,10 @@ impl Domain {
             .as_ref()
             .is_some_and(|root| root.is_folder && root.is_ours());
         let (mut nodes, mut unfinished) = (Vec::new(), 0);
+        let (mut entries, mut strangers) = (self.residue(), Vec::new());
         if is_enterable {
+            strangers = remains::strangers(self);
+            entries.retain(|path| !strangers.iter().any(|stranger| path.starts_with(stranger)));
             nodes = self.nodes();
             let listed = nodes.iter().map(|(id, _)| *id).collect();
             unfinished = dead::count_abandoned(self, &listed);
@@ -134,7 +139,8 @@ impl Domain {
                 .collect(),
             unfinished,
             nodes: nodes.into_iter().map(|(_, node)| node).collect(),
-            entries: self.residue().len(),
+            entries: entries.len(),
+            strangers,
             foreign: remains::with_prefix(Path::new(SHM_DIR), self.prefix())
                 .iter()
                 .filter_map(|path| Entry::of(path))
@@ -223,6 +229,7 @@ mod tests {
             nodes: Vec::new(),
             unfinished: 0,
             entries: 0,
+            strangers: Vec::new(),
             foreign: Vec::new(),
         };
         assert_eq!(domain.inspect(), nothing);
@@ -272,5 +279,50 @@ mod tests {
         fs::write(&file, "").unwrap();
         let domain = Domain::new("seen_", &file).unwrap();
         assert!(!domain.inspect().root.unwrap().is_folder);
+    }
+
+    #[test]
+    fn what_lies_behind_a_link_is_not_looked_at() {
+        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        fs::write(folder.path().join("letter.txt"), "dear").unwrap();
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(folder.path(), &link).unwrap();
+        let seen = Domain::new("seen_", &link).unwrap().inspect();
+        assert!(!seen.root.unwrap().is_folder);
+        assert_eq!((seen.entries, seen.strangers.len()), (1, 0));
+    }
+
+    #[test]
+    fn what_is_not_the_domain_s_is_told_apart() {
+        let domain = Domain::isolated();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
+        let entries = domain.inspect().entries;
+        let letters = domain.root().join("letters");
+        fs::create_dir(&letters).unwrap();
+        fs::write(letters.join("letter.txt"), "dear").unwrap();
+        let seen = domain.inspect();
+        assert_eq!(
+            (seen.entries, seen.strangers),
+            (entries, vec![letters.clone()])
+        );
+        drop(ipc);
+        let seen = domain.inspect();
+        assert_eq!((seen.entries, seen.strangers), (1, vec![letters.clone()]));
+        fs::remove_dir_all(domain.root()).unwrap();
+    }
+
+    #[test]
+    fn a_pipe_in_the_place_of_an_owner_holds_up_nobody() {
+        use rustix::fs::{CWD, Mode, mkfifoat};
+        let domain = Domain::isolated();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
+        let owners = domain.root().join("owners");
+        fs::create_dir_all(&owners).unwrap();
+        let service = ServiceId::Movement;
+        let name = format!("{}.{}", RobotId::DEFAULT, service.spec().key);
+        mkfifoat(CWD, owners.join(name), Mode::RUSR | Mode::WUSR).unwrap();
+        assert_eq!(domain.provider(RobotId::DEFAULT, service).unwrap(), None);
+        drop(ipc);
+        assert!(domain.residue().is_empty());
     }
 }

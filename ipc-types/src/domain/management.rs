@@ -8,7 +8,7 @@
 //! Both are harmless to whoever lives in the domain: the counter only tells apart nodes that one process makes within a
 //! nanosecond, and nobody keeps the segment open.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -16,9 +16,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::SemanticString;
-use rustix::fs::OFlags;
 
-use super::lock::check_owner;
+use super::lock::{check_owner, open_to_look};
 use super::{Domain, DomainError, remains};
 
 /// What anybody but its owner may do with a segment.
@@ -151,17 +150,16 @@ fn replace(path: &Path) -> io::Result<()> {
 
 /// What the segment holds, up to one byte more than it may have.
 fn content(path: &Path) -> io::Result<Vec<u8>> {
-    let file: File = OpenOptions::new()
-        .read(true)
-        .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32)
-        .open(path)?;
     let mut bytes = Vec::new();
-    file.take(MAX_LEN + 1).read_to_end(&mut bytes)?;
+    open_to_look(path)?
+        .take(MAX_LEN + 1)
+        .read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;

@@ -17,22 +17,45 @@ const FOLDERS: [&str; 3] = ["nodes", "services", OWNERS_DIR];
 const MAX_DEPTH: usize = 4;
 
 /// Everything of the domain that exists.
+///
+/// What is in a root of another user, or behind a symbolic link, is not looked at: it could hold up whoever does.
 pub(super) fn list(domain: &Domain) -> Vec<PathBuf> {
     let mut found = segments(domain);
-    if domain.root.exists() {
+    if let Ok(metadata) = fs::symlink_metadata(&domain.root) {
         found.push(domain.root.clone());
-        list_folder(&domain.root, MAX_DEPTH, &mut found);
+        if metadata.is_dir() && is_ours(&metadata) {
+            list_folder(&domain.root, MAX_DEPTH, &mut found);
+        }
     }
     found
 }
 
 fn list_folder(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) {
     for path in entries(folder) {
-        if depth > 0 && path.is_dir() {
+        if depth > 0 && fs::symlink_metadata(&path).is_ok_and(|metadata| metadata.is_dir()) {
             list_folder(&path, depth - 1, found);
         }
         found.push(path);
     }
+}
+
+/// What lies in the root, which must be ours, and is not the domain's: [`remove`] leaves it alone.
+pub(crate) fn strangers(domain: &Domain) -> Vec<PathBuf> {
+    let is_domain_s = |name: &str| {
+        FOLDERS.contains(&name)
+            || name == LOCK_FILE
+            || name == MAKING_FILE
+            || name.starts_with(&domain.prefix)
+            || name.starts_with(CONFIG_FILE)
+    };
+    let mut found: Vec<PathBuf> = entries(&domain.root).collect();
+    found.retain(|path| {
+        !path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .is_some_and(is_domain_s)
+    });
+    found
 }
 
 /// The domain's shared-memory segments.
