@@ -3,6 +3,7 @@
 //! Everything is checked here, once; the commands get typed values. Nothing here talks to another process.
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -23,6 +24,7 @@ Exit codes:
    5  refused, or ended early; the reason is told
    6  the line to the DSP is down
    7  the outcome cannot be known
+   8  something is not in order; the findings were told
   78  the configuration is wrong";
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
@@ -67,6 +69,8 @@ pub enum Command {
     Delay(MeasureArgs),
     /// Measures how many bytes the samples make
     Bw(MeasureArgs),
+    /// Says what is wrong with shared memory, configuration and serial port, and what to do
+    Doctor(DoctorArgs),
 }
 
 /// What every request takes.
@@ -166,6 +170,41 @@ pub struct EchoArgs {
     pub fields: Vec<String>,
 
     /// Prints each sample as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril doctor`
+///
+/// Without --repair nothing is joined, opened or changed.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct DoctorArgs {
+    /// What every process takes; the configuration is that of the operator's commands.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Configuration of the bridge [default: bridge.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub bridge: Option<PathBuf>,
+
+    /// Configuration of status [default: status.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub status: Option<PathBuf>,
+
+    /// Configuration of the simulator [default: dsp-sim.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub sim: Option<PathBuf>,
+
+    /// Serial port, instead of `serial.port` of the bridge's configuration
+    #[arg(long, value_name = "PATH", env = "RIL_PORT")]
+    pub port: Option<PathBuf>,
+
+    /// Mends what is provably dead, and looks then
+    #[arg(long)]
+    pub repair: bool,
+
+    /// Prints one JSON object
     #[arg(long)]
     pub json: bool,
 }

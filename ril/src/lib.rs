@@ -39,7 +39,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use commands::{echo, request, state};
+use commands::{doctor, echo, request, state};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -67,6 +67,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Goto(args) => request::go_to(&args),
         Command::State(args) => state::state(&args),
         Command::Echo(args) => echo::echo(&args),
+        Command::Doctor(args) => doctor::doctor(&args),
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),

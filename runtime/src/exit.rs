@@ -28,13 +28,15 @@ pub enum ExitCode {
     LinkDown = 6,
     /// Nobody can know whether the request was carried out.
     OutcomeUnknown = 7,
+    /// What was examined is not in order; the findings were told.
+    NotInOrder = 8,
     /// The configuration is wrong: a restart does not help (`EX_CONFIG`).
     Configuration = 78,
 }
 
 impl ExitCode {
     /// All codes, in ascending order.
-    pub const ALL: [ExitCode; 9] = [
+    pub const ALL: [ExitCode; 10] = [
         ExitCode::Ok,
         ExitCode::Internal,
         ExitCode::Usage,
@@ -43,6 +45,7 @@ impl ExitCode {
         ExitCode::Refused,
         ExitCode::LinkDown,
         ExitCode::OutcomeUnknown,
+        ExitCode::NotInOrder,
         ExitCode::Configuration,
     ];
 
@@ -207,7 +210,7 @@ mod tests {
     #[test]
     fn the_codes_are_those_of_the_documentation() {
         let codes = ExitCode::ALL.map(ExitCode::code);
-        assert_eq!(codes, [0, 1, 2, 3, 4, 5, 6, 7, 78]);
+        assert_eq!(codes, [0, 1, 2, 3, 4, 5, 6, 7, 8, 78]);
     }
 
     #[test]

@@ -192,7 +192,7 @@ fn cannot_open(port: &Path, error: io::Error) -> OpenError {
 }
 
 /// How to mend a missing permission: by the group that owns the device, which survives a reboot, unlike `chmod`.
-fn permission_hint(port: &Path) -> String {
+pub fn permission_hint(port: &Path) -> String {
     let group = std::fs::metadata(port)
         .ok()
         .and_then(|metadata| group_name(metadata.gid()));

@@ -1,5 +1,6 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
+pub mod doctor;
 pub mod echo;
 pub mod exchange;
 pub mod measure;

@@ -1,0 +1,196 @@
+//! From facts to findings: the doctor's judgement. Pure: no look at anything, the same facts give the same findings.
+//!
+//! Notes say what was found to be in order. Warnings are what harms nobody at the moment, or mends itself at the next
+//! start. Errors keep a process from starting or from doing its work.
+
+mod configuration;
+mod domain;
+mod repair;
+mod serial;
+
+use runtime::exit::ExitCode;
+use serde::Serialize;
+
+use super::facts::{Facts, FileFacts};
+
+pub use domain::bridge_pid;
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// In order, or nobody's business.
+    Note,
+    /// Not in order, but it harms nobody now.
+    Warning,
+    /// Keeps a process from its work.
+    Error,
+}
+
+/// What a finding is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Subject {
+    /// What `--repair` did.
+    Repair,
+    /// The domain's folder, its segments, and what the dead left.
+    Domain,
+    /// Space in `/dev/shm`.
+    Memory,
+    /// Who provides what.
+    Services,
+    /// Configuration files and environment.
+    Configuration,
+    /// The serial port.
+    Serial,
+}
+
+/// One thing that the doctor has found.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is about.
+    pub subject: Subject,
+    /// Its name for programs; it stays the same from version to version.
+    pub id: &'static str,
+    /// What was found, in words.
+    pub text: String,
+    /// What the operator can do.
+    pub next_step: Option<String>,
+}
+
+impl Finding {
+    fn new(
+        severity: Severity,
+        subject: Subject,
+        id: &'static str,
+        text: impl Into<String>,
+    ) -> Finding {
+        Finding {
+            severity,
+            subject,
+            id,
+            text: text.into(),
+            next_step: None,
+        }
+    }
+
+    fn with_next_step(self, next_step: impl Into<String>) -> Finding {
+        Finding {
+            next_step: Some(next_step.into()),
+            ..self
+        }
+    }
+}
+
+/// Makes the findings of one subject.
+#[derive(Clone, Copy)]
+struct About(Subject);
+
+impl About {
+    fn note(self, id: &'static str, text: impl Into<String>) -> Finding {
+        Finding::new(Severity::Note, self.0, id, text)
+    }
+
+    fn warning(
+        self,
+        id: &'static str,
+        text: impl Into<String>,
+        next_step: impl Into<String>,
+    ) -> Finding {
+        Finding::new(Severity::Warning, self.0, id, text).with_next_step(next_step)
+    }
+
+    fn error(
+        self,
+        id: &'static str,
+        text: impl Into<String>,
+        next_step: impl Into<String>,
+    ) -> Finding {
+        Finding::new(Severity::Error, self.0, id, text).with_next_step(next_step)
+    }
+}
+
+/// What the facts mean, subject by subject.
+pub fn diagnose(facts: &Facts) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if let Some(repair) = &facts.repair {
+        findings.extend(repair::diagnose(repair));
+    }
+    match &facts.domain {
+        Ok(domain) => findings.extend(domain::diagnose(domain, facts.robot)),
+        Err(reason) => findings.push(configuration::domain_unnamed(reason)),
+    }
+    findings.push(domain::memory(&facts.free_memory));
+    findings.extend(diagnose_files(&facts.files));
+    if let Some(port) = &facts.port {
+        let bridge = facts.domain.as_ref().ok().and_then(bridge_pid);
+        findings.push(serial::diagnose(port, bridge));
+    }
+    findings
+}
+
+/// What configuration files mean.
+pub fn diagnose_files(files: &[FileFacts]) -> Vec<Finding> {
+    files.iter().map(configuration::diagnose).collect()
+}
+
+/// The exit code that tells a script about the findings: the gravest kind of trouble among them.
+pub fn exit_code(findings: &[Finding]) -> ExitCode {
+    let trouble = |is_about: fn(Subject) -> bool| {
+        findings
+            .iter()
+            .any(|finding| finding.severity > Severity::Note && is_about(finding.subject))
+    };
+    if trouble(|subject| subject == Subject::Configuration) {
+        ExitCode::Configuration
+    } else if trouble(|subject| subject != Subject::Serial) {
+        ExitCode::NotInOrder
+    } else if trouble(|_| true) {
+        ExitCode::LinkDown
+    } else {
+        ExitCode::Ok
+    }
+}
+
+/// `1 thing`, `2 things`.
+pub(super) fn count(number: usize, singular: &str, plural: &str) -> String {
+    match number {
+        1 => format!("1 {singular}"),
+        _ => format!("{number} {plural}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gravest_kind_of_trouble_gives_the_exit_code() {
+        use Severity::{Error, Note, Warning};
+        use Subject::{Configuration, Domain, Memory, Serial};
+        let cases: [(&[(Severity, Subject)], ExitCode); 7] = [
+            (&[], ExitCode::Ok),
+            (&[(Note, Serial), (Note, Configuration)], ExitCode::Ok),
+            (&[(Error, Serial), (Note, Domain)], ExitCode::LinkDown),
+            (&[(Warning, Domain)], ExitCode::NotInOrder),
+            (&[(Error, Serial), (Warning, Memory)], ExitCode::NotInOrder),
+            (
+                &[(Error, Domain), (Error, Configuration)],
+                ExitCode::Configuration,
+            ),
+            (
+                &[(Error, Configuration), (Error, Serial)],
+                ExitCode::Configuration,
+            ),
+        ];
+        for (kinds, expected) in cases {
+            let findings: Vec<Finding> = kinds
+                .iter()
+                .map(|(severity, subject)| Finding::new(*severity, *subject, "test", "text"))
+                .collect();
+            assert_eq!(exit_code(&findings), expected, "{kinds:?}");
+        }
+    }
+}

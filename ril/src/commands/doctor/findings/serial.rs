@@ -1,0 +1,245 @@
+//! The serial port of the bridge.
+
+use super::super::facts::{Device, Holder, Holders, Look, PortFacts};
+use super::{About, Finding, Severity, Subject};
+
+const ABOUT: About = About(Subject::Serial);
+
+/// What is to be said of the port, when `bridge` is the process of the live bridge.
+pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
+    let path = port.path.display();
+    let unknown = Holders::default();
+    let holders = port.holders.as_ref().unwrap_or(&unknown);
+    if let Some(elsewhere) = elsewhere(port, holders, bridge) {
+        return elsewhere;
+    }
+    let finding = match &port.device {
+        Err(trouble) => ABOUT.error(
+            "port-unclear",
+            format!("looking at {path} {trouble}"),
+            "look what stands in its place",
+        ),
+        Ok(Device::Missing) => ABOUT.error(
+            "port-missing",
+            format!("{path} does not exist"),
+            "is the cable plugged in, and is `serial.port` right? The bridge waits for it and opens it by itself",
+        ),
+        Ok(Device::Other(what)) => ABOUT.error(
+            "port-not-a-terminal",
+            format!("{path} is {what}, not a serial port"),
+            "name a terminal device in `serial.port`, such as /dev/ttyUSB0",
+        ),
+        Ok(Device::Terminal {
+            forbidden: Some(hint),
+        }) => ABOUT.error(
+            "port-forbidden",
+            format!("{path} may not be opened by this user"),
+            hint.clone(),
+        ),
+        Ok(Device::Terminal { forbidden: None }) => held(port, &port.holders, bridge),
+    };
+    // What nobody chose, nobody may miss.
+    match port.is_chosen || finding.severity == Severity::Note {
+        true => finding,
+        false => Finding {
+            severity: Severity::Note,
+            text: format!(
+                "{}; no configuration names it, it is the built-in default",
+                finding.text
+            ),
+            ..finding
+        },
+    }
+}
+
+/// The live bridge has another port open than the one that was asked about.
+fn elsewhere(port: &PortFacts, holders: &Holders, bridge: Option<u32>) -> Option<Finding> {
+    let pid = bridge?;
+    if holders.by_bridge.is_empty() || holders.of_port.iter().any(|holder| holder.pid == pid) {
+        return None;
+    }
+    let theirs: Vec<String> = holders
+        .by_bridge
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    let text = format!(
+        "the live bridge (process {pid}) has {} open, not {}",
+        theirs.join(", "),
+        port.path.display()
+    );
+    let finding = ABOUT.note("port-of-another-configuration", text);
+    Some(finding.with_next_step(
+        "to look at its port, name it with --port, or its configuration with --bridge",
+    ))
+}
+
+/// Who has a port that is as it should be.
+fn held(port: &PortFacts, holders: &Look<Holders>, bridge: Option<u32>) -> Finding {
+    let path = port.path.display();
+    let holders = match holders {
+        Ok(holders) => holders,
+        Err(trouble) => {
+            let text = format!("{path} can be opened; looking who has it open {trouble}");
+            return ABOUT.note("port-right", text);
+        }
+    };
+    let is_stranger = |holder: &&Holder| Some(holder.pid) != bridge && !holder.is_other_end;
+    let strangers: Vec<String> = holders
+        .of_port
+        .iter()
+        .filter(is_stranger)
+        .map(named)
+        .collect();
+    if !strangers.is_empty() {
+        return ABOUT.error(
+            "port-in-use",
+            format!("{path} is open in {}", strangers.join(", ")),
+            "end it: two that read from one line take each other's bytes, and the bridge refuses a port in use",
+        );
+    }
+    let mut text = format!("{path} is a serial port that this user may open");
+    for holder in &holders.of_port {
+        let part = match Some(holder.pid) == bridge {
+            true => format!("; the bridge (process {}) has it open", holder.pid),
+            false => format!("; its other end is in {}", named(holder)),
+        };
+        text += &part;
+    }
+    if holders.of_port.is_empty() && holders.hidden > 0 {
+        text += "; whether another user has it open cannot be told";
+    }
+    ABOUT.note("port-right", text)
+}
+
+fn named(holder: &Holder) -> String {
+    format!("`{}` (process {})", holder.name, holder.pid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::facts::Trouble;
+    use super::*;
+
+    const BRIDGE: Option<u32> = Some(7);
+
+    fn holder(pid: u32, name: &str) -> Holder {
+        Holder {
+            pid,
+            name: name.to_owned(),
+            is_other_end: name == "dsp-sim",
+        }
+    }
+
+    fn port(device: Device, of_port: &[Holder]) -> PortFacts {
+        PortFacts {
+            path: "/dev/ttyUSB0".into(),
+            is_chosen: true,
+            device: Ok(device),
+            holders: Ok(Holders {
+                of_port: of_port.to_vec(),
+                ..Holders::default()
+            }),
+        }
+    }
+
+    const FREE: Device = Device::Terminal { forbidden: None };
+
+    #[test]
+    fn each_state_of_the_port() {
+        let forbidden = Device::Terminal {
+            forbidden: Some("join the group `dialout`".to_owned()),
+        };
+        let bridge = holder(7, "ril");
+        let hidden = PortFacts {
+            holders: Ok(Holders {
+                hidden: 3,
+                ..Holders::default()
+            }),
+            ..port(FREE, &[])
+        };
+        let unclear = PortFacts {
+            holders: Err(Trouble::Failed("no /proc".to_owned())),
+            ..port(FREE, &[])
+        };
+        for (facts, id, text, next_step) in [
+            (
+                port(Device::Missing, &[]),
+                "port-missing",
+                "does not exist",
+                "plugged in",
+            ),
+            (
+                port(Device::Other("a folder"), &[]),
+                "port-not-a-terminal",
+                "is a folder",
+                "/dev/ttyUSB0",
+            ),
+            (
+                port(forbidden, &[]),
+                "port-forbidden",
+                "may not be opened",
+                "`dialout`",
+            ),
+            (port(FREE, &[]), "port-right", "may open", ""),
+            (
+                port(FREE, std::slice::from_ref(&bridge)),
+                "port-right",
+                "the bridge (process 7) has it open",
+                "",
+            ),
+            (
+                port(FREE, &[holder(8, "dsp-sim")]),
+                "port-right",
+                "other end is in `dsp-sim`",
+                "",
+            ),
+            (
+                port(FREE, &[bridge, holder(9, "minicom")]),
+                "port-in-use",
+                "in `minicom` (process 9)",
+                "end it",
+            ),
+            (hidden, "port-right", "cannot be told", ""),
+            (unclear, "port-right", "failed: no /proc", ""),
+        ] {
+            let finding = diagnose(&facts, BRIDGE);
+            assert_eq!(finding.id, id, "{finding:?}");
+            assert!(finding.text.contains(text), "{finding:?}");
+            let is_note = next_step.is_empty();
+            assert_eq!(finding.severity == Severity::Note, is_note, "{finding:?}");
+            assert!(finding.next_step.unwrap_or_default().contains(next_step));
+        }
+    }
+
+    #[test]
+    fn a_default_that_nobody_chose_is_missed_by_nobody() {
+        let facts = PortFacts {
+            is_chosen: false,
+            ..port(Device::Missing, &[])
+        };
+        let finding = diagnose(&facts, None);
+        assert_eq!(
+            (finding.severity, finding.id),
+            (Severity::Note, "port-missing")
+        );
+        assert!(finding.text.contains("built-in default"), "{finding:?}");
+    }
+
+    #[test]
+    fn a_bridge_at_another_port_is_not_reproached_with_this_one() {
+        let mut facts = port(Device::Missing, &[]);
+        facts.holders = Ok(Holders {
+            by_bridge: vec!["/dev/pts/3".into()],
+            ..Holders::default()
+        });
+        let finding = diagnose(&facts, BRIDGE);
+        assert_eq!(finding.severity, Severity::Note);
+        assert!(
+            finding
+                .text
+                .contains("has /dev/pts/3 open, not /dev/ttyUSB0")
+        );
+        assert_eq!(diagnose(&facts, None).id, "port-missing");
+    }
+}

@@ -1,0 +1,405 @@
+//! Gathers the facts: a thin shell around the file system and `/proc` that decides nothing.
+//!
+//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a
+//! file, such as a pipe or a file system that does not answer, may keep whoever opens it waiting without end. Nothing
+//! is opened that could notice it: the serial port is only looked at from outside.
+
+use std::fs;
+use std::io;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use bridge::BridgeConfig;
+use bridge::shell::serial::permission_hint;
+use ipc_types::inspect::{Inspection, Life, free_memory};
+use ipc_types::service::SERVICES;
+use ipc_types::{Domain, Provider, Repair, RobotId, ServiceId};
+use runtime::config::load;
+use runtime::exit::Failure;
+use rustix::fs::Access;
+use serde::de::DeserializeOwned;
+
+use super::facts::{
+    Device, DomainFacts, FileContent, FileFacts, Holder, Holders, Look, PortFacts, Trouble,
+};
+use crate::cli::DoctorArgs;
+
+/// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
+/// is still waited for.
+pub(super) const LOOK_PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long a repair may take. It takes a fraction of a millisecond for each dead process. Being given up in the middle
+/// is like being killed there, which the next repair mends.
+const REPAIR_PATIENCE: Duration = Duration::from_secs(15);
+
+/// The directory that shows processes and what they have open.
+const PROC: &str = "/proc";
+
+/// A look that goes on in the background.
+struct Looking<T>(Receiver<T>);
+
+impl<T: Send + 'static> Looking<T> {
+    fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
+        let (sender, receiver) = mpsc::sync_channel(1);
+        // When there is no thread the sender is gone at once, and `end` says so. A look that is given up keeps its
+        // thread; it ends with the process.
+        let _ = thread::Builder::new().spawn(move || {
+            let _ = sender.send(look());
+        });
+        Looking(receiver)
+    }
+
+    /// What it found by the time that `patience` is over, counted from `began`.
+    fn end(self, began: Instant, patience: Duration) -> Look<T> {
+        let left = patience.saturating_sub(began.elapsed());
+        self.0.recv_timeout(left).map_err(|error| match error {
+            RecvTimeoutError::Timeout => Trouble::TookTooLong(patience),
+            RecvTimeoutError::Disconnected => Trouble::Failed("it broke off".to_owned()),
+        })
+    }
+}
+
+/// Looks at the domain, and at who provides the services of `robot`.
+pub(super) fn domain(domain: &Domain, robot: RobotId) -> DomainFacts {
+    let began = Instant::now();
+    let (inspected, asked) = (domain.clone(), domain.clone());
+    let inspection = Looking::start(move || inspected.inspect());
+    let providers = Looking::start(move || providers(&asked, robot));
+    let inspection = inspection.end(began, LOOK_PATIENCE);
+    DomainFacts {
+        prefix: domain.prefix().to_owned(),
+        root: domain.root().to_owned(),
+        stopped: inspection.as_ref().map(stopped).unwrap_or_default(),
+        inspection,
+        providers: providers
+            .end(began, LOOK_PATIENCE)
+            .and_then(|result| result),
+    }
+}
+
+/// Mends what is provably broken.
+pub(super) fn repair(domain: &Domain) -> Look<Repair> {
+    let domain = domain.clone();
+    let repair = Looking::start(move || domain.repair().map_err(failed));
+    repair
+        .end(Instant::now(), REPAIR_PATIENCE)
+        .and_then(|result| result)
+}
+
+/// Bytes free in `/dev/shm`.
+pub(super) fn memory() -> Look<u64> {
+    Looking::start(|| free_memory().map_err(failed))
+        .end(Instant::now(), LOOK_PATIENCE)
+        .and_then(|result| result)
+}
+
+/// Reads the configuration of each process with the process's own code. Says also what the bridge's is, if it is right.
+pub(super) fn files(args: &DoctorArgs) -> (Vec<FileFacts>, Option<BridgeConfig>) {
+    use crate::config as ril;
+    let began = Instant::now();
+    let bridge = Source::new(&args.bridge, bridge::cli::DEFAULT_CONFIG_FILE);
+    let status = Source::new(&args.status, status::config::DEFAULT_FILE);
+    let sim = Source::new(&args.sim, dsp_sim::config::DEFAULT_FILE);
+    let own = Source::new(&args.common.config, ril::DEFAULT_FILE);
+    let reading = bridge.start::<BridgeConfig>();
+    let others = [
+        (
+            Some("status"),
+            &status,
+            status.start_check::<status::config::Config>(),
+        ),
+        (
+            Some("sim"),
+            &sim,
+            sim.start_check::<dsp_sim::config::Config>(),
+        ),
+        (None, &own, own.start_check::<ril::Config>()),
+    ];
+    let (content, config) = match reading.end(began, LOOK_PATIENCE) {
+        Ok((content, config)) => (Ok(content), config),
+        Err(trouble) => (Err(trouble), None),
+    };
+    let mut files = vec![bridge.facts(Some("bridge"), content)];
+    for (command, source, check) in others {
+        files.push(source.facts(command, check.end(began, LOOK_PATIENCE)));
+    }
+    (files, config)
+}
+
+/// Where a configuration comes from.
+struct Source {
+    explicit: Option<PathBuf>,
+    default: &'static str,
+}
+
+impl Source {
+    fn new(explicit: &Option<PathBuf>, default: &'static str) -> Source {
+        Source {
+            explicit: explicit.clone(),
+            default,
+        }
+    }
+
+    fn start<T: DeserializeOwned + Default + Send + 'static>(
+        &self,
+    ) -> Looking<(FileContent, Option<T>)> {
+        let (explicit, default) = (self.explicit.clone(), self.default);
+        Looking::start(move || read(explicit.as_deref(), Path::new(default)))
+    }
+
+    fn start_check<T: DeserializeOwned + Default>(&self) -> Looking<FileContent> {
+        let (explicit, default) = (self.explicit.clone(), self.default);
+        Looking::start(move || read::<T>(explicit.as_deref(), Path::new(default)).0)
+    }
+
+    fn facts(&self, command: Option<&'static str>, content: Look<FileContent>) -> FileFacts {
+        let default = || PathBuf::from(self.default);
+        FileFacts {
+            command,
+            path: self.explicit.clone().unwrap_or_else(default),
+            content,
+        }
+    }
+}
+
+/// What is in a configuration file, and its value if that is right.
+fn read<T: DeserializeOwned + Default>(
+    explicit: Option<&Path>,
+    default: &Path,
+) -> (FileContent, Option<T>) {
+    match load::<T>(explicit, default) {
+        Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, Some(loaded.value)),
+        Ok(loaded) => (FileContent::Right, Some(loaded.value)),
+        Err(error) => {
+            let words = Failure::from(error).chain().join(": ");
+            (FileContent::Wrong(words), None)
+        }
+    }
+}
+
+/// Looks at a serial port, which somebody chose or not, and at who has terminals open, `bridge` among them.
+pub(super) fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
+    let began = Instant::now();
+    let (looked_at, held) = (path.clone(), path.clone());
+    let device = Looking::start(move || device(&looked_at).map_err(failed));
+    let holders = Looking::start(move || holders(&held, bridge).map_err(failed));
+    PortFacts {
+        path,
+        is_chosen,
+        device: device.end(began, LOOK_PATIENCE).and_then(|result| result),
+        holders: holders.end(began, LOOK_PATIENCE).and_then(|result| result),
+    }
+}
+
+/// What is at `path`, without opening it: that would raise the lines of a port, and an autopilot may restart on that.
+fn device(path: &Path) -> io::Result<Device> {
+    let metadata = match fs::metadata(path) {
+        Ok(metadata) => metadata,
+        Err(error) => {
+            return match error.kind() {
+                io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => Ok(Device::Missing),
+                _ => Err(error),
+            };
+        }
+    };
+    let kind = metadata.file_type();
+    if !kind.is_char_device() {
+        let what = if kind.is_dir() {
+            "a folder"
+        } else if kind.is_fifo() {
+            "a pipe"
+        } else if kind.is_file() {
+            "a file"
+        } else {
+            "something else"
+        };
+        return Ok(Device::Other(what));
+    }
+    let (major, minor) = (
+        rustix::fs::major(metadata.rdev()),
+        rustix::fs::minor(metadata.rdev()),
+    );
+    // The kernel tells the kind of a device, except of pseudo-terminals.
+    let class = fs::read_link(format!("/sys/dev/char/{major}:{minor}/subsystem"));
+    if class.is_ok_and(|class| class.file_name().is_some_and(|name| name != "tty")) {
+        return Ok(Device::Other("another kind of device"));
+    }
+    let may_open = rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
+    Ok(Device::Terminal {
+        forbidden: (!may_open).then(|| permission_hint(path)),
+    })
+}
+
+/// Who has `port` open, and which terminals `bridge` has.
+fn holders(port: &Path, bridge: Option<u32>) -> io::Result<Holders> {
+    // What does not exist nobody has open under this name.
+    let port = fs::canonicalize(port).unwrap_or_else(|_| port.to_owned());
+    let mut holders = Holders::default();
+    for process in fs::read_dir(PROC)?.flatten() {
+        let Some(pid) = process
+            .file_name()
+            .to_str()
+            .and_then(|name| name.parse().ok())
+        else {
+            continue;
+        };
+        // It may have ended meanwhile.
+        let open = match open_files(&process.path()) {
+            Ok(open) => open,
+            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
+                holders.hidden += 1;
+                continue;
+            }
+            Err(_) => continue,
+        };
+        if bridge == Some(pid) {
+            holders.by_bridge = terminals(&open);
+        }
+        if open.iter().any(|(_, path)| *path == port) {
+            holders.of_port.push(Holder {
+                pid,
+                name: program(&process.path()),
+                is_other_end: open.iter().any(|(_, path)| path.ends_with("ptmx")),
+            });
+        }
+    }
+    holders.of_port.sort_by_key(|holder| holder.pid);
+    Ok(holders)
+}
+
+/// Number and path of everything that a process has open.
+fn open_files(process: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
+    let entries = fs::read_dir(process.join("fd"))?.flatten();
+    let open = entries.filter_map(|entry| {
+        let number = entry.file_name().to_str()?.parse().ok()?;
+        Some((number, fs::read_link(entry.path()).ok()?))
+    });
+    Ok(open.collect())
+}
+
+/// The terminals among open files, but for the standard streams.
+fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
+    let is_terminal = |path: &Path| {
+        let name = path.as_os_str().as_encoded_bytes();
+        name.starts_with(b"/dev/pts/") || name.starts_with(b"/dev/tty")
+    };
+    let mut found: Vec<PathBuf> = open
+        .iter()
+        .filter(|(number, path)| *number > 2 && is_terminal(path))
+        .map(|(_, path)| path.clone())
+        .collect();
+    found.sort();
+    found.dedup();
+    found
+}
+
+/// The name of a process's program.
+fn program(process: &Path) -> String {
+    let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
+    match name.trim_end() {
+        "" => "unknown".to_owned(),
+        name => name.to_owned(),
+    }
+}
+
+fn providers(domain: &Domain, robot: RobotId) -> Look<Vec<(ServiceId, Option<Provider>)>> {
+    // The owner files of another user's root are that user's choice.
+    let root = fs::symlink_metadata(domain.root());
+    let is_ours =
+        root.is_ok_and(|root| root.is_dir() && root.uid() == rustix::process::geteuid().as_raw());
+    SERVICES
+        .iter()
+        .map(|spec| match is_ours {
+            true => Ok((spec.id, domain.provider(robot, spec.id).map_err(failed)?)),
+            false => Ok((spec.id, None)),
+        })
+        .collect()
+}
+
+/// Live processes of the domain that somebody has stopped.
+fn stopped(inspection: &Inspection) -> Vec<u32> {
+    let mut pids: Vec<u32> = inspection
+        .nodes_that_are(Life::Live)
+        .map(|node| node.pid)
+        .collect();
+    pids.sort_unstable();
+    pids.dedup();
+    pids.retain(|pid| {
+        let stat = fs::read_to_string(format!("{PROC}/{pid}/stat"));
+        stat.is_ok_and(|stat| is_stopped(&stat))
+    });
+    pids
+}
+
+/// Whether `/proc/PID/stat` tells of a process that is stopped or being traced.
+fn is_stopped(stat: &str) -> bool {
+    // The program's name, in parentheses, may have any character in it.
+    let state = stat.rsplit(')').next().unwrap_or_default().trim_start();
+    state.starts_with(['T', 't'])
+}
+
+fn failed(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Trouble {
+    Trouble::Failed(Failure::internal(error).chain().join(": "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_that_does_not_come_back_is_given_up() {
+        let (keeps_it_waiting, never) = mpsc::channel::<()>();
+        let patience = Duration::from_millis(10);
+        let look = Looking::start(move || never.recv());
+        let given_up = Err(Trouble::TookTooLong(patience));
+        assert_eq!(look.end(Instant::now(), patience), given_up);
+        drop(keeps_it_waiting);
+        let look = Looking::start(|| 7);
+        assert_eq!(look.end(Instant::now(), LOOK_PATIENCE), Ok(7));
+    }
+
+    #[test]
+    fn what_is_no_terminal_is_told_without_opening_it() {
+        let folder = std::env::temp_dir();
+        let is = |path: &str| device(Path::new(path)).unwrap();
+        assert_eq!(is("/dev/no-such-port"), Device::Missing);
+        assert_eq!(is("/dev/null/port"), Device::Missing);
+        assert_eq!(is(folder.to_str().unwrap()), Device::Other("a folder"));
+        assert_eq!(is("/proc/self/stat"), Device::Other("a file"));
+        assert!(matches!(
+            is("/dev/null"),
+            Device::Other("another kind of device")
+        ));
+        assert!(matches!(is("/dev/ptmx"), Device::Terminal { .. }));
+    }
+
+    #[test]
+    fn the_state_of_a_process_is_read_behind_its_name() {
+        for (stat, expected) in [
+            ("7 (ril) T 1 7 7", true),
+            ("7 (ril) t 1 7 7", true),
+            ("7 (ril) S 1 7 7", false),
+            ("7 (a) T) R 1 7 7", false),
+            ("", false),
+        ] {
+            assert_eq!(is_stopped(stat), expected, "{stat}");
+        }
+    }
+
+    #[test]
+    fn the_terminals_of_a_process_are_those_beyond_its_standard_streams() {
+        let open = [
+            (0, "/dev/pts/1"),
+            (3, "/dev/ttyUSB0"),
+            (4, "/dev/ttyUSB0"),
+            (5, "socket:[7]"),
+            (6, "/dev/pts/9"),
+        ];
+        let open = open.map(|(number, path)| (number, PathBuf::from(path)));
+        let expected = ["/dev/pts/9", "/dev/ttyUSB0"].map(PathBuf::from);
+        assert_eq!(terminals(&open), expected);
+    }
+}

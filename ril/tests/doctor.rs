@@ -1,0 +1,289 @@
+//! `ril doctor` in domains that are in order and in some that are not.
+
+mod common;
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use common::{Rig, end, json, says};
+use ipc_types::{Ipc, RobotId};
+use ril_tests::process::Signal;
+use rustix::fs::{CWD, Mode, mkfifoat};
+use serde_json::Value;
+
+/// The findings of `ril doctor` that are not in order, by name; it must end with `code`.
+#[track_caller]
+fn troubles(rig: &Rig, args: &str, code: i32) -> Vec<String> {
+    let report = examine(rig, args, code);
+    let findings = report["findings"].as_array().unwrap();
+    let troubles = findings.iter().filter(|one| one["severity"] != "note");
+    troubles
+        .map(|one| {
+            assert!(one["next_step"].is_string(), "{one}");
+            one["id"].as_str().unwrap().to_owned()
+        })
+        .collect()
+}
+
+/// What `ril doctor --json` says.
+#[track_caller]
+fn examine(rig: &Rig, args: &str, code: i32) -> Value {
+    let finished = rig.run(&format!("doctor --json {args}"), code);
+    assert_eq!(finished.stdout.len(), 1, "{finished:#?}");
+    let report = json(&finished.stdout[0]);
+    assert_eq!(report["schema"], "ril.Doctor.v1");
+    assert_eq!(report["exit_code"], code);
+    report
+}
+
+fn texts(report: &Value) -> String {
+    let findings = report["findings"].as_array().unwrap();
+    let texts = findings.iter().map(|one| one["text"].as_str().unwrap());
+    texts.collect::<Vec<_>>().join("\n")
+}
+
+/// A pipe that nobody writes into: whoever opens it to read waits without end.
+fn make_pipe(path: &Path) {
+    let _ = fs::remove_file(path);
+    mkfifoat(CWD, path, Mode::RUSR | Mode::WUSR).unwrap();
+}
+
+#[test]
+fn an_empty_domain_is_in_order_and_stays_empty() {
+    let rig = Rig::new();
+    let finished = rig.run("doctor", 0);
+    assert!(
+        says(&finished.stdout, "the domain is empty"),
+        "{finished:#?}"
+    );
+    assert!(says(&finished.stdout, "no bridge.toml here"));
+    assert!(says(&finished.stdout, "no bridge of robot 1 is running"));
+    assert!(says(
+        &finished.stdout,
+        "everything that was looked at is in order"
+    ));
+    rig.domain.assert_empty();
+    assert!(troubles(&rig, "--repair", 0).is_empty());
+    rig.domain.assert_empty();
+}
+
+#[test]
+fn live_processes_are_shown_with_what_they_provide() {
+    let rig = Rig::new();
+    let sim = rig.sim(1, "");
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    let status = rig.status(1);
+    let report = examine(&rig, "--port dsp-1", 0);
+    let text = texts(&report);
+    for expected in [
+        format!(
+            "bridge (process {}) provides dsp_telemetry, module_state",
+            bridge.id()
+        ),
+        format!("status (process {}) provides hero_telemetry", status.id()),
+        format!("the bridge (process {}) has it open", bridge.id()),
+        format!("its other end is in `ril` (process {})", sim.id()),
+    ] {
+        assert!(text.contains(&expected), "{expected:?} is not in\n{text}");
+    }
+    // The default configuration names another port than the one on the bridge's command line.
+    let text = texts(&examine(&rig, "", 0));
+    assert!(text.contains(" open, not /dev/ttyS0"), "{text}");
+    // A repair leaves the living alone.
+    assert!(troubles(&rig, "--repair --port dsp-1", 0).is_empty());
+    for process in [status, bridge, sim] {
+        end(process, Signal::TERM);
+    }
+}
+
+#[test]
+fn a_killed_bridge_is_found_and_repaired_while_others_live() {
+    let rig = Rig::new();
+    let status = rig.status(1);
+    let bridge = rig.bridge(1);
+    let pid = bridge.id();
+    drop(bridge);
+    assert_eq!(troubles(&rig, "", 8), ["dead-nodes"]);
+    let finished = rig.run("doctor", 8);
+    let expected = format!("left by dead processes: bridge (process {pid})");
+    assert!(says(&finished.stdout, &expected), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "0 errors and 1 warning"),
+        "{finished:#?}"
+    );
+
+    let report = examine(&rig, "--repair", 0);
+    assert_eq!(report["findings"][0]["id"], "repaired");
+    assert_eq!(report["findings"][0]["text"], "1 dead node removed");
+    assert!(troubles(&rig, "", 0).is_empty());
+    end(status, Signal::TERM);
+    rig.domain.assert_empty();
+}
+
+#[test]
+fn what_the_last_process_left_is_found_and_removed() {
+    let rig = Rig::new();
+    drop(rig.bridge(1));
+    assert_eq!(troubles(&rig, "", 8), ["dead-nodes"]);
+    let report = examine(&rig, "--repair", 0);
+    let text = texts(&report);
+    assert!(text.contains("nobody was in the domain"), "{text}");
+    rig.domain.assert_empty();
+}
+
+#[test]
+fn a_process_that_was_stopped_is_told_from_one_that_works() {
+    let rig = Rig::new();
+    let status = rig.status(1);
+    status.signal(Signal::STOP);
+    // The signal is on its way for a moment; whoever waits for the stop sees when it has come.
+    let pid = rustix::process::Pid::from_raw(status.id() as i32).unwrap();
+    let options = rustix::process::WaitIdOptions::STOPPED;
+    rustix::process::waitid(rustix::process::WaitId::Pid(pid), options).unwrap();
+    assert_eq!(troubles(&rig, "", 8), ["process-stopped"]);
+    status.signal(Signal::CONT);
+    end(status, Signal::TERM);
+}
+
+#[test]
+fn a_root_that_others_may_write_to_is_an_error_that_nobody_mends_alone() {
+    let rig = Rig::new();
+    let status = rig.status(1);
+    let root = rig.domain.root();
+    for (mode, code, expected) in [
+        (0o777, 8, &["root-open"][..]),
+        (0o750, 8, &["root-readable"]),
+        (0o700, 0, &[]),
+    ] {
+        fs::set_permissions(root, fs::Permissions::from_mode(mode)).unwrap();
+        assert_eq!(troubles(&rig, "", code), expected, "{mode:o}");
+    }
+    fs::set_permissions(root, fs::Permissions::from_mode(0o777)).unwrap();
+    assert_eq!(
+        troubles(&rig, "--repair", 8),
+        ["repair-failed", "root-open"]
+    );
+    fs::set_permissions(root, fs::Permissions::from_mode(0o700)).unwrap();
+    end(status, Signal::TERM);
+}
+
+#[test]
+fn whatever_stands_in_the_place_of_the_root_is_described() {
+    let rig = Rig::new();
+    let root = rig.domain.root();
+    make_pipe(root);
+    assert_eq!(troubles(&rig, "", 8), ["root-not-a-folder"]);
+    assert_eq!(
+        troubles(&rig, "--repair", 8),
+        ["repair-failed", "root-not-a-folder"]
+    );
+    fs::remove_file(root).unwrap();
+    std::os::unix::fs::symlink("/proc", root).unwrap();
+    assert_eq!(troubles(&rig, "", 8), ["root-not-a-folder"]);
+    fs::remove_file(root).unwrap();
+}
+
+#[test]
+fn a_spoiled_management_segment_is_found_and_replaced() {
+    let rig = Rig::new();
+    let status = rig.status(1);
+    for (bytes, mode, expected) in [
+        (&[][..], 0o600, "management-spoiled"),
+        (&[0; 16], 0o600, "management-spoiled"),
+        (&[1; 16], 0o666, "management-open"),
+    ] {
+        // The next node makes it again.
+        drop(rig.domain.join("next"));
+        let path = rig.domain.inspect().management[0].entry.path.clone();
+        fs::write(&path, bytes).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+        assert_eq!(troubles(&rig, "", 8), [expected]);
+        assert!(troubles(&rig, "--repair", 0).is_empty());
+    }
+    end(status, Signal::TERM);
+}
+
+#[test]
+fn a_wrong_configuration_is_told_in_the_words_of_its_process() {
+    let rig = Rig::new();
+    rig.write("bridge.toml", "[serial]\nprot = '/dev/ttyUSB0'\n");
+    rig.write("other.toml", "\n[[log]]\nname = '../x'\n");
+    let finished = rig.run("doctor --status other.toml", 78);
+    for expected in [
+        "the configuration of `ril bridge` is refused: bridge.toml:2: unknown field `prot`",
+        "the configuration of `ril status` is refused: other.toml:3: ",
+        "no dsp-sim.toml here",
+    ] {
+        assert!(
+            says(&finished.stdout, expected),
+            "{expected}: {finished:#?}"
+        );
+    }
+    let finished = rig.run("doctor --check-config", 78);
+    assert!(!says(&finished.stdout, "domain"), "{finished:#?}");
+    rig.run("doctor --check-config --bridge absent.toml", 78);
+    rig.write("bridge.toml", "");
+    rig.run("doctor --check-config", 0);
+    rig.domain.assert_empty();
+}
+
+#[test]
+fn a_domain_that_the_environment_names_by_half_is_a_wrong_configuration() {
+    let rig = Rig::new();
+    let mut command = rig.command(["doctor"]);
+    command
+        .env("RIL_IPC_PREFIX", "lab_")
+        .env_remove("RIL_IPC_ROOT");
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(78));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("RIL_IPC_ROOT is not: set both"), "{text}");
+}
+
+#[test]
+fn a_serial_port_that_cannot_be_used_is_told_with_what_to_do() {
+    let rig = Rig::new();
+    rig.write("bridge.toml", "[serial]\nport = 'ttyUSB0'\n");
+    assert_eq!(troubles(&rig, "", 6), ["port-missing"]);
+    fs::create_dir(rig.folder().join("folder")).unwrap();
+    make_pipe(&rig.folder().join("pipe"));
+    for port in ["folder", "pipe", "bridge.toml", "/dev/null"] {
+        let args = format!("--port {port}");
+        assert_eq!(troubles(&rig, &args, 6), ["port-not-a-terminal"], "{port}");
+    }
+    // A terminal of the simulator's is a port; this test has it open as well.
+    let sim = rig.sim(1, "");
+    assert!(troubles(&rig, "--port dsp-1", 0).is_empty());
+    let held = fs::File::open(rig.folder().join("dsp-1")).unwrap();
+    let finished = rig.run("doctor --port dsp-1", 6);
+    let expected = format!("(process {})", std::process::id());
+    assert!(says(&finished.stdout, &expected), "{finished:#?}");
+    drop(held);
+    end(sim, Signal::TERM);
+}
+
+#[test]
+fn nothing_that_keeps_a_reader_waiting_holds_it_up() {
+    let rig = Rig::new();
+    make_pipe(&rig.write("status.toml", ""));
+    let ipc = Ipc::join(&rig.domain, RobotId::DEFAULT, "test").unwrap();
+    let server = ipc.server::<ipc_types::payload::ModuleControl>().unwrap();
+    // In the place of the files that are opened to look at a domain, or to repair it.
+    let root = rig.domain.root();
+    for name in [
+        "iceoryx2.toml",
+        "making.lock",
+        "owners/1.movement",
+        "domain.lock",
+    ] {
+        make_pipe(&root.join(name));
+    }
+    let report = examine(&rig, "", 78);
+    assert!(texts(&report).contains("reading status.toml of `ril status` was given up after 5s"));
+    examine(&rig, "--repair", 78);
+    drop((server, ipc));
+    let _ = fs::remove_dir_all(root);
+    rig.domain.sweep();
+}
