@@ -26,9 +26,14 @@ pub struct TestDomain {
 impl TestDomain {
     /// A domain that nobody else has. Nothing of it exists before somebody joins.
     pub fn new() -> TestDomain {
+        TestDomain::watched_by(Watchdog::start())
+    }
+
+    /// Like [`TestDomain::new`] with a watchdog of the caller's choice: for what lasts longer than a test.
+    pub fn watched_by(watchdog: Watchdog) -> TestDomain {
         TestDomain {
             domain: Domain::isolated(),
-            _watchdog: Watchdog::start(),
+            _watchdog: watchdog,
         }
     }
 

@@ -1,0 +1,224 @@
+//! The processes of one robot, in shared memory and a folder of their own, and what can be seen of them from outside.
+//!
+//! Whatever goes wrong, nothing is left: what was started is killed, and then the domain and the folder are removed.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Duration;
+
+use ipc_types::payload::HeroTelemetry;
+use ipc_types::{Ipc, MonotonicNs, Subscriber};
+use ril_tests::process::{Signal, Stream, WAIT_LIMIT};
+use ril_tests::{Process, PtyFolder, TestDomain, Watchdog};
+
+/// First argument of a program that is to be `ril` itself.
+pub const BE_RIL: &str = "be-ril";
+
+/// Variables of the environment that would change what the processes do.
+const VARIABLES: [&str; 6] = [
+    "RIL_ROBOT",
+    "RIL_CONFIG",
+    "RIL_PORT",
+    "RIL_LOG",
+    "RIL_TIMEOUT_S",
+    "RIL_DEADLINE_MS",
+];
+
+/// Lets the children end when this process is killed, and so the domain go.
+const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
+
+/// How to start `ril`.
+#[derive(Clone, Debug)]
+pub struct Program {
+    path: PathBuf,
+    is_this: bool,
+}
+
+// The program is started as itself, its tests as the binary.
+#[allow(dead_code)]
+impl Program {
+    /// The binary at `path`.
+    pub fn at(path: &str) -> Program {
+        Program {
+            path: path.into(),
+            is_this: false,
+        }
+    }
+
+    /// The running program, which is `ril` when its first argument is [`BE_RIL`].
+    pub fn this() -> std::io::Result<Program> {
+        Ok(Program {
+            path: std::env::current_exe()?,
+            is_this: true,
+        })
+    }
+}
+
+/// A process that can be killed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The simulator, with the serial port.
+    Sim,
+    /// The bridge.
+    Bridge,
+    /// Status.
+    Status,
+    /// A consumer of telemetry in SI units, which prints it.
+    Consumer,
+}
+
+impl Kind {
+    /// All, in the order of the data.
+    pub const ALL: [Kind; 4] = [Kind::Sim, Kind::Bridge, Kind::Status, Kind::Consumer];
+
+    /// As it is named on the command line and in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Sim => "sim",
+            Kind::Bridge => "bridge",
+            Kind::Status => "status",
+            Kind::Consumer => "consumer",
+        }
+    }
+
+    fn args(self) -> &'static str {
+        match self {
+            Kind::Sim => "sim --link dsp --seed 1",
+            Kind::Bridge => "bridge --port dsp",
+            Kind::Status => "status",
+            Kind::Consumer => "echo hero --json --field sequence --timeout 80",
+        }
+    }
+}
+
+/// Where everything happens: a domain and a folder that nobody else has.
+pub struct Site {
+    program: Program,
+    folder: PtyFolder,
+    /// Last, because it looks whether anything is left.
+    pub domain: TestDomain,
+}
+
+impl Site {
+    /// A new one. What hangs for longer than `limit` is ended.
+    pub fn new(program: &Program, name: &str, limit: Duration) -> Site {
+        Site {
+            program: program.clone(),
+            folder: PtyFolder::new(),
+            domain: TestDomain::watched_by(Watchdog::with_limit(name, limit)),
+        }
+    }
+
+    /// Where something of this name is in the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.link(name)
+    }
+
+    /// Writes a file into the folder, in which all processes run; `bridge.toml` and `dsp-sim.toml` are found there.
+    pub fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).expect("a file in a temporary folder");
+    }
+
+    /// Starts `ril` with these arguments.
+    pub fn start(&self, args: &str) -> Process {
+        let mut command = Command::new(&self.program.path);
+        if self.program.is_this {
+            command.arg(BE_RIL);
+        }
+        command.args(args.split_whitespace());
+        command.current_dir(self.folder.path());
+        for variable in VARIABLES {
+            command.env_remove(variable);
+        }
+        command.env(WITH_PARENT, "1");
+        Process::spawn(&self.domain, command)
+    }
+
+    /// Starts one of the crew, which is not ready yet.
+    pub fn start_one(&self, kind: Kind) -> Process {
+        self.start(kind.args())
+    }
+}
+
+/// Waits until it does its work.
+#[track_caller]
+pub fn await_ready(kind: Kind, process: &mut Process) {
+    match kind {
+        Kind::Consumer => process.wait_for_line(|line| line.stream == Stream::Stdout),
+        Kind::Sim | Kind::Bridge | Kind::Status => process.wait_for_text("ready"),
+    };
+}
+
+/// Ends a process in order.
+#[track_caller]
+pub fn end(mut process: Process) {
+    process.signal(Signal::TERM);
+    let finished = process.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+}
+
+/// The end of the chain: it hears what simulator, bridge and status make together.
+pub struct Witness {
+    telemetry: Subscriber<HeroTelemetry>,
+    ipc: Ipc,
+}
+
+impl Witness {
+    /// Listens in the site's domain.
+    pub fn new(site: &Site) -> Witness {
+        let ipc = site.domain.join("witness");
+        Witness {
+            telemetry: ipc.subscriber().expect("a subscriber"),
+            ipc,
+        }
+    }
+
+    /// Waits for telemetry that the bridge received after `moment`, and says when it was heard.
+    #[track_caller]
+    pub fn hear_after(&mut self, moment: MonotonicNs) -> MonotonicNs {
+        let limit = MonotonicNs::now() + WAIT_LIMIT;
+        let mut is_heard = false;
+        while !is_heard {
+            let now = MonotonicNs::now();
+            assert!(now < limit, "no telemetry since {:?}", now.since(moment));
+            self.telemetry.wait(limit.since(now)).expect("a wait");
+            // What cannot be received now can be by the next call, says the subscriber.
+            let _ = self
+                .telemetry
+                .drain(|sample| is_heard |= sample.received_ns > moment.0);
+        }
+        MonotonicNs::now()
+    }
+
+    /// Its part in the domain.
+    pub fn ipc(&self) -> &Ipc {
+        &self.ipc
+    }
+}
+
+/// What a process holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Holdings {
+    /// Open file descriptors.
+    pub descriptors: usize,
+    /// Resident memory, KiB.
+    pub memory_kib: u64,
+}
+
+impl Holdings {
+    /// Of the process `id`.
+    pub fn of(id: u32) -> Holdings {
+        let descriptors = fs::read_dir(format!("/proc/{id}/fd")).expect("it runs");
+        let status = fs::read_to_string(format!("/proc/{id}/status")).expect("it runs");
+        let memory_kib = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB"))
+            .and_then(|number| number.trim().parse().ok())
+            .expect("the kernel says how much memory a process has");
+        Holdings {
+            descriptors: descriptors.count(),
+            memory_kib,
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! `kill -9` of one kind of process at random moments, over and over: does every successor come up, and is anything left?
+
+use std::fmt;
+use std::thread;
+use std::time::Duration;
+
+use dsp_sim::random::Random;
+use ipc_types::MonotonicNs;
+use ril_tests::Process;
+use ril_tests::process::Signal;
+
+use crate::crew::{Holdings, Kind, Site, Witness, await_ready, end};
+use crate::spread::Spread;
+
+/// Longest time that a process works before it is killed. Two periods of telemetry and more: every phase of its work.
+const WORK: Duration = Duration::from_millis(50);
+
+/// Part of the start-up, as the first start took it, within which a process is killed that is not up yet. A little more
+/// than all of it.
+const START_UP: f64 = 1.2;
+
+/// Part of the kills before memory is looked at for the first time: what is allocated once has been allocated then.
+const WARM_UP: u32 = 5;
+
+/// How long the remains of what was killed may take to be removed. What was left half made is left alone for ten seconds,
+/// because it may still be in the making; the processes clean up once or twice a second.
+const SETTLE_LIMIT: Duration = Duration::from_secs(30);
+
+/// What to do.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Who is killed.
+    pub victim: Kind,
+    /// How often.
+    pub kills: u32,
+    /// Seed of the moments.
+    pub seed: u64,
+}
+
+/// What a survivor held when it had warmed up, and at the end.
+#[derive(Clone, Copy, Debug)]
+pub struct Survivor {
+    /// Which one.
+    pub kind: Kind,
+    /// When it had warmed up.
+    pub before: Holdings,
+    /// At the end.
+    pub after: Holdings,
+}
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Who was killed.
+    pub victim: Kind,
+    /// How often.
+    pub kills: u32,
+    /// How many of these while it started.
+    pub in_start_up: u32,
+    /// From the start of a successor until it was ready.
+    pub ready: Spread,
+    /// From the start of a successor until the whole chain delivered new telemetry. Of consumers nothing depends.
+    pub again: Spread,
+    /// Files and segments of the domain before, and after the remains were removed.
+    pub things: (usize, usize),
+    /// How long that took after the last kill.
+    pub settled: Duration,
+    /// The others.
+    pub survivors: Vec<Survivor>,
+    /// Descriptors of this process, before and after.
+    pub own_descriptors: (usize, usize),
+}
+
+impl Outcome {
+    /// Whether nothing was left and no survivor holds more descriptors than before.
+    pub fn is_clean(&self) -> bool {
+        let are_flat =
+            |survivor: &Survivor| survivor.after.descriptors <= survivor.before.descriptors;
+        self.things.1 <= self.things.0 && self.survivors.iter().all(are_flat)
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (kills, in_start_up) = (self.kills, self.in_start_up);
+        write!(
+            f,
+            "| {} | {kills}, {in_start_up} of them while it started | {} | ",
+            self.victim.name(),
+            self.ready
+        )?;
+        if self.again.count() > 0 {
+            write!(f, "{} | ", self.again)?;
+        } else {
+            f.write_str("– | ")?;
+        }
+        let (before, after) = self.things;
+        let settled_s = self.settled.as_secs_f64();
+        write!(f, "{before} before, {after} {settled_s:.1} s after | ")?;
+        for survivor in &self.survivors {
+            let (before, after) = (survivor.before, survivor.after);
+            write!(
+                f,
+                "{}: {} → {} descriptors, {} → {} KiB; ",
+                survivor.kind.name(),
+                before.descriptors,
+                after.descriptors,
+                before.memory_kib,
+                after.memory_kib
+            )?;
+        }
+        let (before, after) = self.own_descriptors;
+        write!(f, "this: {before} → {after} descriptors |")
+    }
+}
+
+/// Kills as planned, or until `goes_on` says no.
+///
+/// # Panics
+///
+/// When a successor does not come up, when no telemetry comes any more, when one of the others ends, or when something is
+/// left after all have ended in order.
+pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
+    let mut loops = Loop::new(site, plan);
+    let start_up = loops.first_start();
+    while loops.kills < plan.kills && goes_on() {
+        loops.kill(Life::Working, WORK);
+        while loops.kills < plan.kills && loops.chance.uniform() < 0.5 {
+            loops.process = site.start_one(plan.victim);
+            loops.kill(Life::Starting, start_up.mul_f64(START_UP));
+        }
+        loops.succeed();
+        if loops.kills >= plan.kills / WARM_UP && loops.warm.is_empty() {
+            loops.warm = loops.holdings();
+        }
+    }
+    loops.settle()
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Life {
+    Starting,
+    Working,
+}
+
+/// The loop at work.
+struct Loop<'a> {
+    site: &'a Site,
+    victim: Kind,
+    process: Process,
+    others: Vec<(Kind, Process)>,
+    witness: Witness,
+    chance: Random,
+    kills: u32,
+    in_start_up: u32,
+    ready: Spread,
+    again: Spread,
+    /// Things of the domain before the first kill.
+    things: usize,
+    own_descriptors: usize,
+    warm: Vec<(Kind, Holdings)>,
+}
+
+impl<'a> Loop<'a> {
+    fn new(site: &'a Site, plan: &Plan) -> Loop<'a> {
+        let begun = MonotonicNs::now();
+        let mut witness = Witness::new(site);
+        let mut crew = Vec::new();
+        for kind in Kind::ALL {
+            let mut process = site.start_one(kind);
+            await_ready(kind, &mut process);
+            crew.push((kind, process));
+        }
+        witness.hear_after(begun);
+        let index = crew.iter().position(|(kind, _)| *kind == plan.victim);
+        let (_, process) = crew.remove(index.expect("all kinds are there"));
+        Loop {
+            site,
+            victim: plan.victim,
+            process,
+            others: crew,
+            witness,
+            chance: Random::new(plan.seed, plan.victim as u64),
+            kills: 0,
+            in_start_up: 0,
+            ready: Spread::default(),
+            again: Spread::default(),
+            things: 0,
+            own_descriptors: 0,
+            warm: Vec::new(),
+        }
+    }
+
+    /// Ends the victim in order and starts it again, so that whatever a start leaves for good is there, and says how long
+    /// it took.
+    fn first_start(&mut self) -> Duration {
+        self.process.signal(Signal::TERM);
+        self.process.wait_exit();
+        let started = MonotonicNs::now();
+        self.process = self.site.start_one(self.victim);
+        await_ready(self.victim, &mut self.process);
+        let start_up = MonotonicNs::now().since(started);
+        self.witness.hear_after(started);
+        self.witness.ipc().clean_dead();
+        self.things = self.site.domain.residue().len();
+        self.own_descriptors = Holdings::of(std::process::id()).descriptors;
+        start_up
+    }
+
+    /// Kills the victim at a random moment within `span`.
+    fn kill(&mut self, life: Life, span: Duration) {
+        // The moment is what is tried here, not something that is waited for.
+        thread::sleep(span.mul_f64(self.chance.uniform()));
+        self.process.signal(Signal::KILL);
+        self.process.wait_exit();
+        self.kills += 1;
+        self.in_start_up += u32::from(life == Life::Starting);
+    }
+
+    /// Starts the successor, which must get everything going again.
+    fn succeed(&mut self) {
+        let started = MonotonicNs::now();
+        self.process = self.site.start_one(self.victim);
+        await_ready(self.victim, &mut self.process);
+        self.ready.push(MonotonicNs::now().since(started));
+        let heard = self.witness.hear_after(started);
+        if self.victim != Kind::Consumer {
+            self.again.push(heard.since(started));
+        }
+        for (_, process) in &mut self.others {
+            // What they print is not needed, and would fill the pipe's reader.
+            process.lines();
+        }
+    }
+
+    fn holdings(&self) -> Vec<(Kind, Holdings)> {
+        let of = |(kind, process): &(Kind, Process)| (*kind, Holdings::of(process.id()));
+        self.others.iter().map(of).collect()
+    }
+
+    /// Waits until what was left is removed, ends everybody and says what came of it.
+    fn settle(mut self) -> Outcome {
+        let begun = MonotonicNs::now();
+        let mut left = self.site.domain.residue().len();
+        while left > self.things && MonotonicNs::now().since(begun) < SETTLE_LIMIT {
+            // The next sample is the occasion: the processes clean up by themselves, this one does not.
+            self.witness.hear_after(MonotonicNs::now());
+            left = self.site.domain.residue().len();
+        }
+        let settled = MonotonicNs::now().since(begun);
+        let now = self.holdings();
+        let survivors = self.warm.iter().zip(&now);
+        let outcome = Outcome {
+            victim: self.victim,
+            kills: self.kills,
+            in_start_up: self.in_start_up,
+            ready: self.ready,
+            again: self.again,
+            things: (self.things, left),
+            settled,
+            survivors: survivors
+                .map(|((kind, before), (_, after))| Survivor {
+                    kind: *kind,
+                    before: *before,
+                    after: *after,
+                })
+                .collect(),
+            own_descriptors: (
+                self.own_descriptors,
+                Holdings::of(std::process::id()).descriptors,
+            ),
+        };
+        drop(self.witness);
+        end(self.process);
+        self.others
+            .into_iter()
+            .for_each(|(_, process)| end(process));
+        self.site.domain.assert_empty();
+        outcome
+    }
+}

@@ -1,0 +1,93 @@
+//! The short form of the program `endurance`: processes that are killed, disturbed and cut off at random moments.
+
+#[path = "../examples/endurance/crew.rs"]
+mod crew;
+#[path = "../examples/endurance/gap.rs"]
+mod gap;
+#[path = "../examples/endurance/kills.rs"]
+mod kills;
+#[path = "../examples/endurance/port.rs"]
+mod port;
+#[path = "../examples/endurance/spread.rs"]
+mod spread;
+#[path = "../examples/endurance/subscribers.rs"]
+mod subscribers;
+
+use std::time::Duration;
+
+use crew::{Kind, Program, Site};
+use ril_tests::watchdog::DEFAULT_LIMIT;
+
+const SEED: u64 = 7;
+
+fn site(name: &str) -> Site {
+    let program = Program::at(env!("CARGO_BIN_EXE_ril"));
+    Site::new(&program, name, DEFAULT_LIMIT)
+}
+
+fn kill(victim: Kind) {
+    let plan = kills::Plan {
+        victim,
+        kills: 12,
+        seed: SEED,
+    };
+    let outcome = kills::run(&site(victim.name()), &plan, &|| true);
+    assert!(outcome.is_clean(), "{outcome}");
+    assert_eq!(outcome.kills, 12);
+    assert!((1..12).contains(&outcome.in_start_up), "{outcome}");
+}
+
+#[test]
+fn a_simulator_can_be_killed_at_any_moment() {
+    kill(Kind::Sim);
+}
+
+#[test]
+fn a_bridge_can_be_killed_at_any_moment() {
+    kill(Kind::Bridge);
+}
+
+#[test]
+fn a_status_can_be_killed_at_any_moment() {
+    kill(Kind::Status);
+}
+
+#[test]
+fn a_consumer_can_be_killed_at_any_moment() {
+    kill(Kind::Consumer);
+}
+
+#[test]
+fn a_consumer_hears_the_next_bridge_each_time() {
+    let plan = gap::Plan {
+        kills: 5,
+        period_ms: 20,
+        seed: SEED,
+    };
+    let outcome = gap::run(&site("gap"), &plan, &|| true);
+    assert_eq!((outcome.gap.count(), outcome.from_start.count()), (5, 5));
+}
+
+#[test]
+fn a_port_that_goes_and_comes_back_as_another_device_is_found_each_time() {
+    let plan = port::Plan {
+        times: 6,
+        seed: SEED,
+    };
+    let outcome = port::run(&site("port"), &plan, &|| true);
+    assert_eq!((outcome.again.count(), outcome.elsewhere), (6, 3));
+    assert!(outcome.openings > 1, "{outcome}");
+}
+
+#[test]
+fn subscribers_that_misbehave_cost_nobody_anything() {
+    let plan = subscribers::Plan {
+        duration: Duration::from_secs(3),
+        period_ms: 20,
+        seed: SEED,
+    };
+    let outcome = subscribers::run(&site("subscribers"), &plan, &|| true);
+    assert_eq!((outcome.damaged(), outcome.lost()), (0, 0), "{outcome}");
+    assert!(outcome.healthy.iter().all(|losses| losses.received > 0));
+    assert!(outcome.disturbances.killed > 0, "{outcome}");
+}
