@@ -6,7 +6,9 @@
 
 use std::fmt::Write;
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use ipc_types::TelemetryGroup;
 use ipc_types::code::{
@@ -357,6 +359,84 @@ fn the_c_header_is_pinned() {
 #[test]
 fn the_python_module_is_pinned() {
     check("hero_ipc.py", &python_module());
+}
+
+/// Whether a compiler takes `source`, and what it says; nothing when there is no such compiler.
+///
+/// That is told past the capture of the tests' output: a check that was not made must be seen.
+fn compiles(compiler: &str, options: &[&str], source: &str) -> Option<(bool, String)> {
+    let spawned = Command::new(compiler)
+        .args(options)
+        .args(["-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let mut child = match spawned {
+        Ok(child) => child,
+        Err(error) => {
+            let _ = writeln!(
+                std::io::stderr(),
+                "SKIPPED: `{compiler}` cannot be started ({error}), so that it says nothing about hero_ipc.h"
+            );
+            return None;
+        }
+    };
+    let mut input = child.stdin.take().expect("it is piped");
+    input.write_all(source.as_bytes()).unwrap();
+    drop(input);
+    let output = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    Some((output.status.success(), text))
+}
+
+/// The header asserts every size and offset; they are those of the Rust compiler. Whether a C compiler that lays the
+/// structs out agrees, only that compiler can say.
+#[test]
+fn compilers_of_c_and_cpp_lay_the_structs_out_like_rust() {
+    let header = c_header();
+    let main = "\nint main(void) { return 0; }\n";
+    // Two fields that changed places, as a later version might have them.
+    let swapped = header.replace(
+        "    double latitude_deg;\n    double longitude_deg;",
+        "    double longitude_deg;\n    double latitude_deg;",
+    );
+    assert_ne!(header, swapped);
+    for (compiler, options) in [
+        ("cc", ["-x", "c", "-std=c11"]),
+        ("c++", ["-x", "c++", "-std=c++11"]),
+    ] {
+        if let Some((is_taken, text)) = compiles(compiler, &options, &(header.clone() + main)) {
+            assert!(is_taken, "{compiler} has another layout: {text}");
+            let other = compiles(compiler, &options, &(swapped.clone() + main));
+            let (is_taken, text) = other.expect("it was there a moment ago");
+            assert!(
+                !is_taken && text.contains("latitude_deg) == 0"),
+                "{compiler} takes another layout: {text}"
+            );
+        }
+    }
+}
+
+/// The module asserts every size and offset when it is imported.
+#[test]
+fn python_lays_the_structs_out_like_rust() {
+    let module = python_module();
+    let run = |source: &str| Command::new("python3").args(["-c", source]).output();
+    match run(&module) {
+        Ok(output) => {
+            let text = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "another layout: {text}");
+            let swapped = module.replacen("latitude_deg", "x", 1);
+            assert!(!run(&swapped).unwrap().status.success());
+        }
+        Err(error) => {
+            let _ = writeln!(
+                std::io::stderr(),
+                "SKIPPED: `python3` cannot be started ({error}), so that it says nothing about hero_ipc.py"
+            );
+        }
+    }
 }
 
 #[test]
