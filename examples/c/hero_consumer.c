@@ -169,6 +169,10 @@ static bool make_ports(hero_consumer *self) {
 static enum hero_result open_in(hero_consumer *self, const char *root, char *error, size_t error_size) {
     char path[PATH_SIZE];
     snprintf(path, sizeof(path), "%s/iceoryx2.toml", root);
+    if (access(path, R_OK) != 0) {
+        snprintf(error, error_size, "`%s` does not exist yet: the RIL is just starting, try again", path);
+        return HERO_NOT_THERE;
+    }
     iox2_set_log_level_from_env_or(iox2_log_level_e_ERROR);
     iox2_config_ptr global = NULL;
     if (iox2_config_setup_global_config_from_file(&global, path) != IOX2_OK) {

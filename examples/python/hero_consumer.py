@@ -56,8 +56,10 @@ class Consumer:
 
     def _open(self, root, service):
         iox2.set_log_level_from_env_or(iox2.LogLevel.Error)
-        file = iox2.FilePath.new(f"{root}/iceoryx2.toml")
-        config = iox2.config.setup_global_config_from_file(file)
+        path = f"{root}/iceoryx2.toml"
+        if not os.path.exists(path):
+            raise NotThere(f"`{path}` does not exist yet: the RIL is just starting, try again")
+        config = iox2.config.setup_global_config_from_file(iox2.FilePath.new(path))
         self._check_layout(config, service)
         node = (
             iox2.NodeBuilder.new()
@@ -102,10 +104,14 @@ class Consumer:
         """Sleeps until there may be something, at most so long, and returns all samples that are there, as copies."""
         end = time.monotonic() + timeout_s
         while True:
-            # Signals of the process are handled after each sleep.
             left_ms = max(0, int((end - time.monotonic()) * 1000))
             sleep_ms = min(left_ms, SAFETY_BOUND_MS)
-            self._listener.timed_wait(iox2.Duration.from_millis(sleep_ms))
+            try:
+                self._listener.timed_wait(iox2.Duration.from_millis(sleep_ms))
+            except iox2.ListenerWaitError as error:
+                # A signal; Python runs its handler when this line is done.
+                if "InterruptSignal" not in str(error):
+                    raise
             samples = self._drain()
             if samples or left_ms <= SAFETY_BOUND_MS:
                 return samples
