@@ -15,14 +15,15 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
 use crate::domain::Provider;
-use crate::event::{self, Channel};
-use crate::iox::{Listener, Notifier, RequestService, Svc};
+use crate::ear::{Ear, Signal};
+use crate::event::Channel;
+use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::{self, SAFETY_BOUND, WaitError, Wake, sealed};
+use crate::waiter::{SAFETY_BOUND, WaitError, Waiter, Wake, sealed};
 
 /// How often a waiting client looks whether its server still lives: it costs three system calls.
 const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
@@ -51,12 +52,12 @@ pub enum SendError {
 
 /// Sends requests and follows their reports.
 pub struct Client<R: Request> {
-    // First, so that the server sees the requests closed before it is woken by the notifier's end.
+    // First, so that the server sees the requests closed before it is woken by the end of the signal.
     outstanding: Vec<Outstanding<R>>,
     port: iceoryx2::port::client::Client<Svc, R, (), RequestReport, ()>,
-    listener: Listener,
-    notifier: Notifier,
-    service: RequestService<R>,
+    responses: Ear,
+    requests: Signal,
+    waiter: Waiter,
     looked_ns: Cell<u64>,
     session: Rc<Session>,
 }
@@ -76,9 +77,7 @@ impl<R: Request> Client<R> {
     pub(crate) fn open(session: &Rc<Session>) -> Result<Client<R>, OpenError> {
         let robot = session.robot();
         let service = open::request::<R>(session, robot)?;
-        let requests = event::open(session, robot, R::SERVICE, Channel::Requests)?;
-        let responses = event::open(session, robot, R::SERVICE, Channel::Responses)?;
-        let listener = responses.listener(session)?;
+        let responses = Ear::make(session, R::SERVICE, Channel::Responses)?;
         let port = open::port(
             session,
             &R::SERVICE.name(robot),
@@ -93,13 +92,13 @@ impl<R: Request> Client<R> {
                     .create()
             },
         )?;
-        let notifier = requests.notifier(session)?;
+        let requests = Signal::make(session, R::SERVICE, Channel::Requests)?;
         Ok(Client {
             outstanding: Vec::with_capacity(MAX_OUTSTANDING),
             port,
-            listener,
-            notifier,
-            service,
+            responses,
+            requests,
+            waiter: Waiter::new(),
             looked_ns: Cell::new(0),
             session: Rc::clone(session),
         })
@@ -132,7 +131,7 @@ impl<R: Request> Client<R> {
             path_id: request.path_id(),
             server_since_ns: server.since_ns,
         });
-        event::notify(&self.notifier, &self.service);
+        self.requests.raise();
         Ok(())
     }
 
@@ -154,7 +153,7 @@ impl<R: Request> Client<R> {
     /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
     /// report from here: [`Stage::Unknown`], [`Reason::BridgeGone`].
     pub fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
-        event::drain_listener(&self.listener);
+        self.responses.take();
         // Before the reports are read: whatever a server said before it went comes out first.
         let server = if self.outstanding.is_empty() {
             None
@@ -187,14 +186,14 @@ impl<R: Request> Client<R> {
     ///
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        waiter::wait_for(&self.listener, timeout, |_| self.has_reports())
+        self.waiter.wait(&[&*self], Some(timeout))
     }
 
     /// Gives up all open requests: their server sees them as vanished.
     pub fn give_up(&mut self) {
         if !self.outstanding.is_empty() {
             self.outstanding.clear();
-            event::notify(&self.notifier, &self.service);
+            self.requests.raise();
         }
     }
 
@@ -295,11 +294,10 @@ impl<R: Request> Drop for Client<R> {
 
 impl<R: Request> sealed::Source for Client<R> {
     fn has_something(&self) -> bool {
-        event::drain_listener(&self.listener);
         self.has_reports()
     }
 
-    fn watched(&self) -> &dyn sealed::Watched {
-        &self.listener
+    fn sense(&self) -> sealed::Sense<'_> {
+        sealed::Sense::Ear(&self.responses)
     }
 }

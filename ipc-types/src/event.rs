@@ -2,7 +2,7 @@
 //!
 //! An event carries nothing but a reason to drain; all of them are opened with every setting of the table.
 
-use iceoryx2::prelude::{EventId, PortFactory};
+use iceoryx2::prelude::EventId;
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 
 use crate::iox::{EventService, Listener, Notifier};
@@ -112,6 +112,10 @@ pub(crate) fn event_id(code: EventCode) -> EventId {
 }
 
 impl Event {
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
     pub(crate) fn listener(&self, session: &Session) -> Result<Listener, OpenError> {
         use iceoryx2::port::listener::ListenerCreateError as Error;
         open::port(
@@ -145,11 +149,4 @@ impl Event {
 /// A failure counts as one: the caller then looks at the data, which is always right.
 pub(crate) fn drain_listener(listener: &Listener) -> u64 {
     listener.try_wait(|_| {}).unwrap_or(1)
-}
-
-/// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
-pub(crate) fn notify(notifier: &Notifier, service: &impl PortFactory) {
-    if let Err(error) = notifier.notify() {
-        tracing::debug!(service = %service.name(), ?error, "a notification was not sent");
-    }
 }

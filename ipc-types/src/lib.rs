@@ -33,10 +33,12 @@
 //! # }
 //! ```
 
+mod bell;
 pub mod client;
 pub mod code;
 pub mod continuity;
 pub mod domain;
+mod ear;
 mod event;
 pub mod group;
 pub mod inspect;

@@ -3,6 +3,7 @@
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 keeps a handle of 48 bytes on the heap while a sample is being filled in.
 
+use std::cell::Cell;
 use std::rc::Rc;
 
 use iceoryx2::port::publisher::PublisherCreateError;
@@ -10,8 +11,9 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 
 use crate::domain::OwnerLock;
-use crate::event::{self, Channel};
-use crate::iox::{Listener, Notifier, Svc, TopicService};
+use crate::ear::{Ear, Signal};
+use crate::event::Channel;
+use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::service::{MAX_PROVIDERS, Topic};
 use crate::session::Session;
@@ -32,9 +34,10 @@ pub struct PublishError {
 /// join between two samples then get the latest at once, not with the next one.
 pub struct Publisher<T: Topic> {
     port: iceoryx2::port::publisher::Publisher<Svc, T, ()>,
-    service: TopicService<T>,
-    notifier: Notifier,
-    arrivals: Listener,
+    samples: Signal,
+    subscribers: Ear,
+    /// Arrivals that [`Publisher::welcome`] has seen, as the bell counts them.
+    welcomed: Cell<u32>,
     epoch_ns: u64,
     sequence: u64,
     _owner: OwnerLock,
@@ -46,9 +49,9 @@ impl<T: Topic> Publisher<T> {
         let robot = session.robot();
         let owner = session.provide(T::SERVICE)?;
         let service = open::topic::<T>(session, robot)?;
-        let samples = event::open(session, robot, T::SERVICE, Channel::Samples)?;
-        let subscribers = event::open(session, robot, T::SERVICE, Channel::Subscribers)?;
-        let arrivals = subscribers.listener(session)?;
+        let subscribers = Ear::make(session, T::SERVICE, Channel::Subscribers)?;
+        // Consumers in other languages announce themselves by this alone.
+        subscribers.listener()?;
         let port = open::port(
             session,
             &T::SERVICE.name(robot),
@@ -64,12 +67,12 @@ impl<T: Topic> Publisher<T> {
             },
         )?;
         // Last, because it announces the publisher.
-        let notifier = samples.notifier(session)?;
+        let samples = Signal::make(session, T::SERVICE, Channel::Samples)?;
         Ok(Publisher {
             port,
-            service,
-            notifier,
-            arrivals,
+            samples,
+            subscribers,
+            welcomed: Cell::new(0),
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
             _owner: owner,
@@ -94,15 +97,17 @@ impl<T: Topic> Publisher<T> {
         // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
         sample.send().map_err(publish_error::<T>)?;
-        event::notify(&self.notifier, &self.service);
+        self.samples.raise();
         Ok(sequence)
     }
 
     /// Gives the latest sample to subscribers that joined since the last call. Costs next to nothing when none did.
     pub fn welcome(&mut self) {
-        if event::drain_listener(&self.arrivals) == 0 {
+        let has_arrivals = self.has_arrivals();
+        if self.subscribers.take() == 0 && !has_arrivals {
             return;
         }
+        self.welcomed.set(self.arrivals());
         if let Err(error) = self.port.update_connections() {
             tracing::debug!(
                 service = T::SERVICE.spec().key,
@@ -111,8 +116,18 @@ impl<T: Topic> Publisher<T> {
             );
         }
         if self.sequence > 0 {
-            event::notify(&self.notifier, &self.service);
+            self.samples.raise();
         }
+    }
+
+    /// Subscribers that have come so far, as the bell counts them.
+    fn arrivals(&self) -> u32 {
+        let bell = self.subscribers.bell();
+        bell.map_or(0, |(bell, _)| bell.arrivals(T::SERVICE))
+    }
+
+    fn has_arrivals(&self) -> bool {
+        self.arrivals() != self.welcomed.get()
     }
 
     /// Number of the last sample, 0 before the first.
@@ -134,12 +149,11 @@ fn publish_error<T: Topic>(error: impl std::fmt::Debug) -> PublishError {
 }
 
 impl<T: Topic> sealed::Source for Publisher<T> {
-    /// Whoever has arrived is in the listener, and stays there until [`Publisher::welcome`].
     fn has_something(&self) -> bool {
-        false
+        self.subscribers.is_pending() || self.has_arrivals()
     }
 
-    fn watched(&self) -> &dyn sealed::Watched {
-        &self.arrivals
+    fn sense(&self) -> sealed::Sense<'_> {
+        sealed::Sense::Ear(&self.subscribers)
     }
 }

@@ -10,15 +10,16 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 
 use crate::code::{Reason, Stage};
 use crate::domain::OwnerLock;
-use crate::event::{self, Channel};
-use crate::iox::{Listener, Notifier, RequestService, Svc};
+use crate::ear::{Ear, Signal};
+use crate::event::Channel;
+use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{MAX_PROVIDERS, Request};
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
-use crate::waiter::{self, WaitError, Wake, sealed};
+use crate::waiter::{WaitError, Waiter, Wake, sealed};
 
 /// Requests that may be open at a server at once: three whole paths of 64 waypoints and 64 single requests.
 ///
@@ -67,9 +68,9 @@ pub struct Server<R: Request> {
     // First, so that open requests are closed before the port goes, and their clients woken last of all.
     tickets: Tickets<Open<R>>,
     port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
-    listener: Listener,
-    notifier: Notifier,
-    service: RequestService<R>,
+    requests: Ear,
+    responses: Signal,
+    waiter: Waiter,
     refused_full: u64,
     _owner: OwnerLock,
     _session: Rc<Session>,
@@ -99,9 +100,8 @@ impl<R: Request> Server<R> {
         let robot = session.robot();
         let owner = session.provide(R::SERVICE)?;
         let service = open::request::<R>(session, robot)?;
-        let requests = event::open(session, robot, R::SERVICE, Channel::Requests)?;
-        let responses = event::open(session, robot, R::SERVICE, Channel::Responses)?;
-        let listener = requests.listener(session)?;
+        let requests = Ear::make(session, R::SERVICE, Channel::Requests)?;
+        requests.listener()?;
         let port = open::port(
             session,
             &R::SERVICE.name(robot),
@@ -118,13 +118,13 @@ impl<R: Request> Server<R> {
                     .create()
             },
         )?;
-        let notifier = responses.notifier(session)?;
+        let responses = Signal::make(session, R::SERVICE, Channel::Responses)?;
         Ok(Server {
             tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
             port,
-            listener,
-            notifier,
-            service,
+            requests,
+            responses,
+            waiter: Waiter::new(),
             refused_full: 0,
             _owner: owner,
             _session: Rc::clone(session),
@@ -139,7 +139,7 @@ impl<R: Request> Server<R> {
     ///
     /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
-        event::drain_listener(&self.listener);
+        self.requests.take();
         self.send_unsent();
         let mut taken = 0;
         for _ in 0..MAX_REQUESTS_PER_DRAIN {
@@ -184,7 +184,7 @@ impl<R: Request> Server<R> {
         if let Err(error) = entry.send(&report) {
             tracing::debug!(%error, "a refusal was not sent");
         }
-        event::notify(&self.notifier, &self.service);
+        self.responses.raise();
     }
 
     /// Answers a request. A final stage closes it; its ticket is then worth nothing.
@@ -219,7 +219,7 @@ impl<R: Request> Server<R> {
             Err(ReportError::BufferFull) if is_final => entry.unsent = Some(report),
             Err(error) => return Err(error),
         }
-        event::notify(&self.notifier, &self.service);
+        self.responses.raise();
         Ok(())
     }
 
@@ -247,11 +247,7 @@ impl<R: Request> Server<R> {
     ///
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        let mut is_notified = false;
-        waiter::wait_for(&self.listener, timeout, |notifications| {
-            is_notified |= notifications > 0;
-            is_notified || has_requests(&self.port)
-        })
+        self.waiter.wait(&[&*self], Some(timeout))
     }
 
     /// Requests that are open.
@@ -275,7 +271,7 @@ impl<R: Request> Server<R> {
             |_, _| is_sent = true,
         );
         if is_sent {
-            event::notify(&self.notifier, &self.service);
+            self.responses.raise();
         }
     }
 }
@@ -290,10 +286,11 @@ fn has_requests<R: Request>(
 impl<R: Request> sealed::Source for Server<R> {
     /// A notification counts without a request too: a client may have given one up.
     fn has_something(&self) -> bool {
-        event::drain_listener(&self.listener) > 0 || has_requests(&self.port)
+        self.requests.is_pending() || has_requests(&self.port)
     }
 
-    fn watched(&self) -> &dyn sealed::Watched {
-        &self.listener
+    /// Clients of other languages, and those that vanish, are only heard by the listener.
+    fn sense(&self) -> sealed::Sense<'_> {
+        sealed::Sense::Listener(&self.requests)
     }
 }

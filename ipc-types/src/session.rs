@@ -14,6 +14,7 @@ use iceoryx2::prelude::{
     Config, LogLevel, NodeName, SignalHandlingMode, set_log_level_from_env_or,
 };
 
+use crate::bell::Bell;
 use crate::domain::{
     Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, dead, management,
 };
@@ -23,8 +24,7 @@ use crate::open::OpenError;
 use crate::robot::RobotId;
 use crate::service::{Request, ServiceId, Topic};
 use crate::time::MonotonicNs;
-use crate::waiter::WaitError;
-use crate::{Client, Publisher, Server, Subscriber, Waiter};
+use crate::{Client, Publisher, Server, Subscriber};
 
 /// Free space in `/dev/shm` that joining asks for, bytes.
 ///
@@ -96,6 +96,8 @@ pub(crate) struct Session {
     domain: Domain,
     robot: RobotId,
     process_name: String,
+    /// Nothing when it cannot be used; events then wake everybody.
+    bell: Option<Rc<Bell>>,
 }
 
 impl Ipc {
@@ -119,6 +121,7 @@ impl Ipc {
             domain: domain.clone(),
             robot,
             process_name: process_name.to_owned(),
+            bell: None,
         };
         if !domain.is_isolated() {
             let _making = MakingLock::share(domain);
@@ -131,6 +134,7 @@ impl Ipc {
         session.node = Some(make_node(domain, &session.config, process_name)?);
         management::mend(domain)?;
         drop(making);
+        session.bell = open_bell(domain, robot);
         Ok(Ipc {
             session: Rc::new(session),
         })
@@ -182,15 +186,6 @@ impl Ipc {
         Client::open(&self.session)
     }
 
-    /// Something to wait on several ports and file descriptors at once.
-    ///
-    /// # Errors
-    ///
-    /// When the process has too many open files.
-    pub fn waiter(&self) -> Result<Waiter, WaitError> {
-        Waiter::new()
-    }
-
     /// The live process that publishes or serves `service` of this robot, or nothing.
     ///
     /// # Errors
@@ -213,6 +208,10 @@ impl Session {
     pub(crate) fn node(&self) -> &Node {
         // Only dropping takes the node away, and nobody can borrow a session that is being dropped.
         self.node.as_ref().expect("a session has a node")
+    }
+
+    pub(crate) fn bell(&self) -> Option<&Rc<Bell>> {
+        self.bell.as_ref()
     }
 
     pub(crate) fn config(&self) -> &Config {
@@ -280,6 +279,22 @@ fn check_space() -> Result<(), JoinError> {
         return Err(JoinError::NoSpace { available });
     }
     Ok(())
+}
+
+/// Without a bell everything works, and waking up takes about twice as long.
+fn open_bell(domain: &Domain, robot: RobotId) -> Option<Rc<Bell>> {
+    match Bell::open(domain, robot) {
+        Ok(bell) => Some(Rc::new(bell)),
+        Err(error) => {
+            let path = Bell::path(domain, robot);
+            tracing::warn!(
+                path = %path.display(),
+                %error,
+                "the bell cannot be used, wake-ups take longer: find out whose it is (`ls -l`), and have it removed"
+            );
+            None
+        }
+    }
 }
 
 /// Makes the node on a thread of its own, because iceoryx2 has no limit of time for it.

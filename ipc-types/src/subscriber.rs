@@ -1,21 +1,27 @@
 //! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed.
 
+use std::hint;
+use std::os::fd::BorrowedFd;
 use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
 use crate::continuity::{Continuity, Losses};
-use crate::event::{self, Channel};
-use crate::iox::{Listener, Notifier, Svc, TopicService};
+use crate::ear::{Ear, Signal};
+use crate::event::Channel;
+use crate::iox::{Svc, TopicService};
 use crate::open::{self, OpenError};
 use crate::service::{HISTORY, MAX_PROVIDERS, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::{self, WaitError, Wake, sealed};
+use crate::waiter::{self, WaitError, Waiter, Wake, sealed};
 
 /// Most samples of one [`Subscriber::drain`]: all buffers full. What comes meanwhile waits for the next.
 const MAX_SAMPLES_PER_DRAIN: usize = SUBSCRIBER_BUFFER * MAX_PROVIDERS;
+
+/// How often [`Subscriber::spin`] looks for samples before it looks at the clock, which takes about as long as a look.
+const SPINS_PER_LOOK: u32 = 16;
 
 /// Samples could not be received.
 #[derive(Debug, thiserror::Error)]
@@ -30,11 +36,12 @@ pub struct ReceiveError {
 /// It may be there before its publisher, and stays over the publisher's restarts.
 pub struct Subscriber<T: Topic> {
     port: Port<T>,
-    listener: Listener,
+    ear: Ear,
+    waiter: Waiter,
     continuity: Continuity,
     reconnects: u64,
     service: TopicService<T>,
-    arrival: Notifier,
+    arrival: Signal,
     session: Rc<Session>,
 }
 
@@ -44,15 +51,15 @@ impl<T: Topic> Subscriber<T> {
     pub(crate) fn open(session: &Rc<Session>) -> Result<Subscriber<T>, OpenError> {
         let robot = session.robot();
         let service = open::topic::<T>(session, robot)?;
-        let samples = event::open(session, robot, T::SERVICE, Channel::Samples)?;
-        let subscribers = event::open(session, robot, T::SERVICE, Channel::Subscribers)?;
-        let listener = samples.listener(session)?;
+        let ear = Ear::make(session, T::SERVICE, Channel::Samples)?;
         let port = make_port(session, &service)?;
         // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
-        let arrival = subscribers.notifier(session)?;
+        let arrival = Signal::make(session, T::SERVICE, Channel::Subscribers)?;
+        announce::<T>(session);
         Ok(Subscriber {
             port,
-            listener,
+            ear,
+            waiter: Waiter::new(),
             continuity: Continuity::default(),
             reconnects: 0,
             service,
@@ -68,7 +75,7 @@ impl<T: Topic> Subscriber<T> {
     /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The port is then made
     /// again by the next call.
     pub fn drain(&mut self, mut take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
-        event::drain_listener(&self.listener);
+        self.ear.take();
         let mut taken = 0;
         for _ in 0..MAX_SAMPLES_PER_DRAIN {
             match self.port.receive() {
@@ -112,7 +119,38 @@ impl<T: Topic> Subscriber<T> {
     ///
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        waiter::wait_for(&self.listener, timeout, |_| has_samples(&self.port))
+        self.waiter.wait(&[&*self], Some(timeout))
+    }
+
+    /// As [`Subscriber::wait`], but keeps the processor busy instead of sleeping: for a consumer that has one of its own.
+    /// A signal does not end it.
+    pub fn spin(&mut self, timeout: Duration) -> Wake {
+        let deadline = MonotonicNs::now() + timeout;
+        loop {
+            for _ in 0..SPINS_PER_LOOK {
+                let ready = waiter::look(&[&*self]);
+                if !ready.is_empty() {
+                    return Wake::Ready(ready);
+                }
+                hint::spin_loop();
+            }
+            if MonotonicNs::now() >= deadline {
+                return Wake::TimedOut;
+            }
+        }
+    }
+
+    /// A file descriptor that can be read once there are samples, for a reactor of the caller's own such as `epoll` or an
+    /// asynchronous runtime; [`Subscriber::drain`] empties it. Nothing else may read it.
+    ///
+    /// Drain after every wake, whatever caused it, and at least every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND):
+    /// iceoryx2 can lose a wake-up.
+    ///
+    /// # Errors
+    ///
+    /// When there are more listeners than the contract allows.
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, OpenError> {
+        self.ear.lend_descriptor()
     }
 
     /// What was received and missed so far.
@@ -130,7 +168,8 @@ impl<T: Topic> Subscriber<T> {
         match make_port(&self.session, &self.service) {
             Ok(port) => {
                 self.port = port;
-                event::notify(&self.arrival, &self.service);
+                announce::<T>(&self.session);
+                self.arrival.raise();
             }
             Err(error) => tracing::debug!(%error, "the subscriber was not made again"),
         }
@@ -153,6 +192,13 @@ fn make_port<T: Topic>(session: &Session, service: &TopicService<T>) -> Result<P
     )
 }
 
+/// Asks the publisher for the latest sample, by the bell; listeners are told when a notifier is made or notifies.
+fn announce<T: Topic>(session: &Session) {
+    if let Some(bell) = session.bell() {
+        bell.arrive(T::SERVICE);
+    }
+}
+
 /// Trouble counts as something: draining then says what it is.
 fn has_samples<T: Topic>(port: &Port<T>) -> bool {
     port.has_samples().unwrap_or(true)
@@ -160,11 +206,10 @@ fn has_samples<T: Topic>(port: &Port<T>) -> bool {
 
 impl<T: Topic> sealed::Source for Subscriber<T> {
     fn has_something(&self) -> bool {
-        event::drain_listener(&self.listener);
         has_samples(&self.port)
     }
 
-    fn watched(&self) -> &dyn sealed::Watched {
-        &self.listener
+    fn sense(&self) -> sealed::Sense<'_> {
+        sealed::Sense::Ear(&self.ear)
     }
 }

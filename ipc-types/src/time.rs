@@ -15,6 +15,14 @@ impl MonotonicNs {
         MonotonicNs(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
     }
 
+    /// As the kernel has it.
+    pub(crate) fn timespec(self) -> rustix::time::Timespec {
+        rustix::time::Timespec {
+            tv_sec: (self.0 / 1_000_000_000) as i64,
+            tv_nsec: (self.0 % 1_000_000_000) as i64,
+        }
+    }
+
     /// How long ago `earlier` was; zero if it lies in the future.
     pub fn since(self, earlier: MonotonicNs) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))

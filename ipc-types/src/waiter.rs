@@ -3,32 +3,40 @@
 //! It only says that there is something. Whoever is woken, for whatever reason, drains everything: each subscriber,
 //! server and client, and each file descriptor.
 //!
-//! iceoryx2 can lose a wake-up: a notification that comes while a listener is being drained may be swallowed, and the
+//! Who waits for ports alone sleeps on the bell, and is woken in about the time of a futex. With a file descriptor, or a
+//! port that has no bell, among the sources it is one `poll` of all of them.
+//!
+//! iceoryx2 can lose a wake-up: a notification that comes while a listener is being emptied may be swallowed, and the
 //! listener then stays marked as notified, so that later notifiers send nothing. Two things make that harmless here.
-//! Before each sleep every port is drained of notifications and asked for data, which unmarks it; and no sleep is
-//! longer than [`SAFETY_BOUND`], after which all ports are asked again, without waking the caller.
+//! Before each sleep every port is asked for data; and no sleep is longer than [`SAFETY_BOUND`], which is also how often
+//! every listener is emptied, whatever the kernel says of it. The bell loses nothing, but a publisher of another
+//! language may not ring it: the bound holds there too, and who is woken by nothing else goes over to events.
 
-use std::fmt::Debug;
-use std::marker::PhantomData;
-use std::os::fd::{AsRawFd, BorrowedFd};
-use std::time::{Duration, Instant};
+use std::cell::Cell;
+use std::os::fd::BorrowedFd;
+use std::rc::Rc;
+use std::time::Duration;
 
-use iceoryx2::prelude::{
-    CallbackProgression, FileDescriptor, FileDescriptorBased, SignalHandlingMode,
-    SynchronousMultiplexing, WaitSet, WaitSetBuilder, WaitSetGuard,
-};
-use iceoryx2::waitset::{WaitSetAttachmentError, WaitSetRunResult};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 
-use crate::iox::{Listener, Svc};
+use crate::bell::{Bell, Bits, Slept};
+use crate::ear::Ear;
+use crate::open::OpenError;
+use crate::time::MonotonicNs;
 
 /// Longest uninterrupted sleep.
 ///
-/// A lost wake-up costs at most this much; an idle process wakes ten times a second for a few microseconds. It is a
+/// A lost wake-up costs at most this much; an idle process wakes eight times a second for a few microseconds. It is a
 /// safety net, not a polling period: in order, every wake-up comes from an event.
-pub const SAFETY_BOUND: Duration = Duration::from_millis(100);
+pub const SAFETY_BOUND: Duration = Duration::from_millis(125);
 
 /// Most sources of one wait: the ports of one process and its file descriptors, several times over.
 pub const MAX_SOURCES: usize = 16;
+
+/// How often in a row data must be found that nobody rang for, until a waiter relies on events instead. Once may be a
+/// publisher that was held up between its data and the bell.
+const MAX_UNRUNG: u8 = 2;
 
 /// Waiting failed.
 #[derive(Debug, thiserror::Error)]
@@ -39,15 +47,12 @@ pub enum WaitError {
     /// There is too much to wait for.
     #[error("{0} sources were given to one wait, {MAX_SOURCES} are possible")]
     TooManySources(usize),
-    /// The same source was given twice.
-    #[error("the same port or file descriptor was given to one wait twice")]
-    SameSourceTwice,
-    /// The descriptor is closed, or of a kind that cannot be waited for.
-    #[error("file descriptor {0} is closed or cannot be waited for")]
-    InvalidDescriptor(i32),
-    /// The operating system has no resources left for it.
-    #[error("cannot wait ({0}): the process may have too many open files")]
-    Failed(String),
+    /// A port has no descriptor to wait for.
+    #[error("a port cannot be listened to")]
+    Listener(#[from] OpenError),
+    /// The operating system refused.
+    #[error("the operating system cannot wait ({0})")]
+    Failed(#[from] Errno),
 }
 
 /// Why a wait ended.
@@ -84,7 +89,7 @@ impl Ready {
         self.0 |= 1 << index;
     }
 
-    fn is_empty(self) -> bool {
+    pub(crate) fn is_empty(self) -> bool {
         self.0 == 0
     }
 }
@@ -95,58 +100,42 @@ pub trait Source: sealed::Source {}
 impl<T: sealed::Source> Source for T {}
 
 pub(crate) mod sealed {
-    use super::{Debug, SynchronousMultiplexing};
-
-    /// What the reactor wants of something that it watches.
-    pub trait Watched: SynchronousMultiplexing + Debug {}
-
-    impl<T: SynchronousMultiplexing + Debug> Watched for T {}
+    use super::{BorrowedFd, Ear};
 
     /// The part of a source that only this crate may implement.
     pub trait Source {
-        /// Unmarks the source and says whether it has something, so that sleeping would be wrong.
+        /// Whether there is something, so that sleeping would be wrong. Makes no system call in the usual case.
         fn has_something(&self) -> bool;
 
-        /// What to watch while sleeping.
-        fn watched(&self) -> &dyn Watched;
+        /// How to wait for it.
+        fn sense(&self) -> Sense<'_>;
+    }
+
+    /// How to wait for a source.
+    #[derive(Clone, Copy)]
+    pub enum Sense<'a> {
+        /// A port's ear.
+        Ear(&'a Ear),
+        /// A port's ear that must be waited for by its descriptor, because not everybody rings the bell for it.
+        Listener(&'a Ear),
+        /// A file descriptor, of which the kernel knows.
+        Descriptor(BorrowedFd<'a>),
     }
 }
+
+use sealed::Sense;
 
 /// A raw file descriptor to wait for until it can be read: a serial port, a signal pipe.
 ///
-/// One that has hung up is ready for ever: stop waiting for it. Made anew for each wait, so that descriptors may come
-/// and go.
-#[derive(Debug)]
-pub struct Descriptor<'fd> {
-    descriptor: Watchable,
-    _borrowed: PhantomData<BorrowedFd<'fd>>,
-}
-
-#[derive(Debug)]
-struct Watchable(FileDescriptor);
-
-impl FileDescriptorBased for Watchable {
-    fn file_descriptor(&self) -> &FileDescriptor {
-        &self.0
-    }
-}
-
-impl SynchronousMultiplexing for Watchable {}
+/// One that has hung up is ready for ever, as a plain file is: do not wait for it. Made anew for each wait, so that
+/// descriptors may come and go.
+#[derive(Clone, Copy, Debug)]
+pub struct Descriptor<'fd>(BorrowedFd<'fd>);
 
 impl<'fd> Descriptor<'fd> {
     /// The source that is ready when `fd` can be read without blocking.
-    ///
-    /// # Errors
-    ///
-    /// [`WaitError::InvalidDescriptor`] when it is closed.
-    pub fn new(fd: BorrowedFd<'fd>) -> Result<Descriptor<'fd>, WaitError> {
-        let raw = fd.as_raw_fd();
-        let descriptor =
-            FileDescriptor::non_owning_new(raw).ok_or(WaitError::InvalidDescriptor(raw))?;
-        Ok(Descriptor {
-            descriptor: Watchable(descriptor),
-            _borrowed: PhantomData,
-        })
+    pub fn new(fd: BorrowedFd<'fd>) -> Descriptor<'fd> {
+        Descriptor(fd)
     }
 }
 
@@ -156,32 +145,30 @@ impl sealed::Source for Descriptor<'_> {
         false
     }
 
-    fn watched(&self) -> &dyn sealed::Watched {
-        &self.descriptor
+    fn sense(&self) -> Sense<'_> {
+        Sense::Descriptor(self.0)
     }
 }
 
-/// Waits for several sources at once.
-#[derive(Debug)]
+/// Waits for several sources at once. Keep it from wait to wait: it remembers when it last emptied the listeners.
+#[derive(Debug, Default)]
 pub struct Waiter {
-    waitset: WaitSet<Svc>,
+    next_hearing: Cell<MonotonicNs>,
+    /// How often in a row data was found that nobody had rung for.
+    unrung: Cell<u8>,
 }
 
-type Guards<'a> = [Option<WaitSetGuard<'a, 'a, Svc>>; MAX_SOURCES];
-
 impl Waiter {
-    pub(crate) fn new() -> Result<Waiter, WaitError> {
-        WaitSetBuilder::new()
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Svc>()
-            .map(|waitset| Waiter { waitset })
-            .map_err(|error| WaitError::Failed(format!("{error:?}")))
+    /// A waiter for whatever its waits are given.
+    pub fn new() -> Waiter {
+        Waiter::default()
     }
 
     /// Sleeps until a source is ready, a signal comes or `timeout` has passed; `None` waits for ever.
     ///
-    /// A timeout is rounded up to whole milliseconds. The sources are borrowed for this one wait only: they may come
-    /// and go, and are free to be drained after it.
+    /// The sources are borrowed for this one wait only: they may come and go, and are free to be drained after it. A
+    /// signal that comes just before the sleep does not end it; who must not miss one waits for a descriptor as well, or
+    /// with a timeout.
     ///
     /// # Errors
     ///
@@ -197,119 +184,163 @@ impl Waiter {
         if sources.len() > MAX_SOURCES {
             return Err(WaitError::TooManySources(sources.len()));
         }
-        let guards = self.attach(sources)?;
-        let deadline = timeout.map(|timeout| Instant::now().checked_add(timeout));
-        loop {
-            let mut ready = Ready::default();
-            for (index, source) in sources.iter().enumerate() {
-                if source.has_something() {
-                    ready.insert(index);
-                }
+        let deadline = match timeout {
+            Some(timeout) => MonotonicNs::now() + timeout,
+            None => MonotonicNs(u64::MAX),
+        };
+        match bell_of(sources) {
+            Some((bell, bits)) if self.unrung.get() < MAX_UNRUNG => {
+                self.wait_for_bell(bell, bits, sources, deadline)
             }
-            let remaining = match deadline {
-                Some(Some(deadline)) => deadline.saturating_duration_since(Instant::now()),
-                _ => SAFETY_BOUND,
+            _ => self.wait_for_descriptors(sources, deadline),
+        }
+    }
+
+    fn wait_for_bell(
+        &self,
+        bell: &Bell,
+        bits: Bits,
+        sources: &[&dyn Source],
+        deadline: MonotonicNs,
+    ) -> Result<Wake, WaitError> {
+        let mut ready = look(sources);
+        while ready.is_empty() {
+            let heard = bell.listen(bits);
+            ready = look(sources);
+            if !ready.is_empty() {
+                break;
+            }
+            let now = MonotonicNs::now();
+            if now >= deadline {
+                return Ok(Wake::TimedOut);
+            }
+            match bell.sleep(heard, bits, deadline.min(now + SAFETY_BOUND))? {
+                Slept::Rung => self.unrung.set(0),
+                Slept::Interrupted => return Ok(Wake::Interrupted),
+                Slept::TimedOut => hear_all(sources),
+            }
+            ready = look(sources);
+            if !ready.is_empty() && bell.is_awaited(bits) {
+                self.unrung.set(self.unrung.get().saturating_add(1));
+            }
+        }
+        Ok(Wake::Ready(ready))
+    }
+
+    fn wait_for_descriptors(
+        &self,
+        sources: &[&dyn Source],
+        deadline: MonotonicNs,
+    ) -> Result<Wake, WaitError> {
+        // Before anything is looked at: a listener that is made here announces nothing of what came before it.
+        let descriptors = descriptors(sources)?;
+        loop {
+            let now = MonotonicNs::now();
+            if now >= self.next_hearing.get() {
+                hear_all(sources);
+                self.next_hearing.set(now + SAFETY_BOUND);
+            }
+            let mut ready = look(sources);
+            // With something to do already, the kernel is only asked what else there is.
+            let until = match ready.is_empty() {
+                true => deadline.min(self.next_hearing.get()),
+                false => now,
             };
-            // When something is known to be ready, this only asks for the others.
-            let bound = if ready.is_empty() {
-                remaining.min(SAFETY_BOUND)
-            } else {
-                Duration::ZERO
-            };
-            let is_interrupted = self.sleep(&guards, bound, &mut ready)?;
+            let is_interrupted = poll_once(sources, &descriptors, until.since(now), &mut ready)?
+                == Slept::Interrupted;
             if !ready.is_empty() {
                 return Ok(Wake::Ready(ready));
             }
             if is_interrupted {
                 return Ok(Wake::Interrupted);
             }
-            if remaining <= bound && matches!(deadline, Some(Some(_))) {
+            if now >= deadline || MonotonicNs::now() >= deadline {
                 return Ok(Wake::TimedOut);
             }
         }
     }
+}
 
-    fn attach<'a>(&'a self, sources: &[&'a dyn Source]) -> Result<Guards<'a>, WaitError> {
-        let mut guards: Guards<'a> = [const { None }; MAX_SOURCES];
-        for (guard, source) in guards.iter_mut().zip(sources) {
-            let watched = source.watched();
-            let attached = self.waitset.attach_notification(watched);
-            *guard = Some(attached.map_err(|error| match error {
-                WaitSetAttachmentError::AlreadyAttached => WaitError::SameSourceTwice,
-                WaitSetAttachmentError::InternalError => WaitError::InvalidDescriptor(raw(watched)),
-                other => WaitError::Failed(format!("{other:?}")),
-            })?);
-        }
-        Ok(guards)
+/// The one bell that wakes for all sources, and by which bits.
+fn bell_of<'a>(sources: &[&'a dyn Source]) -> Option<(&'a Bell, Bits)> {
+    let mut found: Option<(&Rc<Bell>, Bits)> = None;
+    for source in sources {
+        let Sense::Ear(ear) = source.sense() else {
+            return None;
+        };
+        let (bell, bits) = ear.bell()?;
+        found = match found {
+            None => Some((bell, bits)),
+            Some((other, all)) if Rc::ptr_eq(bell, other) => Some((bell, all | bits)),
+            Some(_) => return None,
+        };
     }
+    found.map(|(bell, bits)| (bell.as_ref(), bits))
+}
 
-    /// Sleeps once, adds what is ready, and says whether a signal interrupted it.
-    fn sleep(
-        &self,
-        guards: &Guards<'_>,
-        bound: Duration,
-        ready: &mut Ready,
-    ) -> Result<bool, WaitError> {
-        let result = self.waitset.wait_and_process_once_with_timeout(
-            |attachment| {
-                for (index, guard) in guards.iter().enumerate() {
-                    if guard
-                        .as_ref()
-                        .is_some_and(|guard| attachment.has_event_from(guard))
-                    {
-                        ready.insert(index);
-                    }
-                }
-                CallbackProgression::Continue
-            },
-            bound,
-        );
-        match result {
-            Ok(WaitSetRunResult::Interrupt | WaitSetRunResult::TerminationRequest) => Ok(true),
-            Ok(WaitSetRunResult::AllEventsHandled | WaitSetRunResult::StopRequest) => Ok(false),
-            Err(error) => Err(WaitError::Failed(format!("{error:?}"))),
+/// Which sources have something.
+pub(crate) fn look(sources: &[&dyn Source]) -> Ready {
+    let mut ready = Ready::default();
+    for (index, source) in sources.iter().enumerate() {
+        if source.has_something() {
+            ready.insert(index);
         }
+    }
+    ready
+}
+
+fn hear_all(sources: &[&dyn Source]) {
+    for source in sources {
+        hear(*source);
     }
 }
 
-/// The descriptor's number, only to show it.
-fn raw(watched: &dyn sealed::Watched) -> i32 {
-    // SAFETY: the number is neither stored nor used as a descriptor.
-    #[allow(unsafe_code)]
-    unsafe {
-        watched.file_descriptor().native_handle()
+fn hear(source: &dyn Source) {
+    match source.sense() {
+        Sense::Ear(ear) | Sense::Listener(ear) => ear.hear(),
+        Sense::Descriptor(_) => {}
     }
 }
 
-/// Waits for one port that has a listener: the ports' own `wait`.
-///
-/// `has_something` gets the number of notifications since the last call, and decides. The listener's wait looks at its
-/// mark first, so that it heals itself; the bound is the same all the same.
-pub(crate) fn wait_for(
-    listener: &Listener,
+/// The descriptors of all sources; the rest of the array repeats the first.
+fn descriptors<'a>(sources: &[&'a dyn Source]) -> Result<[BorrowedFd<'a>; MAX_SOURCES], WaitError> {
+    let mut descriptors = [descriptor(sources[0])?; MAX_SOURCES];
+    for (descriptor_of, source) in descriptors.iter_mut().zip(sources) {
+        *descriptor_of = descriptor(*source)?;
+    }
+    Ok(descriptors)
+}
+
+fn descriptor<'a>(source: &'a dyn Source) -> Result<BorrowedFd<'a>, WaitError> {
+    Ok(match source.sense() {
+        Sense::Ear(ear) | Sense::Listener(ear) => ear.descriptor()?,
+        Sense::Descriptor(descriptor) => descriptor,
+    })
+}
+
+/// Sleeps once, and adds what is ready; the listeners among them are emptied.
+fn poll_once(
+    sources: &[&dyn Source],
+    descriptors: &[BorrowedFd<'_>; MAX_SOURCES],
     timeout: Duration,
-    mut has_something: impl FnMut(u64) -> bool,
-) -> Result<Wake, WaitError> {
-    use iceoryx2::port::listener::ListenerWaitError;
-
-    let deadline = Instant::now().checked_add(timeout);
-    let mut notifications = crate::event::drain_listener(listener);
-    loop {
-        if has_something(notifications) {
-            let mut ready = Ready::default();
-            ready.insert(0);
-            return Ok(Wake::Ready(ready));
-        }
-        let remaining = deadline.map_or(SAFETY_BOUND, |deadline| {
-            deadline.saturating_duration_since(Instant::now())
-        });
-        if remaining.is_zero() {
-            return Ok(Wake::TimedOut);
-        }
-        match listener.timed_wait(|_| {}, remaining.min(SAFETY_BOUND)) {
-            Ok(count) => notifications = count,
-            Err(ListenerWaitError::InterruptSignal) => return Ok(Wake::Interrupted),
-            Err(error) => return Err(WaitError::Failed(format!("{error:?}"))),
+    ready: &mut Ready,
+) -> Result<Slept, WaitError> {
+    let mut polled =
+        descriptors.map(|descriptor| PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
+    let polled = &mut polled[..sources.len()];
+    // Too long for the kernel is as good as for ever: the bound is shorter.
+    let timeout = Timespec::try_from(timeout).ok();
+    match poll(polled, timeout.as_ref()) {
+        Ok(0) => return Ok(Slept::TimedOut),
+        Ok(_) => {}
+        Err(Errno::INTR) => return Ok(Slept::Interrupted),
+        Err(errno) => return Err(errno.into()),
+    }
+    for (index, (polled, source)) in polled.iter().zip(sources).enumerate() {
+        if !polled.revents().is_empty() {
+            ready.insert(index);
+            hear(*source);
         }
     }
+    Ok(Slept::Rung)
 }

@@ -4,13 +4,16 @@
 
 mod support;
 
+use std::sync::mpsc;
+use std::thread;
+
 use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::{Domain, DomainError, Ipc, OpenError, Removal, RobotId, ServiceId};
 
-use support::{in_domain, join};
+use support::{WATCHDOG, in_domain, join, until};
 
 /// A later or earlier version of the sample, of the same size and alignment.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
@@ -181,6 +184,61 @@ fn nobody_else_may_read_or_write_the_domain_s_segments() {
         let mode = domain.root().metadata().unwrap().permissions().mode() & 0o777;
         assert_eq!(mode, 0o700);
     });
+}
+
+/// Marks the last sample.
+const LAST: u32 = 1;
+
+/// It rings no bell: a consumer that sleeps goes over to events, for which it had no listener before.
+#[test]
+fn a_publisher_of_another_language_is_heard_by_its_events() {
+    in_domain(|domain| {
+        let ipc = join(domain, "consumer");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let (heard, is_heard) = mpsc::channel();
+        thread::scope(|scope| {
+            scope.spawn(|| publish_until_listened_to(domain, is_heard));
+            loop {
+                heard.send(()).unwrap();
+                assert!(subscriber.wait(WATCHDOG).unwrap().is_ready(0));
+                if subscriber.latest().unwrap().unwrap().sonar_adc == LAST {
+                    break;
+                }
+            }
+        });
+        assert_eq!(subscriber.losses().lost, 0);
+    });
+}
+
+/// Publishes one sample for each that was heard, until somebody listens to the events of samples, and one more.
+fn publish_until_listened_to(domain: &Domain, is_heard: mpsc::Receiver<()>) {
+    let node = foreign_node(domain);
+    let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
+    let builder = || node.service_builder(&name.as_str().try_into().unwrap());
+    let samples = builder()
+        .publish_subscribe::<DspTelemetry>()
+        .open()
+        .unwrap();
+    let events = builder().event().open().unwrap();
+    let publisher = samples.publisher_builder().create().unwrap();
+    let notifier = events.notifier_builder().create().unwrap();
+    let listeners = || events.dynamic_config().number_of_listeners();
+    assert_eq!(listeners(), 0, "who sleeps on the bell costs nothing");
+    let mut sequence = 0;
+    let mut publish = |mark| {
+        is_heard.recv_timeout(WATCHDOG).unwrap();
+        sequence += 1;
+        let mut sample = publisher.loan().unwrap();
+        sample.payload_mut().sequence = sequence;
+        sample.payload_mut().sonar_adc = mark;
+        sample.send().unwrap();
+        notifier.notify().unwrap();
+    };
+    until("somebody listens", || {
+        publish(0);
+        listeners() == 1
+    });
+    publish(LAST);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPos
 use ipc_types::server::MAX_OPEN_TICKETS;
 use ipc_types::service::{MAX_OUTSTANDING, RESPONSE_BUFFER};
 use ipc_types::{
-    Client, ReportError, Request, SendError, Server, Source, Ticket, Wake, fresh_request_id,
+    Client, ReportError, Request, SendError, Server, Source, Ticket, Waiter, Wake, fresh_request_id,
 };
 
 use support::{WATCHDOG, in_domain, join, until};
@@ -381,14 +381,14 @@ fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
     const REQUESTS: usize = 2_000;
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
-        let waiter = ipc.waiter().unwrap();
+        let waiter = Waiter::new();
         let mut control = ipc.server::<ModuleControl>().unwrap();
         let mut movement = ipc.server::<MovementData>().unwrap();
         let operator = {
             let domain = domain.clone();
             thread::spawn(move || {
                 let ipc = join(&domain, "operator");
-                let waiter = ipc.waiter().unwrap();
+                let waiter = Waiter::new();
                 let mut client = ipc.client::<ModuleControl>().unwrap();
                 for _ in 0..REQUESTS {
                     client.send(&start()).unwrap();

@@ -1,16 +1,17 @@
 //! Ctrl+C and SIGTERM as a file descriptor, so that they wake the one wait of a process like any other input.
 //!
-//! Nothing here runs code in a signal handler but a one-byte write, and nothing ends the process by itself.
+//! Nothing here runs code in a signal handler but the setting of a flag and a one-byte write, and nothing ends the
+//! process by itself.
 
-use std::cell::Cell;
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::SigId;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::low_level::{pipe, unregister};
+use signal_hook::{SigId, flag};
 
 /// Whether a [`Termination`] of this process owns the signals.
 static OWNED: AtomicBool = AtomicBool::new(false);
@@ -21,9 +22,10 @@ static OWNED: AtomicBool = AtomicBool::new(false);
 #[derive(Debug)]
 pub struct Termination {
     receiver: UnixStream,
-    /// Kept once seen: whoever asks a second time must get the same answer.
-    requested: Cell<bool>,
-    /// Empty when no signal is involved.
+    /// Set for good, and before the descriptor becomes readable. A process asks it at every wake, so it costs no system
+    /// call.
+    requested: Arc<AtomicBool>,
+    is_owner: bool,
     handlers: Vec<SigId>,
 }
 
@@ -42,21 +44,24 @@ impl Termination {
     /// Takes SIGINT and SIGTERM. From now on they no longer end the process by themselves, not even after this value
     /// was dropped.
     pub fn install() -> Result<Termination, SignalError> {
-        let (mut termination, request) = Termination::by_hand()?;
+        let (receiver, sender) = pair()?;
         if OWNED.swap(true, Ordering::AcqRel) {
             return Err(SignalError::AlreadyOwned);
         }
-        let register = |signal| pipe::register(signal, request.sender.try_clone()?);
+        let mut termination = Termination {
+            receiver,
+            requested: Arc::default(),
+            is_owner: true,
+            handlers: Vec::new(),
+        };
+        // The handlers of a signal run in the order of their registration.
         for signal in [SIGINT, SIGTERM] {
-            match register(signal) {
-                Ok(handler) => termination.handlers.push(handler),
-                Err(error) => {
-                    if termination.handlers.is_empty() {
-                        OWNED.store(false, Ordering::Release);
-                    }
-                    return Err(error.into());
-                }
-            }
+            let requested = Arc::clone(&termination.requested);
+            termination
+                .handlers
+                .push(flag::register(signal, requested)?);
+            let sender = sender.try_clone()?;
+            termination.handlers.push(pipe::register(signal, sender)?);
         }
         Ok(termination)
     }
@@ -64,29 +69,39 @@ impl Termination {
     /// A termination without signals, and the handle that requests it: for tests, and for whoever runs a process's loop
     /// in a thread.
     pub fn by_hand() -> io::Result<(Termination, TerminationRequest)> {
-        let (receiver, sender) = UnixStream::pair()?;
-        receiver.set_nonblocking(true)?;
-        sender.set_nonblocking(true)?;
+        let (receiver, sender) = pair()?;
+        let requested = Arc::default();
+        let request = TerminationRequest {
+            sender,
+            requested: Arc::clone(&requested),
+        };
         let termination = Termination {
             receiver,
-            requested: Cell::new(false),
+            requested,
+            is_owner: false,
             handlers: Vec::new(),
         };
-        Ok((termination, TerminationRequest { sender }))
+        Ok((termination, request))
     }
 
     /// Whether the process should end. Never blocks; empties the descriptor, so that it wakes nobody again until the
     /// next signal.
     pub fn requested(&self) -> bool {
-        // One read takes more signals than the two kinds can have pending; what is left wakes the next wait.
-        let mut signals = [0; 64];
-        match (&self.receiver).read(&mut signals) {
-            Ok(0) if self.handlers.is_empty() => self.requested.set(true),
-            Ok(count) if count > 0 => self.requested.set(true),
-            _ => {}
+        let requested = self.requested.load(Ordering::Acquire);
+        if requested {
+            // One read takes more signals than the two kinds can have pending; what is left wakes the next wait.
+            let mut signals = [0; 64];
+            let _ = (&self.receiver).read(&mut signals);
         }
-        self.requested.get()
+        requested
     }
+}
+
+fn pair() -> io::Result<(UnixStream, UnixStream)> {
+    let (receiver, sender) = UnixStream::pair()?;
+    receiver.set_nonblocking(true)?;
+    sender.set_nonblocking(true)?;
+    Ok((receiver, sender))
 }
 
 impl AsFd for Termination {
@@ -97,10 +112,10 @@ impl AsFd for Termination {
 
 impl Drop for Termination {
     fn drop(&mut self) {
-        if !self.handlers.is_empty() {
-            for handler in self.handlers.drain(..) {
-                unregister(handler);
-            }
+        for handler in self.handlers.drain(..) {
+            unregister(handler);
+        }
+        if self.is_owner {
             OWNED.store(false, Ordering::Release);
         }
     }
@@ -110,13 +125,21 @@ impl Drop for Termination {
 #[derive(Debug)]
 pub struct TerminationRequest {
     sender: UnixStream,
+    requested: Arc<AtomicBool>,
 }
 
 impl TerminationRequest {
     /// Requests the end.
     pub fn request(&self) {
+        self.requested.store(true, Ordering::Release);
         // A full socket means that the wish is known; a closed one, that the end has come.
         let _ = (&self.sender).write(b"T");
+    }
+}
+
+impl Drop for TerminationRequest {
+    fn drop(&mut self) {
+        self.request();
     }
 }
 

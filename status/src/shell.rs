@@ -7,11 +7,11 @@ mod log_thread;
 #[cfg(test)]
 mod tests;
 
-use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, Publisher, RobotId, Subscriber};
+use ipc_types::waiter::SAFETY_BOUND;
+use ipc_types::{Domain, Ipc, MonotonicNs, Publisher, RobotId, Subscriber, Waiter};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -110,15 +110,19 @@ impl Shell {
     }
 
     fn work(&mut self, termination: &Termination) -> Result<(), Failure> {
-        let waiter = self.ipc.waiter().or_fail(ExitCode::Internal)?;
+        let waiter = Waiter::new();
         self.notifier.ready();
         tracing::info!(robot = %self.ipc.robot(), "ready");
         while !termination.requested() {
             self.step();
             let timeout = self.deadline().since(MonotonicNs::now());
-            let signals = Descriptor::new(termination.as_fd()).or_fail(ExitCode::Internal)?;
+            // Without a descriptor it sleeps on the bell. A signal ends that sleep, unless it comes just before; then
+            // the bound does, at which the waiter wakes in any case.
             waiter
-                .wait(&[&self.input, &self.output, &signals], Some(timeout))
+                .wait(
+                    &[&self.input, &self.output],
+                    Some(timeout.min(SAFETY_BOUND)),
+                )
                 .or_fail(ExitCode::Internal)?;
         }
         // What was published before the end still counts.

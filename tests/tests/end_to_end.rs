@@ -18,7 +18,7 @@ use ipc_types::payload::{
 };
 use ipc_types::service::Request;
 use ipc_types::{
-    Client, Descriptor, Domain, Ipc, RobotId, Subscriber, TelemetryGroup, fresh_request_id,
+    Client, Descriptor, Domain, Ipc, RobotId, Subscriber, TelemetryGroup, Waiter, fresh_request_id,
 };
 use ril_tests::TestDomain;
 use ril_tests::process::WAIT_LIMIT;
@@ -158,10 +158,10 @@ fn consumer(domain: &Domain) -> (Running, mpsc::Receiver<Seen>) {
         let ipc = join(&domain, "consumer");
         let mut raw = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
         let mut hero = ipc.subscriber::<HeroTelemetry>().expect("a subscriber");
-        let waiter = ipc.waiter().expect("a waiter");
+        let waiter = Waiter::new();
         let mut seen = Seen::default();
         while !termination.requested() {
-            let signals = Descriptor::new(termination.as_fd()).expect("a descriptor");
+            let signals = Descriptor::new(termination.as_fd());
             waiter.wait(&[&raw, &hero, &signals], None).expect("a wait");
             raw.drain(|sample| seen.raw.push(*sample)).expect("samples");
             hero.drain(|sample| seen.hero.push(*sample))

@@ -59,7 +59,7 @@ pub fn run(
         link: LinkState::Gone,
         other_profile: false,
     };
-    let waiter = ipc.waiter()?;
+    let waiter = Waiter::new();
     let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
     shell.open_port(MonotonicNs::now())?;
     supervisor.ready();
@@ -177,11 +177,9 @@ impl Shell {
             .next_try
             .map_or(deadline, |next_try| deadline.min(next_try));
         let timeout = deadline.since(now).min(LONGEST_SLEEP);
-        let signals = Descriptor::new(termination.as_fd())?;
-        let line = match &self.port.open {
-            Some(port) => Some(Descriptor::new(port.as_fd())?),
-            None => None,
-        };
+        let signals = Descriptor::new(termination.as_fd());
+        let line = self.port.open.as_ref();
+        let line = line.map(|port| Descriptor::new(port.as_fd()));
         let [telemetry, state, control, movement] = self.services.sources();
         let mut sources: [&dyn Source; 6] =
             [&signals, telemetry, state, control, movement, &signals];

@@ -189,7 +189,7 @@ fn make_root(root: &Path) -> Result<(), DomainError> {
 }
 
 /// Whether something belongs to this user.
-pub(super) fn is_ours(metadata: &fs::Metadata) -> bool {
+pub(crate) fn is_ours(metadata: &fs::Metadata) -> bool {
     metadata.uid() == rustix::process::geteuid().as_raw()
 }
 

@@ -46,17 +46,16 @@ impl Session {
         let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         let ipc =
             Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
-        let waiter = ipc.waiter().or_fail(ExitCode::Internal)?;
         Ok(Session {
             ipc,
-            waiter,
+            waiter: Waiter::new(),
             termination,
         })
     }
 
     /// Sleeps until a port has something, a signal comes or it is `until`; nothing stands for no limit.
     fn wait(&self, ports: &[&dyn Source], until: Option<MonotonicNs>) -> Result<(), Failure> {
-        let signals = Descriptor::new(self.termination.as_fd()).or_fail(ExitCode::Internal)?;
+        let signals = Descriptor::new(self.termination.as_fd());
         let mut sources: Vec<&dyn Source> = Vec::with_capacity(ports.len() + 1);
         sources.extend(ports);
         sources.push(&signals);

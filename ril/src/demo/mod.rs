@@ -236,7 +236,7 @@ impl<'a> Stage<'a> {
         Ok(Stage {
             termination,
             readiness,
-            waiter: ipc.waiter().map_err(Failure::internal)?,
+            waiter: Waiter::new(),
             processes: Vec::new(),
             ready: 0,
             control: ipc.client().map_err(Failure::internal)?,
@@ -364,14 +364,12 @@ impl<'a> Stage<'a> {
     }
 
     fn sleep(&self) -> Result<(), Failure> {
-        let signals = Descriptor::new(self.termination.as_fd()).map_err(Failure::internal)?;
-        let readiness = Descriptor::new(self.readiness.as_fd()).map_err(Failure::internal)?;
-        let processes = self
-            .processes
-            .iter()
+        let signals = Descriptor::new(self.termination.as_fd());
+        let readiness = Descriptor::new(self.readiness.as_fd());
+        let processes = self.processes.iter();
+        let processes: Vec<_> = processes
             .map(|process| Descriptor::new(process.as_fd()))
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(Failure::internal)?;
+            .collect();
         let mut sources: Vec<&dyn Source> = vec![
             &signals,
             &readiness,

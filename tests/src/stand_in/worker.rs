@@ -7,7 +7,7 @@ use std::os::fd::AsFd;
 use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
 use std::thread::{self, JoinHandle};
 
-use ipc_types::{Descriptor, Domain, Ipc, OpenError, RobotId, Source, WaitError};
+use ipc_types::{Descriptor, Domain, Ipc, OpenError, RobotId, Source, WaitError, Waiter};
 
 /// What a worker owns.
 pub(super) trait Ports: Sized + 'static {
@@ -52,7 +52,7 @@ impl<P: Ports> Worker<P> {
             let mut ports = P::open(&ipc).expect("open the services");
             set_up(&mut ports);
             let _ = opened.send(());
-            work(&ipc, ports, &orders, bell).expect("wait");
+            work(ports, &orders, bell).expect("wait");
         });
         let worker = Worker {
             name,
@@ -109,12 +109,11 @@ impl<P: Ports> Drop for Worker<P> {
 }
 
 fn work<P: Ports>(
-    ipc: &Ipc,
     mut ports: P,
     orders: &Receiver<Order<P>>,
     mut bell: PipeReader,
 ) -> Result<(), WaitError> {
-    let waiter = ipc.waiter()?;
+    let waiter = Waiter::new();
     loop {
         loop {
             match orders.try_recv() {
@@ -127,7 +126,7 @@ fn work<P: Ports>(
             return Ok(());
         }
         let is_rung = {
-            let rung = Descriptor::new(bell.as_fd())?;
+            let rung = Descriptor::new(bell.as_fd());
             let mut sources = vec![&rung as &dyn Source];
             sources.extend(ports.sources());
             waiter.wait(&sources, None)?.is_ready(0)
