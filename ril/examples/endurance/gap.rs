@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use dsp_sim::random::Random;
 use ipc_types::payload::DspTelemetry;
-use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId};
+use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId, Waiter};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use runtime::signal::{Termination, TerminationRequest};
 
@@ -122,9 +122,9 @@ impl Consumer {
         let thread = thread::spawn(move || {
             let ipc = Ipc::join(&domain, RobotId::DEFAULT, "consumer").expect("a part");
             let mut telemetry = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
-            let waiter = ipc.waiter().expect("a waiter");
+            let waiter = Waiter::new();
             while !termination.requested() {
-                let ending = Descriptor::new(termination.as_fd()).expect("a descriptor");
+                let ending = Descriptor::new(termination.as_fd());
                 waiter.wait(&[&telemetry, &ending], None).expect("a wait");
                 // What cannot be received now can be by the next call, says the subscriber.
                 let _ = telemetry.drain(|sample| {

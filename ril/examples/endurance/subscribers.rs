@@ -11,7 +11,7 @@ use std::time::Duration;
 use dsp_sim::random::Random;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RefusedCounters};
 use ipc_types::service::Topic;
-use ipc_types::{Descriptor, Domain, Ipc, Losses, MonotonicNs, RobotId, Subscriber};
+use ipc_types::{Descriptor, Domain, Ipc, Losses, MonotonicNs, RobotId, Subscriber, Waiter};
 use ril_tests::Process;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use runtime::signal::{Termination, TerminationRequest};
@@ -172,9 +172,9 @@ impl Healthy {
         let thread = thread::spawn(move || {
             let ipc = Ipc::join(&domain, RobotId::DEFAULT, "healthy").expect("a part");
             let mut telemetry = ipc.subscriber::<T>().expect("a subscriber");
-            let waiter = ipc.waiter().expect("a waiter");
+            let waiter = Waiter::new();
             while !termination.requested() {
-                let ending = Descriptor::new(termination.as_fd()).expect("a descriptor");
+                let ending = Descriptor::new(termination.as_fd());
                 waiter.wait(&[&telemetry, &ending], None).expect("a wait");
                 telemetry.drain(|_| {}).expect("samples");
             }
