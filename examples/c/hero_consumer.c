@@ -195,7 +195,7 @@ enum hero_result hero_consumer_open(hero_consumer **consumer, const hero_topic *
     char root[PATH_SIZE - NAME_SIZE], path[PATH_SIZE];
     const char *chosen = getenv("RIL_IPC_ROOT");
     int length = chosen != NULL ? snprintf(root, sizeof(root), "%s", chosen)
-                                : snprintf(root, sizeof(root), "/tmp/hero%lu", (unsigned long)getuid());
+                                : snprintf(root, sizeof(root), "/dev/shm/hero%lu", (unsigned long)getuid());
     if (length < 0 || (size_t)length >= sizeof(root)) {
         snprintf(error, error_size, "RIL_IPC_ROOT is too long");
         return HERO_FAILED;

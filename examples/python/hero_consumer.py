@@ -44,7 +44,7 @@ class Consumer:
         self.lost = 0
         self._last = None
         self._ports = contextlib.ExitStack()
-        root = os.environ.get("RIL_IPC_ROOT", f"/tmp/hero{os.getuid()}")
+        root = os.environ.get("RIL_IPC_ROOT", f"/dev/shm/hero{os.getuid()}")
         # Whoever holds this lock keeps the domain; it goes last.
         self._ports.enter_context(_shared_lock(f"{root}/domain.lock"))
         with contextlib.ExitStack() as on_failure:
