@@ -1,0 +1,138 @@
+//! [`Chain`]: the real simulator, bridge and status as processes of their own, for tests that want the real thing.
+//!
+//! They are commands of the one binary `ril`, which this library does not build: a test says where it is, or
+//! [`installed`] looks for it.
+
+use std::path::{Path, PathBuf};
+
+use ipc_types::code::LinkState;
+use ipc_types::payload::ModuleState;
+use ipc_types::{Domain, Ipc, RobotId, Wake};
+
+use crate::process::{Process, Signal, WAIT_LIMIT};
+use crate::pty::PtyFolder;
+
+/// Environment variable that names the binary `ril`.
+pub const BINARY_VARIABLE: &str = "RIL_BINARY";
+
+/// The processes of robot 1, in the order in which they are started. Any of them may be killed, replaced or taken away.
+#[derive(Debug)]
+pub struct Chain {
+    /// Where the pseudo-terminal's link lies, and files that the test wants there; dropped last.
+    pub folder: PtyFolder,
+    /// `ril sim`
+    pub sim: Process,
+    /// `ril bridge`
+    pub bridge: Process,
+    /// `ril status`
+    pub status: Process,
+    binary: PathBuf,
+}
+
+/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`; nothing when there is none.
+pub fn installed() -> Option<PathBuf> {
+    if let Some(binary) = std::env::var_os(BINARY_VARIABLE) {
+        return Some(binary.into());
+    }
+    let folders = std::env::var_os("PATH")?;
+    let mut candidates = std::env::split_paths(&folders).map(|folder| folder.join("ril"));
+    candidates.find(|candidate| candidate.is_file())
+}
+
+impl Chain {
+    /// Starts the three with the binary `ril` at `binary`, and returns when the DSP's telemetry comes.
+    ///
+    /// # Panics
+    ///
+    /// When one of them ends, or nothing comes for [`WAIT_LIMIT`], with what was printed.
+    #[track_caller]
+    pub fn start(domain: &Domain, binary: &Path) -> Chain {
+        let folder = PtyFolder::new();
+        let sim = spawn(
+            domain,
+            binary,
+            &folder,
+            &["sim", "--link", "dsp", "--seed", "1"],
+        );
+        let bridge = spawn(domain, binary, &folder, &["bridge", "--port", "dsp"]);
+        let status = spawn(domain, binary, &folder, &["status"]);
+        wait_for_telemetry(domain);
+        Chain {
+            folder,
+            sim,
+            bridge,
+            status,
+            binary: binary.to_owned(),
+        }
+    }
+
+    /// Starts another bridge in the place of one that was killed, and returns when it is ready.
+    #[track_caller]
+    pub fn restart_bridge(&mut self, domain: &Domain) {
+        self.bridge = spawn(
+            domain,
+            &self.binary,
+            &self.folder,
+            &["bridge", "--port", "dsp"],
+        );
+    }
+
+    /// Starts another status in the place of one that was killed, and returns when it is ready.
+    #[track_caller]
+    pub fn restart_status(&mut self, domain: &Domain) {
+        self.status = spawn(domain, &self.binary, &self.folder, &["status"]);
+    }
+
+    /// Runs an operator's command of `ril` to its end, such as `["takeoff", "--altitude", "5"]`.
+    #[track_caller]
+    pub fn run(&self, domain: &Domain, args: &[&str]) -> crate::process::Finished {
+        command(domain, &self.binary, &self.folder, args).wait_exit()
+    }
+
+    /// Ends all three in order.
+    ///
+    /// # Panics
+    ///
+    /// When one of them does not end with exit code 0.
+    #[track_caller]
+    pub fn end(self) {
+        for mut process in [self.status, self.bridge, self.sim] {
+            process.signal(Signal::TERM);
+            let finished = process.wait_exit();
+            assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        }
+    }
+}
+
+fn command(domain: &Domain, binary: &Path, folder: &PtyFolder, args: &[&str]) -> Process {
+    let mut command = std::process::Command::new(binary);
+    command.args(args).current_dir(folder.path());
+    for variable in ["RIL_ROBOT", "RIL_CONFIG", "RIL_PORT", "RIL_LOG"] {
+        command.env_remove(variable);
+    }
+    Process::spawn(domain, command)
+}
+
+/// Starts a process that says when it is ready.
+#[track_caller]
+fn spawn(domain: &Domain, binary: &Path, folder: &PtyFolder, args: &[&str]) -> Process {
+    let mut process = command(domain, binary, folder, args);
+    process.wait_for_text("ready");
+    process
+}
+
+#[track_caller]
+fn wait_for_telemetry(domain: &Domain) {
+    let ipc = Ipc::join(domain, RobotId::DEFAULT, "test").expect("a part in the domain");
+    let mut states = ipc.subscriber::<ModuleState>().expect("a subscriber");
+    loop {
+        if let Some(state) = states.latest().expect("states")
+            && state.link.state() == Some(LinkState::Up)
+            && state.link.telemetry_published > 0
+        {
+            return;
+        }
+        let wake = states.wait(WAIT_LIMIT).expect("a wait");
+        assert_ne!(wake, Wake::TimedOut, "the link to the DSP never came up");
+    }
+}

@@ -1,0 +1,301 @@
+//! [`Recording`]: a flight as status has logged it, as telemetry again.
+//!
+//! It reads the text that `status` writes (tab-separated values, docs/operations.md): what was flown once, on the
+//! simulator or in earnest, is what a consumer is tested against from then on.
+
+use std::fmt::Display;
+use std::path::Path;
+use std::str::FromStr;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::{MonotonicNs, TelemetryGroup};
+use status::calibration::Calibration;
+use status::translate::translate;
+
+use crate::script::only_groups;
+
+/// Samples that were read from a log.
+///
+/// ```
+/// use ril_tests::Recording;
+///
+/// let log = "flying\tsequence\treceived_ns\tdsp_time_ms\tsonar_adc\n1\t41\t5000\t20\t1200\n0\t42\t6000\t40\t\n";
+/// let flight = Recording::parse(log).unwrap();
+/// assert_eq!(flight.dsp()[0].sonar_adc, 1200);
+/// assert!(!flight.dsp()[1].valid(ipc_types::TelemetryGroup::Sonar));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    samples: Vec<DspTelemetry>,
+}
+
+/// Why a text is no log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordingError(String);
+
+impl Display for RecordingError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for RecordingError {}
+
+impl Recording {
+    /// Reads the log at `path`.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be read or is no log, with the reason and the line.
+    #[track_caller]
+    pub fn read(path: &Path) -> Recording {
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) => panic!("{} cannot be read: {error}", path.display()),
+        };
+        match Recording::parse(&text) {
+            Ok(recording) => recording,
+            Err(error) => panic!("{}:{error}", path.display()),
+        }
+    }
+
+    /// Reads a log. A last line without an end was cut off by a kill and is left out, as status leaves it out.
+    ///
+    /// # Errors
+    ///
+    /// The first line that is none of a log, by its number, and why.
+    pub fn parse(text: &str) -> Result<Recording, RecordingError> {
+        let lines = (1..).zip(text.split_inclusive('\n'));
+        let mut lines = lines.filter_map(|(number, line)| Some((number, line.strip_suffix('\n')?)));
+        let Some((_, header)) = lines.next() else {
+            return Err(RecordingError("1: there is no line with names".to_owned()));
+        };
+        let columns = columns(header)?;
+        let samples = lines.map(|(number, line)| row(&columns, number, line));
+        Ok(Recording {
+            samples: samples.collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// The flight as the bridge publishes it. `received_ns` is 0, because the host's times of then mean nothing now: a
+    /// stand-in fills in the moment of publishing.
+    pub fn dsp(&self) -> &[DspTelemetry] {
+        &self.samples
+    }
+
+    /// The flight as status publishes it, with the default calibration.
+    pub fn hero(&self) -> Vec<HeroTelemetry> {
+        let calibration = Calibration::default();
+        self.samples
+            .iter()
+            .map(|sample| translate(sample, &calibration, MonotonicNs(0)))
+            .collect()
+    }
+}
+
+/// A column: its group, if it has one, and where its value goes. False when it is no such value.
+struct Column {
+    name: &'static str,
+    group: Option<TelemetryGroup>,
+    set: fn(&mut DspTelemetry, &str) -> bool,
+}
+
+fn set<T: FromStr>(place: &mut T, text: &str) -> bool {
+    text.parse().map(|value| *place = value).is_ok()
+}
+
+/// `Group: "name" = path.to.value, …; …` as the table of columns that belong to groups.
+macro_rules! columns {
+    ($($group:ident: $($name:literal = $($path:ident).+),+;)+) => {
+        &[$($(Column {
+            name: $name,
+            group: Some(TelemetryGroup::$group),
+            set: |sample, text| set(&mut sample.$($path).+, text),
+        },)+)+]
+    };
+}
+
+/// What every log has. Number and time of then are those of another publisher: they are not taken over.
+const ALWAYS: &[Column] = &[
+    Column {
+        name: "flying",
+        group: None,
+        set: |sample, text| set(&mut sample.flying, text),
+    },
+    Column {
+        name: "sequence",
+        group: None,
+        set: |_, text| text.parse::<u64>().is_ok(),
+    },
+    Column {
+        name: "received_ns",
+        group: None,
+        set: |_, text| text.parse::<u64>().is_ok(),
+    },
+];
+
+const OF_GROUPS: &[Column] = columns! {
+    Time: "dsp_time_ms" = dsp_time_ms;
+    Geographic: "latitude_deg" = geographic.latitude_deg,
+        "longitude_deg" = geographic.longitude_deg,
+        "altitude_m" = geographic.altitude_m;
+    Xy: "x_m" = xy.x_m, "y_m" = xy.y_m;
+    GpsVelocity: "gps_horizontal_speed_mps" = gps_velocity.horizontal_speed_mps,
+        "gps_vertical_speed_mps" = gps_velocity.vertical_speed_mps,
+        "gps_heading_deg" = gps_velocity.heading_deg;
+    GpsQuality: "gps_quality" = gps_quality;
+    Attitude: "pitch_deg" = attitude.pitch_deg, "roll_deg" = attitude.roll_deg, "yaw_deg" = attitude.yaw_deg;
+    Acceleration: "acceleration_x_mps2" = acceleration.x_mps2,
+        "acceleration_y_mps2" = acceleration.y_mps2,
+        "acceleration_z_mps2" = acceleration.z_mps2;
+    AngularRate: "angular_rate_x_radps" = angular_rate.x_radps,
+        "angular_rate_y_radps" = angular_rate.y_radps,
+        "angular_rate_z_radps" = angular_rate.z_radps;
+    PilotPwm: "pilot_collective_us" = pilot_pwm.collective_us,
+        "pilot_roll_us" = pilot_pwm.roll_us,
+        "pilot_pitch_us" = pilot_pwm.pitch_us,
+        "pilot_tail_us" = pilot_pwm.tail_us,
+        "pilot_throttle_us" = pilot_pwm.throttle_us;
+    Sonar: "sonar_adc" = sonar_adc;
+    Supply: "battery_mv" = supply.battery_mv,
+        "fuel_percent" = supply.fuel_percent,
+        "auto_switch" = supply.auto_switch;
+    PanTilt: "pan_adc" = pan_tilt.pan_adc, "tilt_adc" = pan_tilt.tilt_adc;
+    RotorSpeed: "rotor_rpm" = rotor_rpm;
+    Barometer: "barometer_adc" = barometer_adc;
+    Actuation: "actuation_collective_us" = actuation.collective_us,
+        "actuation_roll_us" = actuation.roll_us,
+        "actuation_pitch_us" = actuation.pitch_us,
+        "actuation_tail_us" = actuation.tail_us,
+        "actuation_throttle_us" = actuation.throttle_us;
+    References: "reference_x_speed_mps" = references.x_speed_mps,
+        "reference_y_speed_mps" = references.y_speed_mps,
+        "reference_altitude_m" = references.altitude_m,
+        "reference_pitch_deg" = references.pitch_deg,
+        "reference_roll_deg" = references.roll_deg,
+        "reference_yaw_deg" = references.yaw_deg;
+};
+
+fn columns(header: &str) -> Result<Vec<&'static Column>, RecordingError> {
+    let known = |name| {
+        let mut columns = ALWAYS.iter().chain(OF_GROUPS);
+        columns.find(|column| column.name == name)
+    };
+    let find =
+        |name| known(name).ok_or(RecordingError(format!("1: `{name}` is no field of a log")));
+    header.split('\t').map(find).collect()
+}
+
+/// A group is valid in a row if all its cells hold something.
+fn row(columns: &[&Column], number: u32, line: &str) -> Result<DspTelemetry, RecordingError> {
+    let cells: Vec<&str> = line.split('\t').collect();
+    if cells.len() != columns.len() {
+        let (have, want) = (cells.len(), columns.len());
+        let text = format!("{number}: {have} cells, where the first line names {want}");
+        return Err(RecordingError(text));
+    }
+    let (mut sample, mut there, mut missing) = (DspTelemetry::default(), 0, 0);
+    for (column, cell) in columns.iter().zip(cells) {
+        let bit = column.group.map_or(0, TelemetryGroup::bit);
+        if cell.is_empty() && bit != 0 {
+            missing |= bit;
+        } else if (column.set)(&mut sample, cell) {
+            there |= bit;
+        } else {
+            let name = column.name;
+            return Err(RecordingError(format!(
+                "{number}: `{cell}` is no value of {name}"
+            )));
+        }
+    }
+    Ok(only_groups(&sample, there & !missing))
+}
+
+#[cfg(test)]
+mod tests {
+    use status::group::GroupSet;
+    use status::log::tsv::Table;
+
+    use super::*;
+    use crate::Script;
+
+    /// The log that status writes of `samples`.
+    fn log(groups: GroupSet, samples: &[DspTelemetry]) -> String {
+        let (table, mut text) = (Table::new(groups), Vec::new());
+        table.header(&mut text);
+        samples
+            .iter()
+            .for_each(|sample| table.row(sample, &mut text));
+        String::from_utf8(text).unwrap()
+    }
+
+    #[test]
+    fn what_status_logs_is_read_back() {
+        let flight = Script::at(37.123_456_7, -5.9, 10.0)
+            .stand(0.3)
+            .take_off(7.0)
+            .groups(&[TelemetryGroup::Time, TelemetryGroup::Attitude])
+            .fly(-3.0, 4.0)
+            .land();
+        let recording = Recording::parse(&log(GroupSet::ALL, flight.dsp())).unwrap();
+        assert_eq!(recording.dsp(), flight.dsp());
+        assert_eq!(recording.hero(), flight.hero());
+    }
+
+    #[test]
+    fn every_field_of_a_log_is_read() {
+        // A different number in each field, so that none can be taken for another.
+        let header = log(GroupSet::ALL, &[]);
+        let names = header.trim_end().split('\t');
+        let row: Vec<String> = (1..)
+            .zip(names)
+            .map(|(number, _): (u8, _)| number.to_string())
+            .collect();
+        let text = format!("{header}{}\n", row.join("\t"));
+        let recording = Recording::parse(&text).unwrap();
+        let again = log(GroupSet::ALL, recording.dsp());
+        let again: Vec<&str> = again.lines().nth(1).unwrap().split('\t').collect();
+        assert_eq!(again[0], row[0]);
+        assert_eq!(
+            again[1..3],
+            ["0", "0"],
+            "number and time are those of another publisher"
+        );
+        assert_eq!(again[3..], row[3..]);
+    }
+
+    #[test]
+    fn groups_that_were_not_logged_are_not_valid() {
+        let flight = Script::at(37.0, -6.0, 10.0).stand(0.1);
+        let text = log(GroupSet(TelemetryGroup::Sonar.bit()), flight.dsp());
+        let recording = Recording::parse(&text).unwrap();
+        assert_eq!(recording.dsp()[0].valid_groups, TelemetryGroup::Sonar.bit());
+    }
+
+    #[test]
+    fn a_row_that_a_kill_cut_off_is_left_out() {
+        let text = "flying\tsequence\treceived_ns\n1\t2\t3\n1\t3\t";
+        assert_eq!(Recording::parse(text).unwrap().dsp().len(), 1);
+    }
+
+    #[test]
+    fn what_is_no_log_is_told_with_its_line() {
+        for (text, expected) in [
+            ("", "1: there is no line with names"),
+            ("flying\tsequence", "1: there is no line with names"),
+            ("flying\tspeed\n", "1: `speed` is no field of a log"),
+            (
+                "flying\tsonar_adc\n1\t2\n1\n",
+                "3: 1 cells, where the first line names 2",
+            ),
+            (
+                "flying\tsonar_adc\n1\tx\n",
+                "2: `x` is no value of sonar_adc",
+            ),
+            ("flying\tsonar_adc\n\t5\n", "2: `` is no value of flying"),
+        ] {
+            let error = Recording::parse(text).unwrap_err().to_string();
+            assert_eq!(error, expected, "{text:?}");
+        }
+    }
+}
