@@ -1,8 +1,11 @@
 //! The typed ports of `ipc-types`, in each of the ways in which a consumer can wait.
 
+use std::io::{self, PipeReader, PipeWriter};
+use std::os::fd::AsFd;
+
 use anyhow::Result;
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, Waiter};
+use ipc_types::{Descriptor, Domain, Ipc, Publisher, RobotId, Subscriber, Waiter};
 
 use super::{Mark, PATIENCE};
 
@@ -58,32 +61,38 @@ impl Spinning {
 
 impl super::Receiver for Spinning {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
-        while self.0.drain(|sample| take(Mark::of(sample)))? == 0 {
-            std::hint::spin_loop();
-        }
+        self.0.spin(PATIENCE);
+        self.0.drain(|sample| take(Mark::of(sample)))?;
         Ok(())
     }
 }
 
-/// A consumer that waits for other things as well.
+/// A consumer that waits for a file descriptor as well.
 pub struct Waiting {
     subscriber: Subscriber<HeroTelemetry>,
     waiter: Waiter,
+    other: PipeReader,
+    /// Open, so that the other end has not hung up.
+    _writer: PipeWriter,
 }
 
 impl Waiting {
     pub fn new() -> Result<Waiting> {
-        let ipc = join("bench-receiver")?;
+        let (other, _writer) = io::pipe()?;
         Ok(Waiting {
-            subscriber: ipc.subscriber()?,
-            waiter: ipc.waiter()?,
+            subscriber: join("bench-receiver")?.subscriber()?,
+            waiter: Waiter::new(),
+            other,
+            _writer,
         })
     }
 }
 
 impl super::Receiver for Waiting {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
-        self.waiter.wait(&[&self.subscriber], Some(PATIENCE))?;
+        let other = Descriptor::new(self.other.as_fd());
+        self.waiter
+            .wait(&[&self.subscriber, &other], Some(PATIENCE))?;
         self.subscriber.drain(|sample| take(Mark::of(sample)))?;
         Ok(())
     }
