@@ -1,4 +1,4 @@
-//! What the doctor goes by: plain values, gathered by [`gather`](super::gather) and judged by
+//! What the doctor goes by: plain values, gathered by `gather` and judged by
 //! [`findings`](super::findings). Nothing here looks at anything by itself.
 
 use std::fmt;
