@@ -15,7 +15,7 @@ use super::patience::{Limits, Next};
 use super::stream::{self, Watcher};
 use super::{Session, configuration, json_line};
 use crate::cli::{MeasureArgs, Topic};
-use crate::live::Block;
+use crate::live::{Block, Size};
 use crate::measure::bandwidth::BandwidthMeter;
 use crate::measure::delay::DelayMeter;
 use crate::measure::rate::RateMeter;
@@ -124,7 +124,11 @@ impl<T: Measured, M: Meter> Watcher<T> for Desk<M> {
         if !self.is_empty && self.redraw_at.is_some_and(|at| now >= at) {
             let text = self.meter.report(self.of, losses).to_string();
             self.block
-                .show(&mut io::stdout().lock(), text.lines())
+                .show(
+                    &mut io::stdout().lock(),
+                    Size::of(io::stdout()),
+                    text.lines(),
+                )
                 .map_err(Failure::output)?;
         }
         // Also without anything to show, so that the next wake lies ahead.

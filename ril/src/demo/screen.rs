@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 
 use super::mission::{Mission, Outcome};
 use super::watch::{Counts, Watch};
-use crate::live::Block;
+use crate::live::{Block, Size};
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
@@ -75,7 +75,8 @@ impl Screen {
             return Ok(());
         }
         let block = block(mission, watch, counts, MonotonicNs::now());
-        self.live.show(&mut io::stdout().lock(), &block)?;
+        self.live
+            .show(&mut io::stdout().lock(), Size::of(io::stdout()), &block)?;
         self.drawn = Some(Instant::now());
         Ok(())
     }
