@@ -262,7 +262,11 @@ impl<R: Request> Outstanding<R> {
         while self.pending.has_response() {
             match self.pending.receive() {
                 Ok(Some(report)) => {
-                    take(&report);
+                    // Whose report it is, the connection says; a server might say anything.
+                    take(&RequestReport {
+                        request_id: self.request_id,
+                        ..*report
+                    });
                     anchor.get_or_insert(report);
                 }
                 Ok(None) => return,

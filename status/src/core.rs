@@ -9,7 +9,9 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 
 use crate::calibration::Calibration;
+use crate::group::GroupSet;
 use crate::log::{LogEvent, LogSummary, Logs};
+use crate::possible::believable;
 use crate::tally::Tally;
 use crate::translate::translate;
 
@@ -46,6 +48,11 @@ pub enum Event {
         lost: u64,
         /// How many in all.
         lost_in_all: u64,
+    },
+    /// Groups are said to be valid and hold values that cannot be, for the first time: they are left out.
+    InputImpossible {
+        /// Which.
+        groups: GroupSet,
     },
     /// A sample could not be published; told at the first of a row.
     OutputFailed {
@@ -85,6 +92,8 @@ struct Input {
     /// When the last sample came, while the input is not silent.
     flowing_since: Option<MonotonicNs>,
     lost: Tally,
+    /// The groups that were told of as impossible.
+    impossible: GroupSet,
 }
 
 /// The state of the output.
@@ -105,6 +114,7 @@ impl Status {
                 counts: InputCounts::default(),
                 flowing_since: None,
                 lost: Tally::every(LOSS_REPORT_PERIOD),
+                impossible: GroupSet::default(),
             },
             output: Output::default(),
             events: Vec::new(),
@@ -113,7 +123,8 @@ impl Status {
 
     /// What to publish for `dsp` at `now`.
     pub fn translate(&self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
-        translate(dsp, &self.calibration, now)
+        let (dsp, _) = believable(dsp);
+        translate(&dsp, &self.calibration, now)
     }
 
     /// Takes note of `dsp` at `now`, after what [`translate`](Self::translate) gave was published or could not be.
@@ -132,7 +143,13 @@ impl Status {
                 }
             }
         }
-        self.logs.record(dsp);
+        let (dsp, impossible) = believable(dsp);
+        let groups = impossible.without(self.input.impossible);
+        if !groups.is_empty() {
+            self.input.impossible = self.input.impossible.union(groups);
+            self.events.push(Event::InputImpossible { groups });
+        }
+        self.logs.record(&dsp);
     }
 
     /// Takes note of what the subscriber has counted by `now`.
@@ -198,6 +215,8 @@ impl Input {
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::TelemetryGroup;
+
     use super::*;
     use crate::log::queue::QUEUE_SAMPLES;
     use crate::test_samples::sample;
@@ -246,6 +265,29 @@ mod tests {
         assert_eq!(status.deadline(), None);
         status.record(&sample(1, 3), Ok(()), after_ms(5000));
         assert_eq!(told(&mut status), ["InputBegan"]);
+    }
+
+    #[test]
+    fn what_cannot_be_is_left_out_and_told_once() {
+        let mut status = without_logs();
+        let mut dsp = sample(1, 1);
+        dsp.geographic.latitude_deg = f64::NAN;
+        dsp.flying = 0xff;
+        for _ in 0..3 {
+            let hero = status.translate(&dsp, START);
+            let position = TelemetryGroup::Geographic;
+            assert!(!hero.valid(position) && hero.valid(TelemetryGroup::Xy));
+            assert_eq!((hero.geodetic.latitude_rad, hero.flying), (0.0, 1));
+            status.record(&dsp, Ok(()), START);
+        }
+        dsp.gps_quality = 99;
+        status.record(&dsp, Ok(()), START);
+        let refused = |event: &Event| match event {
+            Event::InputImpossible { groups } => Some(groups.to_string()),
+            _ => None,
+        };
+        let told: Vec<_> = status.take_events().iter().filter_map(refused).collect();
+        assert_eq!(told, ["geographic", "gps_quality"]);
     }
 
     #[test]

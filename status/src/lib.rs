@@ -8,6 +8,7 @@
 //! ```
 //!
 //! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
+//! * [`possible`] tells which values can be: a faulty neighbour may have published any;
 //! * [`log`] writes tab-separated values, several logs at once, none of which can disturb the telemetry: neither a full
 //!   disk nor one that hangs, and every row is in a file or in the counts;
 //! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
@@ -49,6 +50,7 @@ pub mod config;
 pub mod core;
 pub mod group;
 pub mod log;
+pub mod possible;
 pub mod shell;
 pub mod tally;
 #[cfg(test)]

@@ -202,6 +202,10 @@ fn tell(event: &Event) {
                 "samples were lost on the way to this process"
             );
         }
+        Event::InputImpossible { groups } => tracing::warn!(
+            %groups,
+            "values that cannot be were published: these groups are left out; the bridge publishes none such"
+        ),
         Event::OutputFailed { reason } => tracing::error!(reason, "telemetry cannot be published"),
         Event::Log(event) => tell_event(event),
     }

@@ -3,6 +3,7 @@
 //! * [`domain`]: shared memory of a test's own, and the proof that nothing of it is left;
 //! * [`stand_in`]: a bridge and a status that publish and answer as they are told;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
+//! * [`garbage`]: payloads of any bit pattern;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
 //! * [`pty`]: a folder for links to pseudo-terminals;
@@ -63,6 +64,7 @@
 
 pub mod chain;
 pub mod domain;
+pub mod garbage;
 pub mod process;
 pub mod pty;
 pub mod recording;
@@ -72,6 +74,7 @@ pub mod watchdog;
 
 pub use chain::Chain;
 pub use domain::TestDomain;
+pub use garbage::Garbage;
 pub use process::Process;
 pub use pty::PtyFolder;
 pub use recording::Recording;

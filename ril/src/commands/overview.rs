@@ -42,7 +42,8 @@ pub struct Overview {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
     sequence: u64,
-    age_s: f64,
+    /// Nothing when it claims to be of the future: it counts as stale, because nobody knows how old it is.
+    age_s: Option<f64>,
     stale: bool,
 }
 
@@ -52,7 +53,7 @@ impl Sample {
         Sample {
             sequence,
             age_s: age_s(time, now),
-            stale: now.since(time) > STALE_AFTER,
+            stale: time > now || now.since(time) > STALE_AFTER,
         }
     }
 }
@@ -82,7 +83,7 @@ struct Movement {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Link {
     state: String,
-    state_since_s: f64,
+    state_since_s: Option<f64>,
     port_openings: u32,
     dsp_boots: u32,
     last_message_age_s: Option<f64>,
@@ -181,7 +182,7 @@ impl Movement {
             waypoints_total: movement.waypoints_total,
             waypoints_sent: movement.waypoints_sent,
             waypoints_reached: movement.waypoints_reached,
-            distance_to_go_m: movement.distance_to_go(),
+            distance_to_go_m: movement.distance_to_go().filter(|m| m.is_finite()),
         }
     }
 }
@@ -214,8 +215,8 @@ impl Link {
             state_since_s: age_s(MonotonicNs(state_since_ns), now),
             port_openings,
             dsp_boots,
-            last_message_age_s: link.last_message().map(|time| age_s(time, now)),
-            last_telemetry_age_s: last_telemetry.map(|time| age_s(time, now)),
+            last_message_age_s: link.last_message().and_then(|time| age_s(time, now)),
+            last_telemetry_age_s: last_telemetry.and_then(|time| age_s(time, now)),
             bytes_received,
             messages_received,
             telemetry_published,
@@ -313,9 +314,10 @@ fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
 
-/// Seconds to the millisecond, which is what an operator can use.
-fn age_s(time: MonotonicNs, now: MonotonicNs) -> f64 {
-    now.since(time).as_millis() as f64 / 1000.0
+/// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
+/// gives, must not look like the present.
+fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
+    (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
 }
 
 #[cfg(test)]
@@ -424,6 +426,43 @@ hero        no sample
             "1 × unknown codes\n",
             "dsp         sample 30, 2.500 s old, STALE\n",
             "hero        sample 29, 1.000 s old\n",
+        ] {
+            assert!(
+                text.contains(expected),
+                "{expected:?} is missing in\n{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_time_of_the_future_never_looks_fresh() {
+        let later = MonotonicNs(NOW.0 + 1);
+        let mut state = eventful();
+        state.published_ns = u64::MAX;
+        state.link.state_since_ns = u64::MAX;
+        state.link.last_message_ns = later.0;
+        state.link.last_telemetry_ns = later.0;
+        state.movement.distance_to_go_m = f32::NAN;
+        let dsp = Sample::new(1, later, NOW);
+        let overview = Overview::new(7, &state, Some(dsp), None, NOW);
+        let json = serde_json::to_value(&overview).unwrap();
+        for pointer in [
+            "/module/sample/age_s",
+            "/link/state_since_s",
+            "/link/last_message_age_s",
+            "/link/last_telemetry_age_s",
+            "/movement/distance_to_go_m",
+            "/dsp/age_s",
+        ] {
+            assert_eq!(json.pointer(pointer), Some(&serde_json::Value::Null));
+        }
+        assert_eq!(json["dsp"]["stale"], true);
+        let text = overview.to_string();
+        for expected in [
+            "sample 9, of unknown age, STALE\n",
+            "link        up since an unknown time; port",
+            "last message of unknown age, last telemetry of unknown age\n",
+            "dsp         sample 1, of unknown age, STALE\n",
         ] {
             assert!(
                 text.contains(expected),

@@ -58,18 +58,25 @@ impl fmt::Display for Movement {
 
 impl fmt::Display for Link {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ago =
-            |age: Option<f64>| age.map_or("never".to_owned(), |age| format!("{age:.3} s ago"));
+        let ago = |age: Option<f64>, ever: bool| match age {
+            Some(age) => format!("{age:.3} s ago"),
+            None if ever => "of unknown age".to_owned(),
+            None => "never".to_owned(),
+        };
+        let since = match self.state_since_s {
+            Some(age) => format!("for {age:.3} s"),
+            None => "since an unknown time".to_owned(),
+        };
         writeln!(
             f,
-            "{} for {:.3} s; port opened {} times, DSP boots seen {}",
-            self.state, self.state_since_s, self.port_openings, self.dsp_boots
+            "{} {since}; port opened {} times, DSP boots seen {}",
+            self.state, self.port_openings, self.dsp_boots
         )?;
         writeln!(
             f,
             "            last message {}, last telemetry {}",
-            ago(self.last_message_age_s),
-            ago(self.last_telemetry_age_s)
+            ago(self.last_message_age_s, self.messages_received > 0),
+            ago(self.last_telemetry_age_s, self.telemetry_published > 0)
         )?;
         writeln!(
             f,
@@ -138,7 +145,10 @@ impl fmt::Display for DspErrors {
 
 impl fmt::Display for Sample {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "sample {}, {:.3} s old", self.sequence, self.age_s)?;
+        match self.age_s {
+            Some(age) => write!(f, "sample {}, {age:.3} s old", self.sequence)?,
+            None => write!(f, "sample {}, of unknown age", self.sequence)?,
+        }
         if self.stale {
             f.write_str(", STALE")?;
         }
