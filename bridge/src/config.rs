@@ -72,7 +72,7 @@ impl Default for SerialConfig {
             port: PathBuf::from("/dev/ttyS0"),
             baud_rate: 115_200,
             reopen_min_ms: 20,
-            reopen_max_ms: 200,
+            reopen_max_ms: 100,
         }
     }
 }
