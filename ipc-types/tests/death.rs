@@ -53,6 +53,10 @@ const TESTS: &[(&str, fn())] = &[
         a_connection_that_the_dead_left_half_made_holds_up_nobody,
     ),
     (
+        "a_service_that_the_dead_left_half_made_holds_up_nobody",
+        a_service_that_the_dead_left_half_made_holds_up_nobody,
+    ),
+    (
         "repairing_removes_the_dead_and_leaves_the_living_alone",
         repairing_removes_the_dead_and_leaves_the_living_alone,
     ),
@@ -383,6 +387,30 @@ fn a_connection_that_the_dead_left_half_made_holds_up_nobody() {
         let cleaning = ipc.clean_dead();
         assert_eq!((cleaning.removed, cleaning.failed), (2, 0), "{cleaning:?}");
         assert_eq!(connection(), None);
+    });
+}
+
+fn a_service_that_the_dead_left_half_made_holds_up_nobody() {
+    in_domain(|domain| {
+        let ipc = join(domain, "neighbour");
+        let mut server = Role::ready(domain, "server", "serving");
+        let segments = || {
+            let mut segments = domain.residue();
+            segments.retain(|path| path.extension().is_some_and(|kind| kind == "dynamic"));
+            segments
+        };
+        server.kill();
+        // As it is between the two system calls that make one.
+        let half_made = segments();
+        assert!(!half_made.is_empty(), "nobody has cleaned up");
+        for path in half_made {
+            std::fs::write(&path, "").unwrap();
+            std::fs::set_permissions(&path, PermissionsExt::from_mode(0o200)).unwrap();
+        }
+        let cleaning = ipc.clean_dead();
+        assert_eq!((cleaning.removed, cleaning.failed), (1, 0), "{cleaning:?}");
+        assert!(segments().is_empty());
+        Role::ready(domain, "server", "serving");
     });
 }
 

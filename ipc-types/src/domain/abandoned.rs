@@ -8,7 +8,7 @@
 //! | `services/….service` | all nodes with a tag of it | its owner may still write to it: it was left half made |
 //! | `…_<port>.data`, `….event_mgmt`, `<port>.event` | the port | no node has a tag of the port |
 //! | `…_<port>_<port>.connection` | two ports | no node has a tag of either |
-//! | `…_<service>.dynamic` | the service | no service has this number |
+//! | `…_<service>.dynamic` | the service | no service has this number; its owner may not read it: it was left half made |
 //! | any segment but a connection | | its owner may not read it: it was left half made |
 //!
 //! A name or a content that is not understood belongs to somebody.
@@ -117,7 +117,7 @@ impl Snapshot {
             .collect()
     }
 
-    /// Other files that belong to nobody: services that were left half made; and what was last changed before `then` and
+    /// Other files that belong to nobody: services, and segments of services, that were left half made; and what was last changed before `then` and
     /// belongs to no port and no service, or was left half made.
     pub(crate) fn files(&self, then: SystemTime) -> Vec<PathBuf> {
         let ports: BTreeSet<u128> = self
@@ -125,14 +125,20 @@ impl Snapshot {
             .iter()
             .filter_map(|(_, file)| file.tag())
             .collect();
-        let half_made = self
+        let services = self
             .services
             .iter()
             .filter(|file| file.mode & WRITABLE != 0);
-        let segments = self
-            .segments
-            .iter()
-            .filter(|file| file.modified < then && self.is_abandoned_segment(file, &ports));
+        let half_made = services.chain(
+            self.segments
+                .iter()
+                .filter(|file| file.is_half_made_service()),
+        );
+        let segments = self.segments.iter().filter(|file| {
+            !file.is_half_made_service()
+                && file.modified < then
+                && self.is_abandoned_segment(file, &ports)
+        });
         let root = self.root.iter().filter(|file| {
             file.modified < then && (file.is_draft() || file.belongs_to_no_port(&ports))
         });
@@ -166,6 +172,11 @@ impl Found {
     /// The port that this is a tag of.
     fn tag(&self) -> Option<u128> {
         self.name.strip_suffix(".port_tag")?.parse().ok()
+    }
+
+    /// Whether this is the segment of a service that was not finished.
+    fn is_half_made_service(&self) -> bool {
+        self.name.ends_with(".dynamic") && (self.len == 0 || self.mode & READABLE == 0)
     }
 
     fn is_draft(&self) -> bool {
@@ -252,6 +263,17 @@ fn service_id(settings: &str) -> Option<u128> {
         number.parse::<u64>().ok().map(u128::from)
     };
     Some(half("unique_value")? << 64 | half("payload_value")?)
+}
+
+/// The segments of services that are half made.
+///
+/// # Errors
+///
+/// When the segments cannot be listed.
+pub(crate) fn half_made_services(domain: &Domain) -> io::Result<Vec<PathBuf>> {
+    let mut found = list(Path::new(SHM_DIR), domain.prefix())?;
+    found.retain(|file| file.has_prefix && file.is_half_made_service());
+    Ok(found.into_iter().map(|file| file.path).collect())
 }
 
 /// What of a dead node iceoryx2 can still give back, and what keeps it from doing so.
@@ -406,6 +428,8 @@ mod tests {
             ("%hash_what.dynamic 600", false),
             ("%hash_what.data 600", false),
             ("%hash_9.dynamic 200", true),
+            ("young:%hash_9.dynamic 200", true),
+            ("young:%hash_9.dynamic 600", false),
             ("%hash_7.event_mgmt 200", true),
             ("young:%hash_7.event_mgmt 200", false),
             ("%hash_node.global_mgmt 600", false),

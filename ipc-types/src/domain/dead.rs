@@ -9,6 +9,7 @@
 //! | a half-made tag in a dead node's folder | the removal of the node fails, again and again | removed first |
 //! | a half-made connection with a dead node | who removes the node waits without end, and the other end as well | removed first |
 //! | a half-made service | nobody can open the service any more | removed at once |
+//! | a half-made segment of a service | who opens the service, or removes a dead node from it, waits without end | removed at once |
 //! | segments and sockets of ports, drafts of files | take memory | removed once old |
 //!
 //! Nothing is touched that may belong to a live process: whether a node is dead is said by the kernel, who keeps the lock
@@ -25,7 +26,7 @@ use iceoryx2::node::{DeadNodeView, NodeCleanupFailure, NodeView};
 use iceoryx2::prelude::{CallbackProgression, NodeState};
 
 use super::Domain;
-use super::abandoned::{DeadNode, Snapshot};
+use super::abandoned::{self, DeadNode, Snapshot};
 use super::lock::MakingLock;
 use crate::iox::{Node, Svc};
 
@@ -69,6 +70,10 @@ pub(crate) fn clean(domain: &Domain, config: &Config) -> Cleaning {
                 stripped.push(id);
                 return true;
             }
+            Ok(Prepared::NotYet) => {
+                cleaning.failed += 1;
+                return true;
+            }
             Err(error) => {
                 tracing::debug!(%error, "a dead node cannot be looked at");
                 cleaning.failed += 1;
@@ -100,6 +105,8 @@ enum Prepared {
     Ready,
     /// It has given back everything; what is left of it can simply be removed.
     Stripped,
+    /// Somebody makes something just now: a service of the node may be among it. To be tried again.
+    NotYet,
 }
 
 /// Removes what would keep iceoryx2 from removing a dead node, or hold it up.
@@ -110,7 +117,31 @@ fn prepare(domain: &Domain, id: u128) -> io::Result<Prepared> {
     }
     node.remove_half_made_tags();
     node.remove_half_made_connections(domain)?;
-    Ok(Prepared::Ready)
+    match remove_half_made_services(domain)? {
+        true => Ok(Prepared::Ready),
+        false => Ok(Prepared::NotYet),
+    }
+}
+
+/// Removes segments of services that were left half made, at any age: iceoryx2 waits without end for an empty one to be
+/// finished, whether it opens the service or removes a dead node from it. False when they may be in the making.
+fn remove_half_made_services(domain: &Domain) -> io::Result<bool> {
+    if abandoned::half_made_services(domain)?.is_empty() {
+        return Ok(true);
+    }
+    let Some(_making) = MakingLock::exclude(domain) else {
+        return Ok(false);
+    };
+    // Once more, now that nobody can make anything meanwhile.
+    for path in abandoned::half_made_services(domain)? {
+        tracing::debug!(path = %path.display(), "a half-made service is removed");
+        if let Err(error) = fs::remove_file(&path)
+            && error.kind() != io::ErrorKind::NotFound
+        {
+            return Err(error);
+        }
+    }
+    Ok(true)
 }
 
 /// The nodes that live, and those dead ones that `claims` says to keep. Nothing when that cannot be told: then nothing may
@@ -308,6 +339,25 @@ mod tests {
         drop(making);
         assert_eq!(scene.swept(), 1);
         assert!(path("whole").exists() && !path("half").exists());
+    }
+
+    #[test]
+    fn a_half_made_segment_of_a_service_is_removed_at_once() {
+        let scene = Scene::new(&[]);
+        let path =
+            |id: u32| PathBuf::from(format!("/dev/shm/{}h_{id}.dynamic", scene.domain.prefix()));
+        for (id, mode, content) in [(1, 0o200, ""), (2, 0o200, "half"), (3, 0o600, "whole")] {
+            fs::write(path(id), content).unwrap();
+            let mode = std::os::unix::fs::PermissionsExt::from_mode(mode);
+            fs::set_permissions(path(id), mode).unwrap();
+        }
+        let making = MakingLock::share(&scene.domain).unwrap();
+        assert!(!remove_half_made_services(&scene.domain).unwrap());
+        assert_eq!(scene.swept(), 0, "somebody may be making it");
+        drop(making);
+        assert!(remove_half_made_services(&scene.domain).unwrap());
+        assert!(path(3).exists() && !path(2).exists() && !path(1).exists());
+        fs::remove_file(path(3)).unwrap();
     }
 
     #[test]
