@@ -3,27 +3,36 @@
 //! A child prints `ready` when it can be measured, and whoever measures prints `result` and JSON at the end. A role that
 //! has no end of its own ends at SIGTERM.
 
-use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::Subcommand;
 use ipc_types::MonotonicNs;
-use ipc_types::payload::{HeroAttitude, HeroGeodetic, HeroTelemetry};
-use ril_tests::Process;
-use ril_tests::process::Signal;
 use runtime::signal::Termination;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
+use crate::consumer::{self, Service};
+use crate::dsp::{Dsp, Rate};
 use crate::latency::Recorder;
 use crate::pace::Pace;
 use crate::peers::Peer;
-use crate::site::Site;
+use crate::requests;
+use crate::stream::telemetry;
 
-const READY: &str = "ready";
-const RESULT: &str = "result ";
+/// What a child prints when it can be measured.
+pub const READY: &str = "ready";
+/// What the line of the result begins with.
+pub const RESULT: &str = "result ";
+/// What the line of the serial port begins with.
+pub const PORT: &str = "port ";
+/// What a child prints now and then that is quiet for long.
+pub const ALIVE: &str = "alive";
+
+/// How often a child says that it is alive: several times within the longest wait for a line.
+const ALIVE_PERIOD: Duration = Duration::from_secs(30);
 
 /// Which role.
 #[derive(clap::Args)]
@@ -33,83 +42,69 @@ pub struct Args {
 }
 
 /// What a child does.
-#[derive(Clone, Subcommand)]
-pub enum Role {
-    /// Sends samples over a peer until it is ended.
+#[derive(Subcommand)]
+enum Role {
+    /// Sends samples over a peer until it is ended
     HopSend {
         peer: Peer,
         site: PathBuf,
         rate_hz: u32,
     },
-    /// Receives samples over a peer.
+    /// Receives samples over a peer
     HopReceive {
         peer: Peer,
         site: PathBuf,
         samples: usize,
     },
+    /// Is the DSP until it is ended
+    Dsp {
+        #[arg(value_parser = rate)]
+        rate: Rate,
+    },
+    /// Reads frames from a terminal
+    ReadRaw { port: PathBuf, samples: usize },
+    /// Reads telemetry
+    Consume { service: Service, samples: usize },
+    /// Reads telemetry for a time and counts
+    KeepUp { seconds: f64 },
+    /// Orders landings
+    Land { count: usize, rate_hz: u32 },
+    /// Answers requests over iceoryx2 alone
+    ServeRaw,
+    /// Sends requests over iceoryx2 alone
+    AskRaw { count: usize, rate_hz: u32 },
+    /// The bridge
+    Bridge(bridge::cli::Args),
+    /// Status
+    Status(status::cli::Args),
 }
 
-impl Role {
-    /// The arguments that start this role.
-    fn arguments(&self) -> Vec<OsString> {
-        let mut arguments = vec![OsString::from("child")];
-        match self {
-            Role::HopSend {
-                peer,
-                site,
-                rate_hz,
-            } => {
-                arguments.push("hop-send".into());
-                arguments.extend([name(*peer), site.into(), rate_hz.to_string().into()]);
-            }
-            Role::HopReceive {
-                peer,
-                site,
-                samples,
-            } => {
-                arguments.push("hop-receive".into());
-                arguments.extend([name(*peer), site.into(), samples.to_string().into()]);
-            }
-        }
-        arguments
-    }
-}
-
-fn name(peer: Peer) -> OsString {
-    use clap::ValueEnum;
-    // Every variant has a name.
-    let value = peer.to_possible_value().expect("a name");
-    value.get_name().into()
-}
-
-/// A child from outside.
-pub struct Child(Process);
-
-impl Child {
-    /// Starts a child in the domain of `site` and waits until it is ready.
-    pub fn start(site: &Site, role: &Role) -> Result<Child> {
-        let program = std::env::current_exe()?;
-        let mut process = Process::start(site.domain(), program, role.arguments());
-        process.wait_for_line(|line| line.text == READY);
-        Ok(Child(process))
-    }
-
-    /// Waits for the child's result.
-    pub fn result<T: DeserializeOwned>(&mut self) -> Result<T> {
-        let line = self.0.wait_for_line(|line| line.text.starts_with(RESULT));
-        Ok(serde_json::from_str(&line.text[RESULT.len()..])?)
-    }
-
-    /// Ends the child in order.
-    pub fn end(mut self) {
-        self.0.signal(Signal::TERM);
-        self.0.wait_exit();
+/// Reads a rate as it stands on a command line.
+fn rate(text: &str) -> Result<Rate, std::num::ParseIntError> {
+    match text {
+        "silent" => Ok(Rate::Silent),
+        "flood" => Ok(Rate::Flood),
+        hz => hz.parse().map(Rate::Hz),
     }
 }
 
 /// Plays the role.
-pub fn run(args: Args) -> Result<()> {
+pub fn run(args: Args) -> ExitCode {
     match args.role {
+        Role::Bridge(args) => runtime::exit::main_with(|| bridge::cli::run(args)),
+        Role::Status(args) => runtime::exit::main_with(|| status::cli::run(args)),
+        role => match play(role) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("{error:?}");
+                ExitCode::FAILURE
+            }
+        },
+    }
+}
+
+fn play(role: Role) -> Result<()> {
+    match role {
         Role::HopSend {
             peer,
             site,
@@ -120,17 +115,50 @@ pub fn run(args: Args) -> Result<()> {
             site,
             samples,
         } => hop_receive(peer, &site, samples),
+        Role::Dsp { rate } => be_dsp(rate),
+        Role::ReadRaw { port, samples } => {
+            tell_result(&consumer::read_raw(&port, samples, tell_ready)?)
+        }
+        Role::Consume { service, samples } => {
+            tell_result(&consumer::consume(service, samples, tell_ready)?)
+        }
+        Role::KeepUp { seconds } => {
+            tell_alive();
+            let duration = Duration::from_secs_f64(seconds);
+            tell_result(&consumer::keep_up(duration, tell_ready)?)
+        }
+        Role::Land { count, rate_hz } => tell_result(&requests::land(count, rate_hz, tell_ready)?),
+        Role::ServeRaw => requests::serve_raw(&Termination::install()?, tell_ready),
+        Role::AskRaw { count, rate_hz } => {
+            tell_result(&requests::ask_raw(count, rate_hz, tell_ready)?)
+        }
+        // They have exit codes of their own.
+        Role::Bridge(_) | Role::Status(_) => Ok(()),
     }
 }
 
-fn tell_ready() -> Result<()> {
-    println!("{READY}");
+fn tell(line: &str) -> Result<()> {
+    println!("{line}");
     std::io::stdout().flush().context("standard output")
 }
 
+fn tell_ready() -> Result<()> {
+    tell(READY)
+}
+
 fn tell_result(result: &impl Serialize) -> Result<()> {
-    println!("{RESULT}{}", serde_json::to_string(result)?);
-    std::io::stdout().flush().context("standard output")
+    tell(&format!("{RESULT}{}", serde_json::to_string(result)?))
+}
+
+/// Tells on a thread of its own, so that what is measured is not disturbed.
+fn tell_alive() {
+    std::thread::spawn(|| {
+        loop {
+            std::thread::sleep(ALIVE_PERIOD);
+            // Nobody listens any more when this fails, and nobody waits then.
+            let _ = tell(ALIVE);
+        }
+    });
 }
 
 fn hop_send(peer: Peer, site: &Path, rate_hz: u32) -> Result<()> {
@@ -158,22 +186,10 @@ fn hop_receive(peer: Peer, site: &Path, samples: usize) -> Result<()> {
     tell_result(&recorder.finish())
 }
 
-/// A sample as it may be in flight: numbers with all their digits, which is what text has to carry.
-fn telemetry() -> HeroTelemetry {
-    HeroTelemetry {
-        valid_groups: 0xffff,
-        flying: 1,
-        dsp_time_s: 1234.567,
-        geodetic: HeroGeodetic {
-            latitude_rad: 0.652_853_912_345_678,
-            longitude_rad: -0.104_512_345_678_9,
-            altitude_m: 123.456,
-        },
-        attitude: HeroAttitude {
-            roll_rad: 0.012_345_6,
-            pitch_rad: -0.023_456_7,
-            yaw_rad: 1.234_567_8,
-        },
-        ..HeroTelemetry::default()
-    }
+fn be_dsp(rate: Rate) -> Result<()> {
+    let termination = Termination::install()?;
+    let dsp = Dsp::new()?;
+    tell(&format!("{PORT}{}", dsp.path().display()))?;
+    tell_ready()?;
+    tell_result(&dsp.run(rate, &termination)?)
 }

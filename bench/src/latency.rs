@@ -7,7 +7,7 @@ use crate::peers::Mark;
 use crate::statistics::Times;
 
 /// Samples at the beginning that do not count: connections are made, pages touched, processors awake.
-const WARM_UP: usize = 50;
+pub const WARM_UP: usize = 50;
 
 /// The times of one round of one case.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -13,6 +13,8 @@
 
 mod child;
 mod commands;
+mod consumer;
+mod dsp;
 mod latency;
 mod machine;
 #[cfg(feature = "peers")]
@@ -21,10 +23,16 @@ mod pace;
 mod peers;
 mod plain;
 mod plot;
+mod process;
 mod report;
+mod requests;
 mod rounds;
 mod site;
 mod statistics;
+mod stream;
+mod usage;
+
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
@@ -40,14 +48,30 @@ struct Cli {
 enum Command {
     /// One sample of telemetry from one process to another, over everything that could carry it
     Hop(commands::hop::Args),
+    /// The decoder of the serial line against other parsers
+    Codec(commands::codec::Args),
+    /// From a byte on the serial line to a consumer, and from a request to its report
+    EndToEnd(commands::end_to_end::Args),
+    /// Processor time, wake-ups, system calls, highest rate, losses
+    Cost(commands::cost::Args),
     /// A process that another command measures
     #[command(hide = true)]
     Child(child::Args),
 }
 
-fn main() -> anyhow::Result<()> {
-    match Cli::parse().command {
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
         Command::Hop(args) => commands::hop::run(&args),
-        Command::Child(args) => child::run(args),
+        Command::Codec(args) => commands::codec::run(&args),
+        Command::EndToEnd(args) => commands::end_to_end::run(&args),
+        Command::Cost(args) => commands::cost::run(&args),
+        Command::Child(args) => return child::run(args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error:?}");
+            ExitCode::FAILURE
+        }
     }
 }

@@ -65,6 +65,11 @@ pub struct Ratio {
 }
 
 impl Ratio {
+    /// Values that are no ratios but have a bound all the same, one of each round; nothing without rounds.
+    pub fn of_values(values: &[f64]) -> Option<Ratio> {
+        Ratio::of_rounds(values, &vec![1.0; values.len()])
+    }
+
     /// The ratio of `numerators` to `denominators`, which belong to the same rounds in the same order; nothing without
     /// rounds.
     pub fn of_rounds(numerators: &[f64], denominators: &[f64]) -> Option<Ratio> {
@@ -126,6 +131,10 @@ mod tests {
         assert_eq!(ratio.median, 2.0);
         assert_eq!(Ratio::of_rounds(&[1.0], &[0.0]), None);
         assert_eq!(Ratio::of_rounds(&[], &[]), None);
+        assert_eq!(
+            Ratio::of_values(&[3.0, 1.0]).map(|ratio| ratio.median),
+            Some(2.0)
+        );
     }
 
     #[test]

@@ -6,10 +6,10 @@ use anyhow::Result;
 use ipc_types::payload::HeroTelemetry;
 
 use super::Common;
-use crate::child::{Child, Role};
 use crate::latency::Series;
 use crate::peers::Peer;
 use crate::plot::{Bar, Plot, Row};
+use crate::process::Child;
 use crate::report::{Bound, Section, us};
 use crate::rounds::Measured;
 use crate::site::Site;
@@ -52,18 +52,11 @@ impl fmt::Display for Case {
 /// Measures `case` once, for about so many seconds.
 pub fn measure(case: Case, seconds: f64) -> Result<Series> {
     let site = Site::new()?;
-    let receive = Role::HopReceive {
-        peer: case.peer,
-        site: site.path().to_owned(),
-        samples: (f64::from(case.rate_hz) * seconds).ceil() as usize,
-    };
-    let send = Role::HopSend {
-        peer: case.peer,
-        site: site.path().to_owned(),
-        rate_hz: case.rate_hz,
-    };
-    let mut receiver = Child::start(&site, &receive)?;
-    let sender = Child::start(&site, &send)?;
+    let (peer, folder) = (case.peer.key(), site.path());
+    let (peer, rate_hz) = (peer.as_str(), case.rate_hz);
+    let samples = (f64::from(rate_hz) * seconds).ceil() as usize;
+    let mut receiver = Child::start(&site, &[&"hop-receive", &peer, &folder, &samples])?;
+    let sender = Child::start(&site, &[&"hop-send", &peer, &folder, &rate_hz])?;
     let series = receiver.result()?;
     sender.end();
     drop(receiver);

@@ -1,5 +1,8 @@
 //! The commands: each measures, and makes one section of the report.
 
+pub mod codec;
+pub mod cost;
+pub mod end_to_end;
 pub mod hop;
 
 use std::path::{Path, PathBuf};

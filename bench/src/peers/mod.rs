@@ -5,10 +5,10 @@
 //! one.
 
 mod futex;
-mod iceoryx2;
+pub mod iceoryx2;
 #[cfg(feature = "peers")]
 mod mavlink_udp;
-mod ours;
+pub mod ours;
 mod unix_json;
 mod unix_socket;
 #[cfg(feature = "peers")]
@@ -68,8 +68,8 @@ pub enum Peer {
     Ours,
     /// The typed subscriber of `ipc-types` on a core of its own.
     OursSpin,
-    /// The typed subscriber of `ipc-types` among the sources of a `Waiter`.
-    OursWaiter,
+    /// The typed subscriber of `ipc-types`, waited for together with a file descriptor.
+    OursDescriptor,
     /// iceoryx2 alone; the receiver asks all the time.
     IceoryxSpin,
     /// iceoryx2 alone with its default event; the receiver blocks on its listener.
@@ -97,12 +97,18 @@ impl Peer {
         Peer::value_variants()
     }
 
+    /// The name on the command line.
+    pub fn key(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
     /// The name in tables and plots.
     pub fn title(self) -> &'static str {
         match self {
             Peer::Ours => "RIL, blocking",
             Peer::OursSpin => "RIL, spinning",
-            Peer::OursWaiter => "RIL, among other sources",
+            Peer::OursDescriptor => "RIL, with a descriptor",
             Peer::IceoryxSpin => "iceoryx2, spinning",
             Peer::IceoryxEvent => "iceoryx2, default event",
             Peer::Futex => "shared memory + futex",
@@ -119,15 +125,15 @@ impl Peer {
 
     /// Whether it is ours.
     pub fn is_ours(self) -> bool {
-        matches!(self, Peer::Ours | Peer::OursSpin | Peer::OursWaiter)
+        matches!(self, Peer::Ours | Peer::OursSpin | Peer::OursDescriptor)
     }
 
     /// The receiving end, which is made first. `site` is a folder that both ends know and nobody else uses.
     pub fn receiver(self, site: &Path) -> Result<Box<dyn Receiver>> {
         Ok(match self {
-            Peer::Ours => Box::new(ours::Blocking::new()?),
+            Peer::Ours => Box::new(ours::Blocking::<HeroTelemetry>::new()?),
             Peer::OursSpin => Box::new(ours::Spinning::new()?),
-            Peer::OursWaiter => Box::new(ours::Waiting::new()?),
+            Peer::OursDescriptor => Box::new(ours::Waiting::new()?),
             Peer::IceoryxSpin => Box::new(iceoryx2::Spinning::new()?),
             Peer::IceoryxEvent => Box::new(iceoryx2::Blocking::new()?),
             Peer::Futex => Box::new(futex::Reader::new(site)?),
@@ -145,7 +151,7 @@ impl Peer {
     /// The sending end, which is made when the receiving one is there.
     pub fn sender(self, site: &Path) -> Result<Box<dyn Sender>> {
         Ok(match self {
-            Peer::Ours | Peer::OursSpin | Peer::OursWaiter => Box::new(ours::Sender::new()?),
+            Peer::Ours | Peer::OursSpin | Peer::OursDescriptor => Box::new(ours::Sender::new()?),
             Peer::IceoryxSpin => Box::new(iceoryx2::Sender::without_event()?),
             Peer::IceoryxEvent => Box::new(iceoryx2::Sender::with_event()?),
             Peer::Futex => Box::new(futex::Writer::new(site)?),

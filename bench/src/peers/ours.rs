@@ -1,15 +1,18 @@
 //! The typed ports of `ipc-types`, in each of the ways in which a consumer can wait.
 
-use std::io::{self, PipeReader, PipeWriter};
 use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
 
 use anyhow::Result;
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{Descriptor, Domain, Ipc, Publisher, RobotId, Subscriber, Waiter};
+use ipc_types::{
+    Descriptor, Domain, Ipc, Losses, Publisher, RobotId, Source, Subscriber, Topic, Waiter,
+};
 
 use super::{Mark, PATIENCE};
 
-fn join(process: &str) -> Result<Ipc> {
+/// Takes part in the domain of the environment.
+pub fn join(process: &str) -> Result<Ipc> {
     Ok(Ipc::join(
         &Domain::from_environment()?,
         RobotId::DEFAULT,
@@ -34,19 +37,29 @@ impl super::Sender for Sender {
 }
 
 /// A consumer that does nothing else.
-pub struct Blocking(Subscriber<HeroTelemetry>);
+pub struct Blocking<T: Topic>(Subscriber<T>);
 
-impl Blocking {
-    pub fn new() -> Result<Blocking> {
+impl<T: Topic> Blocking<T> {
+    pub fn new() -> Result<Blocking<T>> {
         Ok(Blocking(join("bench-receiver")?.subscriber()?))
+    }
+
+    /// Sleeps until there is a sample, and hands on all that are there.
+    pub fn wait_and_drain(&mut self, take: impl FnMut(&T)) -> Result<()> {
+        self.0.wait(PATIENCE)?;
+        self.0.drain(take)?;
+        Ok(())
+    }
+
+    /// What was received and missed so far.
+    pub fn losses(&self) -> Losses {
+        self.0.losses()
     }
 }
 
-impl super::Receiver for Blocking {
+impl super::Receiver for Blocking<HeroTelemetry> {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
-        self.0.wait(PATIENCE)?;
-        self.0.drain(|sample| take(Mark::of(sample)))?;
-        Ok(())
+        self.wait_and_drain(|sample| take(Mark::of(sample)))
     }
 }
 
@@ -67,23 +80,22 @@ impl super::Receiver for Spinning {
     }
 }
 
-/// A consumer that waits for a file descriptor as well.
+/// A consumer that waits for a file descriptor as well, which says nothing here.
 pub struct Waiting {
     subscriber: Subscriber<HeroTelemetry>,
     waiter: Waiter,
-    other: PipeReader,
-    /// Open, so that the other end has not hung up.
-    _writer: PipeWriter,
+    other: UnixStream,
+    _far_end: UnixStream,
 }
 
 impl Waiting {
     pub fn new() -> Result<Waiting> {
-        let (other, _writer) = io::pipe()?;
+        let (other, far_end) = UnixStream::pair()?;
         Ok(Waiting {
             subscriber: join("bench-receiver")?.subscriber()?,
             waiter: Waiter::new(),
             other,
-            _writer,
+            _far_end: far_end,
         })
     }
 }
@@ -91,8 +103,8 @@ impl Waiting {
 impl super::Receiver for Waiting {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let other = Descriptor::new(self.other.as_fd());
-        self.waiter
-            .wait(&[&self.subscriber, &other], Some(PATIENCE))?;
+        let sources: [&dyn Source; 2] = [&self.subscriber, &other];
+        self.waiter.wait(&sources, Some(PATIENCE))?;
         self.subscriber.drain(|sample| take(Mark::of(sample)))?;
         Ok(())
     }

@@ -1,0 +1,161 @@
+//! Who reads the telemetry in the end-to-end measurements, and what the kernel gives without us: `poll` and `read`.
+
+use std::fs::OpenOptions;
+use std::io::Read;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Result, bail, ensure};
+use clap::ValueEnum;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::{Losses, MonotonicNs, Topic};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use serde::{Deserialize, Serialize};
+
+use crate::peers::ours;
+use crate::stream;
+
+/// Which telemetry.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub enum Service {
+    /// The bridge's.
+    Dsp,
+    /// Status'.
+    Hero,
+}
+
+/// One sample, as it came.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Arrival {
+    /// DSP time, which counts the frames from 1.
+    pub index: u32,
+    /// When the bridge had read it; 0 where there is no bridge.
+    pub received_ns: u64,
+    /// When status published it; 0 where there is no status.
+    pub published_ns: u64,
+    /// When the consumer could read it.
+    pub arrived_ns: u64,
+}
+
+/// How a sample says which frame it was made of.
+trait Indexed: Topic {
+    fn arrival(&self) -> Arrival;
+}
+
+impl Indexed for DspTelemetry {
+    fn arrival(&self) -> Arrival {
+        Arrival {
+            index: self.dsp_time_ms,
+            received_ns: self.received_ns,
+            published_ns: 0,
+            arrived_ns: MonotonicNs::now().0,
+        }
+    }
+}
+
+impl Indexed for HeroTelemetry {
+    fn arrival(&self) -> Arrival {
+        Arrival {
+            index: (self.dsp_time_s * 1000.0).round() as u32,
+            received_ns: self.received_ns,
+            published_ns: self.published_ns,
+            arrived_ns: MonotonicNs::now().0,
+        }
+    }
+}
+
+/// Reads `count` samples of `service` and keeps their arrivals.
+pub fn consume(
+    service: Service,
+    count: usize,
+    ready: impl FnOnce() -> Result<()>,
+) -> Result<Vec<Arrival>> {
+    match service {
+        Service::Dsp => consume_topic::<DspTelemetry>(count, ready),
+        Service::Hero => consume_topic::<HeroTelemetry>(count, ready),
+    }
+}
+
+fn consume_topic<T: Indexed>(
+    count: usize,
+    ready: impl FnOnce() -> Result<()>,
+) -> Result<Vec<Arrival>> {
+    let mut consumer = ours::Blocking::<T>::new()?;
+    let mut arrivals = Vec::with_capacity(count + 64);
+    ready()?;
+    while arrivals.len() < count {
+        consumer.wait_and_drain(|sample| arrivals.push(sample.arrival()))?;
+    }
+    Ok(arrivals)
+}
+
+/// What a consumer counted that only keeps up.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Kept {
+    /// Samples that came.
+    pub received: u64,
+    /// Samples that were published and did not come.
+    pub lost: u64,
+    /// Frames that were sent and of which nothing came, wherever they were lost.
+    pub missing: u64,
+    /// How long it took, ns.
+    pub elapsed_ns: u64,
+}
+
+/// Reads `HeroTelemetry` for so long, and counts.
+pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result<Kept> {
+    let mut consumer = ours::Blocking::<HeroTelemetry>::new()?;
+    ready()?;
+    // The first sample begins the count: bridge and status are up by then.
+    let (mut last, mut missing) = (None, 0_u64);
+    consumer.wait_and_drain(|sample| last = Some(sample.arrival().index))?;
+    let before = consumer.losses();
+    let begin = MonotonicNs::now();
+    while MonotonicNs::now().since(begin) < duration {
+        consumer.wait_and_drain(|sample| {
+            let index = sample.arrival().index;
+            if let Some(last) = last.replace(index) {
+                missing += u64::from(index.saturating_sub(last + 1));
+            }
+        })?;
+    }
+    let Losses { received, lost, .. } = consumer.losses();
+    Ok(Kept {
+        received: received - before.received,
+        lost: lost - before.lost,
+        missing,
+        elapsed_ns: MonotonicNs::now().0 - begin.0,
+    })
+}
+
+/// Reads `count` frames from the terminal at `path` with `poll` and `read`, as the kernel gives them.
+pub fn read_raw(
+    path: &Path,
+    count: usize,
+    ready: impl FnOnce() -> Result<()>,
+) -> Result<Vec<Arrival>> {
+    let mut terminal = OpenOptions::new().read(true).write(true).open(path)?;
+    let mut settings = tcgetattr(&terminal)?;
+    settings.make_raw();
+    tcsetattr(&terminal, OptionalActions::Now, &settings)?;
+    let mut arrivals = Vec::with_capacity(count);
+    let mut buffer = [0; 4096];
+    ready()?;
+    while arrivals.len() < count {
+        poll(&mut [PollFd::new(&terminal, PollFlags::IN)], None)?;
+        let len = terminal.read(&mut buffer)?;
+        let arrived_ns = MonotonicNs::now().0;
+        ensure!(len > 0, "the terminal has hung up");
+        let Some(index) = stream::time_ms_of(&buffer[..len]) else {
+            bail!("a read of {len} bytes");
+        };
+        arrivals.push(Arrival {
+            index,
+            received_ns: 0,
+            published_ns: 0,
+            arrived_ns,
+        });
+    }
+    Ok(arrivals)
+}
