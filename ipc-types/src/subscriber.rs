@@ -163,6 +163,11 @@ impl<T: Topic> Subscriber<T> {
         self.reconnects
     }
 
+    /// As [`Waiter::missed`], of this subscriber's own [`wait`](Subscriber::wait).
+    pub fn missed_wakeups(&self) -> u64 {
+        self.waiter.missed()
+    }
+
     fn reconnect(&mut self) {
         self.reconnects += 1;
         match make_port(&self.session, &self.service) {

@@ -98,6 +98,9 @@ impl<E> Tickets<E> {
         mut leaves: impl FnMut(&mut E) -> bool,
         mut left: impl FnMut(Ticket, E),
     ) {
+        if self.len() == 0 {
+            return;
+        }
         for (index, place) in (0_u32..).zip(&mut self.places) {
             if !place.entry.as_mut().is_some_and(&mut leaves) {
                 continue;

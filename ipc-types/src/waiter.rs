@@ -27,9 +27,13 @@ use crate::time::MonotonicNs;
 
 /// Longest uninterrupted sleep.
 ///
-/// A lost wake-up costs at most this much; an idle process wakes eight times a second for a few microseconds. It is a
+/// A lost wake-up costs at most this much; an idle process wakes five times a second for a few microseconds. It is a
 /// safety net, not a polling period: in order, every wake-up comes from an event.
-pub const SAFETY_BOUND: Duration = Duration::from_millis(125);
+pub const SAFETY_BOUND: Duration = Duration::from_millis(200);
+
+/// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
+/// deadlines does not also wake for that.
+const HEARING_PERIOD: Duration = SAFETY_BOUND.checked_div(2).unwrap();
 
 /// Most sources of one wait: the ports of one process and its file descriptors, several times over.
 pub const MAX_SOURCES: usize = 16;
@@ -153,15 +157,23 @@ impl sealed::Source for Descriptor<'_> {
 /// Waits for several sources at once. Keep it from wait to wait: it remembers when it last emptied the listeners.
 #[derive(Debug, Default)]
 pub struct Waiter {
-    next_hearing: Cell<MonotonicNs>,
+    /// When all listeners were last emptied.
+    heard_all: Cell<MonotonicNs>,
     /// How often in a row data was found that nobody had rung for.
     unrung: Cell<u8>,
+    missed: Cell<u64>,
 }
 
 impl Waiter {
     /// A waiter for whatever its waits are given.
     pub fn new() -> Waiter {
         Waiter::default()
+    }
+
+    /// Sleeps that were ended by nothing but [`SAFETY_BOUND`] although there was something: wake-ups that were lost, or that
+    /// came too late. Each cost that much at most.
+    pub fn missed(&self) -> u64 {
+        self.missed.get()
     }
 
     /// Sleeps until a source is ready, a signal comes or `timeout` has passed; `None` waits for ever.
@@ -222,6 +234,7 @@ impl Waiter {
             ready = look(sources);
             if !ready.is_empty() && bell.is_awaited(bits) {
                 self.unrung.set(self.unrung.get().saturating_add(1));
+                self.missed.set(self.missed.get() + 1);
             }
         }
         Ok(Wake::Ready(ready))
@@ -234,29 +247,33 @@ impl Waiter {
     ) -> Result<Wake, WaitError> {
         // Before anything is looked at: a listener that is made here announces nothing of what came before it.
         let descriptors = descriptors(sources)?;
+        let mut slept = None;
         loop {
             let now = MonotonicNs::now();
-            if now >= self.next_hearing.get() {
+            if now.since(self.heard_all.get()) >= HEARING_PERIOD {
                 hear_all(sources);
-                self.next_hearing.set(now + SAFETY_BOUND);
+                self.heard_all.set(now);
             }
             let mut ready = look(sources);
+            if slept == Some(Slept::TimedOut) && !ready.is_empty() {
+                self.missed.set(self.missed.get() + 1);
+            }
             // With something to do already, the kernel is only asked what else there is.
             let until = match ready.is_empty() {
-                true => deadline.min(self.next_hearing.get()),
+                true => deadline.min(self.heard_all.get() + SAFETY_BOUND),
                 false => now,
             };
-            let is_interrupted = poll_once(sources, &descriptors, until.since(now), &mut ready)?
-                == Slept::Interrupted;
+            let outcome = poll_once(sources, &descriptors, until.since(now), &mut ready)?;
             if !ready.is_empty() {
                 return Ok(Wake::Ready(ready));
             }
-            if is_interrupted {
+            if outcome == Slept::Interrupted {
                 return Ok(Wake::Interrupted);
             }
-            if now >= deadline || MonotonicNs::now() >= deadline {
+            if now >= deadline {
                 return Ok(Wake::TimedOut);
             }
+            slept = Some(outcome);
         }
     }
 }

@@ -23,7 +23,8 @@ const READS_PER_WAKE: usize = 16;
 /// Longest sleep: the safety net for a wake-up that shared memory lost.
 const LONGEST_SLEEP: Duration = Duration::from_millis(250);
 
-/// How often dead processes are cleaned up after, so that the death of a client is noticed.
+/// How often dead processes are cleaned up after, so that the death of a client is noticed: at the first wake after that
+/// time, for which nobody is woken.
 const CLEANING_PERIOD: Duration = Duration::from_millis(500);
 
 /// Why the bridge process cannot go on.
@@ -72,7 +73,7 @@ pub fn run(
             supervisor.watchdog();
             next_cleaning = now + CLEANING_PERIOD;
         }
-        shell.sleep(&waiter, termination, next_cleaning)?;
+        shell.sleep(&waiter, termination)?;
     }
     supervisor.stopping();
     shell.end();
@@ -164,14 +165,9 @@ impl Shell {
             .port_closed(MonotonicNs::now(), &mut self.services);
     }
 
-    fn sleep(
-        &self,
-        waiter: &Waiter,
-        termination: &Termination,
-        until: MonotonicNs,
-    ) -> Result<(), ShellError> {
+    fn sleep(&self, waiter: &Waiter, termination: &Termination) -> Result<(), ShellError> {
         let now = MonotonicNs::now();
-        let deadline = self.bridge.deadline().min(until);
+        let deadline = self.bridge.deadline();
         let deadline = self
             .port
             .next_try
