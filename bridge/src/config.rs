@@ -210,7 +210,8 @@ pub struct ArrivalConfig {
     /// Tolerance in altitude (`DELTA_M`).
     #[serde(deserialize_with = "tolerance_m")]
     pub altitude_m: f64,
-    /// How long the helicopter must stay at the last waypoint when one before it was not seen to be reached.
+    /// How long the helicopter must stay at the last waypoint when one before it was not seen to be reached; longer than
+    /// the DSP ever rests before it goes on.
     #[serde(deserialize_with = "seconds")]
     pub dwell_s: f64,
 }
@@ -222,7 +223,8 @@ impl Default for ArrivalConfig {
             latitude_deg: 1e-5,
             longitude_deg: 1e-5,
             altitude_m: 1.0,
-            dwell_s: 3.0,
+            // Twice the longest rest of a DSP between two waypoints of a path (`docs/protocol.md` section 8.4).
+            dwell_s: 6.0,
         }
     }
 }

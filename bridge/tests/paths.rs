@@ -148,6 +148,24 @@ fn a_waypoint_that_never_arrives_fails_the_path() {
 }
 
 #[test]
+fn a_rest_on_the_way_at_the_place_of_the_last_waypoint_is_not_the_end() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(10), north(20), north(10)]);
+    desk.run(1000);
+    // The DSP has missed one and rests before it goes back: no longer than docs/protocol.md section 8.4 allows.
+    desk.dsp.at(north(10));
+    desk.run(4000);
+    assert_eq!(desk.last_report(path[2]).waypoints_sent, 3);
+    assert_eq!(desk.last(path[2]).0, Stage::Progress, "it is on its way");
+    for place in [20, 10] {
+        desk.dsp.at(north(place));
+        desk.run(100);
+    }
+    assert_eq!(desk.last(path[2]).0, Stage::Done);
+    assert_eq!(desk.last_report(path[2]).waypoints_reached, 3);
+}
+
+#[test]
 fn a_dsp_that_does_not_count_gets_each_waypoint_once() {
     let mut desk = Desk::flying();
     desk.dsp.counts = false;
