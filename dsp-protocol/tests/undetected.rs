@@ -14,7 +14,7 @@ use dsp_protocol::Profile;
 use measure::{Tally, measure};
 
 const SEED: u64 = 7;
-/// Damaged frames of each kind, and ten kinds.
+/// Damaged frames of each kind.
 const FRAMES: u64 = 20_000;
 
 fn all(profile: Profile) -> impl Iterator<Item = (Damage, Tally)> {

@@ -10,6 +10,8 @@ use super::random::Random;
 pub enum Damage {
     /// Each bit is flipped with this probability.
     BitErrors(f64),
+    /// Each bit of the asynchronous line is flipped with this probability, start and stop bits among them.
+    LineErrors(f64),
     /// A run of bits, of a length within these bounds, whose first and last are flipped and those between at random.
     Burst(usize, usize),
     /// Bytes are lost at the front, at the end or inside.
@@ -25,11 +27,13 @@ pub enum Damage {
 
 impl Damage {
     /// All kinds, in the order of the table.
-    pub const ALL: [Damage; 10] = [
+    pub const ALL: [Damage; 12] = [
         Damage::BitErrors(1e-5),
         Damage::BitErrors(1e-4),
         Damage::BitErrors(1e-3),
         Damage::BitErrors(1e-2),
+        Damage::LineErrors(1e-3),
+        Damage::LineErrors(1e-2),
         Damage::Burst(2, 32),
         Damage::Burst(33, 256),
         Damage::Truncation,
@@ -42,6 +46,7 @@ impl Damage {
     pub fn name(self) -> String {
         match self {
             Damage::BitErrors(rate) => format!("bit errors at {rate:e}"),
+            Damage::LineErrors(rate) => format!("the same with start and stop bits at {rate:e}"),
             Damage::Burst(min, max) => format!("bursts of {min} … {max} bits"),
             Damage::Truncation => "truncation".to_owned(),
             Damage::Join => "joins of two frames".to_owned(),
@@ -56,18 +61,21 @@ pub struct Line {
     damage: Damage,
     /// Bits until the next one that is flipped, where each is flipped with a probability.
     unhurt_bits: usize,
+    /// The bits on the line; kept for its memory alone.
+    bits: Vec<bool>,
 }
 
 impl Line {
     /// A line with this damage.
     pub fn new(damage: Damage, random: &mut Random) -> Line {
         let unhurt_bits = match damage {
-            Damage::BitErrors(rate) => random.bits_until_hit(rate),
+            Damage::BitErrors(rate) | Damage::LineErrors(rate) => random.bits_until_hit(rate),
             _ => 0,
         };
         Line {
             damage,
             unhurt_bits,
+            bits: Vec::new(),
         }
     }
 
@@ -86,6 +94,11 @@ impl Line {
         bytes.clear();
         match self.damage {
             Damage::BitErrors(rate) => return self.flip_bits(rate, sent, random, bytes),
+            Damage::LineErrors(rate) => {
+                self.flip_line_bits(rate, sent, random, bytes);
+                // Behind a last stop bit that is low there is one byte more, and the frame is whole.
+                return !bytes.starts_with(sent);
+            }
             Damage::Burst(min, max) => {
                 bytes.extend_from_slice(sent);
                 burst(min, max, random, bytes);
@@ -146,6 +159,44 @@ impl Line {
         }
         self.unhurt_bits -= bits;
         true
+    }
+
+    /// The same with the bits that frame a byte. A pause follows the frame, as between two messages.
+    fn flip_line_bits(&mut self, rate: f64, sent: &[u8], random: &mut Random, bytes: &mut Vec<u8>) {
+        self.bits.clear();
+        sent.iter()
+            .for_each(|byte| put_on_line(*byte, &mut self.bits));
+        while let Some(bit) = self.bits.get_mut(self.unhurt_bits) {
+            *bit = !*bit;
+            self.unhurt_bits += 1 + random.bits_until_hit(rate);
+        }
+        self.unhurt_bits -= self.bits.len();
+        read_from_line(&self.bits, bytes);
+    }
+}
+
+/// Bits of a byte on the line: a start bit, which is low, eight of data, the lowest first, and a stop bit, which is high.
+const LINE_BITS: usize = 10;
+
+/// Puts a byte on the line.
+fn put_on_line(byte: u8, bits: &mut Vec<bool>) {
+    bits.push(false);
+    bits.extend((0..8).map(|bit| byte >> bit & 1 != 0));
+    bits.push(true);
+}
+
+/// What a UART makes of a line that rests high afterwards. A low bit begins a byte; where its stop bit should be and is
+/// not, the byte is handed on all the same, as a port does that was not told to mark it, and the low bit begins another.
+fn read_from_line(bits: &[bool], bytes: &mut Vec<u8>) {
+    let at = |index: usize| bits.get(index).copied().unwrap_or(true);
+    let mut index = 0;
+    while index < bits.len() {
+        if at(index) {
+            index += 1;
+            continue;
+        }
+        bytes.push((0..8).fold(0, |byte, bit| byte | u8::from(at(index + 1 + bit)) << bit));
+        index += LINE_BITS - usize::from(!at(index + LINE_BITS - 1));
     }
 }
 
