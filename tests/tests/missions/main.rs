@@ -3,8 +3,8 @@
 //!
 //! * [`world`]: the two sides ([`config`]), the wire and one clock; [`operator`]: who flies; [`seeds`]: chance that can
 //!   be repeated;
-//! * checkers: [`witness`] for what consumers get, [`wire`] for what the DSP is told, [`chain`] for what status makes of
-//!   it, [`truth`] for where the helicopter is;
+//! * checkers: [`witness`] and [`plausible`] for what consumers get, [`wire`] for what the DSP is told, [`chain`] for what
+//!   status makes of it, [`truth`] for where the helicopter is;
 //! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`], [`delivery`].
 
 mod chain;
@@ -13,6 +13,7 @@ mod config;
 mod delivery;
 mod operator;
 mod plain;
+mod plausible;
 mod refusals;
 mod seeds;
 mod settings;

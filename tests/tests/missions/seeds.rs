@@ -72,9 +72,9 @@ impl Drop for Named<'_> {
     fn drop(&mut self) {
         // Far from the end of the numbers, so that the other workers' steps do not wrap.
         self.next.store(u64::MAX / 2, Ordering::Relaxed);
+        let seed = self.seed;
         eprintln!(
-            "seed {} failed: repeat it alone with {VARIABLE}={}",
-            self.seed, self.seed
+            "seed {seed} failed: {VARIABLE}={seed} before the test, or --seeds {seed} after the program, repeats it"
         );
     }
 }

@@ -1,0 +1,111 @@
+//! The decoders of both directions and profiles.
+
+use std::fmt::Debug;
+
+use dsp_protocol::{Decoded, Decoder, Direction, Downlink, Frame, Profile, Sequence, Uplink};
+
+/// A direction whose messages can be written again.
+pub trait Encode: Direction + Copy + Debug {
+    /// The message as a frame.
+    fn frame(&self, profile: Profile) -> Frame;
+}
+
+impl Encode for Downlink {
+    fn frame(&self, profile: Profile) -> Frame {
+        self.encode_in(profile, Sequence::FIRST, Sequence::FIRST)
+    }
+}
+
+impl Encode for Uplink {
+    fn frame(&self, profile: Profile) -> Frame {
+        self.encode_in(profile, Sequence::FIRST)
+    }
+}
+
+/// One decoder, and what it made of its bytes.
+struct Listener<M> {
+    profile: Profile,
+    decoder: Decoder<M>,
+    messages: u64,
+    refused: u64,
+}
+
+impl<M: Encode> Listener<M> {
+    fn new(profile: Profile) -> Self {
+        Listener {
+            profile,
+            decoder: Decoder::with_profile(profile),
+            messages: 0,
+            refused: 0,
+        }
+    }
+
+    /// Every call takes a byte or answers something, and what is taken for a message is one: it means the same when it is
+    /// written and read again.
+    fn hear(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let (used, decoded) = self.decoder.decode(bytes);
+            assert!(used <= bytes.len(), "more bytes than there are");
+            assert!(
+                used > 0 || !matches!(decoded, Decoded::Incomplete),
+                "the decoder stands still"
+            );
+            bytes = &bytes[used..];
+            match decoded {
+                Decoded::Incomplete => assert!(bytes.is_empty(), "bytes were left"),
+                Decoded::Refused(_) => self.refused += 1,
+                Decoded::Message(message) => {
+                    self.messages += 1;
+                    self.check(&message);
+                }
+            }
+        }
+    }
+
+    fn check(&self, message: &M) {
+        let frame = message.frame(self.profile);
+        let (used, decoded) = Decoder::<M>::with_profile(self.profile).decode(frame.as_bytes());
+        let Decoded::Message(again) = decoded else {
+            panic!("{message:?} is written as {decoded:?}");
+        };
+        assert_eq!(used, frame.as_bytes().len());
+        // Not the messages: a value that is not a number differs from itself.
+        assert_eq!(
+            again.frame(self.profile).as_bytes(),
+            frame.as_bytes(),
+            "{message:?} and {again:?}"
+        );
+    }
+}
+
+/// All four.
+pub struct Decoders {
+    downlink: [Listener<Downlink>; 2],
+    uplink: [Listener<Uplink>; 2],
+}
+
+impl Decoders {
+    /// Decoders that have heard nothing.
+    pub fn new() -> Decoders {
+        Decoders {
+            downlink: Profile::ALL.map(Listener::new),
+            uplink: Profile::ALL.map(Listener::new),
+        }
+    }
+
+    /// Gives the same bytes to all of them.
+    pub fn hear(&mut self, bytes: &[u8]) {
+        self.downlink.iter_mut().for_each(|one| one.hear(bytes));
+        self.uplink.iter_mut().for_each(|one| one.hear(bytes));
+    }
+
+    /// Messages and refusals of all of them.
+    pub fn heard(&self) -> (u64, u64) {
+        let down = self.downlink.iter().map(|one| (one.messages, one.refused));
+        let up = self.uplink.iter().map(|one| (one.messages, one.refused));
+        down.chain(up)
+            .fold((0, 0), |(messages, refused), (more, bad)| {
+                (messages + more, refused + bad)
+            })
+    }
+}

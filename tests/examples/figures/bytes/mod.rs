@@ -1,0 +1,18 @@
+//! Bytes from a hostile or broken line into the decoders and the bridge's core.
+//!
+//! * [`stream`]: noise, damaged frames, and random numbers; [`decoders`], [`core`]: what the bytes go into;
+//! * [`obliging`]: a DSP that does whatever it is told, so that noise meets the bridge in every phase of a flight;
+//! * [`heap`]: what it costs the allocator; [`measure`]: all of it, counted; [`script`]: the input of a fuzz target.
+
+pub mod core;
+pub mod decoders;
+pub mod heap;
+pub mod measure;
+pub mod obliging;
+pub mod script;
+pub mod stream;
+
+#[path = "../../../../dsp-protocol/examples/undetected/random.rs"]
+pub mod random;
+#[path = "../../../../dsp-protocol/examples/undetected/traffic.rs"]
+pub mod traffic;
