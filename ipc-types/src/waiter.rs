@@ -32,8 +32,8 @@ use crate::time::MonotonicNs;
 pub const SAFETY_BOUND: Duration = Duration::from_millis(200);
 
 /// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
-/// deadlines does not also wake for that.
-const HEARING_PERIOD: Duration = SAFETY_BOUND.checked_div(2).unwrap();
+/// deadlines does not also wake for that. Each listener takes two system calls.
+const HEARING_PERIOD: Duration = Duration::from_millis(150);
 
 /// Most sources of one wait: the ports of one process and its file descriptors, several times over.
 pub const MAX_SOURCES: usize = 16;
@@ -258,6 +258,9 @@ impl Waiter {
             if slept == Some(Slept::TimedOut) && !ready.is_empty() {
                 self.missed.set(self.missed.get() + 1);
             }
+            if slept.is_some() && now >= deadline && ready.is_empty() {
+                return Ok(Wake::TimedOut);
+            }
             // With something to do already, the kernel is only asked what else there is.
             let until = match ready.is_empty() {
                 true => deadline.min(self.heard_all.get() + SAFETY_BOUND),
@@ -269,9 +272,6 @@ impl Waiter {
             }
             if outcome == Slept::Interrupted {
                 return Ok(Wake::Interrupted);
-            }
-            if now >= deadline {
-                return Ok(Wake::TimedOut);
             }
             slept = Some(outcome);
         }
