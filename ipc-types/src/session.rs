@@ -4,6 +4,7 @@
 //! cleans up after the dead, and makes the iceoryx2 node. It installs no signal handler and reads no configuration file
 //! but the domain's own.
 
+use std::cell::Cell;
 use std::io;
 use std::rc::Rc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -15,8 +16,9 @@ use iceoryx2::prelude::{
 };
 
 use crate::bell::Bell;
+use crate::domain::dead::{self, SETTLED_AFTER, Scope};
 use crate::domain::{
-    Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, dead, management,
+    Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, management,
 };
 use crate::inspect;
 use crate::iox::{Node, NodeBuilder, Svc};
@@ -98,6 +100,8 @@ pub(crate) struct Session {
     process_name: String,
     /// Nothing when it cannot be used; events then wake everybody.
     bell: Option<Rc<Bell>>,
+    /// When the last clean-up looked at everything.
+    cleaned_all: Cell<MonotonicNs>,
 }
 
 impl Ipc {
@@ -122,6 +126,7 @@ impl Ipc {
             robot,
             process_name: process_name.to_owned(),
             bell: None,
+            cleaned_all: Cell::default(),
         };
         if !domain.is_isolated() {
             let _making = MakingLock::share(domain);
@@ -200,7 +205,12 @@ impl Ipc {
     /// Call it on a timer, once or twice a second: nobody else does while processes just run. It takes less than a
     /// millisecond when nobody died.
     pub fn clean_dead(&self) -> Cleaning {
-        self.session.clean_dead()
+        let session = &self.session;
+        // What nobody but a death left behind is removed when it is that old; there is no hurry to look for it.
+        if MonotonicNs::now().since(session.cleaned_all.get()) >= SETTLED_AFTER {
+            return session.clean_dead();
+        }
+        dead::clean(&session.domain, &session.config, Scope::Nodes)
     }
 }
 
@@ -222,8 +232,10 @@ impl Session {
         self.robot
     }
 
+    /// At once, and of everything: something is in somebody's way.
     pub(crate) fn clean_dead(&self) -> Cleaning {
-        dead::clean(&self.domain, &self.config)
+        self.cleaned_all.set(MonotonicNs::now());
+        dead::clean(&self.domain, &self.config, Scope::Everything)
     }
 
     /// Makes a service or a port, and says meanwhile that it does.

@@ -49,7 +49,7 @@ impl Domain {
         (repair.secured, repair.renewed) = (mended.secured, mended.renewed);
         // Whoever makes something keeps half made things from being removed.
         drop(making);
-        repair.cleaning = dead::clean(self, &self.config()?);
+        repair.cleaning = dead::clean(self, &self.config()?, dead::Scope::Everything);
         Ok(())
     }
 }
