@@ -1,8 +1,9 @@
 //! `kill -9` of one kind of process at random moments, over and over: does every successor come up, and is anything left?
 
 use std::fmt;
+use std::path::PathBuf;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
@@ -63,6 +64,8 @@ pub struct Outcome {
     pub again: Spread,
     /// Files and segments of the domain before, and after the remains were removed.
     pub things: (usize, usize),
+    /// What is left of the killed, if anything is: no survivor's, and older than the last successor.
+    pub left: Vec<PathBuf>,
     /// How long that took after the last kill.
     pub settled: Duration,
     /// The others.
@@ -96,7 +99,11 @@ impl fmt::Display for Outcome {
         }
         let (before, after) = self.things;
         let settled_s = self.settled.as_secs_f64();
-        write!(f, "{before} before, {after} {settled_s:.1} s after | ")?;
+        write!(f, "{before} before, {after} {settled_s:.1} s after")?;
+        for path in &self.left {
+            write!(f, ", left: {}", path.display())?;
+        }
+        f.write_str(" | ")?;
         for survivor in &self.survivors {
             let (before, after) = (survivor.before, survivor.after);
             write!(
@@ -156,7 +163,9 @@ struct Loop<'a> {
     ready: Spread,
     again: Spread,
     /// Things of the domain before the first kill.
-    things: usize,
+    things: Vec<PathBuf>,
+    /// When the last successor was started.
+    last_start: SystemTime,
     own_descriptors: usize,
     warm: Vec<(Kind, Holdings)>,
 }
@@ -185,7 +194,8 @@ impl<'a> Loop<'a> {
             in_start_up: 0,
             ready: Spread::default(),
             again: Spread::default(),
-            things: 0,
+            things: Vec::new(),
+            last_start: SystemTime::now(),
             own_descriptors: 0,
             warm: Vec::new(),
         }
@@ -202,7 +212,7 @@ impl<'a> Loop<'a> {
         let start_up = MonotonicNs::now().since(started);
         self.witness.hear_after(started);
         self.witness.ipc().clean_dead();
-        self.things = self.site.domain.residue().len();
+        self.things = self.site.domain.residue();
         self.own_descriptors = Holdings::of(std::process::id()).descriptors;
         start_up
     }
@@ -219,6 +229,7 @@ impl<'a> Loop<'a> {
 
     /// Starts the successor, which must get everything going again.
     fn succeed(&mut self) {
+        self.last_start = SystemTime::now();
         let started = MonotonicNs::now();
         self.process = self.site.start_one(self.victim);
         await_ready(self.victim, &mut self.process);
@@ -238,16 +249,38 @@ impl<'a> Loop<'a> {
         self.others.iter().map(of).collect()
     }
 
+    /// What of the domain was not there before the kills, and was last changed before the last successor started.
+    fn left_of_the_killed(&self, mut things: Vec<PathBuf>) -> Vec<PathBuf> {
+        things.retain(|path| {
+            let metadata = path.symlink_metadata();
+            let modified = metadata.and_then(|metadata| metadata.modified());
+            !self.things.contains(path) && modified.is_ok_and(|then| then < self.last_start)
+        });
+        things
+    }
+
+    /// Whether there is more in the domain than before, or a survivor holds more descriptors than when it had warmed up.
+    fn is_more(&self) -> bool {
+        let now = self.holdings();
+        let mut survivors = self.warm.iter().zip(&now);
+        self.site.domain.residue().len() > self.things.len()
+            || survivors.any(|((_, before), (_, after))| after.descriptors > before.descriptors)
+    }
+
     /// Waits until what was left is removed, ends everybody and says what came of it.
     fn settle(mut self) -> Outcome {
         let begun = MonotonicNs::now();
-        let mut left = self.site.domain.residue().len();
-        while left > self.things && MonotonicNs::now().since(begun) < SETTLE_LIMIT {
+        while self.is_more() && MonotonicNs::now().since(begun) < SETTLE_LIMIT {
             // The next sample is the occasion: the processes clean up by themselves, this one does not.
             self.witness.hear_after(MonotonicNs::now());
-            left = self.site.domain.residue().len();
         }
         let settled = MonotonicNs::now().since(begun);
+        let things = self.site.domain.residue();
+        let count = things.len();
+        let left = match count > self.things.len() {
+            true => self.left_of_the_killed(things),
+            false => Vec::new(),
+        };
         let now = self.holdings();
         let survivors = self.warm.iter().zip(&now);
         let outcome = Outcome {
@@ -256,7 +289,8 @@ impl<'a> Loop<'a> {
             in_start_up: self.in_start_up,
             ready: self.ready,
             again: self.again,
-            things: (self.things, left),
+            things: (self.things.len(), count),
+            left,
             settled,
             survivors: survivors
                 .map(|((kind, before), (_, after))| Survivor {
