@@ -18,6 +18,7 @@ pub(crate) mod lock;
 pub(crate) mod management;
 pub(crate) mod remains;
 mod repair;
+mod spare;
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, Read};

@@ -6,6 +6,7 @@ mod support;
 
 use std::io::BufRead;
 use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -55,6 +56,10 @@ const TESTS: &[(&str, fn())] = &[
     (
         "a_service_that_the_dead_left_half_made_holds_up_nobody",
         a_service_that_the_dead_left_half_made_holds_up_nobody,
+    ),
+    (
+        "places_that_a_killed_cleaner_has_half_given_back_are_given_back",
+        places_that_a_killed_cleaner_has_half_given_back_are_given_back,
     ),
     (
         "repairing_removes_the_dead_and_leaves_the_living_alone",
@@ -344,8 +349,9 @@ fn kills_during_start_up_leave_nothing_beside_a_live_neighbour() {
         // What a dead process was connected with is let go by its partner.
         subscriber.drain(|_| {}).unwrap();
         make_old(domain);
-        ipc.clean_dead();
-        let cleaning = ipc.clean_dead();
+        // At everything, which the timer's clean-up looks at only now and then.
+        domain.repair().unwrap();
+        let cleaning = domain.repair().unwrap().cleaning;
         assert!(
             cleaning.is_nothing(),
             "{cleaning:?}: {:#?} {:#?}",
@@ -411,6 +417,44 @@ fn a_service_that_the_dead_left_half_made_holds_up_nobody() {
         assert_eq!((cleaning.removed, cleaning.failed), (1, 0), "{cleaning:?}");
         assert!(segments().is_empty());
         Role::ready(domain, "server", "serving");
+    });
+}
+
+fn places_that_a_killed_cleaner_has_half_given_back_are_given_back() {
+    in_domain(|domain| {
+        let ipc = join(domain, "neighbour");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let entries = |folder: &Path| {
+            let entries = std::fs::read_dir(folder).expect("a folder");
+            entries.map(|entry| entry.expect("an entry").path())
+        };
+        let nodes = domain.root().join("nodes");
+        let neighbours: Vec<_> = entries(&nodes).collect();
+        // More of them than a service has places for publishers.
+        for _ in 0..6 {
+            Role::ready(domain, "publisher", "published").kill();
+            let mut dead = entries(&nodes).filter(|path| path.is_dir());
+            let dead = dead
+                .find(|path| !neighbours.contains(path))
+                .expect("nobody has cleaned up");
+            // As a cleaner leaves it that is killed in the middle: the tags are gone, the places are not.
+            let spare = domain
+                .root()
+                .join("cleaning")
+                .join(dead.file_name().unwrap());
+            std::fs::create_dir_all(&spare).unwrap();
+            for tag in entries(&dead).filter(|path| path.extension() == Some("port_tag".as_ref())) {
+                std::fs::rename(&tag, spare.join(tag.file_name().unwrap())).unwrap();
+            }
+            let cleaning = ipc.clean_dead();
+            assert_eq!((cleaning.removed, cleaning.failed), (1, 0), "{cleaning:?}");
+            assert!(!spare.exists());
+            subscriber.drain(|_| {}).unwrap();
+        }
+        subscriber.drain(|_| {}).unwrap();
+        let connection = |path: &PathBuf| path.extension() == Some("connection".as_ref());
+        let left: Vec<_> = domain.residue().into_iter().filter(connection).collect();
+        assert!(left.is_empty(), "{left:?}");
     });
 }
 

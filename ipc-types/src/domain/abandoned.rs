@@ -24,7 +24,7 @@ use super::lock::is_ours;
 use super::{CONFIG_FILE, Domain, SHM_DIR, management};
 
 /// The folders of nodes and of services in the root.
-const NODES_DIR: &str = "nodes";
+pub(super) const NODES_DIR: &str = "nodes";
 const SERVICES_DIR: &str = "services";
 
 /// End of the name of a node's own file: the only thing in the folder of a node that has not begun to open services.

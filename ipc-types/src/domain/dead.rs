@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | a node's folder, files of its monitor | nothing | removed once old |
 //! | a half-made tag in a dead node's folder | the removal of the node fails, again and again | removed first |
+//! | a port's place in a service, without the port's tag | it is never given back, until there are none | the tag is put back first ([`spare`]) |
 //! | a half-made connection with a dead node | who removes the node waits without end, and the other end as well | removed first |
 //! | a half-made service | nobody can open the service any more | removed at once |
 //! | a half-made segment of a service | who opens the service, or removes a dead node from it, waits without end | removed at once |
@@ -25,9 +26,9 @@ use iceoryx2::config::Config;
 use iceoryx2::node::{DeadNodeView, NodeCleanupFailure, NodeView};
 use iceoryx2::prelude::{CallbackProgression, NodeState};
 
-use super::Domain;
 use super::abandoned::{self, DeadNode, Snapshot};
 use super::lock::MakingLock;
+use super::{Domain, spare};
 use crate::iox::{Node, Svc};
 
 /// How old something half made must be before it is taken for abandoned. Making it takes less than a millisecond.
@@ -90,7 +91,10 @@ pub(crate) fn clean(domain: &Domain, config: &Config, scope: Scope) -> Cleaning 
             }
         }
         match dead.try_remove_stale_resources() {
-            Ok(()) => cleaning.removed += 1,
+            Ok(()) => {
+                cleaning.removed += 1;
+                spare::forget(domain, id);
+            }
             Err(error) => {
                 cleaning.failed += 1;
                 // Nobody can say here whether it is really being cleaned up, or its cleaner died as well.
@@ -129,6 +133,7 @@ fn prepare(domain: &Domain, id: u128) -> io::Result<Prepared> {
     }
     node.remove_half_made_tags();
     node.remove_half_made_connections(domain)?;
+    spare::keep(domain, id)?;
     match remove_half_made_services(domain)? {
         true => Ok(Prepared::Ready),
         false => Ok(Prepared::NotYet),
@@ -192,6 +197,7 @@ fn sweep(
     claimed: &BTreeSet<u128>,
     stripped: &[u128],
 ) -> io::Result<u64> {
+    spare::forget_gone(domain);
     let snapshot = Snapshot::take(domain)?;
     let mut swept = remove_nodes(&snapshot, stripped);
     let then = SystemTime::now() - SETTLED_AFTER;

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use iceoryx2::prelude::{CallbackProgression, NodeState};
 
 use super::lock::{LOCK_FILE, MAKING_FILE, OWNERS_DIR, is_ours};
+use super::spare::SPARE_DIR;
 use super::{CONFIG_FILE, Domain, DomainError, SHM_DIR};
 use crate::iox::Node;
 
 /// Folders that iceoryx2 and we make in the root.
-const FOLDERS: [&str; 3] = ["nodes", "services", OWNERS_DIR];
+const FOLDERS: [&str; 4] = ["nodes", "services", OWNERS_DIR, SPARE_DIR];
 
 /// How deep [`list`] looks: root / nodes / node / file.
 const MAX_DEPTH: usize = 4;
