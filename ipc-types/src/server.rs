@@ -72,6 +72,8 @@ pub struct Server<R: Request> {
     responses: Signal,
     waiter: Waiter,
     refused_full: u64,
+    /// Whether there are reports of which the clients were not told.
+    is_quiet: bool,
     _owner: OwnerLock,
     _session: Rc<Session>,
 }
@@ -126,6 +128,7 @@ impl<R: Request> Server<R> {
             responses,
             waiter: Waiter::new(),
             refused_full: 0,
+            is_quiet: false,
             _owner: owner,
             _session: Rc::clone(session),
         })
@@ -196,6 +199,22 @@ impl<R: Request> Server<R> {
     ///
     /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final word always comes.
     pub fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
+        let result = self.report_quietly(ticket, report);
+        self.wake_clients();
+        result
+    }
+
+    /// As [`Server::report`], but leaves the clients asleep until [`Server::wake_clients`]: for a server that has something
+    /// more urgent to do than to wake others, who would take its processor.
+    ///
+    /// # Errors
+    ///
+    /// As [`Server::report`].
+    pub fn report_quietly(
+        &mut self,
+        ticket: Ticket,
+        report: &RequestReport,
+    ) -> Result<(), ReportError> {
         let entry = self.tickets.get_mut(ticket).ok_or(ReportError::NotOpen)?;
         if entry.unsent.is_some() {
             return Err(ReportError::NotOpen);
@@ -219,8 +238,15 @@ impl<R: Request> Server<R> {
             Err(ReportError::BufferFull) if is_final => entry.unsent = Some(report),
             Err(error) => return Err(error),
         }
-        self.responses.raise();
+        self.is_quiet = true;
         Ok(())
+    }
+
+    /// Wakes the clients if there was a quiet report since the last time.
+    pub fn wake_clients(&mut self) {
+        if std::mem::take(&mut self.is_quiet) {
+            self.responses.raise();
+        }
     }
 
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.

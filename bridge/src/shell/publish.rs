@@ -40,6 +40,13 @@ impl Services {
         [&self.telemetry, &self.state, &self.control, &self.movement]
     }
 
+    /// Wakes the senders of requests that were answered. Their reports are there already; what the DSP is to be told comes
+    /// first.
+    pub fn wake_senders(&mut self) {
+        self.control.wake_clients();
+        self.movement.wake_clients();
+    }
+
     /// Takes everything that is there into `inbox`, which keeps its memory.
     pub fn drain(&mut self, inbox: &mut Vec<Incoming>) {
         self.telemetry.welcome();
@@ -89,8 +96,12 @@ impl Outputs for Services {
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
         let result = match to {
-            RequestKey::Control(bits) => self.control.report(Ticket::from_bits(bits), report),
-            RequestKey::Movement(bits) => self.movement.report(Ticket::from_bits(bits), report),
+            RequestKey::Control(bits) => {
+                self.control.report_quietly(Ticket::from_bits(bits), report)
+            }
+            RequestKey::Movement(bits) => self
+                .movement
+                .report_quietly(Ticket::from_bits(bits), report),
         };
         match result {
             // Who does not read loses progress, never the final word; who is gone asked for nothing more.

@@ -109,6 +109,7 @@ impl Shell {
         self.bridge.advance(now, &mut self.services);
         self.open_port(now)?;
         self.write(now);
+        self.services.wake_senders();
         self.tell();
         Ok(())
     }
@@ -209,6 +210,7 @@ impl Shell {
     /// Every sender gets its final word before the services go; the port is given back as it was.
     fn end(mut self) {
         self.bridge.close(MonotonicNs::now(), &mut self.services);
+        self.services.wake_senders();
         let link = self.bridge.state().link;
         tracing::info!(
             telemetry = link.telemetry_published,
