@@ -4,7 +4,7 @@
 
 use crate::decoder::sealed::Message;
 use crate::decoder::{Extent, Refusal};
-use crate::frame::{Frame, Reader, Writer, checksum, crc32};
+use crate::frame::{DIGIT_MASK, Frame, Reader, Writer, crc32};
 use crate::header;
 
 /// Classic: header and checksum.
@@ -105,12 +105,13 @@ impl Profile {
         }
     }
 
-    /// Whether the check field at the end of a whole frame is that of the bytes before it.
-    pub(crate) fn is_sound(self, frame: &[u8]) -> bool {
+    /// Whether the check field at the end of a whole frame is that of the bytes before it. `sum` is that of all bytes of
+    /// the frame, which its finder has already added up.
+    pub(crate) fn is_sound(self, frame: &[u8], sum: u8) -> bool {
         match self {
             Profile::Classic => frame
-                .split_last()
-                .is_some_and(|(sum, summed)| *sum == checksum(summed)),
+                .last()
+                .is_some_and(|check| *check == sum.wrapping_sub(*check) & DIGIT_MASK),
             Profile::Extended => frame
                 .split_last_chunk()
                 .is_some_and(|(summed, digits)| *digits == crc_digits(crc32(summed))),
