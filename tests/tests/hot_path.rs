@@ -1,0 +1,107 @@
+//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up.
+//!
+//! The cores alone, against the simulator in virtual time; `ipc-types/tests/allocation.rs` has what shared memory costs.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::time::Duration;
+
+use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+use dsp_sim::simulator::{Setup, Simulator};
+use ipc_types::MonotonicNs;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RequestReport};
+use status::calibration::Calibration;
+use status::core::Status;
+use status::log::Logs;
+
+/// Counts the allocations of each thread.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: everything is handed on to the system's allocator as it came; the count has no destructor and is const, so
+// that it allocates nothing itself.
+#[allow(unsafe_code)]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: as the caller's.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as the caller's.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Status behind the bridge, as in two processes.
+struct Behind {
+    status: Status,
+    now: MonotonicNs,
+    samples: u64,
+    latest: HeroTelemetry,
+}
+
+impl Outputs for Behind {
+    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+        let mut sample = DspTelemetry::default();
+        fill(&mut sample);
+        self.samples += 1;
+        (sample.sequence, sample.epoch_ns) = (self.samples, 1);
+        self.latest = self.status.translate(&sample, self.now);
+        self.status.record(&sample, Ok(()), self.now);
+    }
+
+    fn state(&mut self, _state: &ModuleState) {}
+
+    fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
+}
+
+#[test]
+fn nothing_is_allocated_between_the_line_and_the_consumer() {
+    const WARM_UP: Duration = Duration::from_secs(3);
+    const END: Duration = Duration::from_secs(13);
+    let mut dsp = Simulator::new(Setup::default());
+    let mut bridge = Bridge::new(&BridgeConfig::default());
+    let mut behind = Behind {
+        status: Status::new(Calibration::default(), Logs::default()),
+        now: MonotonicNs::default(),
+        samples: 0,
+        latest: HeroTelemetry::default(),
+    };
+    bridge.port_opened(MonotonicNs(1), &mut behind);
+    let (mut now, mut line) = (Duration::ZERO, Vec::with_capacity(4096));
+    let (mut allocations, mut counted_from) = (0, 0);
+    while now < END {
+        now += Duration::from_millis(1);
+        behind.now = MonotonicNs(1) + now;
+        dsp.advance(now);
+        line.clear();
+        dsp.transmit(|bytes| {
+            line.extend_from_slice(bytes);
+            bytes.len()
+        });
+        let before = ALLOCATIONS.get();
+        bridge.receive(behind.now, &line, &mut behind);
+        bridge.advance(behind.now, &mut behind);
+        let count = bridge.transmit(behind.now).len();
+        if now > WARM_UP {
+            allocations += ALLOCATIONS.get() - before;
+        } else {
+            counted_from = behind.samples;
+        }
+        let taken = dsp.receive(now, bridge.transmit(behind.now));
+        assert_eq!(taken, count);
+        bridge.transmitted(taken);
+    }
+    let samples = behind.samples - counted_from;
+    assert!(samples >= 400, "{samples} samples");
+    assert_eq!(behind.latest.source_sequence, behind.samples);
+    assert_eq!(allocations, 0, "over {samples} samples");
+}
