@@ -38,6 +38,8 @@ pub(super) fn forget(domain: &Domain, node: u128) {
     {
         tracing::debug!(%error, node, "copies of tags were left");
     }
+    // Those for other nodes keep it.
+    let _ = fs::remove_dir(domain.root.join(SPARE_DIR));
 }
 
 /// Forgets the copies for all nodes that are no more: their cleaner was killed at the very end.
@@ -117,7 +119,7 @@ mod tests {
         assert!(spare.exists(), "the node is still there");
         fs::remove_dir_all(&folder).unwrap();
         forget_gone(&domain);
-        assert!(!spare.exists());
+        assert!(!domain.root().join(SPARE_DIR).exists());
         assert!(keep(&domain, 4711).is_err(), "there is no such node");
         fs::remove_dir_all(domain.root()).unwrap();
     }
