@@ -7,7 +7,7 @@
 //! | `nodes/<node>/…`, `nodes/<prefix><node>.node_monitor…` | the node | nobody claims the node, and it has no tags |
 //! | `services/….service` | all nodes with a tag of it | its owner may still write to it: it was left half made |
 //! | `…_<port>.data`, `….event_mgmt`, `<port>.event` | the port | no node has a tag of the port |
-//! | `…_<port>_<port>.connection` | two ports | no node has a tag of either |
+//! | `…_<port>_<port>.connection` | two ports | no node has a tag of one of them: who has it open, keeps it |
 //! | `…_<service>.dynamic` | the service | no service has this number; its owner may not read it: it was left half made |
 //! | any segment but a connection | | its owner may not read it: it was left half made |
 //!
@@ -198,7 +198,7 @@ impl Found {
             }
             "connection" => self
                 .ends()
-                .is_some_and(|ends| !ends.iter().any(|port| ports.contains(port))),
+                .is_some_and(|ends| !ends.iter().all(|port| ports.contains(port))),
             _ => false,
         }
     }
@@ -418,11 +418,14 @@ mod tests {
             ("%8.event 600", true),
             ("8.event 600", false),
             ("letter_8.data 600", false),
-            ("%hash_7_8.connection 600", false),
-            ("%hash_8_7.connection 600", false),
+            ("%hash_7_7.connection 600", false),
+            ("%hash_7_8.connection 600", true),
+            ("%hash_8_7.connection 600", true),
+            ("young:%hash_8_7.connection 600", false),
             ("%hash_8_88.connection 600", true),
             ("%hash_8_what.connection 600", false),
-            ("%hash_7_8.connection 200", false),
+            ("%hash_7_8.connection 200", true),
+            ("%hash_7_7.connection 200", false),
             ("%hash_9.dynamic 600", false),
             ("%hash_10.dynamic 600", true),
             ("%hash_what.dynamic 600", false),

@@ -20,7 +20,7 @@ const WORK: Duration = Duration::from_millis(50);
 /// than all of it.
 const START_UP: f64 = 1.2;
 
-/// Part of the kills before memory is looked at for the first time: what is allocated once has been allocated then.
+/// Part of the kills during which the survivors warm up: what they hold then at most, they may hold at the end.
 const WARM_UP: u32 = 5;
 
 /// How long the remains of what was killed may take to be removed. What was left half made is left alone for ten seconds,
@@ -38,12 +38,12 @@ pub struct Plan {
     pub seed: u64,
 }
 
-/// What a survivor held when it had warmed up, and at the end.
+/// What a survivor held at most while it warmed up, and at the end.
 #[derive(Clone, Copy, Debug)]
 pub struct Survivor {
     /// Which one.
     pub kind: Kind,
-    /// When it had warmed up.
+    /// While it warmed up.
     pub before: Holdings,
     /// At the end.
     pub after: Holdings,
@@ -137,8 +137,8 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             loops.kill(Life::Starting, start_up.mul_f64(START_UP));
         }
         loops.succeed();
-        if loops.kills >= plan.kills / WARM_UP && loops.warm.is_empty() {
-            loops.warm = loops.holdings();
+        if loops.kills <= plan.kills / WARM_UP || loops.warm.is_empty() {
+            loops.warm_up();
         }
     }
     loops.settle()
@@ -244,6 +244,18 @@ impl<'a> Loop<'a> {
         }
     }
 
+    fn warm_up(&mut self) {
+        let now = self.holdings();
+        if self.warm.is_empty() {
+            self.warm = now;
+            return;
+        }
+        for ((_, most), (_, now)) in self.warm.iter_mut().zip(now) {
+            most.descriptors = most.descriptors.max(now.descriptors);
+            most.memory_kib = most.memory_kib.max(now.memory_kib);
+        }
+    }
+
     fn holdings(&self) -> Vec<(Kind, Holdings)> {
         let of = |(kind, process): &(Kind, Process)| (*kind, Holdings::of(process.id()));
         self.others.iter().map(of).collect()
@@ -259,7 +271,7 @@ impl<'a> Loop<'a> {
         things
     }
 
-    /// Whether there is more in the domain than before, or a survivor holds more descriptors than when it had warmed up.
+    /// Whether there is more in the domain than before, or a survivor holds more descriptors than while it warmed up.
     fn is_more(&self) -> bool {
         let now = self.holdings();
         let mut survivors = self.warm.iter().zip(&now);

@@ -101,7 +101,11 @@ fn main() -> ExitCode {
                 println!("{outcome}");
                 outcome.is_clean()
             };
-            Kind::ALL.into_iter().filter(chosen).all(outcome)
+            let mut is_good = true;
+            for victim in Kind::ALL.into_iter().filter(chosen) {
+                is_good &= outcome(victim);
+            }
+            is_good
         }
         What::Gap => {
             let plan = gap::Plan {
