@@ -198,12 +198,12 @@ fn a_dsp_that_stops_its_status_alone_is_told_to_send_it_and_the_movement_goes_on
     desk.run(1500);
     assert_eq!(desk.dsp.commands, [], "not at once");
     desk.run(600);
-    assert_eq!(desk.dsp.commands, [Command::ActivateStatus]);
+    assert_eq!(desk.dsp.commands, [PROBE, Command::ActivateStatus]);
     let samples = desk.out.telemetry.len();
     desk.dsp.at(north(5));
     desk.run(3000);
     assert!(desk.out.telemetry.len() > samples + 100);
-    assert_eq!(desk.dsp.commands.len(), 1, "told once");
+    assert_eq!(desk.dsp.commands.len(), 2, "told once");
     assert_eq!(desk.last(path[0]).0, Stage::Done);
 }
 
@@ -215,7 +215,23 @@ fn a_slow_status_is_waited_for() {
     desk.run(39_000);
     assert_eq!(desk.dsp.commands, []);
     desk.run(2_000);
-    assert_eq!(desk.dsp.commands, [Command::ActivateStatus]);
+    assert_eq!(desk.dsp.commands, [PROBE, Command::ActivateStatus]);
+}
+
+#[test]
+fn a_dsp_that_sends_status_in_another_mask_has_rebooted() {
+    let mut desk = Desk::up(&BridgeConfig::default());
+    // It booted again in the middle of a start-up: everything behind the mask was done.
+    desk.dsp.mask = 0;
+    desk.dsp.commands.clear();
+    for _ in 0..30 {
+        desk.run(100);
+        desk.say(Downlink::Status(Status::default()));
+    }
+    assert_eq!(desk.dsp.commands[0], PROBE);
+    assert_ne!(desk.dsp.mask, 0, "it has our mask again");
+    assert_eq!(desk.link(), LinkState::Up);
+    assert_eq!(desk.bridge.state().link.dsp_boots, 1);
 }
 
 #[test]
@@ -311,6 +327,27 @@ fn telemetry_is_published_at_once_or_confirmed_by_the_next() {
 }
 
 #[test]
+fn a_status_without_the_time_that_was_asked_for_does_not_overtake_one_that_is_held_back() {
+    for rule in [Rule::Immediate, Rule::Confirmed] {
+        let mut config = BridgeConfig::default();
+        config.status.coherence = rule;
+        let mut desk = Desk::up(&config);
+        desk.run(100);
+        let (samples, dropped) = (
+            desk.out.telemetry.len(),
+            desk.bridge.state().link.telemetry_incoherent,
+        );
+        desk.say(Downlink::Status(Status::default()));
+        assert_eq!(desk.out.telemetry.len(), samples, "{rule:?}");
+        desk.run(250);
+        let now = desk.bridge.state().link.telemetry_incoherent;
+        assert_eq!(now, dropped + 1, "{rule:?}");
+        let times = desk.out.telemetry.iter().map(|sample| sample.received_ns);
+        assert!(times.is_sorted(), "{rule:?}");
+    }
+}
+
+#[test]
 fn an_implausible_group_is_withdrawn_and_counted() {
     let mut desk = Desk::up(&BridgeConfig::default());
     desk.dsp.status.attitude = Some(Attitude {
@@ -330,7 +367,8 @@ fn an_implausible_group_is_withdrawn_and_counted() {
 
 #[test]
 fn noise_is_counted_by_reason_and_costs_no_good_message() {
-    let mut desk = Desk::up(&BridgeConfig::default());
+    // Without the DSP's time every good status is published.
+    let mut desk = Desk::up(&config("[status]\ngroups = [\"geographic\"]\n"));
     let status = Downlink::Status(Status::default()).encode();
     let bytes = status.as_bytes();
     desk.out.telemetry.clear();

@@ -12,7 +12,7 @@
 //!
 //! In silence the DSP is probed by reading its status mask, which disturbs nothing. A mask that is not ours, or a DSP
 //! that answers probes but sends nothing else, has rebooted. One that says other things but sends no status any more is
-//! told to send it.
+//! told to send it; one that sends status in another mask has rebooted too.
 
 pub mod coherence;
 pub mod delivery;
@@ -51,7 +51,9 @@ pub enum Purpose {
     },
     /// Is the DSP there, and does it still have our mask?
     Probe,
-    /// The DSP is there and has stopped to send status: it is told again to do so.
+    /// The DSP is there and sends no status: does it still have our mask?
+    StatusProbe,
+    /// It has, and is told again to send status.
     WakeStatus,
     /// For the flight.
     Flight(FlightCommand),
@@ -211,7 +213,7 @@ impl Line {
             } else if passed(self.silence_deadline, now) {
                 self.silence(now);
             } else if passed(self.status_deadline, now) {
-                self.wake_status(now);
+                self.status_overdue(now);
             } else {
                 break;
             }
@@ -360,13 +362,11 @@ impl Line {
 
     fn status(&mut self, now: MonotonicNs, mut status: Status) {
         self.lonely_probes = 0;
-        self.expect_status(now);
+        self.heard_status(now, &status);
         let implausible = plausibility::implausible_groups(&status);
         if implausible != StatusMask::NONE {
-            self.refused.implausible_groups = self
-                .refused
-                .implausible_groups
-                .saturating_add(implausible.0.count_ones());
+            let groups = &mut self.refused.implausible_groups;
+            *groups = groups.saturating_add(implausible.0.count_ones());
             self.refused.implausible_mask |= u32::from(implausible.0);
             status.withdraw(implausible);
         }
@@ -374,10 +374,8 @@ impl Line {
             status,
             received: now,
         };
-        // Without the DSP's time there is nothing to compare; the line's order has to do.
         let Some(time_ms) = status.time_ms else {
-            self.events.push_back(LineEvent::Sample(sample));
-            return;
+            return self.untimed(sample);
         };
         let verdict = self.coherence.arrive(time_ms, sample);
         self.health.telemetry_incoherent = self
@@ -409,13 +407,12 @@ impl Line {
             }
             Purpose::Probe => {
                 self.lonely_probes += 1;
-                let ours = ack.data == AckData::Bits16(self.config.status.mask().0);
-                if !ours || self.lonely_probes >= LONELY_PROBES {
-                    // Its clock has restarted as well; that must not be taken for a second reboot.
-                    self.coherence.reset();
-                    self.rebooted(now);
+                if !self.is_our_mask(ack.data) || self.lonely_probes >= LONELY_PROBES {
+                    self.has_lost_its_mask(now);
                 }
             }
+            Purpose::StatusProbe if self.is_our_mask(ack.data) => self.wake_status(),
+            Purpose::StatusProbe => self.has_lost_its_mask(now),
             Purpose::Flight(FlightCommand::CountWaypoints) => {
                 if let AckData::Bits16(count) = ack.data {
                     self.events.push_back(LineEvent::WaypointCount(count));
@@ -451,7 +448,7 @@ impl Line {
                 }
             }
             // It is told again when the next status is overdue; a DSP that answers nothing else falls silent.
-            Overdue::Failed(Purpose::WakeStatus) => {}
+            Overdue::Failed(Purpose::StatusProbe | Purpose::WakeStatus) => {}
             Overdue::Failed(Purpose::Flight(purpose)) => {
                 self.discard_waiting_bytes();
                 self.events.push_back(LineEvent::Undelivered(purpose));
