@@ -5,8 +5,9 @@ use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
+use dsp_protocol::MAX_CLASSIC_FRAME_LEN;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{Losses, MonotonicNs, Topic};
 use rustix::event::{PollFd, PollFlags, poll};
@@ -15,6 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::peers::ours;
 use crate::stream;
+
+/// Length of a full status frame.
+const FRAME_LEN: usize = MAX_CLASSIC_FRAME_LEN;
 
 /// Which telemetry.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -129,7 +133,7 @@ pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result
     })
 }
 
-/// Reads `count` frames from the terminal at `path` with `poll` and `read`, as the kernel gives them.
+/// Reads at least `count` frames from the terminal at `path` with `poll` and `read`, as the kernel gives them.
 pub fn read_raw(
     path: &Path,
     count: usize,
@@ -139,23 +143,27 @@ pub fn read_raw(
     let mut settings = tcgetattr(&terminal)?;
     settings.make_raw();
     tcsetattr(&terminal, OptionalActions::Now, &settings)?;
-    let mut arrivals = Vec::with_capacity(count);
+    let mut arrivals = Vec::with_capacity(count + 64);
     let mut buffer = [0; 4096];
+    let mut held = 0;
     ready()?;
     while arrivals.len() < count {
         poll(&mut [PollFd::new(&terminal, PollFlags::IN)], None)?;
-        let len = terminal.read(&mut buffer)?;
+        let len = terminal.read(&mut buffer[held..])?;
         let arrived_ns = MonotonicNs::now().0;
         ensure!(len > 0, "the terminal has hung up");
-        let Some(index) = stream::time_ms_of(&buffer[..len]) else {
-            bail!("a read of {len} bytes");
-        };
-        arrivals.push(Arrival {
-            index,
-            received_ns: 0,
-            published_ns: 0,
-            arrived_ns,
-        });
+        held += len;
+        let whole = held - held % FRAME_LEN;
+        for frame in buffer[..whole].chunks(FRAME_LEN) {
+            arrivals.push(Arrival {
+                index: stream::time_ms_of(frame).context("no frame")?,
+                received_ns: 0,
+                published_ns: 0,
+                arrived_ns,
+            });
+        }
+        buffer.copy_within(whole..held, 0);
+        held -= whole;
     }
     Ok(arrivals)
 }

@@ -4,6 +4,7 @@
 use std::fmt;
 
 use anyhow::Result;
+use clap::ValueEnum;
 
 use super::{Common, hop};
 use crate::consumer::Arrival;
@@ -27,19 +28,29 @@ pub struct Args {
     #[arg(long, value_delimiter = ',', default_values_t = [1000, 100], value_parser = clap::value_parser!(u32).range(1..=1000))]
     rates: Vec<u32>,
 
+    /// Only these ways
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Way::ALL)]
+    ways: Vec<Way>,
+
     /// Seconds that one case is measured for in one round
     #[arg(long, default_value_t = 2.0)]
     seconds: f64,
 }
 
 /// What is measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 enum Way {
+    /// From the terminal to `poll` and `read`.
     Pty,
+    /// One hop to a consumer that blocks.
     Hop,
+    /// From the terminal through the bridge to a consumer.
     Dsp,
+    /// From the terminal through bridge and status to a consumer.
     Hero,
+    /// A request and its answer over iceoryx2 alone.
     RawRequest,
+    /// A request through the bridge to the DSP and back.
     Request,
 }
 
@@ -189,8 +200,8 @@ pub fn run(args: &Args) -> Result<()> {
         .rates
         .iter()
         .flat_map(|rate_hz| {
-            Way::ALL.map(|way| Case {
-                way,
+            args.ways.iter().map(|way| Case {
+                way: *way,
                 rate_hz: *rate_hz,
             })
         })
@@ -217,7 +228,8 @@ pub fn run(args: &Args) -> Result<()> {
     );
     for rate_hz in &args.rates {
         section.text(format!("At {rate_hz} Hz:"));
-        let rows: Vec<_> = Way::ALL
+        let rows: Vec<_> = args
+            .ways
             .iter()
             .map(|way| row(&measured, *way, *rate_hz))
             .collect();
@@ -333,7 +345,8 @@ fn plot(args: &Args, measured: &Rounds) -> Plot {
             .iter()
             .map(|rate_hz| format!("{rate_hz} Hz"))
             .collect(),
-        rows: Way::ALL
+        rows: args
+            .ways
             .iter()
             .map(|way| Row {
                 name: way.title().to_owned(),
