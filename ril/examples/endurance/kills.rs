@@ -20,6 +20,9 @@ const WORK: Duration = Duration::from_millis(50);
 /// than all of it.
 const START_UP: f64 = 1.2;
 
+/// For how many samples of telemetry in a row the others must hold the same before it counts.
+const SAME_SAMPLES: u32 = 10;
+
 /// Part of the kills during which the survivors warm up: what they hold then at most, they may hold at the end.
 const WARM_UP: u32 = 5;
 
@@ -245,7 +248,7 @@ impl<'a> Loop<'a> {
     }
 
     fn warm_up(&mut self) {
-        let now = self.holdings();
+        let now = self.settled_holdings();
         if self.warm.is_empty() {
             self.warm = now;
             return;
@@ -254,6 +257,25 @@ impl<'a> Loop<'a> {
             most.descriptors = most.descriptors.max(now.descriptors);
             most.memory_kib = most.memory_kib.max(now.memory_kib);
         }
+    }
+
+    /// What the others hold once that stays the same: a consumer that is ready may not have slept yet, and only then has
+    /// the publisher to connect with its listener.
+    fn settled_holdings(&mut self) -> Vec<(Kind, Holdings)> {
+        let descriptors = |all: &[(Kind, Holdings)]| -> Vec<usize> {
+            all.iter().map(|(_, held)| held.descriptors).collect()
+        };
+        let (mut held, mut same) = (self.holdings(), 0);
+        while same < SAME_SAMPLES {
+            self.witness.hear_after(MonotonicNs::now());
+            let now = self.holdings();
+            same = match descriptors(&now) == descriptors(&held) {
+                true => same + 1,
+                false => 0,
+            };
+            held = now;
+        }
+        held
     }
 
     fn holdings(&self) -> Vec<(Kind, Holdings)> {
