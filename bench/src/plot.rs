@@ -16,7 +16,7 @@ const FOOT: f64 = 34.0;
 /// A bar's three values, in the unit of the plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Bar {
-    /// End of the bar, also written beside it.
+    /// End of the bar, also written on the right.
     pub p50: f64,
     /// End of the line.
     pub p99: f64,
@@ -87,6 +87,12 @@ impl Plot {
                 bottom + 16.0,
             );
         }
+        let _ = writeln!(
+            svg,
+            r##"<text x="{:.1}" y="{:.1}" font-size="10" text-anchor="end" fill="#555">p50</text>"##,
+            WIDTH - MARGIN + 40.0,
+            HEAD - 6.0,
+        );
         for (index, name) in self.series.iter().enumerate() {
             let x = WIDTH - MARGIN - 90.0 * (self.series.len() - index) as f64 + MARGIN - 12.0;
             let _ = writeln!(
@@ -118,11 +124,11 @@ fn write_row(svg: &mut String, row: &Row, axis: &Axis, top: f64) {
         let fill = colour(row.is_ours, index);
         let _ = writeln!(
             svg,
-            r##"<rect x="{left:.1}" y="{:.1}" width="{:.1}" height="{:.1}" fill="{fill}"/><line x1="{p50:.1}" y1="{centre:.1}" x2="{p99:.1}" y2="{centre:.1}" stroke="#666"/><circle cx="{p999:.1}" cy="{centre:.1}" r="2" fill="#666"/><text x="{:.1}" y="{:.1}" font-size="10">{}</text>"##,
+            r##"<rect x="{left:.1}" y="{:.1}" width="{:.1}" height="{:.1}" fill="{fill}"/><line x1="{p50:.1}" y1="{centre:.1}" x2="{p99:.1}" y2="{centre:.1}" stroke="#666"/><circle cx="{p999:.1}" cy="{centre:.1}" r="2" fill="#666"/><text x="{:.1}" y="{:.1}" font-size="10" text-anchor="end">{}</text>"##,
             y + 1.0,
             (p50 - left).max(1.0),
             BAR - 2.0,
-            p999 + 6.0,
+            WIDTH - MARGIN + 40.0,
             centre + 3.5,
             figure(bar.p50),
         );

@@ -61,14 +61,15 @@ impl Bound {
 }
 
 impl Section {
-    /// The section of the command `name`, which is run with `arguments`.
-    pub fn new(name: &'static str, title: &str, arguments: &str) -> Section {
-        let command = format!("cargo run --release --manifest-path bench/Cargo.toml -- {name}");
+    /// The section of the command `name`, with the command line that this process was started with.
+    pub fn new(name: &'static str, title: &str) -> Section {
+        let arguments: Vec<String> = std::env::args().skip(1).collect();
+        let command = "cargo run --release --manifest-path bench/Cargo.toml --";
         Section {
             name,
             blocks: vec![
                 format!("## {title}"),
-                format!("`{}`", [&command, arguments].join(" ").trim_end()),
+                format!("`{command} {}`", arguments.join(" ")),
                 format!("{}.", machine::describe()),
             ],
             goals: Vec::new(),

@@ -2,8 +2,8 @@
 
 use std::fmt::Display;
 
-/// Fewest rounds of a figure that is to be believed.
-pub const DEFAULT_ROUNDS: usize = 7;
+/// Rounds of a figure that is to be believed: at least seven, and more when the machine has other things to do.
+pub const DEFAULT_ROUNDS: usize = 11;
 
 /// What was measured: for each case its rounds, in order.
 pub struct Measured<C, M> {

@@ -278,7 +278,7 @@ pub fn run(args: &Args) -> Result<()> {
     let measured = Measured::take(&cases, args.common.rounds, |case| {
         measure(case, args.millis)
     })?;
-    let mut section = Section::new("codec", "The decoder of the serial line", "");
+    let mut section = Section::new("codec", "The decoder of the serial line");
     section.text(format!(
         "Full status frames of 128 bytes (134 in the extended profile) in slices of {SLICE_LEN}; unless it says *frames only*, \
          all 43 values decoded, scaled to their units and checked. The bare framer finds header and length, adds up and \

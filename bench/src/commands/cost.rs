@@ -139,7 +139,7 @@ pub fn run(args: &Args) -> Result<()> {
     let measured = Measured::take(&lines, args.common.rounds, |line| {
         measure(line, args.seconds)
     })?;
-    let mut section = Section::new("cost", "What it costs, and how much it carries", "");
+    let mut section = Section::new("cost", "What it costs, and how much it carries");
     section.text(format!(
         "`ril bridge` and `ril status` as processes, one consumer of `HeroTelemetry` that blocks, full status frames on a \
          pseudo-terminal that is not paced. Processor time is that of `/proc/PID/task/*/schedstat`, wake-ups are voluntary \

@@ -33,7 +33,7 @@ pub struct Args {
     ways: Vec<Way>,
 
     /// Seconds that one case is measured for in one round
-    #[arg(long, default_value_t = 2.0)]
+    #[arg(long, default_value_t = 1.0)]
     seconds: f64,
 }
 
@@ -91,6 +91,8 @@ impl fmt::Display for Case {
 /// One round of one case: the whole time, and of the telemetry where it goes.
 struct Round {
     whole: Series,
+    /// From the bridge's read on.
+    after_read: Times,
     parts: Vec<(&'static str, Times)>,
 }
 
@@ -98,6 +100,7 @@ impl Round {
     fn whole(series: Series) -> Round {
         Round {
             whole: series,
+            after_read: Times::new(),
             parts: Vec::new(),
         }
     }
@@ -105,6 +108,7 @@ impl Round {
     /// Joins what was sent with what has arrived; the first arrivals do not count.
     fn join(sent: &Sent, arrivals: &[Arrival]) -> Round {
         let mut whole = Series::default();
+        let mut after_read = Times::new();
         let mut parts = [
             ("written → read by the bridge", Times::new()),
             ("read by the bridge → published by status", Times::new()),
@@ -125,6 +129,7 @@ impl Round {
             if arrival.received_ns == 0 {
                 continue;
             }
+            after_read.add(arrival.arrived_ns.saturating_sub(arrival.received_ns));
             parts[0].1.add(arrival.received_ns.saturating_sub(*sent_ns));
             if arrival.published_ns > 0 {
                 parts[1]
@@ -137,6 +142,7 @@ impl Round {
         let parts = parts.into_iter().filter(|(_, times)| times.count() > 0);
         Round {
             whole,
+            after_read,
             parts: parts.collect(),
         }
     }
@@ -212,7 +218,6 @@ pub fn run(args: &Args) -> Result<()> {
     let mut section = Section::new(
         "end-to-end",
         "End to end: from the serial line to a consumer",
-        "",
     );
     section.text(format!(
         "Real processes on a pseudo-terminal that is not paced: a DSP that writes full status frames (128 bytes) and answers \
@@ -303,13 +308,15 @@ fn goals(section: &mut Section, measured: &Rounds, rate_hz: u32) {
         Bound::AtMost(1.5),
         Ratio::of_rounds(&dsp, &sum(&pty, &hop)),
     );
-    let further: Vec<f64> = hero
+    // From the bridge's read on, because what the terminal takes differs more from run to run than a hop takes.
+    let after_read = |way| measured.each(Case { way, rate_hz }, |round| round.after_read.p50_ns());
+    let further: Vec<f64> = after_read(Way::Hero)
         .iter()
-        .zip(&dsp)
+        .zip(after_read(Way::Dsp))
         .map(|(hero, dsp)| hero - dsp)
         .collect();
     section.goal(
-        format!("further to HeroTelemetry / hop, p50, {rate_hz} Hz"),
+        format!("further to HeroTelemetry, from the bridge's read on / hop, p50, {rate_hz} Hz"),
         Bound::AtMost(1.3),
         Ratio::of_rounds(&further, &hop),
     );

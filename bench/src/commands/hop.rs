@@ -26,7 +26,7 @@ pub struct Args {
     rates: Vec<u32>,
 
     /// Seconds that one case is measured for in one round
-    #[arg(long, default_value_t = 2.0)]
+    #[arg(long, default_value_t = 1.0)]
     seconds: f64,
 
     /// Only these peers
@@ -78,7 +78,7 @@ pub fn run(args: &Args) -> Result<()> {
     let measured = Measured::take(&cases, args.common.rounds, |case| {
         measure(case, args.seconds)
     })?;
-    let mut section = Section::new("hop", "One hop: from a process to another", "");
+    let mut section = Section::new("hop", "One hop: from a process to another");
     section.text(format!(
         "A `HeroTelemetry` ({} bytes) from one process to another, from just before it is given to the sender's library until \
          the receiver can read it; µs. {} rounds, in each of which every way is measured for {} s in two new processes; the \
