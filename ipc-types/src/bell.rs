@@ -72,8 +72,10 @@ pub(crate) fn bits(service: ServiceId, channel: Channel) -> Bits {
 /// How a sleep ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Slept {
-    /// It was rung; or nothing, which is rare: look at the data.
+    /// One of the bits was rung.
     Rung,
+    /// Something was rung before the sleep began: look at the data.
+    Passed,
     /// The time has come.
     TimedOut,
     /// A signal came.
@@ -177,7 +179,8 @@ impl Bell {
         let rings = &self.page().rings;
         let until = until.timespec();
         match futex::wait_bitset(rings, futex::Flags::empty(), heard.0, Some(&until), bits) {
-            Ok(()) | Err(Errno::AGAIN) => Ok(Slept::Rung),
+            Ok(()) => Ok(Slept::Rung),
+            Err(Errno::AGAIN) => Ok(Slept::Passed),
             Err(Errno::TIMEDOUT) => Ok(Slept::TimedOut),
             Err(Errno::INTR) => Ok(Slept::Interrupted),
             Err(errno) => Err(errno),
@@ -270,7 +273,7 @@ mod tests {
         let [sleeper, ringer] = bells(&domain);
         let heard = sleeper.listen(samples());
         ringer.ring(samples());
-        assert_eq!(sleeper.sleep(heard, samples(), late()), Ok(Slept::Rung));
+        assert_eq!(sleeper.sleep(heard, samples(), late()), Ok(Slept::Passed));
         remove(&domain);
     }
 

@@ -10,7 +10,8 @@
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
-//! * [`robot`], [`time`]: the robot id and the host's monotonic time.
+//! * [`robot`], [`time`]: the robot id and the host's monotonic time;
+//! * [`scheduling`]: how a thread that waits comes to run sooner.
 //!
 //! It is the only crate that knows iceoryx2; no type of it appears here.
 //!
@@ -19,11 +20,12 @@
 //! ```no_run
 //! use std::time::Duration;
 //! use ipc_types::payload::HeroTelemetry;
-//! use ipc_types::{Domain, Ipc, RobotId};
+//! use ipc_types::{Domain, Ipc, RobotId, wake_promptly};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let ipc = Ipc::join(&Domain::from_environment()?, RobotId::DEFAULT, "example")?;
 //! let mut telemetry = ipc.subscriber::<HeroTelemetry>()?;
+//! wake_promptly();
 //! loop {
 //!     telemetry.wait(Duration::from_secs(1))?;
 //!     telemetry.drain(|sample| {
@@ -48,6 +50,7 @@ pub mod payload;
 pub mod publisher;
 pub mod request_id;
 pub mod robot;
+pub mod scheduling;
 pub mod server;
 pub mod service;
 pub mod session;
@@ -64,6 +67,7 @@ pub use open::OpenError;
 pub use publisher::{PublishError, Publisher};
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
+pub use scheduling::wake_promptly;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::{Ipc, JoinError};

@@ -1,7 +1,7 @@
 //! [`Publisher`]: the writing end of a published service.
 //!
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
-//! Nothing here allocates; iceoryx2 keeps a handle of 48 bytes on the heap while a sample is being filled in.
+//! Nothing here allocates; iceoryx2 makes a handle of 48 bytes on the heap for each sample.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -33,6 +33,9 @@ pub struct PublishError {
 /// Give it to the [`Waiter`](crate::Waiter) as well and call [`Publisher::welcome`] after every wake: subscribers that
 /// join between two samples then get the latest at once, not with the next one.
 pub struct Publisher<T: Topic> {
+    /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers gave
+    /// back costs more than the rest of publishing, and then nobody waits for it.
+    blank: Option<Blank<T>>,
     port: iceoryx2::port::publisher::Publisher<Svc, T, ()>,
     samples: Signal,
     subscribers: Ear,
@@ -43,6 +46,8 @@ pub struct Publisher<T: Topic> {
     _owner: OwnerLock,
     _session: Rc<Session>,
 }
+
+type Blank<T> = iceoryx2::sample_mut::SampleMut<Svc, T, ()>;
 
 impl<T: Topic> Publisher<T> {
     pub(crate) fn open(session: &Rc<Session>) -> Result<Publisher<T>, OpenError> {
@@ -69,6 +74,7 @@ impl<T: Topic> Publisher<T> {
         // Last, because it announces the publisher.
         let samples = Signal::make(session, T::SERVICE, Channel::Samples)?;
         Ok(Publisher {
+            blank: None,
             port,
             samples,
             subscribers,
@@ -89,7 +95,10 @@ impl<T: Topic> Publisher<T> {
     /// [`PublishError`] when there is no memory for it, which does not happen with the settings of the table, or when
     /// a connection is broken.
     pub fn publish(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
-        let mut sample = self.port.loan().map_err(publish_error::<T>)?;
+        let mut sample = match self.blank.take() {
+            Some(blank) => blank,
+            None => self.port.loan().map_err(publish_error::<T>)?,
+        };
         let sequence = self.sequence + 1;
         let payload = sample.payload_mut();
         fill(payload);
@@ -98,6 +107,8 @@ impl<T: Topic> Publisher<T> {
         self.sequence = sequence;
         sample.send().map_err(publish_error::<T>)?;
         self.samples.raise();
+        // Without one, the next call tries again and says why.
+        self.blank = self.port.loan().ok();
         Ok(sequence)
     }
 

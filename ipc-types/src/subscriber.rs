@@ -82,8 +82,7 @@ impl<T: Topic> Subscriber<T> {
                 Ok(None) => break,
                 Ok(Some(sample)) => {
                     let (epoch_ns, sequence) = (sample.epoch_ns(), sample.sequence());
-                    let now = MonotonicNs::now();
-                    if self.continuity.accept(now, epoch_ns, sequence) {
+                    if self.continuity.accept(MonotonicNs::now, epoch_ns, sequence) {
                         take(&sample);
                         taken += 1;
                     }

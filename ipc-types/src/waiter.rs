@@ -71,7 +71,7 @@ pub enum Wake {
 }
 
 impl Wake {
-    /// Whether the source at `index` of the wait is known to be ready.
+    /// Whether the source at `index` of the wait may be ready.
     pub fn is_ready(self, index: usize) -> bool {
         matches!(self, Wake::Ready(ready) if ready.contains(index))
     }
@@ -79,7 +79,8 @@ impl Wake {
 
 /// Which sources are ready, by their index in the wait.
 ///
-/// A hint for raw file descriptors, which may block when read without need; ports are to be drained in any case.
+/// A hint for raw file descriptors, which may block when read without need; ports are to be drained in any case, and a
+/// wait that is for ports alone may not say which of them it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ready(u16);
 
@@ -87,6 +88,11 @@ impl Ready {
     /// Whether the source at `index` is ready.
     pub fn contains(self, index: usize) -> bool {
         index < MAX_SOURCES && self.0 & (1 << index) != 0
+    }
+
+    /// The first `count` sources, one of which is.
+    fn all(count: usize) -> Ready {
+        Ready(u16::MAX >> (MAX_SOURCES - count))
     }
 
     fn insert(&mut self, index: usize) {
@@ -227,14 +233,21 @@ impl Waiter {
                 return Ok(Wake::TimedOut);
             }
             match bell.sleep(heard, bits, deadline.min(now + SAFETY_BOUND))? {
-                Slept::Rung => self.unrung.set(0),
+                Slept::Rung => {
+                    self.unrung.set(0);
+                    // Who drains looks for himself.
+                    return Ok(Wake::Ready(Ready::all(sources.len())));
+                }
+                Slept::Passed => {}
                 Slept::Interrupted => return Ok(Wake::Interrupted),
-                Slept::TimedOut => hear_all(sources),
-            }
-            ready = look(sources);
-            if !ready.is_empty() && bell.is_awaited(bits) {
-                self.unrung.set(self.unrung.get().saturating_add(1));
-                self.missed.set(self.missed.get() + 1);
+                Slept::TimedOut => {
+                    hear_all(sources);
+                    ready = look(sources);
+                    if !ready.is_empty() && bell.is_awaited(bits) {
+                        self.unrung.set(self.unrung.get().saturating_add(1));
+                        self.missed.set(self.missed.get() + 1);
+                    }
+                }
             }
         }
         Ok(Wake::Ready(ready))

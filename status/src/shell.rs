@@ -111,6 +111,8 @@ impl Shell {
 
     fn work(&mut self, termination: &Termination) -> Result<(), Failure> {
         let waiter = Waiter::new();
+        // Not for the logs' threads, which began before.
+        ipc_types::wake_promptly();
         self.notifier.ready();
         tracing::info!(robot = %self.ipc.robot(), "ready");
         while !termination.requested() {

@@ -25,6 +25,7 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::ValueEnum;
 use ipc_types::payload::HeroTelemetry;
+use ipc_types::wake_promptly;
 
 /// Longest time that a receiver waits for a sample before it gives up.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -64,8 +65,10 @@ pub trait Receiver {
 /// A way from one process to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Peer {
-    /// The typed subscriber of `ipc-types`, blocking.
+    /// The typed subscriber of `ipc-types`, blocking, its thread to be woken promptly.
     Ours,
+    /// The typed subscriber of `ipc-types`, blocking, its thread as the scheduler has it.
+    OursLongSlice,
     /// The typed subscriber of `ipc-types` on a core of its own.
     OursSpin,
     /// The typed subscriber of `ipc-types`, waited for together with a file descriptor.
@@ -76,8 +79,12 @@ pub enum Peer {
     IceoryxEvent,
     /// Shared memory with a slot and a futex.
     Futex,
+    /// Shared memory with a slot and a futex, the receiver to be woken promptly.
+    FutexShortSlice,
     /// A Unix datagram socket that carries the struct as it is.
     UnixSocket,
+    /// A Unix datagram socket that carries the struct as it is, the receiver to be woken promptly.
+    UnixSocketShortSlice,
     /// A Unix datagram socket that carries JSON.
     UnixJson,
     /// MAVLink over UDP.
@@ -107,12 +114,15 @@ impl Peer {
     pub fn title(self) -> &'static str {
         match self {
             Peer::Ours => "RIL, blocking",
+            Peer::OursLongSlice => "RIL, blocking, default slice",
             Peer::OursSpin => "RIL, spinning",
             Peer::OursDescriptor => "RIL, with a descriptor",
             Peer::IceoryxSpin => "iceoryx2, spinning",
             Peer::IceoryxEvent => "iceoryx2, default event",
             Peer::Futex => "shared memory + futex",
+            Peer::FutexShortSlice => "shared memory + futex, short slice",
             Peer::UnixSocket => "Unix socket, struct",
+            Peer::UnixSocketShortSlice => "Unix socket, struct, short slice",
             Peer::UnixJson => "Unix socket, JSON",
             #[cfg(feature = "peers")]
             Peer::MavlinkUdp => "MAVLink over UDP",
@@ -125,19 +135,36 @@ impl Peer {
 
     /// Whether it is ours.
     pub fn is_ours(self) -> bool {
-        matches!(self, Peer::Ours | Peer::OursSpin | Peer::OursDescriptor)
+        matches!(
+            self,
+            Peer::Ours | Peer::OursLongSlice | Peer::OursSpin | Peer::OursDescriptor
+        )
+    }
+
+    /// Whether the receiver asks the scheduler for a short slice. Ours do, because our contract tells them to; two of the
+    /// others are measured both ways.
+    fn is_prompt(self) -> bool {
+        matches!(
+            self,
+            Peer::Ours | Peer::OursDescriptor | Peer::FutexShortSlice | Peer::UnixSocketShortSlice
+        )
     }
 
     /// The receiving end, which is made first. `site` is a folder that both ends know and nobody else uses.
     pub fn receiver(self, site: &Path) -> Result<Box<dyn Receiver>> {
+        if self.is_prompt() {
+            wake_promptly();
+        }
         Ok(match self {
-            Peer::Ours => Box::new(ours::Blocking::<HeroTelemetry>::new()?),
+            Peer::Ours | Peer::OursLongSlice => Box::new(ours::Blocking::<HeroTelemetry>::new()?),
             Peer::OursSpin => Box::new(ours::Spinning::new()?),
             Peer::OursDescriptor => Box::new(ours::Waiting::new()?),
             Peer::IceoryxSpin => Box::new(iceoryx2::Spinning::new()?),
             Peer::IceoryxEvent => Box::new(iceoryx2::Blocking::new()?),
-            Peer::Futex => Box::new(futex::Reader::new(site)?),
-            Peer::UnixSocket => Box::new(unix_socket::Receiver::new(site)?),
+            Peer::Futex | Peer::FutexShortSlice => Box::new(futex::Reader::new(site)?),
+            Peer::UnixSocket | Peer::UnixSocketShortSlice => {
+                Box::new(unix_socket::Receiver::new(site)?)
+            }
             Peer::UnixJson => Box::new(unix_json::Receiver::new(site)?),
             #[cfg(feature = "peers")]
             Peer::MavlinkUdp => Box::new(mavlink_udp::Receiver::new(site)?),
@@ -151,11 +178,15 @@ impl Peer {
     /// The sending end, which is made when the receiving one is there.
     pub fn sender(self, site: &Path) -> Result<Box<dyn Sender>> {
         Ok(match self {
-            Peer::Ours | Peer::OursSpin | Peer::OursDescriptor => Box::new(ours::Sender::new()?),
+            Peer::Ours | Peer::OursLongSlice | Peer::OursSpin | Peer::OursDescriptor => {
+                Box::new(ours::Sender::new()?)
+            }
             Peer::IceoryxSpin => Box::new(iceoryx2::Sender::without_event()?),
             Peer::IceoryxEvent => Box::new(iceoryx2::Sender::with_event()?),
-            Peer::Futex => Box::new(futex::Writer::new(site)?),
-            Peer::UnixSocket => Box::new(unix_socket::Sender::new(site)?),
+            Peer::Futex | Peer::FutexShortSlice => Box::new(futex::Writer::new(site)?),
+            Peer::UnixSocket | Peer::UnixSocketShortSlice => {
+                Box::new(unix_socket::Sender::new(site)?)
+            }
             Peer::UnixJson => Box::new(unix_json::Sender::new(site)?),
             #[cfg(feature = "peers")]
             Peer::MavlinkUdp => Box::new(mavlink_udp::Sender::new(site)?),

@@ -63,6 +63,7 @@ pub fn run(
     let waiter = Waiter::new();
     let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
     shell.open_port(MonotonicNs::now())?;
+    ipc_types::wake_promptly();
     supervisor.ready();
     tracing::info!(port = %config.serial.port.display(), "ready");
     while !termination.requested() {
