@@ -3,7 +3,7 @@
 //! Nothing is fire-and-forget: a request without a server is refused here, and one whose server vanishes ends with
 //! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::domain::Provider;
+use crate::domain::ProviderWatch;
 use crate::ear::{Ear, Signal};
 use crate::event::Channel;
 use crate::iox::Svc;
@@ -25,7 +25,7 @@ use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{SAFETY_BOUND, WaitError, Waiter, Wake, sealed};
 
-/// How often a waiting client looks whether its server still lives: it costs three system calls.
+/// How often a waiting client looks whether its server still lives, which takes two system calls.
 const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
 
 /// A request was not sent.
@@ -58,8 +58,16 @@ pub struct Client<R: Request> {
     responses: Ear,
     requests: Signal,
     waiter: Waiter,
-    looked_ns: Cell<u64>,
+    server: ServerWatch,
     session: Rc<Session>,
+}
+
+/// Remembers which server lives, so that looking at reports takes no system call.
+struct ServerWatch {
+    owner: RefCell<ProviderWatch>,
+    /// When the server that lived at the last look began to serve.
+    since_ns: Cell<Option<u64>>,
+    looked: Cell<MonotonicNs>,
 }
 
 struct Outstanding<R: Request> {
@@ -99,7 +107,7 @@ impl<R: Request> Client<R> {
             responses,
             requests,
             waiter: Waiter::new(),
-            looked_ns: Cell::new(0),
+            server: ServerWatch::new(session.watch(R::SERVICE)),
             session: Rc::clone(session),
         })
     }
@@ -113,7 +121,7 @@ impl<R: Request> Client<R> {
         if self.outstanding.len() >= MAX_OUTSTANDING {
             return Err(SendError::TooManyOutstanding);
         }
-        let server = self.server().ok_or_else(|| self.no_server())?;
+        let server_since_ns = self.server.look().ok_or_else(|| self.no_server())?;
         let pending = match self.deliver(request) {
             // The full queue may be that of a dead server, which nobody has cleaned up after yet.
             Err(SendError::ServerFull) => {
@@ -129,7 +137,7 @@ impl<R: Request> Client<R> {
             pending,
             request_id: request.request_id(),
             path_id: request.path_id(),
-            server_since_ns: server.since_ns,
+            server_since_ns,
         });
         self.requests.raise();
         Ok(())
@@ -155,15 +163,14 @@ impl<R: Request> Client<R> {
     pub fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
         self.responses.take();
         // Before the reports are read: whatever a server said before it went comes out first.
-        let server = if self.outstanding.is_empty() {
-            None
-        } else {
-            self.server()
-        };
+        if !self.outstanding.is_empty() {
+            self.server.look_in_time();
+        }
+        let server_since_ns = self.server.since_ns.get();
         let mut taken = 0;
         let mut anchor = None;
         self.outstanding.retain(|outstanding| {
-            let is_served = outstanding.is_served(server.as_ref());
+            let is_served = outstanding.is_served(server_since_ns);
             let mut is_closed = false;
             outstanding.drain(&mut anchor, |report| {
                 is_closed |= report.is_final();
@@ -204,18 +211,7 @@ impl<R: Request> Client<R> {
 
     /// Whether a live process serves. One that hangs counts as alive.
     pub fn is_server_alive(&self) -> bool {
-        self.server().is_some()
-    }
-
-    fn server(&self) -> Option<Provider> {
-        self.looked_ns.set(MonotonicNs::now().0);
-        match self.session.provider(R::SERVICE) {
-            Ok(provider) => provider,
-            Err(error) => {
-                tracing::debug!(%error, "the server cannot be looked for");
-                None
-            }
-        }
+        self.server.look().is_some()
     }
 
     fn no_server(&self) -> SendError {
@@ -227,30 +223,49 @@ impl<R: Request> Client<R> {
 
     /// Whether draining would hand something on.
     fn has_reports(&self) -> bool {
-        let has_reports = self.outstanding.iter().any(|outstanding| {
-            outstanding.pending.has_response() || !outstanding.pending.is_connected()
-        });
-        has_reports || self.is_server_gone()
-    }
-
-    /// Looks at most once per period, and only when somebody waits for a report.
-    fn is_server_gone(&self) -> bool {
-        let looked = MonotonicNs(self.looked_ns.get());
-        if self.outstanding.is_empty() || MonotonicNs::now().since(looked) < LIVENESS_PERIOD {
+        if self.outstanding.is_empty() {
             return false;
         }
-        let server = self.server();
-        self.outstanding
-            .iter()
-            .any(|outstanding| !outstanding.is_served(server.as_ref()))
+        self.server.look_in_time();
+        let server_since_ns = self.server.since_ns.get();
+        self.outstanding.iter().any(|outstanding| {
+            outstanding.pending.has_response() || !outstanding.is_served(server_since_ns)
+        })
+    }
+}
+
+impl ServerWatch {
+    fn new(owner: ProviderWatch) -> ServerWatch {
+        ServerWatch {
+            owner: RefCell::new(owner),
+            since_ns: Cell::new(None),
+            looked: Cell::default(),
+        }
+    }
+
+    /// When the server that lives now began to serve; nothing when there is none.
+    fn look(&self) -> Option<u64> {
+        let server = self.owner.borrow_mut().look().unwrap_or_else(|error| {
+            tracing::debug!(%error, "the server cannot be looked for");
+            None
+        });
+        self.since_ns.set(server.map(|server| server.since_ns));
+        self.looked.set(MonotonicNs::now());
+        self.since_ns.get()
+    }
+
+    /// Looks if the last look is a period ago.
+    fn look_in_time(&self) {
+        if MonotonicNs::now().since(self.looked.get()) >= LIVENESS_PERIOD {
+            self.look();
+        }
     }
 }
 
 impl<R: Request> Outstanding<R> {
     /// Whether the server that got the request still has it.
-    fn is_served(&self, server: Option<&Provider>) -> bool {
-        server.is_some_and(|server| server.since_ns == self.server_since_ns)
-            && self.pending.is_connected()
+    fn is_served(&self, server_since_ns: Option<u64>) -> bool {
+        server_since_ns == Some(self.server_since_ns) && self.pending.is_connected()
     }
 
     /// Hands on the reports about this request.

@@ -16,6 +16,7 @@ pub(crate) mod dead;
 mod error;
 pub(crate) mod lock;
 pub(crate) mod management;
+pub(crate) mod owner;
 pub(crate) mod remains;
 mod repair;
 mod spare;
@@ -31,8 +32,9 @@ use iceoryx2::prelude::{FileName, FilePath, Path as IoxPath, SemanticString};
 
 pub use dead::Cleaning;
 pub use error::DomainError;
-pub use lock::Provider;
-pub(crate) use lock::{DomainLock, MakingLock, OwnerLock};
+pub(crate) use lock::{DomainLock, MakingLock};
+pub use owner::Provider;
+pub(crate) use owner::{OwnerLock, ProviderWatch};
 pub use repair::Repair;
 
 use crate::time::MonotonicNs;

@@ -12,7 +12,9 @@ use std::path::{Path, PathBuf};
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, LogLevel, NodeState, set_log_level_from_env_or};
 
-use crate::domain::{Domain, DomainError, Provider, SHM_DIR, dead, lock, management, remains};
+use crate::domain::{
+    Domain, DomainError, Provider, ProviderWatch, SHM_DIR, dead, management, remains,
+};
 use crate::iox::{Node, Svc};
 use crate::robot::RobotId;
 use crate::service::ServiceId;
@@ -160,7 +162,7 @@ impl Domain {
         robot: RobotId,
         service: ServiceId,
     ) -> Result<Option<Provider>, DomainError> {
-        lock::find_provider(self, robot, service.spec().key)
+        ProviderWatch::new(self, robot, service.spec().key).look()
     }
 
     fn nodes(&self) -> Vec<(u128, NodeFacts)> {

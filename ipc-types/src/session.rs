@@ -18,7 +18,8 @@ use iceoryx2::prelude::{
 use crate::bell::Bell;
 use crate::domain::dead::{self, SETTLED_AFTER, Scope};
 use crate::domain::{
-    Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, management,
+    Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, ProviderWatch,
+    management,
 };
 use crate::inspect;
 use crate::iox::{Node, NodeBuilder, Svc};
@@ -257,6 +258,11 @@ impl Session {
                 by,
             }
         })
+    }
+
+    /// Looks for the provider of `service`, time and again.
+    pub(crate) fn watch(&self, service: ServiceId) -> ProviderWatch {
+        ProviderWatch::new(&self.domain, self.robot, service.spec().key)
     }
 
     pub(crate) fn provider(&self, service: ServiceId) -> Result<Option<Provider>, OpenError> {

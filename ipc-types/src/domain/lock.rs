@@ -1,19 +1,18 @@
-//! The three kinds of locks of a domain: who is in it, who is making something in it, and who provides a service.
+//! Who is in a domain, and who is making something in it: a lock for each.
 //!
-//! All are `flock`s on files in the root, because the kernel drops them with the process, also after `kill -9`.
+//! Both are `flock`s on files in the root, because the kernel drops them with the process, also after `kill -9`.
 //! `flock` belongs to the open file, not to the process, so that several sessions of one process count one by one.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Seek, Write};
+use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use rustix::fs::{FlockOperation, OFlags};
 use rustix::io::Errno;
 
 use super::{Domain, DomainError, Removal, remains};
-use crate::robot::RobotId;
 
 /// The file whose lock says that somebody is in the domain.
 pub(super) const LOCK_FILE: &str = "domain.lock";
@@ -21,20 +20,10 @@ pub(super) const LOCK_FILE: &str = "domain.lock";
 /// The file whose lock says that somebody is making something.
 pub(super) const MAKING_FILE: &str = "making.lock";
 
-/// The folder with a file for each service that was ever provided.
-pub(super) const OWNERS_DIR: &str = "owners";
-
 /// How often a lock file may vanish between opening and locking it before we give up.
 ///
 /// It vanishes when the last process leaves in that instant; each time is another process's whole life.
 const MAX_LOCK_ATTEMPTS: u32 = 16;
-
-/// How often and how long a provider waits for somebody who only looks whether there is one.
-///
-/// A look takes microseconds; a live provider keeps its lock for good. Twenty looks in a row at one service are not
-/// chance.
-const OWNER_ATTEMPTS: u32 = 20;
-const OWNER_PAUSE: Duration = Duration::from_millis(1);
 
 /// How often and how long somebody who makes something waits for somebody who removes remains.
 ///
@@ -42,9 +31,6 @@ const OWNER_PAUSE: Duration = Duration::from_millis(1);
 /// of these together.
 const MAKING_ATTEMPTS: u32 = 100;
 const MAKING_PAUSE: Duration = Duration::from_millis(1);
-
-/// Largest owner file: a process id, a time and a name.
-const MAX_OWNER_LEN: u64 = 256;
 
 /// Somebody is in the domain: a shared lock on its lock file.
 #[derive(Debug)]
@@ -212,7 +198,7 @@ fn unsafe_path(path: &Path, reason: String) -> DomainError {
 }
 
 /// Opens or makes a lock file; nothing when the root vanished meanwhile.
-fn open_lock_file(path: &Path) -> Result<Option<File>, DomainError> {
+pub(super) fn open_lock_file(path: &Path) -> Result<Option<File>, DomainError> {
     let result = OpenOptions::new()
         .read(true)
         .write(true)
@@ -262,78 +248,6 @@ impl MakingLock {
     }
 }
 
-/// The one live provider of a service of a robot: an exclusive lock on its owner file.
-#[derive(Debug)]
-pub(crate) struct OwnerLock {
-    _file: File,
-}
-
-/// Who provides a service.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Provider {
-    /// Its process.
-    pub pid: u32,
-    /// The name that the process joined with.
-    pub process: String,
-    /// When it began to provide the service, host monotonic ns: tells a restarted provider from its predecessor.
-    pub since_ns: u64,
-}
-
-impl OwnerLock {
-    /// Becomes the provider, or says who is.
-    pub(crate) fn acquire(
-        domain: &Domain,
-        robot: RobotId,
-        key: &str,
-        provider: &Provider,
-    ) -> Result<Result<OwnerLock, Option<Provider>>, DomainError> {
-        let path = owner_path(domain, robot, key)?;
-        let Some(mut file) = open_lock_file(&path)? else {
-            return Err(DomainError::Unsettled { path, attempts: 1 });
-        };
-        for _ in 0..OWNER_ATTEMPTS {
-            match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
-                Ok(()) => {
-                    write_owner(&mut file, provider)
-                        .map_err(|error| DomainError::io("write", &path, error))?;
-                    return Ok(Ok(OwnerLock { _file: file }));
-                }
-                Err(Errno::INTR) => {}
-                Err(Errno::WOULDBLOCK) => std::thread::sleep(OWNER_PAUSE),
-                Err(error) => return Err(DomainError::io("lock", &path, error)),
-            }
-        }
-        Ok(Err(read_owner(&mut file)))
-    }
-}
-
-/// The live provider of a service, if there is one.
-pub(crate) fn find_provider(
-    domain: &Domain,
-    robot: RobotId,
-    key: &str,
-) -> Result<Option<Provider>, DomainError> {
-    let path = domain.root.join(OWNERS_DIR).join(format!("{robot}.{key}"));
-    let mut file = match open_to_look(&path) {
-        Ok(file) => file,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(DomainError::io("open", &path, error)),
-    };
-    loop {
-        return match rustix::fs::flock(&file, FlockOperation::NonBlockingLockShared) {
-            Ok(()) => Ok(None),
-            Err(Errno::INTR) => continue,
-            // A provider that has the lock but not yet written its name counts as being there.
-            Err(Errno::WOULDBLOCK) => Ok(Some(read_owner(&mut file).unwrap_or(Provider {
-                pid: 0,
-                process: "unknown".to_owned(),
-                since_ns: 0,
-            }))),
-            Err(error) => Err(DomainError::io("lock", &path, error)),
-        };
-    }
-}
-
 /// Opens a file without waiting for anybody, whatever stands in its place.
 pub(super) fn open_to_look(path: &Path) -> io::Result<File> {
     OpenOptions::new()
@@ -342,62 +256,9 @@ pub(super) fn open_to_look(path: &Path) -> io::Result<File> {
         .open(path)
 }
 
-fn owner_path(domain: &Domain, robot: RobotId, key: &str) -> Result<PathBuf, DomainError> {
-    let folder = domain.root.join(OWNERS_DIR);
-    match fs::DirBuilder::new().mode(0o700).create(&folder) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            Err(DomainError::io("create", &folder, error))
-        }
-        _ => Ok(folder.join(format!("{robot}.{key}"))),
-    }
-}
-
-fn write_owner(file: &mut File, provider: &Provider) -> io::Result<()> {
-    file.set_len(0)?;
-    file.rewind()?;
-    let Provider {
-        pid,
-        process,
-        since_ns,
-    } = provider;
-    file.write_all(format!("{pid} {since_ns} {process}\n").as_bytes())
-}
-
-fn read_owner(file: &mut File) -> Option<Provider> {
-    file.rewind().ok()?;
-    let mut text = String::new();
-    file.take(MAX_OWNER_LEN).read_to_string(&mut text).ok()?;
-    parse_owner(&text)
-}
-
-fn parse_owner(text: &str) -> Option<Provider> {
-    let mut words = text.trim_end().splitn(3, ' ');
-    Some(Provider {
-        pid: words.next()?.parse().ok()?,
-        since_ns: words.next()?.parse().ok()?,
-        process: words.next()?.to_owned(),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn provider(process: &str) -> Provider {
-        Provider {
-            pid: 42,
-            process: process.to_owned(),
-            since_ns: 7,
-        }
-    }
-
-    #[test]
-    fn an_owner_file_is_read_back_and_half_a_one_is_nothing() {
-        assert_eq!(parse_owner("42 7 my bridge\n"), Some(provider("my bridge")));
-        for text in ["", "42", "42 7", "x 7 bridge", "42 -1 bridge"] {
-            assert_eq!(parse_owner(text), None, "{text:?}");
-        }
-    }
 
     #[test]
     fn the_first_in_removes_what_was_left_and_the_last_out_everything() {
@@ -419,7 +280,7 @@ mod tests {
         first.release(&domain);
         assert!(Path::new(&segment).exists());
         second.release(&domain);
-        assert_eq!(domain.residue(), Vec::<PathBuf>::new());
+        assert_eq!(domain.residue(), Vec::<std::path::PathBuf>::new());
         assert_eq!(domain.remove_if_dead().unwrap(), Removal::Nothing);
     }
 
@@ -448,30 +309,5 @@ mod tests {
         let error = DomainLock::acquire(&domain).unwrap_err().to_string();
         assert!(error.contains("mode 777"), "{error}");
         assert!(error.contains("change its mode to 700"), "{error}");
-    }
-
-    #[test]
-    fn a_service_has_one_owner_and_the_second_learns_who() {
-        let domain = Domain::isolated();
-        let lock = DomainLock::acquire(&domain).unwrap();
-        let robot = RobotId::DEFAULT;
-        assert_eq!(find_provider(&domain, robot, "movement").unwrap(), None);
-
-        let owner = OwnerLock::acquire(&domain, robot, "movement", &provider("first")).unwrap();
-        let owner = owner.unwrap();
-        let refused = OwnerLock::acquire(&domain, robot, "movement", &provider("second")).unwrap();
-        assert_eq!(refused.unwrap_err(), Some(provider("first")));
-        assert_eq!(
-            find_provider(&domain, robot, "movement").unwrap(),
-            Some(provider("first"))
-        );
-        // Another robot's service is another one.
-        let other = RobotId::new(2).unwrap();
-        assert_eq!(find_provider(&domain, other, "movement").unwrap(), None);
-
-        drop(owner);
-        assert_eq!(find_provider(&domain, robot, "movement").unwrap(), None);
-        lock.release(&domain);
-        assert!(domain.residue().is_empty());
     }
 }

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{CallbackProgression, NodeState};
 
-use super::lock::{LOCK_FILE, MAKING_FILE, OWNERS_DIR, is_ours};
+use super::lock::{LOCK_FILE, MAKING_FILE, is_ours};
+use super::owner::OWNERS_DIR;
 use super::spare::SPARE_DIR;
 use super::{CONFIG_FILE, Domain, DomainError, SHM_DIR};
 use crate::iox::Node;
