@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 use dsp_protocol::MAX_CLASSIC_FRAME_LEN;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Losses, MonotonicNs, Topic, wake_promptly};
+use ipc_types::{Losses, MonotonicNs, Place, Topic, wake_promptly};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use serde::{Deserialize, Serialize};
@@ -86,7 +86,7 @@ fn consume_topic<T: Indexed>(
     ready: impl FnOnce() -> Result<()>,
 ) -> Result<Vec<Arrival>> {
     let mut consumer = ours::Blocking::<T>::new()?;
-    wake_promptly();
+    wake_promptly(Place::Consumer);
     let mut arrivals = Vec::with_capacity(count + 64);
     ready()?;
     while arrivals.len() < count {
@@ -111,7 +111,7 @@ pub struct Kept {
 /// Reads `HeroTelemetry` for so long, and counts.
 pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result<Kept> {
     let mut consumer = ours::Blocking::<HeroTelemetry>::new()?;
-    wake_promptly();
+    wake_promptly(Place::Consumer);
     ready()?;
     // The first sample begins the count: bridge and status are up by then.
     let (mut last, mut missing) = (None, 0_u64);

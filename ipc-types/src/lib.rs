@@ -20,12 +20,12 @@
 //! ```no_run
 //! use std::time::Duration;
 //! use ipc_types::payload::HeroTelemetry;
-//! use ipc_types::{Domain, Ipc, RobotId, wake_promptly};
+//! use ipc_types::{Domain, Ipc, Place, RobotId, wake_promptly};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let ipc = Ipc::join(&Domain::from_environment()?, RobotId::DEFAULT, "example")?;
 //! let mut telemetry = ipc.subscriber::<HeroTelemetry>()?;
-//! wake_promptly();
+//! wake_promptly(Place::Consumer);
 //! loop {
 //!     telemetry.wait(Duration::from_secs(1))?;
 //!     telemetry.drain(|sample| {
@@ -67,7 +67,7 @@ pub use open::OpenError;
 pub use publisher::{PublishError, Publisher};
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
-pub use scheduling::wake_promptly;
+pub use scheduling::{Place, wake_promptly};
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::{Ipc, JoinError};

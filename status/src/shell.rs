@@ -11,7 +11,9 @@ use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::waiter::SAFETY_BOUND;
-use ipc_types::{Domain, Ipc, MonotonicNs, Publisher, RobotId, Subscriber, Waiter};
+use ipc_types::{
+    Domain, Ipc, MonotonicNs, Place, Publisher, RobotId, Subscriber, Waiter, wake_promptly,
+};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -112,7 +114,7 @@ impl Shell {
     fn work(&mut self, termination: &Termination) -> Result<(), Failure> {
         let waiter = Waiter::new();
         // Not for the logs' threads, which began before.
-        ipc_types::wake_promptly();
+        wake_promptly(Place::Relay);
         self.notifier.ready();
         tracing::info!(robot = %self.ipc.robot(), "ready");
         while !termination.requested() {

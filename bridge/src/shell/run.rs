@@ -4,7 +4,9 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::code::LinkState;
-use ipc_types::{Descriptor, Ipc, MonotonicNs, OpenError, Source, WaitError, Waiter};
+use ipc_types::{
+    Descriptor, Ipc, MonotonicNs, OpenError, Place, Source, WaitError, Waiter, wake_promptly,
+};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
@@ -63,7 +65,7 @@ pub fn run(
     let waiter = Waiter::new();
     let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
     shell.open_port(MonotonicNs::now())?;
-    ipc_types::wake_promptly();
+    wake_promptly(Place::Source);
     supervisor.ready();
     tracing::info!(port = %config.serial.port.display(), "ready");
     while !termination.requested() {
