@@ -1,21 +1,39 @@
 //! [`wake_promptly`]: what a thread that waits for data can ask of the Linux scheduler without any privilege.
 //!
-//! Who is woken on a processor where another thread runs, such as the publisher that has just woken him, waits until that
-//! one has had its slice or sleeps. Which of the two happens is a matter of chance: both have slices of the same length.
-//! A thread that has asked for a short slice goes first. It gets as much of the processor as before, only in smaller
-//! pieces, and so it suits every thread that has little to do each time it is woken.
+//! A thread that is woken on a processor where another one runs, such as the publisher that has just woken it, may have to
+//! wait until that one sleeps: between slices of the same length it is a matter of chance. A thread with a shorter slice
+//! than the one that runs goes first. It gets as much of the processor as before, only in smaller pieces, and so this
+//! suits every thread that has little to do each time it is woken.
 
 use std::io;
 
-/// The shortest slice that Linux gives, ns.
-const SLICE_NS: u64 = 100_000;
+/// Where a thread stands in the flow of telemetry. Both have shorter slices than Linux gives unasked (0.7 to 2.8 ms).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// It publishes, as the bridge and status do. Those two have slices of the same length: if status put the bridge aside
+    /// in the middle of its work, status' own consumers would be woken on another processor, which takes longer than the
+    /// rest of that work.
+    Provider,
+    /// Nobody waits for it: consumers of telemetry, senders of requests. It need not wait for the provider that woke it.
+    Consumer,
+}
+
+impl Place {
+    /// The slice, ns. The consumers' is the shortest that Linux gives.
+    const fn slice_ns(self) -> u64 {
+        match self {
+            Place::Provider => 400_000,
+            Place::Consumer => 100_000,
+        }
+    }
+}
 
 /// Asks the scheduler to let the calling thread run as soon as it is woken. Threads that it starts later inherit that.
 ///
 /// It holds for ordinary threads on Linux 6.12 and later; before that, and for real-time threads, which are woken at once
 /// in any case, it changes nothing. Never needed, only faster: `docs/performance.md` says by how much.
-pub fn wake_promptly() {
-    if let Err(error) = set_slice(SLICE_NS) {
+pub fn wake_promptly(place: Place) {
+    if let Err(error) = set_slice(place.slice_ns()) {
         tracing::debug!(%error, "the scheduler grants no short slice");
     }
 }
@@ -61,12 +79,13 @@ mod tests {
         let before = attributes().unwrap();
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                set_slice(SLICE_NS).unwrap();
+                let slice_ns = Place::Consumer.slice_ns();
+                set_slice(slice_ns).unwrap();
                 let now = attributes().unwrap();
                 assert_eq!(now.sched_policy, before.sched_policy);
                 assert_eq!(now.sched_nice, before.sched_nice);
                 // A kernel that knows nothing of slices reports none.
-                assert!([0, SLICE_NS].contains(&now.sched_runtime));
+                assert!([0, slice_ns].contains(&now.sched_runtime));
             });
         });
         assert_eq!(attributes().unwrap().sched_runtime, before.sched_runtime);

@@ -75,6 +75,12 @@ impl Wake {
     pub fn is_ready(self, index: usize) -> bool {
         matches!(self, Wake::Ready(ready) if ready.contains(index))
     }
+
+    /// Whether nothing but the source at `index` of the wait may be ready. The next wait looks at all ports again before
+    /// it sleeps.
+    pub fn is_only(self, index: usize) -> bool {
+        index < MAX_SOURCES && self == Wake::Ready(Ready(1 << index))
+    }
 }
 
 /// Which sources are ready, by their index in the wait.

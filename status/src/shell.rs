@@ -114,7 +114,7 @@ impl Shell {
     fn work(&mut self, termination: &Termination) -> Result<(), Failure> {
         let waiter = Waiter::new();
         // Not for the logs' threads, which began before.
-        wake_promptly(Place::Relay);
+        wake_promptly(Place::Provider);
         self.notifier.ready();
         tracing::info!(robot = %self.ipc.robot(), "ready");
         while !termination.requested() {

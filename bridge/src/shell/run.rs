@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::code::LinkState;
 use ipc_types::{
-    Descriptor, Ipc, MonotonicNs, OpenError, Place, Source, WaitError, Waiter, wake_promptly,
+    Descriptor, Ipc, MonotonicNs, OpenError, Place, Source, WaitError, Waiter, Wake, wake_promptly,
 };
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -28,6 +28,9 @@ const LONGEST_SLEEP: Duration = Duration::from_millis(250);
 /// How often dead processes are cleaned up after, so that the death of a client is noticed: at the first wake after that
 /// time, for which nobody is woken.
 const CLEANING_PERIOD: Duration = Duration::from_millis(500);
+
+/// The place of the serial port among the sources of a wait: the last, because it may be absent.
+const LINE: usize = 5;
 
 /// Why the bridge process cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -65,18 +68,22 @@ pub fn run(
     let waiter = Waiter::new();
     let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
     shell.open_port(MonotonicNs::now())?;
-    wake_promptly(Place::Source);
+    wake_promptly(Place::Provider);
     supervisor.ready();
     tracing::info!(port = %config.serial.port.display(), "ready");
+    // Nothing is known yet of what there is.
+    let mut wake = Wake::TimedOut;
     while !termination.requested() {
-        shell.drain(MonotonicNs::now())?;
+        shell.drain(wake)?;
         let now = MonotonicNs::now();
         if now >= next_cleaning {
             ipc.clean_dead();
             supervisor.watchdog();
             next_cleaning = now + CLEANING_PERIOD;
+            // Also what nobody wakes for: a sender that has room again for its final word.
+            shell.serve(now);
         }
-        shell.sleep(&waiter, termination)?;
+        wake = shell.sleep(&waiter, termination)?;
     }
     supervisor.stopping();
     shell.end();
@@ -96,16 +103,11 @@ struct Shell {
 }
 
 impl Shell {
-    /// Everything that a wake can have been for.
-    fn drain(&mut self, now: MonotonicNs) -> Result<(), ShellError> {
-        self.services.drain(&mut self.inbox);
-        for incoming in self.inbox.drain(..) {
-            let out = &mut self.services;
-            match incoming {
-                Incoming::Control(key, request) => self.bridge.control(now, key, &request, out),
-                Incoming::Movement(key, request) => self.bridge.movement(now, key, &request, out),
-                Incoming::Gone(key) => self.bridge.sender_gone(now, key, out),
-            }
+    /// Everything that a wake can have been for. A wake that was for the line alone leaves the services out: every wait looks
+    /// at them before it sleeps.
+    fn drain(&mut self, wake: Wake) -> Result<(), ShellError> {
+        if !wake.is_only(LINE) {
+            self.serve(MonotonicNs::now());
         }
         self.read();
         let now = MonotonicNs::now();
@@ -115,6 +117,18 @@ impl Shell {
         self.services.wake_senders();
         self.tell();
         Ok(())
+    }
+
+    fn serve(&mut self, now: MonotonicNs) {
+        self.services.drain(&mut self.inbox);
+        for incoming in self.inbox.drain(..) {
+            let out = &mut self.services;
+            match incoming {
+                Incoming::Control(key, request) => self.bridge.control(now, key, &request, out),
+                Incoming::Movement(key, request) => self.bridge.movement(now, key, &request, out),
+                Incoming::Gone(key) => self.bridge.sender_gone(now, key, out),
+            }
+        }
     }
 
     fn read(&mut self) {
@@ -169,7 +183,7 @@ impl Shell {
             .port_closed(MonotonicNs::now(), &mut self.services);
     }
 
-    fn sleep(&self, waiter: &Waiter, termination: &Termination) -> Result<(), ShellError> {
+    fn sleep(&self, waiter: &Waiter, termination: &Termination) -> Result<Wake, ShellError> {
         let now = MonotonicNs::now();
         let deadline = self.bridge.deadline();
         let deadline = self
@@ -185,13 +199,12 @@ impl Shell {
             [&signals, telemetry, state, control, movement, &signals];
         let count = match &line {
             Some(line) => {
-                sources[5] = line;
-                6
+                sources[LINE] = line;
+                LINE + 1
             }
-            None => 5,
+            None => LINE,
         };
-        waiter.wait(&sources[..count], Some(timeout))?;
-        Ok(())
+        Ok(waiter.wait(&sources[..count], Some(timeout))?)
     }
 
     /// Says each change once.
