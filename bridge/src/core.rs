@@ -16,6 +16,9 @@ use crate::line::{Line, LineEvent};
 use crate::outputs::Outputs;
 use crate::{errors, translate};
 
+/// The part of its period by which a state may be early, so that a bridge that is awake shortly before need not wake again.
+const EARLY: u32 = 5;
+
 /// See the module's documentation.
 #[derive(Debug)]
 pub struct Bridge<T = PassThrough> {
@@ -184,7 +187,8 @@ impl<T: Trajectory> Bridge<T> {
             self.line_event(now, &event, out);
         }
         let state = self.compose_state(now);
-        if now >= self.next_state || differs(&state, &self.published) {
+        let is_due = now + self.state_period / EARLY >= self.next_state;
+        if is_due || differs(&state, &self.published) {
             out.state(&state);
             self.published = state;
             self.next_state = now + self.state_period;

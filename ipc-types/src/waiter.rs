@@ -27,9 +27,9 @@ use crate::time::MonotonicNs;
 
 /// Longest uninterrupted sleep.
 ///
-/// A lost wake-up costs at most this much; an idle process wakes five times a second for a few microseconds. It is a
+/// A lost wake-up costs at most this much; an idle process wakes four times a second for a few microseconds. It is a
 /// safety net, not a polling period: in order, every wake-up comes from an event.
-pub const SAFETY_BOUND: Duration = Duration::from_millis(200);
+pub const SAFETY_BOUND: Duration = Duration::from_millis(250);
 
 /// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
 /// deadlines does not also wake for that. Each listener takes two system calls.

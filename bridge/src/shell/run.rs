@@ -4,6 +4,7 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::code::LinkState;
+use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{
     Descriptor, Ipc, MonotonicNs, OpenError, Place, Source, WaitError, Waiter, Wake, wake_promptly,
 };
@@ -15,15 +16,8 @@ use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
 use crate::core::Bridge;
 
-/// Bytes of one read. At 115200 baud a quarter of a second; a faster line is read several times for each wake.
+/// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
-
-/// Reads of one wake, so that a line that never pauses still leaves room for requests and deadlines. The rest is there
-/// at the next wake, which comes at once.
-const READS_PER_WAKE: usize = 16;
-
-/// Longest sleep: the safety net for a wake-up that shared memory lost.
-const LONGEST_SLEEP: Duration = Duration::from_millis(250);
 
 /// How often dead processes are cleaned up after, so that the death of a client is noticed: at the first wake after that
 /// time, for which nobody is woken.
@@ -103,13 +97,16 @@ struct Shell {
 }
 
 impl Shell {
-    /// Everything that a wake can have been for. A wake that was for the line alone leaves the services out: every wait looks
-    /// at them before it sleeps.
+    /// Everything that a wake can have been for. A wake that was for the line alone leaves the services out, and the other
+    /// way round: the next wait looks at all of them again before it sleeps.
     fn drain(&mut self, wake: Wake) -> Result<(), ShellError> {
+        let is_unknown = !matches!(wake, Wake::Ready(_));
         if !wake.is_only(LINE) {
             self.serve(MonotonicNs::now());
         }
-        self.read();
+        if is_unknown || wake.is_ready(LINE) {
+            self.read();
+        }
         let now = MonotonicNs::now();
         self.bridge.advance(now, &mut self.services);
         self.open_port(now)?;
@@ -131,23 +128,19 @@ impl Shell {
         }
     }
 
+    /// One read. What is left of more is there at the next wake, which comes at once: so requests and deadlines have their
+    /// turn on a line that never pauses, and consumers theirs, who keep more samples than one read can bring.
     fn read(&mut self) {
-        for _ in 0..READS_PER_WAKE {
-            let Some(port) = self.port.open.as_ref() else {
-                return;
-            };
-            match port.read(&mut self.buffer) {
-                Ok(0) => return,
-                Ok(count) => {
-                    let now = MonotonicNs::now();
-                    self.bridge
-                        .receive(now, &self.buffer[..count], &mut self.services);
-                    if count < self.buffer.len() {
-                        return;
-                    }
-                }
-                Err(gone) => return self.close_port(&gone),
+        let Some(port) = self.port.open.as_ref() else {
+            return;
+        };
+        match port.read(&mut self.buffer) {
+            Ok(count) => {
+                let now = MonotonicNs::now();
+                self.bridge
+                    .receive(now, &self.buffer[..count], &mut self.services);
             }
+            Err(gone) => self.close_port(&gone),
         }
     }
 
@@ -190,7 +183,7 @@ impl Shell {
             .port
             .next_try
             .map_or(deadline, |next_try| deadline.min(next_try));
-        let timeout = deadline.since(now).min(LONGEST_SLEEP);
+        let timeout = deadline.since(now).min(SAFETY_BOUND);
         let signals = Descriptor::new(termination.as_fd());
         let line = self.port.open.as_ref();
         let line = line.map(|port| Descriptor::new(port.as_fd()));

@@ -60,14 +60,16 @@ pub(crate) fn strangers(domain: &Domain) -> Vec<PathBuf> {
     found
 }
 
-/// The domain's shared-memory segments.
+/// The domain's shared-memory segments. A folder is none: it may be the root of a domain, even of this one.
 ///
 /// A segment of another user is none of them, whatever its name: `/dev/shm` lets everybody choose. It cannot be
 /// removed, and it does no harm: iceoryx2 makes its segments exclusively, under names that nobody can guess. The one
 /// exception is looked at by [`management`](super::management).
 pub(crate) fn segments(domain: &Domain) -> Vec<PathBuf> {
     let mut found = with_prefix(Path::new(SHM_DIR), &domain.prefix);
-    found.retain(|path| fs::symlink_metadata(path).is_ok_and(|metadata| is_ours(&metadata)));
+    found.retain(|path| {
+        fs::symlink_metadata(path).is_ok_and(|metadata| is_ours(&metadata) && !metadata.is_dir())
+    });
     found
 }
 
