@@ -31,6 +31,9 @@ use crate::time::MonotonicNs;
 /// safety net, not a polling period: in order, every wake-up comes from an event.
 pub const SAFETY_BOUND: Duration = Duration::from_millis(250);
 
+/// How much longer a sleep may be when its own deadline comes so shortly after the bound: one wake then serves both.
+const BOUND_SLACK: Duration = Duration::from_millis(50);
+
 /// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
 /// deadlines does not also wake for that. Each listener takes two system calls.
 const HEARING_PERIOD: Duration = Duration::from_millis(150);
@@ -280,9 +283,11 @@ impl Waiter {
             if slept.is_some() && now >= deadline && ready.is_empty() {
                 return Ok(Wake::TimedOut);
             }
+            let bound = self.heard_all.get() + SAFETY_BOUND;
             // With something to do already, the kernel is only asked what else there is.
             let until = match ready.is_empty() {
-                true => deadline.min(self.heard_all.get() + SAFETY_BOUND),
+                true if deadline <= bound + BOUND_SLACK => deadline,
+                true => bound,
                 false => now,
             };
             let outcome = poll_once(sources, &descriptors, until.since(now), &mut ready)?;
