@@ -4,7 +4,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use altitude_guard::{Guard, watch};
-use ipc_types::{Domain, Ipc, RobotId};
+use ipc_types::{Domain, Ipc, Place, RobotId, wake_promptly};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let limit = std::env::args().nth(1).unwrap_or_default();
@@ -17,6 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "altitude-guard",
     )?;
     let mut telemetry = ipc.subscriber()?;
+    wake_promptly(Place::Consumer);
     println!("guarding {limit_m} m");
     watch(
         &mut telemetry,

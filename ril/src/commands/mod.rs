@@ -15,7 +15,9 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::time::Duration;
 
-use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId, ServiceId, Source, Waiter};
+use ipc_types::{
+    Descriptor, Domain, Ipc, MonotonicNs, Place, RobotId, ServiceId, Source, Waiter, wake_promptly,
+};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
@@ -46,6 +48,7 @@ impl Session {
         let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         let ipc =
             Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
+        wake_promptly(Place::Consumer);
         Ok(Session {
             ipc,
             waiter: Waiter::new(),
