@@ -3,6 +3,8 @@
 
 use std::fmt::Write;
 
+use crate::statistics::Times;
+
 /// Width of the picture, of the names on its left and of the margin on its right, pixels.
 const WIDTH: f64 = 860.0;
 const NAMES: f64 = 210.0;
@@ -46,7 +48,48 @@ pub struct Plot {
     pub rows: Vec<Row>,
 }
 
+impl Bar {
+    /// The bar of `times`, µs; none when nothing was measured.
+    fn of(times: &Times) -> Option<Bar> {
+        (times.count() > 0).then(|| Bar {
+            p50: times.p50_ns() / 1000.0,
+            p99: times.quantile_ns(0.99) / 1000.0,
+            p999: times.quantile_ns(0.999) / 1000.0,
+        })
+    }
+}
+
 impl Plot {
+    /// Latencies, µs: a row for each of `cases`, of which `row` says the name and whether it is ours, and a series for each
+    /// of `rates`, Hz.
+    pub fn of_latencies<C: Copy>(
+        title: &str,
+        rates: &[u32],
+        cases: &[C],
+        row: impl Fn(C) -> (&'static str, bool),
+        times: impl Fn(C, u32) -> Times,
+    ) -> Plot {
+        let rows = cases.iter().map(|case| {
+            let (name, is_ours) = row(*case);
+            let bars = rates.iter().map(|rate_hz| Bar::of(&times(*case, *rate_hz)));
+            Row {
+                name: name.to_owned(),
+                is_ours,
+                bars: bars.collect(),
+            }
+        });
+        Plot {
+            title: title.to_owned(),
+            subtitle: "µs, logarithmic; bar: median, line: to the 99th percentile, dot: 99.9th"
+                .to_owned(),
+            series: rates
+                .iter()
+                .map(|rate_hz| format!("{rate_hz} Hz"))
+                .collect(),
+            rows: rows.collect(),
+        }
+    }
+
     /// The plot as a file.
     pub fn to_svg(&self) -> String {
         let row_height = BAR * self.series.len() as f64 + GAP;

@@ -27,6 +27,14 @@ impl Times {
         self.0.add(&other.0).expect("equal bounds");
     }
 
+    /// All of these together.
+    pub fn merged(all: impl Iterator<Item = Times>) -> Times {
+        all.fold(Times::new(), |mut merged, times| {
+            merged.merge(&times);
+            merged
+        })
+    }
+
     /// How many times there are.
     pub fn count(&self) -> u64 {
         self.0.len()

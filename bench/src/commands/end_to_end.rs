@@ -11,7 +11,7 @@ use crate::consumer::Arrival;
 use crate::dsp::Sent;
 use crate::latency::{Series, WARM_UP};
 use crate::peers::Peer;
-use crate::plot::{Bar, Plot, Row};
+use crate::plot::Plot;
 use crate::process::{Child, Ril, Stage, start_dsp};
 use crate::report::{Bound, Section, us};
 use crate::rounds::Measured;
@@ -251,11 +251,7 @@ pub fn run(args: &Args) -> Result<()> {
 type Rounds = Measured<Case, Round>;
 
 fn merged(rounds: &[Round]) -> Times {
-    let mut all = Times::new();
-    for round in rounds {
-        all.merge(&round.whole.times());
-    }
-    all
+    Times::merged(rounds.iter().map(|round| round.whole.times()))
 }
 
 fn row(measured: &Rounds, way: Way, rate_hz: u32) -> Vec<String> {
@@ -335,37 +331,13 @@ fn goals(section: &mut Section, measured: &Rounds, rate_hz: u32) {
 }
 
 fn plot(args: &Args, measured: &Rounds) -> Plot {
-    let bar = |way, rate_hz| {
-        let times = merged(measured.rounds(Case { way, rate_hz }));
-        (times.count() > 0).then(|| Bar {
-            p50: times.p50_ns() / 1000.0,
-            p99: times.quantile_ns(0.99) / 1000.0,
-            p999: times.quantile_ns(0.999) / 1000.0,
-        })
-    };
-    Plot {
-        title: "From the serial line to a consumer, and a request to the DSP".to_owned(),
-        subtitle: "µs, logarithmic; bar: median, line: to the 99th percentile, dot: 99.9th"
-            .to_owned(),
-        series: args
-            .rates
-            .iter()
-            .map(|rate_hz| format!("{rate_hz} Hz"))
-            .collect(),
-        rows: args
-            .ways
-            .iter()
-            .map(|way| Row {
-                name: way.title().to_owned(),
-                is_ours: !matches!(way, Way::Pty | Way::RawRequest),
-                bars: args
-                    .rates
-                    .iter()
-                    .map(|rate_hz| bar(*way, *rate_hz))
-                    .collect(),
-            })
-            .collect(),
-    }
+    Plot::of_latencies(
+        "From the serial line to a consumer, and a request to the DSP",
+        &args.rates,
+        &args.ways,
+        |way| (way.title(), !matches!(way, Way::Pty | Way::RawRequest)),
+        |way, rate_hz| merged(measured.rounds(Case { way, rate_hz })),
+    )
 }
 
 #[cfg(test)]

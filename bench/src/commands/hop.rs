@@ -8,7 +8,7 @@ use ipc_types::payload::HeroTelemetry;
 use super::Common;
 use crate::latency::Series;
 use crate::peers::Peer;
-use crate::plot::{Bar, Plot, Row};
+use crate::plot::Plot;
 use crate::process::Child;
 use crate::report::{Bound, Section, us};
 use crate::rounds::Measured;
@@ -116,11 +116,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 /// All rounds of a case together.
 fn merged(rounds: &[Series]) -> Times {
-    let mut all = Times::new();
-    for series in rounds {
-        all.merge(&series.times());
-    }
-    all
+    Times::merged(rounds.iter().map(Series::times))
 }
 
 fn row(measured: &Measured<Case, Series>, peer: Peer, rate_hz: u32) -> Vec<String> {
@@ -173,35 +169,11 @@ fn goals(section: &mut Section, args: &Args, measured: &Measured<Case, Series>) 
 }
 
 fn plot(args: &Args, measured: &Measured<Case, Series>) -> Plot {
-    let bar = |peer, rate_hz| {
-        let times = merged(measured.rounds(Case { peer, rate_hz }));
-        (times.count() > 0).then(|| Bar {
-            p50: times.p50_ns() / 1000.0,
-            p99: times.quantile_ns(0.99) / 1000.0,
-            p999: times.quantile_ns(0.999) / 1000.0,
-        })
-    };
-    Plot {
-        title: "One sample of telemetry from a process to another".to_owned(),
-        subtitle: "µs, logarithmic; bar: median, line: to the 99th percentile, dot: 99.9th"
-            .to_owned(),
-        series: args
-            .rates
-            .iter()
-            .map(|rate_hz| format!("{rate_hz} Hz"))
-            .collect(),
-        rows: args
-            .peers
-            .iter()
-            .map(|peer| Row {
-                name: peer.title().to_owned(),
-                is_ours: peer.is_ours(),
-                bars: args
-                    .rates
-                    .iter()
-                    .map(|rate_hz| bar(*peer, *rate_hz))
-                    .collect(),
-            })
-            .collect(),
-    }
+    Plot::of_latencies(
+        "One sample of telemetry from a process to another",
+        &args.rates,
+        &args.peers,
+        |peer| (peer.title(), peer.is_ours()),
+        |peer, rate_hz| merged(measured.rounds(Case { peer, rate_hz })),
+    )
 }
