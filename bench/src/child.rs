@@ -12,6 +12,7 @@ use anyhow::{Context, Result};
 use clap::Subcommand;
 use ipc_types::MonotonicNs;
 use runtime::signal::Termination;
+use rustix::process::{Signal, set_parent_process_death_signal};
 use serde::Serialize;
 
 use crate::consumer::{self, Service};
@@ -90,6 +91,8 @@ fn rate(text: &str) -> Result<Rate, std::num::ParseIntError> {
 
 /// Plays the role.
 pub fn run(args: Args) -> ExitCode {
+    // A measurement that is killed leaves nothing behind that would disturb the next.
+    let _ = set_parent_process_death_signal(Some(Signal::TERM));
     match args.role {
         Role::Bridge(args) => runtime::exit::main_with(|| bridge::cli::run(args)),
         Role::Status(args) => runtime::exit::main_with(|| status::cli::run(args)),
