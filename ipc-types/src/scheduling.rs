@@ -76,16 +76,21 @@ mod tests {
 
     #[test]
     fn only_the_slice_of_the_calling_thread_changes() {
-        let before = attributes().unwrap();
+        // A sandbox may not know the call.
+        let Ok(before) = attributes() else { return };
+        let slice_ns = Place::Consumer.slice_ns();
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                let slice_ns = Place::Consumer.slice_ns();
-                set_slice(slice_ns).unwrap();
+                wake_promptly(Place::Consumer);
                 let now = attributes().unwrap();
                 assert_eq!(now.sched_policy, before.sched_policy);
                 assert_eq!(now.sched_nice, before.sched_nice);
-                // A kernel that knows nothing of slices reports none.
-                assert!([0, slice_ns].contains(&now.sched_runtime));
+                // Older kernels have no slices, and other policies keep what they have.
+                let is_ordinary = before.sched_policy == libc::SCHED_OTHER as u32;
+                assert!(
+                    now.sched_runtime == before.sched_runtime
+                        || is_ordinary && now.sched_runtime == slice_ns
+                );
             });
         });
         assert_eq!(attributes().unwrap().sched_runtime, before.sched_runtime);
