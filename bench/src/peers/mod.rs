@@ -114,15 +114,15 @@ impl Peer {
     pub fn title(self) -> &'static str {
         match self {
             Peer::Ours => "RIL, blocking",
-            Peer::OursLongSlice => "RIL, blocking, default slice",
+            Peer::OursLongSlice => "RIL, default slice",
             Peer::OursSpin => "RIL, spinning",
             Peer::OursDescriptor => "RIL, with a descriptor",
             Peer::IceoryxSpin => "iceoryx2, spinning",
             Peer::IceoryxEvent => "iceoryx2, default event",
             Peer::Futex => "shared memory + futex",
-            Peer::FutexShortSlice => "shared memory + futex, short slice",
+            Peer::FutexShortSlice => "futex, short slice",
             Peer::UnixSocket => "Unix socket, struct",
-            Peer::UnixSocketShortSlice => "Unix socket, struct, short slice",
+            Peer::UnixSocketShortSlice => "Unix socket, short slice",
             Peer::UnixJson => "Unix socket, JSON",
             #[cfg(feature = "peers")]
             Peer::MavlinkUdp => "MAVLink over UDP",
