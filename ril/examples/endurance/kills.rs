@@ -215,7 +215,7 @@ impl<'a> Loop<'a> {
         let start_up = MonotonicNs::now().since(started);
         self.witness.hear_after(started);
         self.witness.ipc().clean_dead();
-        self.things = self.site.domain.residue();
+        self.things = self.settled(|of| of.site.domain.residue(), Vec::len);
         self.own_descriptors = Holdings::of(std::process::id()).descriptors;
         start_up
     }
@@ -259,23 +259,27 @@ impl<'a> Loop<'a> {
         }
     }
 
-    /// What the others hold once that stays the same: a consumer that is ready may not have slept yet, and only then has
-    /// the publisher to connect with its listener.
+    /// What the others hold, once that stays the same.
     fn settled_holdings(&mut self) -> Vec<(Kind, Holdings)> {
-        let descriptors = |all: &[(Kind, Holdings)]| -> Vec<usize> {
-            all.iter().map(|(_, held)| held.descriptors).collect()
-        };
-        let (mut held, mut same) = (self.holdings(), 0);
+        self.settled(Loop::holdings, |all| {
+            all.iter().map(|(_, held)| held.descriptors).sum()
+        })
+    }
+
+    /// What there is to `see`, once its `size` stays the same: a consumer that is ready may not have slept yet, and only then
+    /// has the publisher to connect with its listener.
+    fn settled<T>(&mut self, see: impl Fn(&Self) -> T, size: impl Fn(&T) -> usize) -> T {
+        let (mut seen, mut same) = (see(self), 0);
         while same < SAME_SAMPLES {
             self.witness.hear_after(MonotonicNs::now());
-            let now = self.holdings();
-            same = match descriptors(&now) == descriptors(&held) {
+            let now = see(self);
+            same = match size(&now) == size(&seen) {
                 true => same + 1,
                 false => 0,
             };
-            held = now;
+            seen = now;
         }
-        held
+        seen
     }
 
     fn holdings(&self) -> Vec<(Kind, Holdings)> {
