@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use dsp_protocol::port::{self, Port, Port16};
+use dsp_protocol::port::{self, Access, Port, Port16};
 use dsp_protocol::{Command, Group, Profile, StatusMask};
 use runtime::config::in_range;
 use serde::de::{Error as _, MapAccess, Visitor};
@@ -383,9 +383,9 @@ impl<'de> serde::de::DeserializeSeed<'de> for ParameterValue<'_> {
     }
 }
 
-/// The mask belongs to `[status]`, and nobody takes off or lands from a configuration file.
+/// The mask belongs to `[status]`, the PC time-out to `[link]`, and no configuration file takes off or lands.
 fn is_parameter(port: &Port16) -> bool {
-    !matches!(port.number, port::STATUS_MASK | port::TAKE_OFF | port::LAND)
+    port.access != Access::Bridge
 }
 
 fn parameter_names() -> Vec<&'static str> {

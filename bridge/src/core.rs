@@ -219,7 +219,7 @@ impl<T: Trajectory> Bridge<T> {
         state.movement.distance_to_go_m = distance.unwrap_or_default() as f32;
         state.link.state = self.line.state().code();
         state.refused.requests = flight.refused_requests();
-        state.dsp_errors.transcended = flight.transcended();
+        state.dsp_errors.escalated = flight.transcended();
         state
     }
 }

@@ -52,7 +52,7 @@ pub fn reason_of(error: ImiError) -> Reason {
 /// Counts `code`. Counters stop at their greatest value.
 pub fn count(counters: &mut DspErrorCounters, code: DspErrorCode) {
     counters.total = counters.total.saturating_add(1);
-    counters.last_imi = code.imi_code();
+    counters.last_code = u32::from(code.0);
     let counter = match code.counter_index() {
         Some(index) => &mut counters.known[index],
         None => &mut counters.unknown,
@@ -87,8 +87,8 @@ mod tests {
         count(&mut counters, DspErrorCode(77));
         assert_eq!(counters.known, [1; 26]);
         assert_eq!(
-            (counters.total, counters.unknown, counters.last_imi),
-            (27, 1, 277)
+            (counters.total, counters.unknown, counters.last_code),
+            (27, 1, 77)
         );
     }
 }

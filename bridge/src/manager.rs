@@ -97,6 +97,7 @@ impl Manager {
         match event {
             Event::Control(ControlCommand::Start) => self.start(),
             Event::Control(ControlCommand::Stop) => self.stop(),
+            Event::Control(ControlCommand::ReloadFence) => Decision::NOTHING,
             Event::MovementBegan { unable_to_abort } => {
                 if !self.blocked() {
                     self.enter(Phase::Moving { unable_to_abort }, ImiError::None);

@@ -54,7 +54,7 @@ pub fn dsp_telemetry(
         }),
         dsp_boots,
         dsp_errors: errors.total,
-        last_dsp_error_imi: errors.last_imi,
+        last_dsp_error_code: errors.last_code,
         rotor_rpm: take(&mut valid, Group::RotorSpeed, rotor_rpm, |rpm| {
             u32::from(*rpm)
         }),
@@ -306,7 +306,7 @@ mod tests {
     fn translate(status: Status) -> DspTelemetry {
         let errors = DspErrorCounters {
             total: 3,
-            last_imi: 240,
+            last_code: 240,
             ..DspErrorCounters::default()
         };
         let mut out = DspTelemetry {
@@ -329,7 +329,7 @@ mod tests {
         let out = translate(full());
         assert_eq!((out.sequence, out.epoch_ns, out.received_ns), (50, 51, 52));
         assert_eq!(
-            (out.dsp_boots, out.dsp_errors, out.last_dsp_error_imi),
+            (out.dsp_boots, out.dsp_errors, out.last_dsp_error_code),
             (53, 3, 240)
         );
         assert_eq!(

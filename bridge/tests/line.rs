@@ -276,7 +276,7 @@ fn which_dsp_errors_end_the_functionality() {
             .ends_with(&[Command::InvalidatePath, Command::ClearErrors]);
         assert_eq!(emptied, ended, "error {code}");
         let errors = desk.bridge.state().dsp_errors;
-        assert_eq!((errors.total, errors.last_imi), (1, u32::from(code) + 200));
+        assert_eq!((errors.total, errors.last_code), (1, u32::from(code) + 200));
         assert_eq!(errors.unknown, u32::from(code == 77));
     }
 }

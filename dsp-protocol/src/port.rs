@@ -3,6 +3,8 @@
 //! The tables say what may be written; what a port does is the DSP's business. All ports of the tables can be read and
 //! written; [`WAYPOINT_COUNT`] can only be read and stands in neither.
 
+use Access::{Always, Bridge, OnGround};
+
 /// 16-bit port: the status mask.
 pub const STATUS_MASK: u16 = 10_000;
 /// 16-bit port: status period, ms.
@@ -11,6 +13,8 @@ pub const STATUS_PERIOD_MS: u16 = 10_001;
 pub const FLOW_CONTROL_PERIOD_MS: u16 = 10_002;
 /// 16-bit port: how many waypoints the DSP took; bit 15 is always set.
 pub const WAYPOINT_COUNT: u16 = 10_003;
+/// 16-bit port: after how long without a message from the PC the DSP empties its path buffer, ms; 0 never.
+pub const PC_TIMEOUT_MS: u16 = 10_004;
 /// 16-bit port: write 1 to take off.
 pub const TAKE_OFF: u16 = 10_121;
 /// 16-bit port: write 1 to land.
@@ -44,6 +48,17 @@ pub const YAW_GAIN: u16 = 20_013;
 /// 32-bit port: take-off altitude above the point of take-off, m.
 pub const TAKE_OFF_ALTITUDE_M: u16 = 20_121;
 
+/// Who may write a port, and when (`docs/protocol.md` section 6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// The bridge alone: it belongs to the start-up sequence or to a movement.
+    Bridge,
+    /// Any process with the right to command, while the helicopter stands on the ground.
+    OnGround,
+    /// Any process with the right to command, at any time.
+    Always,
+}
+
 /// A 16-bit port as section 6 lists it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Port16 {
@@ -59,6 +74,8 @@ pub struct Port16 {
     pub max: i32,
     /// Value at boot.
     pub boot: i32,
+    /// Who may write it, and when.
+    pub access: Access,
 }
 
 impl Port16 {
@@ -98,6 +115,8 @@ pub struct Port32 {
     pub max: f32,
     /// Value at boot.
     pub boot: f32,
+    /// Who may write it, and when.
+    pub access: Access,
 }
 
 impl Port32 {
@@ -118,38 +137,87 @@ pub enum Port {
 
 /// All 16-bit ports, ascending.
 pub const PORTS_16: &[Port16] = &[
-    unsigned(STATUS_MASK, "status_mask", 0, 65_535, 0),
-    unsigned(STATUS_PERIOD_MS, "status_period_ms", 1, 10_000, 20),
+    unsigned(STATUS_MASK, "status_mask", (0, 65_535), 0, Bridge),
+    unsigned(
+        STATUS_PERIOD_MS,
+        "status_period_ms",
+        (1, 10_000),
+        20,
+        Always,
+    ),
     unsigned(
         FLOW_CONTROL_PERIOD_MS,
         "flow_control_period_ms",
-        10,
-        1000,
+        (10, 1000),
         100,
+        Always,
     ),
-    unsigned(TAKE_OFF, "take_off", 1, 1, 0),
-    unsigned(LAND, "land", 1, 1, 0),
-    signed(TRIM_COLLECTIVE_US, "trim_collective_us", -500, 500, 0),
-    signed(TRIM_ROLL_US, "trim_roll_us", -500, 500, 0),
-    signed(TRIM_PITCH_US, "trim_pitch_us", -500, 500, 0),
-    signed(TRIM_TAIL_US, "trim_tail_us", -500, 500, 0),
-    signed(TRIM_THROTTLE_US, "trim_throttle_us", -500, 500, 0),
-    unsigned(ROTOR_SPEED_RPM, "rotor_speed_rpm", 500, 3000, 1500),
+    unsigned(PC_TIMEOUT_MS, "pc_timeout_ms", (0, 60_000), 0, Bridge),
+    unsigned(TAKE_OFF, "take_off", (1, 1), 0, Bridge),
+    unsigned(LAND, "land", (1, 1), 0, Bridge),
+    signed(
+        TRIM_COLLECTIVE_US,
+        "trim_collective_us",
+        (-500, 500),
+        0,
+        OnGround,
+    ),
+    signed(TRIM_ROLL_US, "trim_roll_us", (-500, 500), 0, OnGround),
+    signed(TRIM_PITCH_US, "trim_pitch_us", (-500, 500), 0, OnGround),
+    signed(TRIM_TAIL_US, "trim_tail_us", (-500, 500), 0, OnGround),
+    signed(
+        TRIM_THROTTLE_US,
+        "trim_throttle_us",
+        (-500, 500),
+        0,
+        OnGround,
+    ),
+    unsigned(
+        ROTOR_SPEED_RPM,
+        "rotor_speed_rpm",
+        (500, 3000),
+        1500,
+        OnGround,
+    ),
 ];
 
 /// All 32-bit ports, ascending.
 pub const PORTS_32: &[Port32] = &[
-    float(CRUISE_SPEED_MPS, "cruise_speed_mps", 0.1, 20.0, 5.0),
-    float(CLIMB_SPEED_MPS, "climb_speed_mps", 0.1, 5.0, 2.0),
-    float(ACCEPTANCE_RADIUS_M, "acceptance_radius_m", 0.1, 50.0, 0.5),
-    float(POSITION_GAIN, "position_gain", 0.05, 5.0, 0.8),
-    float(VELOCITY_GAIN, "velocity_gain", 0.05, 10.0, 2.0),
-    float(ATTITUDE_GAIN, "attitude_gain", 0.5, 20.0, 6.0),
-    float(YAW_GAIN, "yaw_gain", 0.05, 10.0, 1.5),
-    float(TAKE_OFF_ALTITUDE_M, "take_off_altitude_m", 0.5, 200.0, 10.0),
+    float(
+        CRUISE_SPEED_MPS,
+        "cruise_speed_mps",
+        (0.1, 20.0),
+        5.0,
+        Always,
+    ),
+    float(CLIMB_SPEED_MPS, "climb_speed_mps", (0.1, 5.0), 2.0, Always),
+    float(
+        ACCEPTANCE_RADIUS_M,
+        "acceptance_radius_m",
+        (0.1, 50.0),
+        0.5,
+        Always,
+    ),
+    float(POSITION_GAIN, "position_gain", (0.05, 5.0), 0.8, OnGround),
+    float(VELOCITY_GAIN, "velocity_gain", (0.05, 10.0), 2.0, OnGround),
+    float(ATTITUDE_GAIN, "attitude_gain", (0.5, 20.0), 6.0, OnGround),
+    float(YAW_GAIN, "yaw_gain", (0.05, 10.0), 1.5, OnGround),
+    float(
+        TAKE_OFF_ALTITUDE_M,
+        "take_off_altitude_m",
+        (0.5, 200.0),
+        10.0,
+        Always,
+    ),
 ];
 
-const fn unsigned(number: u16, name: &'static str, min: i32, max: i32, boot: i32) -> Port16 {
+const fn unsigned(
+    number: u16,
+    name: &'static str,
+    (min, max): (i32, i32),
+    boot: i32,
+    access: Access,
+) -> Port16 {
     Port16 {
         number,
         name,
@@ -157,23 +225,37 @@ const fn unsigned(number: u16, name: &'static str, min: i32, max: i32, boot: i32
         min,
         max,
         boot,
+        access,
     }
 }
 
-const fn signed(number: u16, name: &'static str, min: i32, max: i32, boot: i32) -> Port16 {
+const fn signed(
+    number: u16,
+    name: &'static str,
+    range: (i32, i32),
+    boot: i32,
+    access: Access,
+) -> Port16 {
     Port16 {
         signed: true,
-        ..unsigned(number, name, min, max, boot)
+        ..unsigned(number, name, range, boot, access)
     }
 }
 
-const fn float(number: u16, name: &'static str, min: f32, max: f32, boot: f32) -> Port32 {
+const fn float(
+    number: u16,
+    name: &'static str,
+    (min, max): (f32, f32),
+    boot: f32,
+    access: Access,
+) -> Port32 {
     Port32 {
         number,
         name,
         min,
         max,
         boot,
+        access,
     }
 }
 

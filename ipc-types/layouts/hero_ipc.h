@@ -13,26 +13,30 @@
 #endif
 
 #define HERO_EVENT_ID_MAX 15
-#define HERO_DSP_TELEMETRY_LAYOUT "hero.DspTelemetry.v1"
-#define HERO_DSP_TELEMETRY_LAYOUT_HASH "9fab9632384890ef"
-#define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v1"
-#define HERO_HERO_TELEMETRY_LAYOUT_HASH "8b44b9e905ea8843"
-#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v1"
-#define HERO_MODULE_STATE_LAYOUT_HASH "a94ae55b7dc1e085"
-#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v1/hero.RequestReport.v1"
-#define HERO_MODULE_CONTROL_LAYOUT_HASH "361bb96a97a215ca"
-#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v1/hero.RequestReport.v1"
-#define HERO_MOVEMENT_LAYOUT_HASH "aa76e115f770de63"
+#define HERO_DSP_TELEMETRY_LAYOUT "hero.DspTelemetry.v2"
+#define HERO_DSP_TELEMETRY_LAYOUT_HASH "25be95d4f5a2c01b"
+#define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v2"
+#define HERO_HERO_TELEMETRY_LAYOUT_HASH "cc14cf2487fae1b2"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v2"
+#define HERO_MODULE_STATE_LAYOUT_HASH "aaba1b4bee5d8e24"
+#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v1/hero.RequestReport.v2"
+#define HERO_MODULE_CONTROL_LAYOUT_HASH "4aa467ce33ac6017"
+#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v2/hero.RequestReport.v2"
+#define HERO_MOVEMENT_LAYOUT_HASH "054f1aaa18bd09c9"
+#define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v1/hero.RequestReport.v2"
+#define HERO_PARAMETERS_LAYOUT_HASH "68457090c7457483"
 
 enum hero_control_command {
     HERO_CONTROL_COMMAND_START = 1,
     HERO_CONTROL_COMMAND_STOP = 2,
+    HERO_CONTROL_COMMAND_RELOAD_FENCE = 3,
 };
 
 enum hero_movement_kind {
     HERO_MOVEMENT_KIND_GOTO = 1,
     HERO_MOVEMENT_KIND_TAKEOFF = 2,
     HERO_MOVEMENT_KIND_LAND = 3,
+    HERO_MOVEMENT_KIND_HOLD = 4,
 };
 
 enum hero_module_id {
@@ -53,6 +57,7 @@ enum hero_functionality {
     HERO_FUNCTIONALITY_FOLLOWING_PATH = 4,
     HERO_FUNCTIONALITY_LANDING = 5,
     HERO_FUNCTIONALITY_STOPPING = 6,
+    HERO_FUNCTIONALITY_HOLDING = 7,
 };
 
 enum hero_link_state {
@@ -60,6 +65,48 @@ enum hero_link_state {
     HERO_LINK_STATE_UP = 2,
     HERO_LINK_STATE_SILENT = 3,
     HERO_LINK_STATE_GONE = 4,
+};
+
+enum hero_dsp_path_state {
+    HERO_DSP_PATH_STATE_UNKNOWN = 1,
+    HERO_DSP_PATH_STATE_EMPTY = 2,
+    HERO_DSP_PATH_STATE_OURS = 3,
+};
+
+enum hero_pilot_switch {
+    HERO_PILOT_SWITCH_UNKNOWN = 0,
+    HERO_PILOT_SWITCH_MANUAL = 1,
+    HERO_PILOT_SWITCH_AUTO = 2,
+};
+
+enum hero_safety_rule {
+    HERO_SAFETY_RULE_PILOT_SWITCH = 1,
+    HERO_SAFETY_RULE_FENCE_INCLUSION = 2,
+    HERO_SAFETY_RULE_FENCE_EXCLUSION = 3,
+    HERO_SAFETY_RULE_FENCE_FLOOR = 4,
+    HERO_SAFETY_RULE_FENCE_CEILING = 5,
+    HERO_SAFETY_RULE_BATTERY = 6,
+    HERO_SAFETY_RULE_FUEL = 7,
+    HERO_SAFETY_RULE_LINK_LOSS = 8,
+};
+
+enum hero_safety_action {
+    HERO_SAFETY_ACTION_WARN = 1,
+    HERO_SAFETY_ACTION_REFUSE = 2,
+    HERO_SAFETY_ACTION_HOLD = 3,
+    HERO_SAFETY_ACTION_LAND = 4,
+};
+
+enum hero_parameter_operation {
+    HERO_PARAMETER_OPERATION_READ = 1,
+    HERO_PARAMETER_OPERATION_WRITE = 2,
+    HERO_PARAMETER_OPERATION_LIST = 3,
+};
+
+enum hero_port_kind {
+    HERO_PORT_KIND_U16 = 1,
+    HERO_PORT_KIND_I16 = 2,
+    HERO_PORT_KIND_F32 = 3,
 };
 
 enum hero_stage {
@@ -101,6 +148,14 @@ enum hero_reason {
     HERO_REASON_DELIVERY_FAILED = 26,
     HERO_REASON_NOT_REMEMBERED = 27,
     HERO_REASON_REFUSED_BY_DSP = 28,
+    HERO_REASON_REPLACED = 29,
+    HERO_REASON_PILOT_HAS_CONTROL = 30,
+    HERO_REASON_FENCE_BREACH = 31,
+    HERO_REASON_SUPPLY_LOW = 32,
+    HERO_REASON_LINK_LOST = 33,
+    HERO_REASON_NO_SUCH_PORT = 34,
+    HERO_REASON_NOT_IN_FLIGHT = 35,
+    HERO_REASON_INVALID_FENCE = 36,
 };
 
 enum hero_imi_error {
@@ -256,7 +311,7 @@ HERO_ASSERT(offsetof(DspReferences, roll_deg) == 16);
 HERO_ASSERT(offsetof(DspReferences, yaw_deg) == 20);
 HERO_ASSERT(offsetof(DspReferences, reserved) == 24);
 
-#define HERO_DSP_TELEMETRY_TYPE_NAME "hero.DspTelemetry.v1"
+#define HERO_DSP_TELEMETRY_TYPE_NAME "hero.DspTelemetry.v2"
 typedef struct DspTelemetry {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -267,7 +322,7 @@ typedef struct DspTelemetry {
     uint8_t gps_quality;
     uint32_t dsp_boots;
     uint32_t dsp_errors;
-    uint32_t last_dsp_error_imi;
+    uint32_t last_dsp_error_code;
     uint32_t rotor_rpm;
     DspGeographic geographic;
     DspXy xy;
@@ -293,7 +348,7 @@ HERO_ASSERT(offsetof(DspTelemetry, flying) == 30);
 HERO_ASSERT(offsetof(DspTelemetry, gps_quality) == 31);
 HERO_ASSERT(offsetof(DspTelemetry, dsp_boots) == 32);
 HERO_ASSERT(offsetof(DspTelemetry, dsp_errors) == 36);
-HERO_ASSERT(offsetof(DspTelemetry, last_dsp_error_imi) == 40);
+HERO_ASSERT(offsetof(DspTelemetry, last_dsp_error_code) == 40);
 HERO_ASSERT(offsetof(DspTelemetry, rotor_rpm) == 44);
 HERO_ASSERT(offsetof(DspTelemetry, geographic) == 48);
 HERO_ASSERT(offsetof(DspTelemetry, xy) == 72);
@@ -420,7 +475,22 @@ HERO_ASSERT(offsetof(HeroReferences, roll_rad) == 12);
 HERO_ASSERT(offsetof(HeroReferences, pitch_rad) == 16);
 HERO_ASSERT(offsetof(HeroReferences, yaw_rad) == 20);
 
-#define HERO_HERO_TELEMETRY_TYPE_NAME "hero.HeroTelemetry.v1"
+#define HERO_HERO_ESTIMATE_TYPE_NAME "hero.HeroEstimate.v1"
+typedef struct HeroEstimate {
+    double altitude_m;
+    double altitude_variance_m2;
+    double vertical_speed_mps;
+    uint32_t inputs;
+    uint32_t valid;
+} HeroEstimate;
+HERO_ASSERT(sizeof(HeroEstimate) == 32);
+HERO_ASSERT(offsetof(HeroEstimate, altitude_m) == 0);
+HERO_ASSERT(offsetof(HeroEstimate, altitude_variance_m2) == 8);
+HERO_ASSERT(offsetof(HeroEstimate, vertical_speed_mps) == 16);
+HERO_ASSERT(offsetof(HeroEstimate, inputs) == 24);
+HERO_ASSERT(offsetof(HeroEstimate, valid) == 28);
+
+#define HERO_HERO_TELEMETRY_TYPE_NAME "hero.HeroTelemetry.v2"
 typedef struct HeroTelemetry {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -433,7 +503,7 @@ typedef struct HeroTelemetry {
     uint32_t flying;
     uint32_t dsp_boots;
     uint32_t dsp_errors;
-    uint32_t last_dsp_error_imi;
+    uint32_t last_dsp_error_code;
     uint32_t gps_quality;
     HeroGeodetic geodetic;
     HeroLocal local;
@@ -450,8 +520,9 @@ typedef struct HeroTelemetry {
     float tilt_rad;
     float rotor_radps;
     HeroReferences references;
+    HeroEstimate estimate;
 } HeroTelemetry;
-HERO_ASSERT(sizeof(HeroTelemetry) == 272);
+HERO_ASSERT(sizeof(HeroTelemetry) == 304);
 HERO_ASSERT(offsetof(HeroTelemetry, sequence) == 0);
 HERO_ASSERT(offsetof(HeroTelemetry, epoch_ns) == 8);
 HERO_ASSERT(offsetof(HeroTelemetry, source_sequence) == 16);
@@ -463,7 +534,7 @@ HERO_ASSERT(offsetof(HeroTelemetry, valid_groups) == 56);
 HERO_ASSERT(offsetof(HeroTelemetry, flying) == 60);
 HERO_ASSERT(offsetof(HeroTelemetry, dsp_boots) == 64);
 HERO_ASSERT(offsetof(HeroTelemetry, dsp_errors) == 68);
-HERO_ASSERT(offsetof(HeroTelemetry, last_dsp_error_imi) == 72);
+HERO_ASSERT(offsetof(HeroTelemetry, last_dsp_error_code) == 72);
 HERO_ASSERT(offsetof(HeroTelemetry, gps_quality) == 76);
 HERO_ASSERT(offsetof(HeroTelemetry, geodetic) == 80);
 HERO_ASSERT(offsetof(HeroTelemetry, local) == 104);
@@ -480,6 +551,7 @@ HERO_ASSERT(offsetof(HeroTelemetry, pan_rad) == 236);
 HERO_ASSERT(offsetof(HeroTelemetry, tilt_rad) == 240);
 HERO_ASSERT(offsetof(HeroTelemetry, rotor_radps) == 244);
 HERO_ASSERT(offsetof(HeroTelemetry, references) == 248);
+HERO_ASSERT(offsetof(HeroTelemetry, estimate) == 272);
 
 #define HERO_MOVEMENT_STATE_TYPE_NAME "hero.MovementState.v1"
 typedef struct MovementState {
@@ -502,7 +574,7 @@ HERO_ASSERT(offsetof(MovementState, waypoints_reached) == 28);
 HERO_ASSERT(offsetof(MovementState, distance_to_go_m) == 32);
 HERO_ASSERT(offsetof(MovementState, distance_valid) == 36);
 
-#define HERO_LINK_HEALTH_TYPE_NAME "hero.LinkHealth.v1"
+#define HERO_LINK_HEALTH_TYPE_NAME "hero.LinkHealth.v2"
 typedef struct LinkHealth {
     uint64_t last_message_ns;
     uint64_t last_telemetry_ns;
@@ -521,8 +593,10 @@ typedef struct LinkHealth {
     uint32_t delivery_verified;
     uint32_t telemetry_published;
     uint32_t telemetry_incoherent;
+    uint32_t dsp_path;
+    uint32_t pc_timeout_supported;
 } LinkHealth;
-HERO_ASSERT(sizeof(LinkHealth) == 88);
+HERO_ASSERT(sizeof(LinkHealth) == 96);
 HERO_ASSERT(offsetof(LinkHealth, last_message_ns) == 0);
 HERO_ASSERT(offsetof(LinkHealth, last_telemetry_ns) == 8);
 HERO_ASSERT(offsetof(LinkHealth, state_since_ns) == 16);
@@ -540,6 +614,8 @@ HERO_ASSERT(offsetof(LinkHealth, waypoints_repeated) == 72);
 HERO_ASSERT(offsetof(LinkHealth, delivery_verified) == 76);
 HERO_ASSERT(offsetof(LinkHealth, telemetry_published) == 80);
 HERO_ASSERT(offsetof(LinkHealth, telemetry_incoherent) == 84);
+HERO_ASSERT(offsetof(LinkHealth, dsp_path) == 88);
+HERO_ASSERT(offsetof(LinkHealth, pc_timeout_supported) == 92);
 
 #define HERO_REFUSED_COUNTERS_TYPE_NAME "hero.RefusedCounters.v1"
 typedef struct RefusedCounters {
@@ -570,22 +646,41 @@ HERO_ASSERT(offsetof(RefusedCounters, transmit_overflows) == 36);
 HERO_ASSERT(offsetof(RefusedCounters, other_profile) == 40);
 HERO_ASSERT(offsetof(RefusedCounters, missed_messages) == 44);
 
-#define HERO_DSP_ERROR_COUNTERS_TYPE_NAME "hero.DspErrorCounters.v1"
+#define HERO_DSP_ERROR_COUNTERS_TYPE_NAME "hero.DspErrorCounters.v2"
 typedef struct DspErrorCounters {
     uint32_t total;
     uint32_t unknown;
-    uint32_t last_imi;
-    uint32_t transcended;
+    uint32_t last_code;
+    uint32_t escalated;
     uint32_t known[26];
 } DspErrorCounters;
 HERO_ASSERT(sizeof(DspErrorCounters) == 120);
 HERO_ASSERT(offsetof(DspErrorCounters, total) == 0);
 HERO_ASSERT(offsetof(DspErrorCounters, unknown) == 4);
-HERO_ASSERT(offsetof(DspErrorCounters, last_imi) == 8);
-HERO_ASSERT(offsetof(DspErrorCounters, transcended) == 12);
+HERO_ASSERT(offsetof(DspErrorCounters, last_code) == 8);
+HERO_ASSERT(offsetof(DspErrorCounters, escalated) == 12);
 HERO_ASSERT(offsetof(DspErrorCounters, known) == 16);
 
-#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v1"
+#define HERO_SAFETY_STATE_TYPE_NAME "hero.SafetyState.v1"
+typedef struct SafetyState {
+    double amount;
+    uint32_t rule;
+    uint32_t action;
+    uint32_t pilot_switch;
+    uint32_t fence_areas;
+    uint32_t interventions;
+    uint32_t reserved;
+} SafetyState;
+HERO_ASSERT(sizeof(SafetyState) == 32);
+HERO_ASSERT(offsetof(SafetyState, amount) == 0);
+HERO_ASSERT(offsetof(SafetyState, rule) == 8);
+HERO_ASSERT(offsetof(SafetyState, action) == 12);
+HERO_ASSERT(offsetof(SafetyState, pilot_switch) == 16);
+HERO_ASSERT(offsetof(SafetyState, fence_areas) == 20);
+HERO_ASSERT(offsetof(SafetyState, interventions) == 24);
+HERO_ASSERT(offsetof(SafetyState, reserved) == 28);
+
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v2"
 typedef struct ModuleState {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -600,8 +695,9 @@ typedef struct ModuleState {
     LinkHealth link;
     RefusedCounters refused;
     DspErrorCounters dsp_errors;
+    SafetyState safety;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 344);
+HERO_ASSERT(sizeof(ModuleState) == 384);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -613,8 +709,9 @@ HERO_ASSERT(offsetof(ModuleState, functionality) == 40);
 HERO_ASSERT(offsetof(ModuleState, unable_to_abort) == 44);
 HERO_ASSERT(offsetof(ModuleState, movement) == 48);
 HERO_ASSERT(offsetof(ModuleState, link) == 88);
-HERO_ASSERT(offsetof(ModuleState, refused) == 176);
-HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 224);
+HERO_ASSERT(offsetof(ModuleState, refused) == 184);
+HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 232);
+HERO_ASSERT(offsetof(ModuleState, safety) == 352);
 
 #define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v1"
 typedef struct ModuleControl {
@@ -627,7 +724,7 @@ HERO_ASSERT(offsetof(ModuleControl, request_id) == 0);
 HERO_ASSERT(offsetof(ModuleControl, command) == 8);
 HERO_ASSERT(offsetof(ModuleControl, deadline_ms) == 12);
 
-#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v1"
+#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v2"
 typedef struct MovementData {
     uint64_t request_id;
     uint64_t path_id;
@@ -638,7 +735,8 @@ typedef struct MovementData {
     uint16_t first;
     uint16_t last;
     uint32_t deadline_ms;
-    uint32_t repeat;
+    uint16_t repeat;
+    uint16_t preempt;
 } MovementData;
 HERO_ASSERT(sizeof(MovementData) == 56);
 HERO_ASSERT(offsetof(MovementData, request_id) == 0);
@@ -651,8 +749,45 @@ HERO_ASSERT(offsetof(MovementData, first) == 44);
 HERO_ASSERT(offsetof(MovementData, last) == 46);
 HERO_ASSERT(offsetof(MovementData, deadline_ms) == 48);
 HERO_ASSERT(offsetof(MovementData, repeat) == 52);
+HERO_ASSERT(offsetof(MovementData, preempt) == 54);
 
-#define HERO_REQUEST_REPORT_TYPE_NAME "hero.RequestReport.v1"
+#define HERO_PARAMETER_REQUEST_TYPE_NAME "hero.ParameterRequest.v1"
+typedef struct ParameterRequest {
+    uint64_t request_id;
+    double value;
+    uint32_t port;
+    uint32_t operation;
+    uint32_t deadline_ms;
+    uint32_t reserved;
+} ParameterRequest;
+HERO_ASSERT(sizeof(ParameterRequest) == 32);
+HERO_ASSERT(offsetof(ParameterRequest, request_id) == 0);
+HERO_ASSERT(offsetof(ParameterRequest, value) == 8);
+HERO_ASSERT(offsetof(ParameterRequest, port) == 16);
+HERO_ASSERT(offsetof(ParameterRequest, operation) == 20);
+HERO_ASSERT(offsetof(ParameterRequest, deadline_ms) == 24);
+HERO_ASSERT(offsetof(ParameterRequest, reserved) == 28);
+
+#define HERO_PORT_INFO_TYPE_NAME "hero.PortInfo.v1"
+typedef struct PortInfo {
+    double min;
+    double max;
+    uint32_t number;
+    uint32_t kind;
+    uint32_t access;
+    uint32_t count;
+    uint8_t name[32];
+} PortInfo;
+HERO_ASSERT(sizeof(PortInfo) == 64);
+HERO_ASSERT(offsetof(PortInfo, min) == 0);
+HERO_ASSERT(offsetof(PortInfo, max) == 8);
+HERO_ASSERT(offsetof(PortInfo, number) == 16);
+HERO_ASSERT(offsetof(PortInfo, kind) == 20);
+HERO_ASSERT(offsetof(PortInfo, access) == 24);
+HERO_ASSERT(offsetof(PortInfo, count) == 28);
+HERO_ASSERT(offsetof(PortInfo, name) == 32);
+
+#define HERO_REQUEST_REPORT_TYPE_NAME "hero.RequestReport.v2"
 typedef struct RequestReport {
     uint64_t request_id;
     uint64_t path_id;
@@ -663,8 +798,15 @@ typedef struct RequestReport {
     uint32_t waypoints_total;
     uint32_t waypoints_sent;
     uint32_t waypoints_reached;
+    uint32_t rule;
+    uint32_t waypoint;
+    uint32_t dsp_error_code;
+    uint16_t dsp_error_valid;
+    uint16_t value_valid;
+    double value;
+    PortInfo port;
 } RequestReport;
-HERO_ASSERT(sizeof(RequestReport) == 48);
+HERO_ASSERT(sizeof(RequestReport) == 136);
 HERO_ASSERT(offsetof(RequestReport, request_id) == 0);
 HERO_ASSERT(offsetof(RequestReport, path_id) == 8);
 HERO_ASSERT(offsetof(RequestReport, reported_ns) == 16);
@@ -674,5 +816,12 @@ HERO_ASSERT(offsetof(RequestReport, imi_error) == 32);
 HERO_ASSERT(offsetof(RequestReport, waypoints_total) == 36);
 HERO_ASSERT(offsetof(RequestReport, waypoints_sent) == 40);
 HERO_ASSERT(offsetof(RequestReport, waypoints_reached) == 44);
+HERO_ASSERT(offsetof(RequestReport, rule) == 48);
+HERO_ASSERT(offsetof(RequestReport, waypoint) == 52);
+HERO_ASSERT(offsetof(RequestReport, dsp_error_code) == 56);
+HERO_ASSERT(offsetof(RequestReport, dsp_error_valid) == 60);
+HERO_ASSERT(offsetof(RequestReport, value_valid) == 62);
+HERO_ASSERT(offsetof(RequestReport, value) == 64);
+HERO_ASSERT(offsetof(RequestReport, port) == 72);
 
 #endif

@@ -8,23 +8,26 @@ import enum
 
 #: By service: the values of its attributes `layout` and `layout_hash`.
 LAYOUTS = {
-    "dsp_telemetry": ("hero.DspTelemetry.v1", "9fab9632384890ef"),
-    "hero_telemetry": ("hero.HeroTelemetry.v1", "8b44b9e905ea8843"),
-    "module_state": ("hero.ModuleState.v1", "a94ae55b7dc1e085"),
-    "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v1", "361bb96a97a215ca"),
-    "movement": ("hero.MovementData.v1/hero.RequestReport.v1", "aa76e115f770de63"),
+    "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
+    "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
+    "module_state": ("hero.ModuleState.v2", "aaba1b4bee5d8e24"),
+    "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v2", "4aa467ce33ac6017"),
+    "movement": ("hero.MovementData.v2/hero.RequestReport.v2", "054f1aaa18bd09c9"),
+    "parameters": ("hero.ParameterRequest.v1/hero.RequestReport.v2", "68457090c7457483"),
 }
 
 
 class ControlCommand(enum.IntEnum):
     START = 1
     STOP = 2
+    RELOAD_FENCE = 3
 
 
 class MovementKind(enum.IntEnum):
     GOTO = 1
     TAKEOFF = 2
     LAND = 3
+    HOLD = 4
 
 
 class ModuleId(enum.IntEnum):
@@ -45,6 +48,7 @@ class Functionality(enum.IntEnum):
     FOLLOWING_PATH = 4
     LANDING = 5
     STOPPING = 6
+    HOLDING = 7
 
 
 class LinkState(enum.IntEnum):
@@ -52,6 +56,48 @@ class LinkState(enum.IntEnum):
     UP = 2
     SILENT = 3
     GONE = 4
+
+
+class DspPathState(enum.IntEnum):
+    UNKNOWN = 1
+    EMPTY = 2
+    OURS = 3
+
+
+class PilotSwitch(enum.IntEnum):
+    UNKNOWN = 0
+    MANUAL = 1
+    AUTO = 2
+
+
+class SafetyRule(enum.IntEnum):
+    PILOT_SWITCH = 1
+    FENCE_INCLUSION = 2
+    FENCE_EXCLUSION = 3
+    FENCE_FLOOR = 4
+    FENCE_CEILING = 5
+    BATTERY = 6
+    FUEL = 7
+    LINK_LOSS = 8
+
+
+class SafetyAction(enum.IntEnum):
+    WARN = 1
+    REFUSE = 2
+    HOLD = 3
+    LAND = 4
+
+
+class ParameterOperation(enum.IntEnum):
+    READ = 1
+    WRITE = 2
+    LIST = 3
+
+
+class PortKind(enum.IntEnum):
+    U16 = 1
+    I16 = 2
+    F32 = 3
 
 
 class Stage(enum.IntEnum):
@@ -93,6 +139,14 @@ class Reason(enum.IntEnum):
     DELIVERY_FAILED = 26
     NOT_REMEMBERED = 27
     REFUSED_BY_DSP = 28
+    REPLACED = 29
+    PILOT_HAS_CONTROL = 30
+    FENCE_BREACH = 31
+    SUPPLY_LOW = 32
+    LINK_LOST = 33
+    NO_SUCH_PORT = 34
+    NOT_IN_FLIGHT = 35
+    INVALID_FENCE = 36
 
 
 class ImiError(enum.IntEnum):
@@ -329,7 +383,7 @@ class DspTelemetry(ctypes.Structure):
         ("gps_quality", ctypes.c_uint8),
         ("dsp_boots", ctypes.c_uint32),
         ("dsp_errors", ctypes.c_uint32),
-        ("last_dsp_error_imi", ctypes.c_uint32),
+        ("last_dsp_error_code", ctypes.c_uint32),
         ("rotor_rpm", ctypes.c_uint32),
         ("geographic", DspGeographic),
         ("xy", DspXy),
@@ -348,7 +402,7 @@ class DspTelemetry(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.DspTelemetry.v1"
+        return "hero.DspTelemetry.v2"
 
 
 assert ctypes.sizeof(DspTelemetry) == 232
@@ -361,7 +415,7 @@ assert DspTelemetry.flying.offset == 30
 assert DspTelemetry.gps_quality.offset == 31
 assert DspTelemetry.dsp_boots.offset == 32
 assert DspTelemetry.dsp_errors.offset == 36
-assert DspTelemetry.last_dsp_error_imi.offset == 40
+assert DspTelemetry.last_dsp_error_code.offset == 40
 assert DspTelemetry.rotor_rpm.offset == 44
 assert DspTelemetry.geographic.offset == 48
 assert DspTelemetry.xy.offset == 72
@@ -552,6 +606,28 @@ assert HeroReferences.pitch_rad.offset == 16
 assert HeroReferences.yaw_rad.offset == 20
 
 
+class HeroEstimate(ctypes.Structure):
+    _fields_ = [
+        ("altitude_m", ctypes.c_double),
+        ("altitude_variance_m2", ctypes.c_double),
+        ("vertical_speed_mps", ctypes.c_double),
+        ("inputs", ctypes.c_uint32),
+        ("valid", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.HeroEstimate.v1"
+
+
+assert ctypes.sizeof(HeroEstimate) == 32
+assert HeroEstimate.altitude_m.offset == 0
+assert HeroEstimate.altitude_variance_m2.offset == 8
+assert HeroEstimate.vertical_speed_mps.offset == 16
+assert HeroEstimate.inputs.offset == 24
+assert HeroEstimate.valid.offset == 28
+
+
 class HeroTelemetry(ctypes.Structure):
     _fields_ = [
         ("sequence", ctypes.c_uint64),
@@ -565,7 +641,7 @@ class HeroTelemetry(ctypes.Structure):
         ("flying", ctypes.c_uint32),
         ("dsp_boots", ctypes.c_uint32),
         ("dsp_errors", ctypes.c_uint32),
-        ("last_dsp_error_imi", ctypes.c_uint32),
+        ("last_dsp_error_code", ctypes.c_uint32),
         ("gps_quality", ctypes.c_uint32),
         ("geodetic", HeroGeodetic),
         ("local", HeroLocal),
@@ -582,14 +658,15 @@ class HeroTelemetry(ctypes.Structure):
         ("tilt_rad", ctypes.c_float),
         ("rotor_radps", ctypes.c_float),
         ("references", HeroReferences),
+        ("estimate", HeroEstimate),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.HeroTelemetry.v1"
+        return "hero.HeroTelemetry.v2"
 
 
-assert ctypes.sizeof(HeroTelemetry) == 272
+assert ctypes.sizeof(HeroTelemetry) == 304
 assert HeroTelemetry.sequence.offset == 0
 assert HeroTelemetry.epoch_ns.offset == 8
 assert HeroTelemetry.source_sequence.offset == 16
@@ -601,7 +678,7 @@ assert HeroTelemetry.valid_groups.offset == 56
 assert HeroTelemetry.flying.offset == 60
 assert HeroTelemetry.dsp_boots.offset == 64
 assert HeroTelemetry.dsp_errors.offset == 68
-assert HeroTelemetry.last_dsp_error_imi.offset == 72
+assert HeroTelemetry.last_dsp_error_code.offset == 72
 assert HeroTelemetry.gps_quality.offset == 76
 assert HeroTelemetry.geodetic.offset == 80
 assert HeroTelemetry.local.offset == 104
@@ -618,6 +695,7 @@ assert HeroTelemetry.pan_rad.offset == 236
 assert HeroTelemetry.tilt_rad.offset == 240
 assert HeroTelemetry.rotor_radps.offset == 244
 assert HeroTelemetry.references.offset == 248
+assert HeroTelemetry.estimate.offset == 272
 
 
 class MovementState(ctypes.Structure):
@@ -667,14 +745,16 @@ class LinkHealth(ctypes.Structure):
         ("delivery_verified", ctypes.c_uint32),
         ("telemetry_published", ctypes.c_uint32),
         ("telemetry_incoherent", ctypes.c_uint32),
+        ("dsp_path", ctypes.c_uint32),
+        ("pc_timeout_supported", ctypes.c_uint32),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.LinkHealth.v1"
+        return "hero.LinkHealth.v2"
 
 
-assert ctypes.sizeof(LinkHealth) == 88
+assert ctypes.sizeof(LinkHealth) == 96
 assert LinkHealth.last_message_ns.offset == 0
 assert LinkHealth.last_telemetry_ns.offset == 8
 assert LinkHealth.state_since_ns.offset == 16
@@ -692,6 +772,8 @@ assert LinkHealth.waypoints_repeated.offset == 72
 assert LinkHealth.delivery_verified.offset == 76
 assert LinkHealth.telemetry_published.offset == 80
 assert LinkHealth.telemetry_incoherent.offset == 84
+assert LinkHealth.dsp_path.offset == 88
+assert LinkHealth.pc_timeout_supported.offset == 92
 
 
 class RefusedCounters(ctypes.Structure):
@@ -734,22 +816,48 @@ class DspErrorCounters(ctypes.Structure):
     _fields_ = [
         ("total", ctypes.c_uint32),
         ("unknown", ctypes.c_uint32),
-        ("last_imi", ctypes.c_uint32),
-        ("transcended", ctypes.c_uint32),
+        ("last_code", ctypes.c_uint32),
+        ("escalated", ctypes.c_uint32),
         ("known", ctypes.c_uint32 * 26),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.DspErrorCounters.v1"
+        return "hero.DspErrorCounters.v2"
 
 
 assert ctypes.sizeof(DspErrorCounters) == 120
 assert DspErrorCounters.total.offset == 0
 assert DspErrorCounters.unknown.offset == 4
-assert DspErrorCounters.last_imi.offset == 8
-assert DspErrorCounters.transcended.offset == 12
+assert DspErrorCounters.last_code.offset == 8
+assert DspErrorCounters.escalated.offset == 12
 assert DspErrorCounters.known.offset == 16
+
+
+class SafetyState(ctypes.Structure):
+    _fields_ = [
+        ("amount", ctypes.c_double),
+        ("rule", ctypes.c_uint32),
+        ("action", ctypes.c_uint32),
+        ("pilot_switch", ctypes.c_uint32),
+        ("fence_areas", ctypes.c_uint32),
+        ("interventions", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.SafetyState.v1"
+
+
+assert ctypes.sizeof(SafetyState) == 32
+assert SafetyState.amount.offset == 0
+assert SafetyState.rule.offset == 8
+assert SafetyState.action.offset == 12
+assert SafetyState.pilot_switch.offset == 16
+assert SafetyState.fence_areas.offset == 20
+assert SafetyState.interventions.offset == 24
+assert SafetyState.reserved.offset == 28
 
 
 class ModuleState(ctypes.Structure):
@@ -767,14 +875,15 @@ class ModuleState(ctypes.Structure):
         ("link", LinkHealth),
         ("refused", RefusedCounters),
         ("dsp_errors", DspErrorCounters),
+        ("safety", SafetyState),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleState.v1"
+        return "hero.ModuleState.v2"
 
 
-assert ctypes.sizeof(ModuleState) == 344
+assert ctypes.sizeof(ModuleState) == 384
 assert ModuleState.sequence.offset == 0
 assert ModuleState.epoch_ns.offset == 8
 assert ModuleState.published_ns.offset == 16
@@ -786,8 +895,9 @@ assert ModuleState.functionality.offset == 40
 assert ModuleState.unable_to_abort.offset == 44
 assert ModuleState.movement.offset == 48
 assert ModuleState.link.offset == 88
-assert ModuleState.refused.offset == 176
-assert ModuleState.dsp_errors.offset == 224
+assert ModuleState.refused.offset == 184
+assert ModuleState.dsp_errors.offset == 232
+assert ModuleState.safety.offset == 352
 
 
 class ModuleControl(ctypes.Structure):
@@ -819,12 +929,13 @@ class MovementData(ctypes.Structure):
         ("first", ctypes.c_uint16),
         ("last", ctypes.c_uint16),
         ("deadline_ms", ctypes.c_uint32),
-        ("repeat", ctypes.c_uint32),
+        ("repeat", ctypes.c_uint16),
+        ("preempt", ctypes.c_uint16),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.MovementData.v1"
+        return "hero.MovementData.v2"
 
 
 assert ctypes.sizeof(MovementData) == 56
@@ -838,6 +949,57 @@ assert MovementData.first.offset == 44
 assert MovementData.last.offset == 46
 assert MovementData.deadline_ms.offset == 48
 assert MovementData.repeat.offset == 52
+assert MovementData.preempt.offset == 54
+
+
+class ParameterRequest(ctypes.Structure):
+    _fields_ = [
+        ("request_id", ctypes.c_uint64),
+        ("value", ctypes.c_double),
+        ("port", ctypes.c_uint32),
+        ("operation", ctypes.c_uint32),
+        ("deadline_ms", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ParameterRequest.v1"
+
+
+assert ctypes.sizeof(ParameterRequest) == 32
+assert ParameterRequest.request_id.offset == 0
+assert ParameterRequest.value.offset == 8
+assert ParameterRequest.port.offset == 16
+assert ParameterRequest.operation.offset == 20
+assert ParameterRequest.deadline_ms.offset == 24
+assert ParameterRequest.reserved.offset == 28
+
+
+class PortInfo(ctypes.Structure):
+    _fields_ = [
+        ("min", ctypes.c_double),
+        ("max", ctypes.c_double),
+        ("number", ctypes.c_uint32),
+        ("kind", ctypes.c_uint32),
+        ("access", ctypes.c_uint32),
+        ("count", ctypes.c_uint32),
+        ("name", ctypes.c_uint8 * 32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.PortInfo.v1"
+
+
+assert ctypes.sizeof(PortInfo) == 64
+assert PortInfo.min.offset == 0
+assert PortInfo.max.offset == 8
+assert PortInfo.number.offset == 16
+assert PortInfo.kind.offset == 20
+assert PortInfo.access.offset == 24
+assert PortInfo.count.offset == 28
+assert PortInfo.name.offset == 32
 
 
 class RequestReport(ctypes.Structure):
@@ -851,14 +1013,21 @@ class RequestReport(ctypes.Structure):
         ("waypoints_total", ctypes.c_uint32),
         ("waypoints_sent", ctypes.c_uint32),
         ("waypoints_reached", ctypes.c_uint32),
+        ("rule", ctypes.c_uint32),
+        ("waypoint", ctypes.c_uint32),
+        ("dsp_error_code", ctypes.c_uint32),
+        ("dsp_error_valid", ctypes.c_uint16),
+        ("value_valid", ctypes.c_uint16),
+        ("value", ctypes.c_double),
+        ("port", PortInfo),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RequestReport.v1"
+        return "hero.RequestReport.v2"
 
 
-assert ctypes.sizeof(RequestReport) == 48
+assert ctypes.sizeof(RequestReport) == 136
 assert RequestReport.request_id.offset == 0
 assert RequestReport.path_id.offset == 8
 assert RequestReport.reported_ns.offset == 16
@@ -868,3 +1037,10 @@ assert RequestReport.imi_error.offset == 32
 assert RequestReport.waypoints_total.offset == 36
 assert RequestReport.waypoints_sent.offset == 40
 assert RequestReport.waypoints_reached.offset == 44
+assert RequestReport.rule.offset == 48
+assert RequestReport.waypoint.offset == 52
+assert RequestReport.dsp_error_code.offset == 56
+assert RequestReport.dsp_error_valid.offset == 60
+assert RequestReport.value_valid.offset == 62
+assert RequestReport.value.offset == 64
+assert RequestReport.port.offset == 72

@@ -64,6 +64,8 @@ codes! {
         Start = 1 => "start",
         /// `STOP_MODULE`
         Stop = 2 => "stop",
+        /// Read the geofence of the configuration again; a path under way is checked against it. Not of the source.
+        ReloadFence = 3 => "reload-fence",
     }
 }
 
@@ -76,6 +78,8 @@ codes! {
         TakeOff = 2 => "takeoff",
         /// Land on the spot (`RS_LAND`).
         Land = 3 => "land",
+        /// Stop on the spot and stay started; ends a path that is under way. Not of the source.
+        Hold = 4 => "hold",
     }
 }
 
@@ -116,6 +120,8 @@ codes! {
         Landing = 5 => "landing",
         /// A stop is being carried out.
         Stopping = 6 => "stopping",
+        /// The helicopter is told to hover where it is; the module stays started.
+        Holding = 7 => "holding",
     }
 }
 
@@ -130,6 +136,90 @@ codes! {
         Silent = 3 => "silent",
         /// There is no port.
         Gone = 4 => "gone",
+    }
+}
+
+codes! {
+    /// What the DSP's path buffer may hold.
+    pub enum DspPathState {
+        /// Not known: it may hold waypoints of a movement that has ended. The bridge empties it before anything else.
+        Unknown = 1 => "unknown",
+        /// Nothing: the DSP has acknowledged that it was emptied.
+        Empty = 2 => "empty",
+        /// Waypoints of the path under way.
+        Ours = 3 => "ours",
+    }
+}
+
+codes! {
+    /// The pilot's switch.
+    pub enum PilotSwitch {
+        /// The DSP does not send it, or it is not fresh.
+        Unknown = 0 => "unknown",
+        /// The pilot flies.
+        Manual = 1 => "manual",
+        /// The DSP flies.
+        Auto = 2 => "auto",
+    }
+}
+
+codes! {
+    /// A rule of flight safety; its unit is that of the amount by which it was broken.
+    pub enum SafetyRule {
+        /// The pilot's switch is on manual.
+        PilotSwitch = 1 => "pilot-switch",
+        /// Outside every inclusion area of the geofence, m.
+        FenceInclusion = 2 => "fence-inclusion",
+        /// In an exclusion area of the geofence, m.
+        FenceExclusion = 3 => "fence-exclusion",
+        /// Below the floor of the geofence, m.
+        FenceFloor = 4 => "fence-floor",
+        /// Above the ceiling of the geofence, m.
+        FenceCeiling = 5 => "fence-ceiling",
+        /// Battery voltage, V.
+        Battery = 6 => "battery",
+        /// Fuel, %.
+        Fuel = 7 => "fuel",
+        /// The link was lost in flight, s.
+        LinkLoss = 8 => "link-loss",
+    }
+}
+
+codes! {
+    /// What the bridge does when a safety rule is violated, from mild to severe.
+    pub enum SafetyAction {
+        /// It is shown and logged.
+        Warn = 1 => "warn",
+        /// New movements are refused, but for landing.
+        Refuse = 2 => "refuse",
+        /// A path under way is ended; the helicopter hovers.
+        Hold = 3 => "hold",
+        /// A path under way is ended and the helicopter is told to land.
+        Land = 4 => "land",
+    }
+}
+
+codes! {
+    /// What a parameter request asks for.
+    pub enum ParameterOperation {
+        /// The value of a port.
+        Read = 1 => "read",
+        /// Write a port; the value that the DSP then has is reported.
+        Write = 2 => "write",
+        /// The description of a port of the list.
+        List = 3 => "list",
+    }
+}
+
+codes! {
+    /// How the value of a port is coded.
+    pub enum PortKind {
+        /// 16 bits, unsigned.
+        U16 = 1 => "u16",
+        /// 16 bits, two's complement.
+        I16 = 2 => "i16",
+        /// 32 bits, IEEE 754.
+        F32 = 3 => "f32",
     }
 }
 
@@ -219,6 +309,22 @@ codes! {
         NotRemembered = 27 => "not-remembered",
         /// The DSP got the order and does not carry it out.
         RefusedByDsp = 28 => "refused-by-dsp",
+        /// Another movement pre-empted this one.
+        Replaced = 29 => "replaced",
+        /// The pilot's switch is on manual.
+        PilotHasControl = 30 => "pilot-has-control",
+        /// The geofence forbids it.
+        FenceBreach = 31 => "fence-breach",
+        /// Battery or fuel is below its limit.
+        SupplyLow = 32 => "supply-low",
+        /// The link to the DSP was lost in flight.
+        LinkLost = 33 => "link-lost",
+        /// The port does not exist, or may not be written by request.
+        NoSuchPort = 34 => "no-such-port",
+        /// The port may not be written while the helicopter flies.
+        NotInFlight = 35 => "not-in-flight",
+        /// The geofence in the configuration is not valid; the one in force stays.
+        InvalidFence = 36 => "invalid-fence",
     }
 }
 
@@ -264,6 +370,14 @@ impl ImiCode {
     /// Whether it stands for no error.
     pub const fn is_none(self) -> bool {
         self.0 == ImiError::None.code()
+    }
+
+    /// The IMI code of a DSP error, 201 … 500; nothing for a code that has no place in that interval (0, or over 300).
+    pub const fn of_dsp(code: u32) -> Option<ImiCode> {
+        match code {
+            1..=300 => Some(ImiCode(code + IMI_DSP_OFFSET)),
+            _ => None,
+        }
     }
 }
 

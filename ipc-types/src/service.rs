@@ -5,8 +5,8 @@
 
 use crate::iox::Wire;
 use crate::payload::{
-    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
-    SharedStruct, layout_hash,
+    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RequestReport, SharedStruct, layout_hash,
 };
 use crate::robot::RobotId;
 
@@ -23,6 +23,8 @@ pub enum ServiceId {
     ModuleControl,
     /// Movements, operator → bridge (`UAV_BRIDGE_DATA_SLOT`).
     Movement,
+    /// The DSP's virtual ports at run time, operator → bridge. Not of the source.
+    Parameters,
 }
 
 /// How a service carries its data.
@@ -56,12 +58,12 @@ pub struct ServiceSpec {
 /// Joins a request's type name and the report's, as the attribute `layout` has them.
 macro_rules! request_layout {
     ($request:literal) => {
-        concat!($request, "/", "hero.RequestReport.v1")
+        concat!($request, "/", "hero.RequestReport.v2")
     };
 }
 
 /// All services, in the order of their slot numbers.
-pub const SERVICES: [ServiceSpec; 5] = [
+pub const SERVICES: [ServiceSpec; 6] = [
     ServiceSpec {
         id: ServiceId::DspTelemetry,
         key: "dsp_telemetry",
@@ -104,8 +106,17 @@ pub const SERVICES: [ServiceSpec; 5] = [
         original: "UAV_BRIDGE_DATA_SLOT",
         slot_offset: 4,
         pattern: Pattern::Secure,
-        layout: request_layout!("hero.MovementData.v1"),
+        layout: request_layout!("hero.MovementData.v2"),
         layout_hash: layout_hash(&[MovementData::FIELDS, RequestReport::FIELDS]),
+    },
+    ServiceSpec {
+        id: ServiceId::Parameters,
+        key: "parameters",
+        original: "-",
+        slot_offset: 5,
+        pattern: Pattern::Secure,
+        layout: request_layout!("hero.ParameterRequest.v1"),
+        layout_hash: layout_hash(&[ParameterRequest::FIELDS, RequestReport::FIELDS]),
     },
 ];
 
@@ -205,6 +216,18 @@ impl Request for MovementData {
 
     fn path_id(&self) -> u64 {
         self.path_id
+    }
+}
+
+impl Request for ParameterRequest {
+    const SERVICE: ServiceId = ServiceId::Parameters;
+
+    fn request_id(&self) -> u64 {
+        self.request_id
+    }
+
+    fn path_id(&self) -> u64 {
+        0
     }
 }
 
@@ -311,6 +334,7 @@ mod tests {
         for (service, request) in [
             (ServiceId::ModuleControl, ModuleControl::TYPE_NAME),
             (ServiceId::Movement, MovementData::TYPE_NAME),
+            (ServiceId::Parameters, ParameterRequest::TYPE_NAME),
         ] {
             let wanted = format!("{request}/{}", RequestReport::TYPE_NAME);
             assert_eq!(service.spec().layout, wanted);

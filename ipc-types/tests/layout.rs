@@ -12,18 +12,20 @@ use std::process::{Command, Stdio};
 
 use ipc_types::TelemetryGroup;
 use ipc_types::code::{
-    ControlCommand, Functionality, ImiError, LinkState, ModuleId, ModuleStatus, MovementKind,
-    Reason, Stage,
+    ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleId, ModuleStatus,
+    MovementKind, ParameterOperation, PilotSwitch, PortKind, Reason, SafetyAction, SafetyRule,
+    Stage,
 };
 use ipc_types::payload::{
     DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,
     DspReferences, DspServoPulses, DspSupply, DspXy, HeroAcceleration, HeroAngularRate,
-    HeroAttitude, HeroGeodetic, HeroLocal, HeroReferences, HeroServos, HeroSupply, HeroVelocity,
+    HeroAttitude, HeroEstimate, HeroGeodetic, HeroLocal, HeroReferences, HeroServos, HeroSupply,
+    HeroVelocity,
 };
 use ipc_types::payload::{
     DspErrorCounters, DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, LinkHealth,
-    ModuleControl, ModuleState, MovementData, MovementState, RefusedCounters, RequestReport,
-    SharedStruct, layout_hash,
+    ModuleControl, ModuleState, MovementData, MovementState, ParameterRequest, PortInfo,
+    RefusedCounters, RequestReport, SafetyState, SharedStruct, layout_hash,
 };
 use ipc_types::service::{EVENT_ID_MAX, EventCode, SERVICES};
 
@@ -69,14 +71,18 @@ fn layouts() -> Vec<Layout> {
         layout::<HeroServos>(),
         layout::<HeroSupply>(),
         layout::<HeroReferences>(),
+        layout::<HeroEstimate>(),
         layout::<HeroTelemetry>(),
         layout::<MovementState>(),
         layout::<LinkHealth>(),
         layout::<RefusedCounters>(),
         layout::<DspErrorCounters>(),
+        layout::<SafetyState>(),
         layout::<ModuleState>(),
         layout::<ModuleControl>(),
         layout::<MovementData>(),
+        layout::<ParameterRequest>(),
+        layout::<PortInfo>(),
         layout::<RequestReport>(),
     ]
 }
@@ -117,6 +123,12 @@ fn codes() -> Vec<Codes> {
         of!(ModuleStatus),
         of!(Functionality),
         of!(LinkState),
+        of!(DspPathState),
+        of!(PilotSwitch),
+        of!(SafetyRule),
+        of!(SafetyAction),
+        of!(ParameterOperation),
+        of!(PortKind),
         of!(Stage),
         of!(Reason),
         of!(ImiError),

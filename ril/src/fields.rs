@@ -216,7 +216,7 @@ impl Serialize for Tree {
 /// A sample as one JSON object that begins with its schema.
 #[derive(Debug)]
 pub struct JsonLine<'a> {
-    /// Name of the layout, such as `hero.DspTelemetry.v1`.
+    /// Name of the layout, such as `hero.DspTelemetry.v2`.
     pub schema: &'static str,
     /// The sample.
     pub tree: &'a Tree,
@@ -283,21 +283,21 @@ mod tests {
         for (names, expected) in [
             (
                 &["sequence"][..],
-                r#"{"schema":"hero.DspTelemetry.v1","sequence":7}"#,
+                r#"{"schema":"hero.DspTelemetry.v2","sequence":7}"#,
             ),
             (
                 &["attitude.yaw_deg", "geographic.latitude_deg", "xy.x_m"],
-                r#"{"schema":"hero.DspTelemetry.v1","geographic":{"latitude_deg":-37.1234567},"xy":{"x_m":null},"attitude":{"yaw_deg":0.1}}"#,
+                r#"{"schema":"hero.DspTelemetry.v2","geographic":{"latitude_deg":-37.1234567},"xy":{"x_m":null},"attitude":{"yaw_deg":0.1}}"#,
             ),
             (
                 &["xy", "xy.x_m"],
-                r#"{"schema":"hero.DspTelemetry.v1","xy":{"x_m":null,"y_m":null}}"#,
+                r#"{"schema":"hero.DspTelemetry.v2","xy":{"x_m":null,"y_m":null}}"#,
             ),
         ] {
             assert_eq!(json(&dsp, names), expected);
         }
         dsp.attitude.yaw_deg = f32::NAN;
-        let expected = r#"{"schema":"hero.DspTelemetry.v1","attitude":{"yaw_deg":null}}"#;
+        let expected = r#"{"schema":"hero.DspTelemetry.v2","attitude":{"yaw_deg":null}}"#;
         assert_eq!(json(&dsp, &["attitude.yaw_deg"]), expected);
     }
 
@@ -310,7 +310,7 @@ mod tests {
             ..ModuleState::default()
         };
         state.dsp_errors.total = 1;
-        state.dsp_errors.last_imi = 208;
+        state.dsp_errors.last_code = 8;
         assert_eq!(
             json(
                 &state,
@@ -318,10 +318,10 @@ mod tests {
                     "status",
                     "functionality",
                     "imi_error",
-                    "dsp_errors.last_imi"
+                    "dsp_errors.last_code"
                 ]
             ),
-            r#"{"schema":"hero.ModuleState.v1","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_imi":"dsp-error-8"}}"#
+            r#"{"schema":"hero.ModuleState.v2","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_code":"dsp-error-8"}}"#
         );
     }
 

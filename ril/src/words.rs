@@ -2,7 +2,7 @@
 //!
 //! Pure functions over values; nothing is printed here.
 
-use ipc_types::code::{Reason, Stage};
+use ipc_types::code::{Reason, SafetyRule, Stage};
 use ipc_types::payload::{RequestReport, SharedStruct};
 use runtime::exit::ExitCode;
 use serde::Serialize;
@@ -142,6 +142,22 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::RefusedByDsp => {
             "the DSP got the order and does not carry it out: `ril state` shows its errors"
         }
+        Reason::Replaced => "another movement replaced it",
+        Reason::PilotHasControl => {
+            "the pilot's switch is on manual: movements are taken when it is on auto again"
+        }
+        Reason::FenceBreach => "the geofence forbids it: `[fence]` of bridge.toml",
+        Reason::SupplyLow => {
+            "battery or fuel is below its limit: `[safety]` of bridge.toml; landing is always taken"
+        }
+        Reason::LinkLost => "the link to the DSP was lost in flight",
+        Reason::NoSuchPort => {
+            "the port does not exist or is not for requests: `ril param list` shows those that are"
+        }
+        Reason::NotInFlight => "the port may not be written while the helicopter flies",
+        Reason::InvalidFence => {
+            "the geofence in bridge.toml is not valid: the bridge's log says why"
+        }
         Reason::NotRemembered => {
             "another bridge may have carried it out: look at the helicopter, then ask anew"
         }
@@ -209,6 +225,14 @@ pub struct ReportObject {
     waypoints_total: u32,
     waypoints_sent: u32,
     waypoints_reached: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rule: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    waypoint: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dsp_error_code: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<f64>,
 }
 
 /// A code by its name, or the number that nobody knows.
@@ -233,6 +257,13 @@ impl ReportObject {
             waypoints_total,
             waypoints_sent,
             waypoints_reached,
+            rule: _,
+            waypoint,
+            dsp_error_code: _,
+            dsp_error_valid: _,
+            value_valid: _,
+            value: _,
+            port: _,
         } = *report;
         ReportObject {
             schema: RequestReport::TYPE_NAME,
@@ -250,6 +281,10 @@ impl ReportObject {
             waypoints_total,
             waypoints_sent,
             waypoints_reached,
+            rule: report.rule().map(SafetyRule::name),
+            waypoint: (waypoint > 0).then_some(waypoint),
+            dsp_error_code: report.dsp_error(),
+            value: report.value().filter(|value| value.is_finite()),
         }
     }
 }
@@ -427,7 +462,7 @@ mod tests {
         let json = serde_json::to_string(&ReportObject::new(Verb::Stop, &report)).unwrap();
         assert_eq!(
             json,
-            r#"{"schema":"hero.RequestReport.v1","request":"stop","request_id":5,"path_id":6,"reported_ns":7,"stage":"refused","reason":"unable-to-abort","imi_error":"impossible-to-stop-module","waypoints_total":0,"waypoints_sent":0,"waypoints_reached":0}"#
+            r#"{"schema":"hero.RequestReport.v2","request":"stop","request_id":5,"path_id":6,"reported_ns":7,"stage":"refused","reason":"unable-to-abort","imi_error":"impossible-to-stop-module","waypoints_total":0,"waypoints_sent":0,"waypoints_reached":0}"#
         );
     }
 

@@ -314,7 +314,7 @@ fn a_status_of_garbage_is_shown_as_what_it_is() {
     // Whoever comes late gets the newest; so it is published until the command has had enough.
     for _ in 0..200 {
         status.publish(&garbage.payload());
-        echo.wait_for_text("hero.HeroTelemetry.v1");
+        echo.wait_for_text("hero.HeroTelemetry.v2");
     }
     let finished = echo.wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");

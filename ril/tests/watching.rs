@@ -38,7 +38,7 @@ fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
     bridge.publish(&position(1.0));
     let mut echo = rig.start("echo dsp --count 3 --json --field geographic.altitude_m --field rotor_rpm --field sequence");
     for number in 1..=3 {
-        let line = json(&echo.wait_for_text("hero.DspTelemetry.v1").text);
+        let line = json(&echo.wait_for_text("hero.DspTelemetry.v2").text);
         assert_eq!(line["sequence"], number);
         assert_eq!(line["geographic"]["altitude_m"], f64::from(number));
         assert!(line["rotor_rpm"].is_null(), "{line}");
@@ -168,7 +168,7 @@ fn a_duration_ends_it_and_so_does_a_signal() {
     assert_eq!(finished.stdout, ["sequence=1"]);
     for signal in [Signal::INT, Signal::TERM] {
         let mut echo = rig.start("echo state --json");
-        echo.wait_for_text("hero.ModuleState.v1");
+        echo.wait_for_text("hero.ModuleState.v2");
         assert!(summary(&end(echo, signal)).starts_with("1 samples"));
     }
 }
@@ -210,7 +210,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
     state.link.telemetry_published = 1;
     state.dsp_errors.total = 2;
     state.dsp_errors.known[7] = 2;
-    state.dsp_errors.last_imi = 208;
+    state.dsp_errors.last_code = 208;
     bridge.publish_state(&state);
     let old = MonotonicNs::now().0 - 5_000_000_000;
     bridge.publish(&DspTelemetry {

@@ -17,7 +17,7 @@ pub(crate) fn full_sample() -> DspTelemetry {
         gps_quality: 4,
         dsp_boots: 2,
         dsp_errors: 3,
-        last_dsp_error_imi: 230,
+        last_dsp_error_code: 230,
         rotor_rpm: 1500,
         geographic: DspGeographic {
             latitude_deg: 30.0,

@@ -7,8 +7,8 @@
 use ipc_types::payload::{
     DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,
     DspReferences, DspServoPulses, DspSupply, DspTelemetry, DspXy, HeroAcceleration,
-    HeroAngularRate, HeroAttitude, HeroGeodetic, HeroLocal, HeroReferences, HeroServos, HeroSupply,
-    HeroTelemetry, HeroVelocity,
+    HeroAngularRate, HeroAttitude, HeroEstimate, HeroGeodetic, HeroLocal, HeroReferences,
+    HeroServos, HeroSupply, HeroTelemetry, HeroVelocity,
 };
 use ipc_types::{MonotonicNs, TelemetryGroup as Group};
 
@@ -29,7 +29,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         gps_quality,
         dsp_boots,
         dsp_errors,
-        last_dsp_error_imi,
+        last_dsp_error_code,
         rotor_rpm,
         geographic,
         xy,
@@ -60,7 +60,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         flying: u32::from(flying),
         dsp_boots,
         dsp_errors,
-        last_dsp_error_imi,
+        last_dsp_error_code,
         gps_quality: valid.or_zero(Group::GpsQuality, || u32::from(gps_quality)),
         geodetic: valid.or_zero(Group::Geographic, || geodetic(geographic)),
         local: valid.or_zero(Group::Xy, || local(xy)),
@@ -79,6 +79,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         tilt_rad,
         rotor_radps: valid.or_zero(Group::RotorSpeed, || rotor_radps(rotor_rpm)),
         references: valid.or_zero(Group::References, || controller_references(references)),
+        estimate: HeroEstimate::default(),
     }
 }
 
@@ -330,8 +331,8 @@ mod tests {
             (dsp.sequence, dsp.epoch_ns, dsp.received_ns)
         );
         assert_eq!(
-            (hero.dsp_boots, hero.dsp_errors, hero.last_dsp_error_imi),
-            (dsp.dsp_boots, dsp.dsp_errors, dsp.last_dsp_error_imi)
+            (hero.dsp_boots, hero.dsp_errors, hero.last_dsp_error_code),
+            (dsp.dsp_boots, dsp.dsp_errors, dsp.last_dsp_error_code)
         );
         assert_eq!((hero.flying, hero.valid_groups), (1, 0xFFFF));
     }

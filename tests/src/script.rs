@@ -216,7 +216,7 @@ pub fn only_groups(sample: &DspTelemetry, groups: u16) -> DspTelemetry {
         flying: sample.flying,
         dsp_boots: sample.dsp_boots,
         dsp_errors: sample.dsp_errors,
-        last_dsp_error_imi: sample.last_dsp_error_imi,
+        last_dsp_error_code: sample.last_dsp_error_code,
         ..DspTelemetry::default()
     };
     for group in TelemetryGroup::ALL {

@@ -295,8 +295,8 @@ fn it_refuses_another_layout_and_names_both(example: &impl Example) {
     let hash = ipc_types::ServiceId::HeroTelemetry.spec().layout_hash;
     for part in [
         "`hero/1/hero_telemetry`".to_owned(),
-        format!("carries `hero.HeroTelemetry.v1 {hash:016x}`"),
-        "for `hero.HeroTelemetry.v1 0123456789abcdef`".to_owned(),
+        format!("carries `hero.HeroTelemetry.v2 {hash:016x}`"),
+        "for `hero.HeroTelemetry.v2 0123456789abcdef`".to_owned(),
     ] {
         assert!(error(&finished).contains(&part), "{part}: {finished:#?}");
     }

@@ -368,6 +368,7 @@ impl<T: Trajectory> Flight<T> {
             waypoints_total: total,
             waypoints_sent: counts.waypoints_sent,
             waypoints_reached: counts.waypoints_reached,
+            ..RequestReport::default()
         };
         if stage.is_final() {
             self.ledger.note(&report);

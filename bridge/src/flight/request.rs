@@ -86,7 +86,7 @@ pub fn parse_movement(
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),
         Some(MovementKind::Land) => Ok(Movement::Land),
         Some(MovementKind::GoToWaypoint) => segment(data, limits).map(Movement::Waypoint),
-        None => Err(Reason::InvalidRequest),
+        Some(MovementKind::Hold) | None => Err(Reason::InvalidRequest),
     };
     (envelope, movement)
 }
@@ -236,7 +236,8 @@ mod tests {
             (1, Ok(ControlCommand::Start)),
             (2, Ok(ControlCommand::Stop)),
             (0, Err(Reason::InvalidRequest)),
-            (3, Err(Reason::InvalidRequest)),
+            (3, Ok(ControlCommand::ReloadFence)),
+            (4, Err(Reason::InvalidRequest)),
         ] {
             let control = ModuleControl {
                 command: code,

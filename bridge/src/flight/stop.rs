@@ -32,6 +32,9 @@ impl<T: Trajectory> Flight<T> {
         match control {
             Ok(ControlCommand::Start) => self.start(envelope, cx),
             Ok(ControlCommand::Stop) => self.stop(envelope, cx),
+            Ok(ControlCommand::ReloadFence) => {
+                self.refuse(envelope, Reason::InvalidRequest, ImiError::None, cx)
+            }
             Err(reason) => self.refuse(envelope, reason, ImiError::None, cx),
         }
     }

@@ -3,12 +3,13 @@
 //! Any bit pattern may lie in shared memory, therefore every number comes back as an `Option`.
 
 use super::{
-    DspTelemetry, HeroTelemetry, LinkHealth, ModuleControl, ModuleState, MovementData,
-    MovementState, RequestReport,
+    DspErrorCounters, DspTelemetry, HeroTelemetry, LinkHealth, ModuleControl, ModuleState,
+    MovementData, MovementState, ParameterRequest, PortInfo, RequestReport, SafetyState,
 };
 use crate::code::{
-    ControlCommand, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
-    Reason, Stage,
+    ControlCommand, DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus,
+    MovementKind, ParameterOperation, PilotSwitch, PortKind, Reason, SafetyAction, SafetyRule,
+    Stage,
 };
 use crate::group::TelemetryGroup;
 use crate::time::MonotonicNs;
@@ -29,9 +30,9 @@ impl DspTelemetry {
         MonotonicNs(self.received_ns)
     }
 
-    /// The last DSP error, or nothing when there was none.
-    pub const fn last_dsp_error(&self) -> Option<ImiCode> {
-        last_error(self.dsp_errors, self.last_dsp_error_imi)
+    /// Code of the last DSP error, or nothing when there was none.
+    pub const fn last_dsp_error(&self) -> Option<u32> {
+        given(self.dsp_errors, self.last_dsp_error_code)
     }
 }
 
@@ -51,18 +52,22 @@ impl HeroTelemetry {
         MonotonicNs(self.received_ns)
     }
 
-    /// The last DSP error, or nothing when there was none.
-    pub const fn last_dsp_error(&self) -> Option<ImiCode> {
-        last_error(self.dsp_errors, self.last_dsp_error_imi)
+    /// Code of the last DSP error, or nothing when there was none.
+    pub const fn last_dsp_error(&self) -> Option<u32> {
+        given(self.dsp_errors, self.last_dsp_error_code)
     }
 }
 
-const fn last_error(count: u32, code: u32) -> Option<ImiCode> {
-    if count == 0 {
-        None
-    } else {
-        Some(ImiCode(code))
+impl DspErrorCounters {
+    /// Code of the last DSP error, or nothing when there was none.
+    pub const fn last(&self) -> Option<u32> {
+        given(self.total, self.last_code)
     }
+}
+
+/// A number that means something when another one is not zero.
+const fn given(valid: u32, number: u32) -> Option<u32> {
+    if valid == 0 { None } else { Some(number) }
 }
 
 impl ModuleState {
@@ -124,6 +129,11 @@ impl LinkHealth {
         LinkState::from_code(self.state)
     }
 
+    /// What the DSP's path buffer may hold.
+    pub const fn dsp_path(&self) -> Option<DspPathState> {
+        DspPathState::from_code(self.dsp_path)
+    }
+
     /// When the last valid message came, nothing before the first.
     pub const fn last_message(&self) -> Option<MonotonicNs> {
         if self.messages_received == 0 {
@@ -131,6 +141,23 @@ impl LinkHealth {
         } else {
             Some(MonotonicNs(self.last_message_ns))
         }
+    }
+}
+
+impl SafetyState {
+    /// The most severe rule that is violated, nothing when none is.
+    pub const fn rule(&self) -> Option<SafetyRule> {
+        SafetyRule::from_code(self.rule)
+    }
+
+    /// What the bridge does about it.
+    pub const fn action(&self) -> Option<SafetyAction> {
+        SafetyAction::from_code(self.action)
+    }
+
+    /// The pilot's switch.
+    pub const fn pilot_switch(&self) -> Option<PilotSwitch> {
+        PilotSwitch::from_code(self.pilot_switch)
     }
 }
 
@@ -173,6 +200,17 @@ impl MovementData {
     /// The request to land on the spot.
     pub const fn land(request_id: u64) -> MovementData {
         MovementData::of_kind(request_id, MovementKind::Land)
+    }
+
+    /// The request to stop on the spot and stay started; it ends a path that is under way as `replaced`.
+    pub const fn hold(request_id: u64) -> MovementData {
+        MovementData::of_kind(request_id, MovementKind::Hold)
+    }
+
+    /// The same request, allowed to replace a path that is under way.
+    #[must_use]
+    pub const fn preempting(self) -> MovementData {
+        MovementData { preempt: 1, ..self }
     }
 
     /// One waypoint of a path: `first` opens the path, `last` closes it.
@@ -218,6 +256,7 @@ impl MovementData {
             last: 0,
             deadline_ms: 0,
             repeat: 0,
+            preempt: 0,
         }
     }
 
@@ -234,6 +273,75 @@ impl MovementData {
     /// Whether this waypoint closes the path; nothing when the number is neither 0 nor 1.
     pub const fn is_last(&self) -> Option<bool> {
         flag(self.last)
+    }
+}
+
+impl ParameterRequest {
+    /// The request to read a port.
+    pub const fn read(request_id: u64, port: u16) -> ParameterRequest {
+        ParameterRequest::of(request_id, ParameterOperation::Read, port as u32, 0.0)
+    }
+
+    /// The request to write a port.
+    pub const fn write(request_id: u64, port: u16, value: f64) -> ParameterRequest {
+        ParameterRequest::of(request_id, ParameterOperation::Write, port as u32, value)
+    }
+
+    /// The request for the description of the port that stands at `index` of the list.
+    pub const fn list(request_id: u64, index: u32) -> ParameterRequest {
+        ParameterRequest::of(request_id, ParameterOperation::List, index, 0.0)
+    }
+
+    const fn of(
+        request_id: u64,
+        operation: ParameterOperation,
+        port: u32,
+        value: f64,
+    ) -> ParameterRequest {
+        ParameterRequest {
+            request_id,
+            value,
+            port,
+            operation: operation.code(),
+            deadline_ms: 0,
+            reserved: 0,
+        }
+    }
+
+    /// What it asks for.
+    pub const fn operation(&self) -> Option<ParameterOperation> {
+        ParameterOperation::from_code(self.operation)
+    }
+}
+
+impl PortInfo {
+    /// Bit of `access`: a request may write the port.
+    pub const WRITABLE: u32 = 1;
+    /// Bit of `access`: a request may write the port while the helicopter flies.
+    pub const WRITABLE_IN_FLIGHT: u32 = 2;
+
+    /// How the port's value is coded on the wire; nothing when this describes no port.
+    pub const fn kind(&self) -> Option<PortKind> {
+        PortKind::from_code(self.kind)
+    }
+
+    /// The port's name; nothing when it is not text.
+    pub fn name(&self) -> Option<&str> {
+        let text = self
+            .name
+            .split(|byte| *byte == 0)
+            .next()
+            .unwrap_or_default();
+        std::str::from_utf8(text).ok()
+    }
+
+    /// A name as it lies in shared memory, cut to its length.
+    pub fn name_bytes(name: &str) -> [u8; 32] {
+        let mut bytes = [0; 32];
+        for (place, byte) in bytes.iter_mut().zip(name.bytes()) {
+            *place = byte;
+        }
+        bytes
     }
 }
 
@@ -269,6 +377,25 @@ impl RequestReport {
     /// The error that goes with it.
     pub const fn imi_error(&self) -> ImiCode {
         ImiCode(self.imi_error)
+    }
+
+    /// The safety rule that was broken, if one was.
+    pub const fn rule(&self) -> Option<SafetyRule> {
+        SafetyRule::from_code(self.rule)
+    }
+
+    /// The DSP error that the reason is about, if it is about one.
+    pub const fn dsp_error(&self) -> Option<u32> {
+        given(self.dsp_error_valid as u32, self.dsp_error_code)
+    }
+
+    /// The value that the report gives, if it gives one.
+    pub const fn value(&self) -> Option<f64> {
+        if self.value_valid == 0 {
+            None
+        } else {
+            Some(self.value)
+        }
     }
 
     /// Whether no further report follows.

@@ -6,7 +6,7 @@ shared_struct! {
     /// One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     ///
     /// A group's values mean something only when its bit is set in `valid_groups`; the others are zero.
-    pub struct DspTelemetry("hero.DspTelemetry.v1") = 232 {
+    pub struct DspTelemetry("hero.DspTelemetry.v2") = 232 {
         /// Counts the samples of this publisher from 1; a gap is a loss.
         pub sequence: u64,
         /// When the publishing process began, host monotonic ns: another value means another publisher.
@@ -25,8 +25,8 @@ shared_struct! {
         pub dsp_boots: u32,
         /// DSP errors received since `epoch_ns`.
         pub dsp_errors: u32,
-        /// The last DSP error as IMI code (DSP code + 200); 0 when `dsp_errors` is 0.
-        pub last_dsp_error_imi: u32,
+        /// Code of the last DSP error as the DSP sent it, 0 … 65535; means something when `dsp_errors` is not 0.
+        pub last_dsp_error_code: u32,
         /// Main rotor, rpm (group 12).
         pub rotor_rpm: u32,
         /// Geographic position (group 1).

@@ -8,7 +8,7 @@ shared_struct! {
     ///
     /// A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
     /// status mask; the others are zero.
-    pub struct HeroTelemetry("hero.HeroTelemetry.v1") = 272 {
+    pub struct HeroTelemetry("hero.HeroTelemetry.v2") = 304 {
         /// Counts the samples of this publisher from 1; a gap is a loss.
         pub sequence: u64,
         /// When the publishing process began, host monotonic ns.
@@ -31,8 +31,8 @@ shared_struct! {
         pub dsp_boots: u32,
         /// DSP errors received since `source_epoch_ns`.
         pub dsp_errors: u32,
-        /// The last DSP error as IMI code (201 … 500); 0 when `dsp_errors` is 0.
-        pub last_dsp_error_imi: u32,
+        /// Code of the last DSP error as the DSP sent it, 0 … 65535; means something when `dsp_errors` is not 0.
+        pub last_dsp_error_code: u32,
         /// NMEA fix quality, 0 … 8 (group 4).
         pub gps_quality: u32,
         /// WGS 84 position (group 1).
@@ -65,6 +65,8 @@ shared_struct! {
         pub rotor_radps: f32,
         /// Controller references (group 15).
         pub references: HeroReferences,
+        /// What the estimator of status makes of several sensors; it is off by default.
+        pub estimate: HeroEstimate,
     }
 }
 
@@ -185,5 +187,21 @@ shared_struct! {
         pub pitch_rad: f32,
         /// Yaw, rad.
         pub yaw_rad: f32,
+    }
+}
+
+shared_struct! {
+    /// Output of the estimator of status. The values mean something when `valid` is 1; else all are zero.
+    pub struct HeroEstimate("hero.HeroEstimate.v1") = 32 {
+        /// Altitude, m, same zero as the GPS altitude.
+        pub altitude_m: f64,
+        /// Variance of `altitude_m`, m².
+        pub altitude_variance_m2: f64,
+        /// Climb speed, m/s, up positive.
+        pub vertical_speed_mps: f64,
+        /// Sensors that contributed to this sample: bit 0 GPS, bit 1 barometer, bit 2 sonar.
+        pub inputs: u32,
+        /// 1 when the values mean something.
+        pub valid: u32,
     }
 }

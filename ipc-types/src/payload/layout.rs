@@ -4,7 +4,7 @@
 pub trait SharedStruct: Copy + Default + 'static {
     /// Stable name without the version, such as `DspTelemetry`.
     const NAME: &'static str;
-    /// Name of the layout in shared memory, with its version, such as `hero.DspTelemetry.v1`.
+    /// Name of the layout in shared memory, with its version, such as `hero.DspTelemetry.v2`.
     const TYPE_NAME: &'static str;
     /// The fields in the order of their offsets.
     const FIELDS: &'static [FieldLayout];

@@ -6,7 +6,7 @@ shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
-    pub struct ModuleState("hero.ModuleState.v1") = 344 {
+    pub struct ModuleState("hero.ModuleState.v2") = 384 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -33,6 +33,8 @@ shared_struct! {
         pub refused: RefusedCounters,
         /// DSP errors by code.
         pub dsp_errors: DspErrorCounters,
+        /// The rules of flight safety that the bridge enforces.
+        pub safety: SafetyState,
     }
 }
 
@@ -60,7 +62,7 @@ shared_struct! {
 
 shared_struct! {
     /// The line to the DSP.
-    pub struct LinkHealth("hero.LinkHealth.v1") = 88 {
+    pub struct LinkHealth("hero.LinkHealth.v2") = 96 {
         /// When the last valid message came.
         pub last_message_ns: u64,
         /// When the last status message was published.
@@ -95,6 +97,10 @@ shared_struct! {
         pub telemetry_published: u32,
         /// Status samples that coherence in time dropped.
         pub telemetry_incoherent: u32,
+        /// What the DSP's path buffer may hold, a [`DspPathState`](crate::code::DspPathState).
+        pub dsp_path: u32,
+        /// 1 when the DSP stops by itself when the bridge is gone (`pc_timeout_ms`), 0 when it does not or was not asked yet.
+        pub pc_timeout_supported: u32,
     }
 }
 
@@ -133,16 +139,37 @@ pub const KNOWN_DSP_ERRORS: usize = 26;
 
 shared_struct! {
     /// DSP errors received since the bridge began.
-    pub struct DspErrorCounters("hero.DspErrorCounters.v1") = 120 {
+    pub struct DspErrorCounters("hero.DspErrorCounters.v2") = 120 {
         /// All errors.
         pub total: u32,
         /// Errors with a code that the documentation does not have.
         pub unknown: u32,
-        /// The last error as IMI code (DSP code + 200); 0 when `total` is 0.
-        pub last_imi: u32,
+        /// Code of the last error as the DSP sent it, 0 … 65535; means something when `total` is not 0.
+        pub last_code: u32,
         /// Errors that ended the functionality.
-        pub transcended: u32,
+        pub escalated: u32,
         /// By documented code, ascending: 1 … 15, 18, 20, 21, 22, 30, 40, 45, 46, 100, 102, 300.
         pub known: [u32; KNOWN_DSP_ERRORS],
+    }
+}
+
+shared_struct! {
+    /// The safety rules of the bridge as they stand now.
+    pub struct SafetyState("hero.SafetyState.v1") = 32 {
+        /// By how much the limit of `rule` is exceeded, in the unit of the rule
+        /// ([`SafetyRule`](crate::code::SafetyRule)); means something when `rule` is not 0.
+        pub amount: f64,
+        /// The most severe rule that is violated now, a [`SafetyRule`](crate::code::SafetyRule); 0 when none is.
+        pub rule: u32,
+        /// What the bridge does about it, a [`SafetyAction`](crate::code::SafetyAction); 0 when no rule is violated.
+        pub action: u32,
+        /// The pilot's switch, a [`PilotSwitch`](crate::code::PilotSwitch).
+        pub pilot_switch: u32,
+        /// Areas of the geofence in force.
+        pub fence_areas: u32,
+        /// Movements refused or ended by a safety rule since `epoch_ns`.
+        pub interventions: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
     }
 }

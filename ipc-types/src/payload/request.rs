@@ -19,7 +19,7 @@ shared_struct! {
     ///
     /// A path is framed by the pair (`first`, `last`): (1,1) is a single waypoint, (1,0) opens a path, (0,0) continues
     /// it, (0,1) closes it. Nothing of a path goes to the DSP until it is closed.
-    pub struct MovementData("hero.MovementData.v1") = 56 {
+    pub struct MovementData("hero.MovementData.v2") = 56 {
         /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
         pub request_id: u64,
         /// Chosen by the sender, the same in all waypoints of one path and in every report about it; 0 for take-off
@@ -41,13 +41,16 @@ shared_struct! {
         pub deadline_ms: u32,
         /// 1 when this is sent again because the outcome is unknown: it is then never executed twice, not even by
         /// another bridge than the one that was asked first.
-        pub repeat: u32,
+        pub repeat: u16,
+        /// 1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
+        /// In a path the flag of the closing waypoint counts.
+        pub preempt: u16,
     }
 }
 
 shared_struct! {
     /// One answer in the response stream of a request.
-    pub struct RequestReport("hero.RequestReport.v1") = 48 {
+    pub struct RequestReport("hero.RequestReport.v2") = 136 {
         /// The request's id.
         pub request_id: u64,
         /// The request's path, 0 when it has none.
@@ -66,5 +69,58 @@ shared_struct! {
         pub waypoints_sent: u32,
         /// Waypoints that the helicopter was seen to reach, in order.
         pub waypoints_reached: u32,
+        /// The safety rule that was broken, a [`SafetyRule`](crate::code::SafetyRule); 0 when none was.
+        pub rule: u32,
+        /// The waypoint, or the leg that leads to it, that the reason is about, counted from 1; 0 when there is none.
+        pub waypoint: u32,
+        /// The DSP error that the reason is about, as the DSP sent it; means something when `dsp_error_valid` is 1.
+        pub dsp_error_code: u32,
+        /// 1 when `dsp_error_code` is given.
+        pub dsp_error_valid: u16,
+        /// 1 when `value` is given.
+        pub value_valid: u16,
+        /// Rule broken: by how much, in the rule's unit. Take-off done: the height that was reached over the point of
+        /// take-off, m. Parameter read or written: the value that the port has.
+        pub value: f64,
+        /// The port that a parameter request is about; all zero in other reports.
+        pub port: PortInfo,
+    }
+}
+
+shared_struct! {
+    /// Reads, writes or lists the DSP's virtual ports (`docs/protocol.md` section 6). Service `parameters`.
+    pub struct ParameterRequest("hero.ParameterRequest.v1") = 32 {
+        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+        pub request_id: u64,
+        /// Write: the value. A 16-bit port takes whole numbers only.
+        pub value: f64,
+        /// Read, write: number of the port. List: which port of the list, counted from 0.
+        pub port: u32,
+        /// A [`ParameterOperation`](crate::code::ParameterOperation).
+        pub operation: u32,
+        /// Within how many ms the DSP must have answered; 0 takes the bridge's default.
+        pub deadline_ms: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
+    }
+}
+
+shared_struct! {
+    /// A virtual port of the DSP.
+    pub struct PortInfo("hero.PortInfo.v1") = 64 {
+        /// Least value that may be written.
+        pub min: f64,
+        /// Greatest value that may be written.
+        pub max: f64,
+        /// Number of the port.
+        pub number: u32,
+        /// A [`PortKind`](crate::code::PortKind).
+        pub kind: u32,
+        /// Bit 0: may be written by request; bit 1: also while the helicopter flies.
+        pub access: u32,
+        /// Ports of the list.
+        pub count: u32,
+        /// Name in ASCII with its unit, filled up with zeros.
+        pub name: [u8; 32],
     }
 }

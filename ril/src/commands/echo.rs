@@ -184,7 +184,7 @@ mod tests {
         );
         assert_eq!(
             printed(&names, true),
-            "{\"schema\":\"hero.DspTelemetry.v1\",\"sequence\":3,\"rotor_rpm\":null,\"geographic\":{\"altitude_m\":1.5}}\n"
+            "{\"schema\":\"hero.DspTelemetry.v2\",\"sequence\":3,\"rotor_rpm\":null,\"geographic\":{\"altitude_m\":1.5}}\n"
         );
     }
 

@@ -107,7 +107,8 @@ fn process_of(service: ServiceId) -> &'static str {
         ServiceId::DspTelemetry
         | ServiceId::ModuleState
         | ServiceId::ModuleControl
-        | ServiceId::Movement => "bridge",
+        | ServiceId::Movement
+        | ServiceId::Parameters => "bridge",
     }
 }
 

@@ -99,6 +99,8 @@ struct Link {
     waypoints_sent: u32,
     waypoints_repeated: u32,
     delivery_verified: bool,
+    dsp_path: String,
+    pc_timeout_supported: bool,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -120,7 +122,7 @@ struct Refused {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct DspErrors {
     total: u32,
-    transcended: u32,
+    escalated: u32,
     unknown: u32,
     last: Option<String>,
     by_code: Vec<DspErrorCount>,
@@ -208,6 +210,8 @@ impl Link {
             delivery_verified,
             telemetry_published,
             telemetry_incoherent,
+            dsp_path,
+            pc_timeout_supported,
         } = *link;
         let last_telemetry = (telemetry_published > 0).then_some(MonotonicNs(last_telemetry_ns));
         Link {
@@ -228,6 +232,8 @@ impl Link {
             waypoints_sent,
             waypoints_repeated,
             delivery_verified: delivery_verified == 1,
+            dsp_path: named(link.dsp_path(), dsp_path),
+            pc_timeout_supported: pc_timeout_supported == 1,
         }
     }
 }
@@ -297,11 +303,10 @@ impl DspErrors {
                 count,
             })
             .collect();
-        let last =
-            (counters.total > 0).then(|| ipc_types::code::ImiCode(counters.last_imi).to_string());
+        let last = counters.last().map(|code| format!("dsp-error-{code}"));
         DspErrors {
             total: counters.total,
-            transcended: counters.transcended,
+            escalated: counters.escalated,
             unknown: counters.unknown,
             last,
             by_code,
@@ -368,9 +373,9 @@ mod tests {
         state.refused.implausible_groups = 1;
         state.refused.implausible_mask = u32::from(TelemetryGroup::Sonar.bit()) | 1 << 30;
         state.dsp_errors.total = 4;
-        state.dsp_errors.transcended = 1;
+        state.dsp_errors.escalated = 1;
         state.dsp_errors.unknown = 1;
-        state.dsp_errors.last_imi = 302;
+        state.dsp_errors.last_code = 102;
         let index = DspErrorCode::PC_CHECKSUM.counter_index().unwrap();
         state.dsp_errors.known[index] = 3;
         state

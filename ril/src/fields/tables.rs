@@ -28,7 +28,7 @@ macro_rules! by_group {
     ($($field:literal => $group:ident),+ $(,)?) => {
         &[
             $(($field, |sample| sample.valid(TelemetryGroup::$group)),)+
-            ("last_dsp_error_imi", |sample| sample.last_dsp_error().is_some()),
+            ("last_dsp_error_code", |sample| sample.last_dsp_error().is_some()),
         ]
     };
 }
@@ -53,7 +53,7 @@ impl Shown for DspTelemetry {
         "references" => References,
     };
 
-    const CODES: &'static [Naming] = &[("last_dsp_error_imi", imi_name)];
+    const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
 
     fn time_ns(&self) -> u64 {
         self.received_ns
@@ -81,7 +81,7 @@ impl Shown for HeroTelemetry {
         "references" => References,
     };
 
-    const CODES: &'static [Naming] = &[("last_dsp_error_imi", imi_name)];
+    const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
 
     fn time_ns(&self) -> u64 {
         self.published_ns
@@ -100,7 +100,7 @@ impl Shown for ModuleState {
         ("link.last_telemetry_ns", |state| {
             state.link.telemetry_published > 0
         }),
-        ("dsp_errors.last_imi", |state| state.dsp_errors.total > 0),
+        ("dsp_errors.last_code", |state| state.dsp_errors.total > 0),
     ];
 
     const CODES: &'static [Naming] = &[
@@ -120,7 +120,7 @@ impl Shown for ModuleState {
         ("link.state", |code| {
             LinkState::from_code(code).map(|state| state.to_string())
         }),
-        ("dsp_errors.last_imi", imi_name),
+        ("dsp_errors.last_code", dsp_error_name),
     ];
 
     fn time_ns(&self) -> u64 {
@@ -131,6 +131,11 @@ impl Shown for ModuleState {
 /// Every IMI code has a name.
 fn imi_name(code: u32) -> Option<String> {
     Some(ImiCode(code).to_string())
+}
+
+/// Every DSP error has a name, of a known code or not.
+fn dsp_error_name(code: u32) -> Option<String> {
+    Some(format!("dsp-error-{code}"))
 }
 
 #[cfg(test)]
@@ -150,7 +155,7 @@ mod tests {
         "flying",
         "dsp_boots",
         "dsp_errors",
-        "last_dsp_error_imi",
+        "last_dsp_error_code",
     ];
 
     fn everything<T: Shown>(sample: &T) -> Tree {
@@ -240,7 +245,7 @@ mod tests {
             "movement.kind",
             "link.last_message_ns",
             "link.last_telemetry_ns",
-            "dsp_errors.last_imi",
+            "dsp_errors.last_code",
         ] {
             assert!(before.iter().any(|name| name == path), "{path}");
         }

@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn no_field_of_the_sample_is_forgotten() {
-        // epoch_ns, valid_groups, dsp_boots, dsp_errors, last_dsp_error_imi and references.reserved are of no group.
+        // epoch_ns, valid_groups, dsp_boots, dsp_errors, last_dsp_error_code and references.reserved are of no group.
         let of_no_group = 6;
         let columns: usize = Group::ALL.map(|group| of(group).len()).iter().sum();
         assert_eq!(

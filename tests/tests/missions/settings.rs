@@ -181,6 +181,6 @@ fn errors_of_the_boot_end_nothing() {
     fly(&mut world, &short_mission());
     world.finish();
     let errors = &world.witness.state.dsp_errors;
-    assert_eq!(errors.transcended, 0);
+    assert_eq!(errors.escalated, 0);
     assert!(errors.total <= 16);
 }

@@ -36,6 +36,7 @@ impl Movement {
                 height_m: helicopter.body().position_m.z + request.altitude_m,
             }),
             MovementKind::Land => Some(Movement::Land),
+            MovementKind::Hold => None,
             MovementKind::GoToWaypoint => {
                 let to_flat = |waypoint: &Waypoint| {
                     helicopter.world().to_flat(Geographic {

@@ -248,7 +248,7 @@ fn assert_consistent(state: &ModuleState) {
         F::TakingOff | F::Landing => {
             status == S::Running && !state.is_blocked() && state.is_unable_to_abort()
         }
-        F::FollowingPath => {
+        F::FollowingPath | F::Holding => {
             status == S::Running && !state.is_blocked() && !state.is_unable_to_abort()
         }
         F::Stopping => state.is_blocked() && !state.is_unable_to_abort(),

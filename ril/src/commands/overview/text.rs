@@ -131,7 +131,7 @@ impl fmt::Display for DspErrors {
         write!(
             f,
             "{}, {} of them fatal; last {last}",
-            self.total, self.transcended
+            self.total, self.escalated
         )?;
         for DspErrorCount { code, text, count } in &self.by_code {
             write!(f, "\n            {count} × {code}: {text}")?;

@@ -242,7 +242,8 @@ impl Core {
             first: (value >> 3) as u16 & 3,
             last: (value >> 5) as u16 & 3,
             deadline_ms: (value >> 20) as u32,
-            repeat: (value >> 7) as u32 & 3,
+            repeat: (value >> 7) as u16 & 3,
+            preempt: (value >> 11) as u16 & 3,
         });
     }
 }
