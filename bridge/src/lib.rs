@@ -39,6 +39,7 @@ pub mod flight;
 pub mod line;
 pub mod manager;
 pub mod outputs;
+pub mod safety;
 pub mod shell;
 pub mod translate;
 
