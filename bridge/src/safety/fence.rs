@@ -107,8 +107,8 @@ pub struct Breach {
 /// The rules of a fence. Of several that are broken at the same point, the first one in this order is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FenceRule {
-    /// A coordinate is no number or out of range, or, with areas, the leg is longer than [`MAX_EXTENT_M`] or begins or
-    /// ends beyond [`MAX_LATITUDE_DEG`]. What cannot be judged is not allowed.
+    /// A coordinate is no number or out of range (±90°, ±180°, ±100 km of altitude), or, with areas, the leg is longer than
+    /// [`MAX_EXTENT_M`] or begins or ends beyond [`MAX_LATITUDE_DEG`]. What cannot be judged is not allowed.
     Unjudgeable,
     /// At or below the fence's floor.
     Floor,
@@ -209,7 +209,7 @@ impl Fence {
         let known = |at: &Waypoint| {
             at.latitude_deg.abs() <= 90.0
                 && at.longitude_deg.abs() <= 180.0
-                && at.altitude_m.is_finite()
+                && at.altitude_m.abs() <= MAX_EXTENT_M
         };
         let on_map = |at: &Waypoint| at.latitude_deg.abs() <= MAX_LATITUDE_DEG;
         known(from)

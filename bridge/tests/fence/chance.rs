@@ -238,7 +238,7 @@ impl Place {
             .chain([site.floor_m, site.ceiling_m])
             .flatten()
             .collect();
-        let mut altitude_m = |chance: &mut Chance| match chance.below(8) {
+        let altitude_m = |chance: &mut Chance| match chance.below(8) {
             0 if !altitudes.is_empty() => chance.one_of(&altitudes),
             1 if !altitudes.is_empty() => chance.one_of(&altitudes) + chance.from_to(-0.02, 0.02),
             _ => chance.from_to(5.0, 95.0),
@@ -303,11 +303,15 @@ impl Place {
                     (b[0] - a[0]) * self.scale[0],
                     normal_deg(b[1] - a[1]) * self.scale[1],
                 ];
-                let beside_m = chance.from_to(-0.02, 0.02) / along[0].hypot(along[1]);
-                [on_line(0.0), on_line(chance.from_to(0.2, 1.0))].map(|[lat, lon]| {
+                let edge_m = along[0].hypot(along[1]);
+                let beside = chance.from_to(-0.02, 0.02) / edge_m;
+                // Short, because the other judge walks all of it in millimetres.
+                let begin = chance.from_to(-0.1, 1.0);
+                let end = begin + chance.from_to(0.0, 5.0) / edge_m;
+                [on_line(begin), on_line(end)].map(|[lat, lon]| {
                     [
-                        lat + along[1] * beside_m / self.scale[0],
-                        normal_deg(lon - along[0] * beside_m / self.scale[1]),
+                        lat + along[1] * beside / self.scale[0],
+                        normal_deg(lon - along[0] * beside / self.scale[1]),
                     ]
                 })
             }

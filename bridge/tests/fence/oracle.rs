@@ -14,6 +14,12 @@ use dsp_protocol::Waypoint;
 /// with different formulas, 10⁻⁷ of 2 km apart, and is a tenth of what counts as touching.
 pub const GREY_M: f64 = 0.001;
 
+/// How many of the smallest steps a leg that may have touched is watched for a point that surely does.
+const FINE_STEPS: u32 = 1000;
+
+/// Steps in which the rest of it is searched.
+const COARSE_STEP: f64 = 1e-3;
+
 /// A fence as plain data.
 #[derive(Clone, Debug, Default)]
 pub struct Site {
@@ -141,7 +147,7 @@ pub struct Hit {
     pub constraint: Constraint,
     /// From here on it may touch.
     pub possibly: f64,
-    /// From here on it surely does.
+    /// Here it surely does, perhaps before.
     pub surely: Option<f64>,
 }
 
@@ -174,17 +180,27 @@ impl Oracle {
         }
     }
 
-    /// Metres from a point to breaking a constraint; negative: it is broken.
-    fn clearance_m(&self, (rule, area): Constraint, at: &Waypoint) -> f64 {
-        let inside_m = |zone: &Zone| {
+    /// How far a point is from breaking a constraint.
+    fn room(&self, (rule, area): Constraint, at: &Waypoint, speed: Speed) -> Room {
+        let inside = |zone: &Zone| {
             let [sides_m, vertical_m] = zone.inward_m(at);
-            sides_m.min(vertical_m)
+            speed
+                .over_ground(sides_m)
+                .nearer(speed.climbing(vertical_m))
         };
         match (rule, area) {
-            (FenceRule::Floor, _) => at.altitude_m - self.floor_m,
-            (FenceRule::Ceiling, _) => self.ceiling_m - at.altitude_m,
-            (_, Some(index)) => -inside_m(&self.zones[index]),
-            (_, None) => self.inclusions().map(inside_m).fold(f64::MIN, f64::max),
+            (FenceRule::Floor, _) => speed.climbing(at.altitude_m - self.floor_m),
+            (FenceRule::Ceiling, _) => speed.climbing(self.ceiling_m - at.altitude_m),
+            (_, Some(index)) => {
+                let [sides_m, vertical_m] = self.zones[index].inward_m(at);
+                speed
+                    .over_ground(-sides_m)
+                    .farther(speed.climbing(-vertical_m))
+            }
+            (_, None) => {
+                let room = self.inclusions().map(inside).reduce(Room::farther);
+                room.expect("a constraint that exists")
+            }
         }
     }
 
@@ -197,7 +213,11 @@ impl Oracle {
             };
             return self.inclusions().map(outside_m).fold(f64::MAX, f64::min);
         }
-        (-self.clearance_m(constraint, at)).max(0.0)
+        let still = Speed {
+            ground_m: 0.0,
+            climb_m: 0.0,
+        };
+        (-self.room(constraint, at, still).clearance_m).max(0.0)
     }
 
     fn inclusions(&self) -> impl Iterator<Item = &Zone> {
@@ -206,24 +226,33 @@ impl Oracle {
             .filter(|zone| zone.kind == AreaKind::Inclusion)
     }
 
-    /// Length of a leg, on the map where it is longest.
-    pub fn length_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
+    /// Metres over ground and of altitude for a whole leg, on the map where it is longest.
+    fn speed(&self, from: &Waypoint, to: &Waypoint) -> Speed {
         let north_deg = to.latitude_deg - from.latitude_deg;
         let east_deg = normal_deg(to.longitude_deg - from.longitude_deg);
         let maps = self.zones.iter().map(|zone| zone.scale);
         let ground = maps.map(|scale| (north_deg * scale[0]).hypot(east_deg * scale[1]));
-        let ground_m = ground.fold(0.0, f64::max);
-        ground_m.hypot(to.altitude_m - from.altitude_m)
+        Speed {
+            ground_m: ground.fold(0.0, f64::max),
+            climb_m: (to.altitude_m - from.altitude_m).abs(),
+        }
+    }
+
+    /// Length of a leg.
+    pub fn length_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
+        let speed = self.speed(from, to);
+        speed.ground_m.hypot(speed.climb_m)
     }
 
     /// Every constraint that a leg breaks or touches.
     pub fn judge(&self, from: &Waypoint, to: &Waypoint) -> Vec<Hit> {
-        let length_m = self.length_m(from, to).max(GREY_M);
+        let speed = self.speed(from, to);
+        let least_step = GREY_M / 2.0 / self.length_m(from, to).max(GREY_M);
         let constraints = self.constraints.iter();
         constraints
             .filter_map(|&constraint| {
-                let clearance_m = |t| self.clearance_m(constraint, &along(from, to, t));
-                walk(length_m, clearance_m).map(|(possibly, surely)| Hit {
+                let room = |t| self.room(constraint, &along(from, to, t), speed);
+                walk(least_step, room).map(|(possibly, surely)| Hit {
                     constraint,
                     possibly,
                     surely,
@@ -247,22 +276,85 @@ impl Oracle {
     }
 }
 
-/// Where a leg first may touch, and where it first surely does.
-fn walk(length_m: f64, clearance_m: impl Fn(f64) -> f64) -> Option<(f64, Option<f64>)> {
+/// How far a leg goes in all.
+#[derive(Clone, Copy)]
+struct Speed {
+    ground_m: f64,
+    climb_m: f64,
+}
+
+/// How far a point is from breaking something, and what fraction of the leg can surely be flown before it may touch.
+#[derive(Clone, Copy)]
+struct Room {
+    clearance_m: f64,
+    fraction: f64,
+}
+
+impl Speed {
+    fn over_ground(self, clearance_m: f64) -> Room {
+        Room::new(clearance_m, self.ground_m)
+    }
+
+    fn climbing(self, clearance_m: f64) -> Room {
+        Room::new(clearance_m, self.climb_m)
+    }
+}
+
+impl Room {
+    fn new(clearance_m: f64, leg_m: f64) -> Room {
+        let free_m = clearance_m - TOUCH_M - GREY_M;
+        let fraction = if free_m > 0.0 { free_m / leg_m } else { 0.0 };
+        Room {
+            clearance_m,
+            fraction,
+        }
+    }
+
+    /// What is broken when either is.
+    fn nearer(self, other: Room) -> Room {
+        Room {
+            clearance_m: self.clearance_m.min(other.clearance_m),
+            fraction: self.fraction.min(other.fraction),
+        }
+    }
+
+    /// What is broken when both are.
+    fn farther(self, other: Room) -> Room {
+        Room {
+            clearance_m: self.clearance_m.max(other.clearance_m),
+            fraction: self.fraction.max(other.fraction),
+        }
+    }
+}
+
+/// Where a leg first may touch, and a point where it surely does.
+fn walk(least_step: f64, room: impl Fn(f64) -> Room) -> Option<(f64, Option<f64>)> {
     let mut possibly = None;
+    let mut steps_since = 0;
     let mut t = 0.0;
     loop {
-        let spare_m = clearance_m(t) - TOUCH_M;
-        if spare_m <= -GREY_M {
+        let Room {
+            clearance_m,
+            fraction,
+        } = room(t);
+        if clearance_m <= TOUCH_M - GREY_M {
             return Some((possibly.unwrap_or(t), Some(t)));
         }
-        if spare_m <= GREY_M {
+        if clearance_m <= TOUCH_M + GREY_M {
             possibly.get_or_insert(t);
         }
         if t >= 1.0 {
             return possibly.map(|possibly| (possibly, None));
         }
-        t = (t + (spare_m - GREY_M).max(GREY_M / 2.0) / length_m).min(1.0);
+        // Once it may have touched, any later point that surely does tells the rest. A leg that stays that near for long
+        // is not walked to its end in fractions of a millimetre.
+        steps_since += u32::from(possibly.is_some());
+        let least_step = if steps_since > FINE_STEPS {
+            COARSE_STEP.max(least_step)
+        } else {
+            least_step
+        };
+        t = (t + fraction.max(least_step)).min(1.0);
     }
 }
 
