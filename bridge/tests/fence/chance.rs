@@ -83,7 +83,7 @@ fn compare_leg(
     if surely.is_some_and(|first| first + 1e-9 < hit.possibly) {
         return Err(format!("{breach:?} is not the first of {hits:?}"));
     }
-    if counts.legs % 8 == 0 {
+    if counts.legs.is_multiple_of(8) {
         counts.amounts += 1;
         check_amount(oracle, &breach, constraint, from, to)?;
     }
@@ -123,7 +123,7 @@ impl Chance {
         bits ^ (bits >> 31)
     }
 
-    pub fn from_to(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
@@ -149,11 +149,11 @@ pub struct Place {
 
 impl Place {
     pub fn random(chance: &mut Chance) -> Place {
-        let latitude_deg = chance.from_to(-84.0, 84.0);
+        let latitude_deg = chance.between(-84.0, 84.0);
         let longitude_deg = if chance.one_in(4) {
-            normal_deg(chance.from_to(179.99, 180.01))
+            normal_deg(chance.between(179.99, 180.01))
         } else {
-            chance.from_to(-180.0, 180.0)
+            chance.between(-180.0, 180.0)
         };
         Place {
             origin_deg: [latitude_deg, longitude_deg],
@@ -173,15 +173,15 @@ impl Place {
     fn anywhere(&self, chance: &mut Chance) -> [f64; 2] {
         let size_m = self.size_m * 1.5;
         [
-            chance.from_to(-size_m, size_m),
-            chance.from_to(-size_m, size_m),
+            chance.between(-size_m, size_m),
+            chance.between(-size_m, size_m),
         ]
     }
 
     pub fn site(&self, chance: &mut Chance) -> Site {
         let count = 1 + chance.below(5);
         let altitude = |chance: &mut Chance, low, high| {
-            let value = chance.from_to(low, high);
+            let value = chance.between(low, high);
             chance.one_in(3).then_some(value)
         };
         Site {
@@ -201,8 +201,8 @@ impl Place {
         let kind = chance.one_of(&[AreaKind::Inclusion, AreaKind::Exclusion]);
         // Inclusion areas are larger, so that some legs stay inside.
         let size_m = match kind {
-            AreaKind::Inclusion => self.size_m * chance.from_to(0.7, 1.5),
-            AreaKind::Exclusion => self.size_m * chance.from_to(0.1, 0.6),
+            AreaKind::Inclusion => self.size_m * chance.between(0.7, 1.5),
+            AreaKind::Exclusion => self.size_m * chance.between(0.1, 0.6),
         };
         let spread = if kind == AreaKind::Inclusion {
             0.3
@@ -240,8 +240,8 @@ impl Place {
             .collect();
         let altitude_m = |chance: &mut Chance| match chance.below(8) {
             0 if !altitudes.is_empty() => chance.one_of(&altitudes),
-            1 if !altitudes.is_empty() => chance.one_of(&altitudes) + chance.from_to(-0.02, 0.02),
-            _ => chance.from_to(5.0, 95.0),
+            1 if !altitudes.is_empty() => chance.one_of(&altitudes) + chance.between(-0.02, 0.02),
+            _ => chance.between(5.0, 95.0),
         };
         let [start, end] = self.ground(site, chance);
         let low_m = altitude_m(chance);
@@ -278,7 +278,7 @@ impl Place {
         match chance.below(12) {
             // To a vertex; to a point of an edge.
             0 => [any[0], a],
-            1 => [any[0], on_line(chance.from_to(0.0, 1.0))],
+            1 => [any[0], on_line(chance.between(0.0, 1.0))],
             // Through a vertex.
             2 => {
                 let opposite_deg = 2.0 * normal_deg(any[0][1] - a[1]);
@@ -289,12 +289,12 @@ impl Place {
             }
             // Along an edge and beyond it; part of an edge; the edge itself.
             3 => [
-                on_line(chance.from_to(-1.0, 0.0)),
-                on_line(chance.from_to(1.0, 2.0)),
+                on_line(chance.between(-1.0, 0.0)),
+                on_line(chance.between(1.0, 2.0)),
             ],
             4 => [
-                on_line(chance.from_to(0.0, 0.5)),
-                on_line(chance.from_to(0.5, 1.0)),
+                on_line(chance.between(0.0, 0.5)),
+                on_line(chance.between(0.5, 1.0)),
             ],
             5 => [a, b],
             // Beside an edge, at about the distance that counts as touching.
@@ -304,10 +304,10 @@ impl Place {
                     normal_deg(b[1] - a[1]) * self.scale[1],
                 ];
                 let edge_m = along[0].hypot(along[1]);
-                let beside = chance.from_to(-0.02, 0.02) / edge_m;
+                let beside = chance.between(-0.02, 0.02) / edge_m;
                 // Short, because the other judge walks all of it in millimetres.
-                let begin = chance.from_to(-0.1, 1.0);
-                let end = begin + chance.from_to(0.0, 5.0) / edge_m;
+                let begin = chance.between(-0.1, 1.0);
+                let end = begin + chance.between(0.0, 5.0) / edge_m;
                 [on_line(begin), on_line(end)].map(|[lat, lon]| {
                     [
                         lat + along[1] * beside / self.scale[0],
@@ -329,8 +329,8 @@ fn star(chance: &mut Chance) -> Vec<[f64; 2]> {
     (0..count)
         .map(|index| {
             // Steps below half a turn keep it simple.
-            let angle = TAU * (index as f64 + chance.from_to(0.0, 0.49)) / count as f64;
-            let radius = chance.from_to(0.2, 1.0);
+            let angle = TAU * (index as f64 + chance.between(0.0, 0.49)) / count as f64;
+            let radius = chance.between(0.2, 1.0);
             [radius * angle.cos(), radius * angle.sin()]
         })
         .collect()
@@ -339,7 +339,7 @@ fn star(chance: &mut Chance) -> Vec<[f64; 2]> {
 /// A comb: right angles, and edges on one line.
 fn comb(teeth: usize, chance: &mut Chance) -> Vec<[f64; 2]> {
     let width = 2.0 / (2 * teeth - 1) as f64;
-    let gap_depth = chance.from_to(-0.8, 0.8);
+    let gap_depth = chance.between(-0.8, 0.8);
     let mut outline = vec![[-1.0, 1.0], [-1.0, -1.0]];
     for tooth in 0..teeth {
         let left = -1.0 + 2.0 * width * tooth as f64;
