@@ -669,6 +669,40 @@ fn either_direction_and_a_repeated_first_vertex_are_accepted() {
 }
 
 #[test]
+fn no_numbers_make_it_panic_and_every_amount_is_a_length() {
+    let mut chance = chance::Chance(7);
+    for _ in 0..200 {
+        let place = chance::Place::random(&mut chance);
+        let site = place.site(&mut chance);
+        let fence = site.fence();
+        for _ in 0..50 {
+            let (mut from, mut to) = place.leg(&site, &mut chance);
+            for value in [
+                &mut from.latitude_deg,
+                &mut from.altitude_m,
+                &mut to.longitude_deg,
+                &mut to.altitude_m,
+            ] {
+                let any = f64::from_bits(chance.bits());
+                let edge = [f64::NAN, f64::MIN_POSITIVE, -0.0, 180.0, -85.0, 1e5];
+                *value = match chance.below(3) {
+                    0 => any,
+                    1 => edge[chance.below(edge.len())],
+                    _ => *value,
+                };
+            }
+            let amount_m = fence
+                .check_leg(&from, &to)
+                .map_or(0.0, |breach| breach.amount_m);
+            assert!(
+                amount_m.is_finite() && amount_m >= 0.0,
+                "{fence:?} {from:?} {to:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn touching_is_wider_than_the_steps_of_the_wire() {
     // Half a step of 10⁻⁷ ° to the north and to the east.
     let [north, east] = oracle::metres_per_degree(0.0);

@@ -143,3 +143,45 @@ fn dot(a: Coord, b: Coord) -> f64 {
 fn cross(a: Coord, b: Coord) -> f64 {
     a.x * b.y - a.y * b.x
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spans<const N: usize>(ends: [(f64, f64); N]) -> Vec<Span> {
+        ends.map(|(from, to)| Span { from, to }).to_vec()
+    }
+
+    #[test]
+    fn spans_that_overlap_touch_or_contain_each_other_are_joined() {
+        let mut joined = spans([(0.6, 0.7), (0.1, 0.5), (0.2, 0.3), (0.7, 0.8), (0.9, 1.0)]);
+        join(&mut joined);
+        assert_eq!(joined, spans([(0.1, 0.5), (0.6, 0.8), (0.9, 1.0)]));
+    }
+
+    #[test]
+    fn the_rest_of_a_leg_is_what_no_span_covers() {
+        let check = |covered: &[Span], expected: &[Span]| {
+            assert_eq!(rest(&mut covered.to_vec()), expected, "{covered:?}");
+        };
+        check(&[], &[Span::WHOLE]);
+        check(&[Span::WHOLE], &[]);
+        check(&spans([(0.2, 0.4)]), &spans([(0.0, 0.2), (0.4, 1.0)]));
+        check(&spans([(0.5, 1.0), (0.0, 0.6)]), &[]);
+        check(&spans([(0.0, 0.9), (0.2, 0.3)]), &spans([(0.9, 1.0)]));
+        // The end of a span is not covered by it, unless it is an end of the leg.
+        check(&spans([(0.0, 0.5), (0.5, 1.0)]), &spans([(0.5, 0.5)]));
+        check(&spans([(0.0, 0.0)]), &[Span::WHOLE]);
+    }
+
+    #[test]
+    fn what_does_not_change_is_between_everywhere_or_nowhere() {
+        assert_eq!(where_between(5.0, 0.0, 5.0, 6.0), Some(Span::LINE));
+        assert_eq!(where_between(4.9, 0.0, 5.0, 6.0), None);
+        let rising = where_between(0.0, 10.0, 2.0, f64::INFINITY);
+        assert_eq!(
+            rising.and_then(|span| span.and(Span::WHOLE)),
+            Some(Span { from: 0.2, to: 1.0 })
+        );
+    }
+}
