@@ -1,6 +1,7 @@
 //! `[fence]` of the configuration: its bounds, and every mistake with its line and the name of the area.
 
-use bridge::safety::fence::{Fence, MAX_AREAS, MAX_VERTICES};
+use bridge::safety::fence::{Fence, FenceRule, MAX_AREAS, MAX_VERTICES};
+use dsp_protocol::Waypoint;
 
 fn parse(text: &str) -> Result<Fence, String> {
     runtime::config::parse(text, "fence.toml").map_err(|error| error.to_string())
@@ -150,4 +151,58 @@ fn mistakes_outside_a_shape_are_named_with_their_line() {
         let error = parse(&text).unwrap_err();
         assert!(error.contains(reason), "{text}\n{error}");
     }
+}
+
+/// As `bridge.toml` contains it.
+#[derive(Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    fence: Fence,
+}
+
+#[test]
+fn the_example_of_the_documentation_is_a_fence_of_two_areas() {
+    let blocks = include_str!("../../docs/safety.md").split("```");
+    let example = blocks
+        .filter_map(|block| block.strip_prefix("toml\n"))
+        .find(|block| block.contains("[fence]"))
+        .unwrap();
+    let fence = runtime::config::parse::<File>(example, "bridge.toml")
+        .unwrap()
+        .fence;
+    assert_eq!(fence.areas(), 2);
+    assert_eq!(
+        [0, 1].map(|area| fence.area_name(area)),
+        [Some("field"), Some("mast")]
+    );
+    let at = |latitude_deg, longitude_deg, altitude_m| Waypoint {
+        latitude_deg,
+        longitude_deg,
+        altitude_m,
+    };
+    let judge = |from, to| fence.check_leg(&from, &to).map(|breach| breach.rule);
+    let (west, east) = ((37.4115, -6.0025), (37.4115, -5.9995));
+    let level = |altitude_m| {
+        judge(
+            at(west.0, west.1, altitude_m),
+            at(east.0, east.1, altitude_m),
+        )
+    };
+    assert_eq!(level(70.0), None);
+    assert_eq!(level(60.0), Some(FenceRule::Exclusion));
+    assert_eq!(level(130.0), Some(FenceRule::Ceiling));
+    assert_eq!(
+        judge(at(37.412, -6.0, 70.0), at(37.415, -6.0, 70.0)),
+        Some(FenceRule::Inclusion)
+    );
+
+    let broken = example.replace("radius_m = 40.0", "radius_m = 0.04");
+    let error = runtime::config::parse::<File>(&broken, "bridge.toml").unwrap_err();
+    let line = broken
+        .lines()
+        .position(|line| line.contains("# stay away"))
+        .unwrap()
+        + 1;
+    let start = format!("bridge.toml:{line}: area `mast`: radius_m = 0.04 is out of range");
+    assert!(error.to_string().starts_with(&start), "{error}");
 }

@@ -5,7 +5,6 @@ use geo::{Contains, Coord, Distance, Euclidean, Point, Polygon};
 use serde::Deserialize;
 
 use super::TOUCH_M;
-use super::config::{AreaConfig, FenceError};
 use super::plane::{Leg, Plane};
 use super::span::{Span, join, rest, where_between, where_in_disc, where_near_edge};
 
@@ -19,9 +18,8 @@ pub enum AreaKind {
     Exclusion,
 }
 
-/// A valid area of a [`Fence`](super::Fence), made from an [`AreaConfig`].
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "AreaConfig")]
+/// A valid area of a [`Fence`](super::Fence), made from an [`AreaConfig`](super::AreaConfig).
+#[derive(Clone, Debug, PartialEq)]
 pub struct Area {
     pub(super) name: String,
     pub(super) kind: AreaKind,
@@ -53,14 +51,6 @@ impl Default for Band {
             floor_m: f64::NEG_INFINITY,
             ceiling_m: f64::INFINITY,
         }
-    }
-}
-
-impl TryFrom<AreaConfig> for Area {
-    type Error = FenceError;
-
-    fn try_from(config: AreaConfig) -> Result<Self, FenceError> {
-        config.check()
     }
 }
 
