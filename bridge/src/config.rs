@@ -16,6 +16,7 @@ use serde::{Deserialize, Deserializer};
 use crate::errors::ErrorTable;
 use crate::flight::arrival::Tolerance;
 use crate::link::coherence::Rule;
+use crate::safety::fence::Fence;
 use crate::link::commands::ATTEMPTS;
 
 /// All of `bridge.toml`.
@@ -36,6 +37,8 @@ pub struct BridgeConfig {
     pub movement: MovementLimits,
     /// Rules of flight safety.
     pub safety: SafetyConfig,
+    /// Where the helicopter may fly.
+    pub fence: Fence,
     /// Which DSP errors end the functionality.
     pub errors: ErrorTable,
     /// The published state.

@@ -2,7 +2,7 @@
 
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
-use ipc_types::code::{MovementKind, Reason, Stage};
+use ipc_types::code::{MovementKind, Reason};
 use ipc_types::payload::MovementState;
 
 use super::arrival::ground_distance_m;
@@ -169,7 +169,7 @@ impl Flight {
     }
 
     /// The leg that ends at this waypoint, against the geofence.
-    fn check_leg_to(&self, segment: &Segment, position: &Geographic) -> Result<(), Refusal> {
+    fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Refusal> {
         let is_continued = !segment.first && self.assembler.open_path() == Some(segment.path_id);
         let waypoints = self.assembler.waypoints();
         let (from, leg) = match waypoints.last() {
@@ -216,7 +216,7 @@ impl Flight {
     /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were done when
     /// they became part of it.
     pub(super) fn break_path<O: Outputs>(&mut self, reason: Reason, cx: &mut Context<'_, O>) {
-        self.answer_newest(&Verdict::ended(Stage::Aborted, reason, Default::default()), cx);
+        self.answer_newest(&Verdict::aborted(reason), cx);
         if self.assembler.open_path().is_some() {
             self.is_changed = true;
         }
