@@ -139,7 +139,7 @@ fn a_person_who_got_the_terminal_of_a_killed_simulator_notices_nothing() {
     );
     assert!(told.contains(&owner), "{told}");
     for _ in 0..5 {
-        bridge.wait_for_text("still so: ");
+        bridge.wait_for_text("still not open");
     }
     assert_eq!(person.sees().unwrap(), b"");
     assert_eq!(differences(&before, &person.settings()), "");
@@ -166,7 +166,7 @@ fn a_bridge_that_is_given_a_persons_terminal_at_first_waits_as_well() {
     let mut bridge = rig.start(&format!("bridge -v --port {}", slave.display()));
     let owner = format!("the terminal of `sh` (process {})", person.pid());
     bridge.wait_for_text(&owner);
-    bridge.wait_for_text("still so: ");
+    bridge.wait_for_text("still not open");
     let finished = rig.run(&format!("doctor --port {}", slave.display()), 6);
     let told = finished.stdout.iter().find(|line| line.contains(&owner));
     assert!(told.is_some(), "{finished:#?}");
@@ -188,7 +188,7 @@ fn bridges_of_two_domains_never_share_a_simulator() {
     let mut second = theirs.start(&format!("bridge -v --port {}", port.display()));
     second.wait_for_text(&format!("is in use by `ril` (process {})", first.id()));
     for _ in 0..5 {
-        second.wait_for_text("still so: ");
+        second.wait_for_text("still not open");
     }
     let after = watch.until("telemetry goes on", |state| {
         state.link.telemetry_published > before.telemetry_published + 5

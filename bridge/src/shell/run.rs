@@ -26,12 +26,13 @@ const CLEANING_PERIOD: Duration = Duration::from_millis(500);
 /// The place of the serial port among the sources of a wait: the last, because it may be absent.
 const LINE: usize = 5;
 
-/// How long a pseudo-terminal that has just appeared is left alone. Whoever makes one for a login takes a few milliseconds
-/// until it is the login's controlling terminal; before that, it looks as one of a simulator does.
+/// How long a pseudo-terminal that has just appeared is left alone. A program that makes one for a login, such as sshd, takes
+/// a few milliseconds until it is the login's controlling terminal. Before that, it looks as one of a simulator does.
 const PTY_SETTLING: Duration = Duration::from_millis(50);
 
-/// An attempt to open the port looks at all processes: a few milliseconds, but more where there are thousands of them. The
-/// pause after an attempt is at least this many times as long as the attempt: so attempts take 5 % of the time at most.
+/// An attempt to open the port looks at all processes, unless there is no device: 2 ms for 90 processes and 100 ms for 1600
+/// in a debug build. The pause after an attempt is at least this many times as long as the attempt. So attempts take 5 % of
+/// the time at most.
 const REST_AFTER_ATTEMPT: u32 = 20;
 
 /// Why the bridge process cannot go on.
@@ -298,7 +299,7 @@ impl Port {
         self.failures = self.failures.saturating_add(1);
         let told = error.to_string();
         if self.told == told {
-            tracing::debug!(tries = self.failures, "still so: {told}");
+            tracing::debug!(tries = self.failures, "still not open");
         } else {
             tracing::error!("{told}; trying again");
             self.told = told;

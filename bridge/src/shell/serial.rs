@@ -1,9 +1,9 @@
 //! The serial port: opened, configured, read and written without blocking, and given back as it was found.
 //!
-//! A port that somebody else uses is left alone: it may be a person's terminal, above all when the link to a
-//! pseudo-terminal has outlived its simulator and its number was given to a login. So [`holders`] are looked for before the
-//! device is opened, and again before anything is changed. Everything happens to one descriptor, so that what was looked
-//! at is what is configured, wherever a link leads meanwhile.
+//! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives a
+//! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for [`holders`] before
+//! it opens the device, and again before it changes anything. It checks, locks and configures one descriptor, because a
+//! second one could lead to another device.
 
 pub mod holders;
 
@@ -37,7 +37,7 @@ pub enum OpenError {
         /// How to mend it.
         hint: String,
     },
-    /// Somebody else uses it.
+    /// Another process uses it, or the kernel.
     #[error("{}", in_use(.port, .by))]
     InUse {
         /// The port.
@@ -81,7 +81,7 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
-    /// Opens and configures the port. A port that somebody else uses is not touched. A port that cannot be configured is
+    /// Opens and configures the port. A port that another process uses is not touched. A port that cannot be configured is
     /// left closed, with the settings it had.
     ///
     /// # Errors
@@ -99,7 +99,7 @@ impl SerialPort {
             .open(port)
             .map_err(|error| cannot_open(port, error))?;
         let file = Locked::new(port, file)?;
-        // What was opened may be another device than what was looked at, and somebody may have come meanwhile.
+        // The link may have been changed between the check and the opening, and another process may have come.
         let metadata = file
             .0
             .metadata()
@@ -118,7 +118,7 @@ impl SerialPort {
                 port: port.to_owned(),
                 reason,
             })?;
-        // What lay in the queues was said to or by somebody else.
+        // Bytes in the queues were meant for an earlier user of the port.
         let _ = tcflush(&opened.file.0, QueueSelector::IOFlush);
         Ok(opened)
     }
@@ -244,7 +244,7 @@ impl Drop for Locked {
     }
 }
 
-/// Whether the device at `port`, to which `metadata` belongs, is a terminal that nobody else uses.
+/// Checks that the device at `port`, to which `metadata` belongs, is a terminal that no other process uses.
 fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
     let terminal =
         Terminal::new(port, metadata).ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
@@ -258,7 +258,7 @@ fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
     }
 }
 
-/// The system refuses the port because of somebody who has it. Says who, if that can be seen.
+/// The error when the system refuses the port because of its holder, who is named if this user can see it.
 fn refused_by_its_holder(port: &Path) -> OpenError {
     let terminal = std::fs::metadata(port)
         .ok()

@@ -90,7 +90,7 @@ enum Sameness {
 /// How a process holds a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hold {
-    /// It is the process's controlling terminal: somebody sits there, or is about to log in.
+    /// It is the process's controlling terminal: a person works there, or a login waits there.
     Controlling,
     /// The process has it open.
     Open,
@@ -195,8 +195,8 @@ impl Holders {
         });
     }
 
-    /// Who keeps the process `own` from using the terminal; nothing if nobody is known to. The most telling one is chosen
-    /// always alike, so that a log tells it once.
+    /// Who keeps the process `own` from using the terminal; nothing if it may. A session's leader comes before its other
+    /// processes, and low process numbers before high ones: the same occupant is named each time, so that it is logged once.
     pub fn occupant(&self, own: u32) -> Option<Occupant> {
         let controlling = self
             .processes
@@ -221,7 +221,7 @@ fn is_elsewhere(process: &Path, files: &OpenFiles, are_hidden: bool) -> bool {
     if !are_hidden {
         return files.has_same_number && !files.has_terminal;
     }
-    // Somebody who entered a container from this terminal left a process outside of it, which is found.
+    // A person who enters a container from this terminal leaves a shell outside of the container, and that is found.
     let status = fs::read_to_string(process.join("status")).unwrap_or_default();
     has_own_process_numbers(&status)
 }
