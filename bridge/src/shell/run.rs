@@ -315,3 +315,35 @@ impl Port {
         self.next_try = Some(MonotonicNs(0));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::os::unix::fs::symlink;
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    #[test]
+    fn a_pseudo_terminal_that_appears_is_left_alone_until_a_login_would_have_taken_it() {
+        let link = std::env::temp_dir().join(format!("ril-port-{}", std::process::id()));
+        let mut port = Port::new(&SerialConfig {
+            port: link.clone(),
+            ..SerialConfig::default()
+        });
+        let now = MonotonicNs::now();
+        assert!(!port.try_open(now).unwrap(), "there is none");
+        let now = port.next_try.unwrap();
+
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC);
+        let master = master.unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let slave = ptsname(&master, Vec::new()).unwrap();
+        symlink(slave.to_str().unwrap(), &link).unwrap();
+        assert!(!port.try_open(now).unwrap(), "it has just appeared");
+        assert_eq!(port.next_try, Some(now + PTY_SETTLING));
+        assert!(port.try_open(now + PTY_SETTLING).unwrap());
+        std::fs::remove_file(link).unwrap();
+    }
+}
