@@ -3,7 +3,7 @@
 mod extended;
 mod in_flight;
 
-use dsp_protocol::Received;
+use dsp_protocol::{Group, Received};
 use proptest::prelude::*;
 
 use super::*;
