@@ -61,7 +61,7 @@ fn the_groups_are_those_of_section_4_1() {
 
 #[test]
 fn the_limits_are_those_of_section_9() {
-    let mut limits: Vec<(String, Vec<(f64, f64, String)>)> = Vec::new();
+    let mut limits: Vec<(String, Vec<_>)> = Vec::new();
     for row in rows("| group | field | least |") {
         let [group, fields, least, greatest] = row.as_slice() else {
             panic!("{row:?}");
