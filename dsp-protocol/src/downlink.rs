@@ -12,7 +12,7 @@ pub use crate::group::{
     Status, Supply, Xy,
 };
 
-/// Bytes of a status' payload from which its mask, and so its length, can be read.
+/// Bytes of a status' payload that hold its mask, from which its length follows.
 const STATUS_MASK_LEN: usize = 3;
 /// The greatest code of a command, hence of an acknowledgement.
 const MAX_COMMAND_CODE: u8 = 7;

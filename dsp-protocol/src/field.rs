@@ -43,7 +43,7 @@ pub(crate) trait Wire<T> {
     const STEPS_PER_UNIT: u32;
     /// Appends `value`.
     fn write(value: T, writer: &mut Writer);
-    /// Takes a value; whether it was there is told by [`Reader::finish`].
+    /// Takes a value; [`Reader::finish`] reports whether it was there.
     fn read(reader: &mut Reader<'_>) -> T;
 }
 
@@ -113,7 +113,7 @@ pub(crate) trait Layout {
     const LEN: usize;
     /// Appends the values.
     fn write(value: &Self::Value, writer: &mut Writer);
-    /// Takes the values; whether they were there is told by [`Reader::finish`].
+    /// Takes the values; [`Reader::finish`] reports whether they were there.
     fn read(reader: &mut Reader<'_>) -> Self::Value;
     /// Whether each value lies within its limits.
     fn is_plausible(value: &Self::Value) -> bool;

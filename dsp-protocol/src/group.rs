@@ -257,7 +257,7 @@ macro_rules! groups {
             }
 
             /// The groups of the message that hold a value outside the limits of section 9.
-            pub fn implausible_groups(&self) -> StatusMask {
+            pub(crate) fn implausible_groups(&self) -> StatusMask {
                 let mut implausible = StatusMask::NONE;
                 $(if self.$field.as_ref().is_some_and(|value| !layout::$group::is_plausible(value)) {
                     implausible = implausible.with(Group::$group);
@@ -272,7 +272,7 @@ macro_rules! groups {
                 })+
             }
 
-            /// Takes the groups of `mask`; whether they were there is told by [`Reader::finish`].
+            /// Takes the groups of `mask`; [`Reader::finish`] reports whether they were there.
             pub(crate) fn read_groups(flying: bool, mask: StatusMask, reader: &mut Reader<'_>) -> Status {
                 // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
                 Status {

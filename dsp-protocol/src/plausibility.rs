@@ -11,261 +11,103 @@ pub fn implausible_groups(status: &Status) -> StatusMask {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::group::{
-        Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, Group, PanTilt, References,
-        ServoPulses, Supply, Xy,
-    };
+    use crate::group::{FieldSpec, Geographic, GpsVelocity, Group};
+    use crate::{Decoded, Decoder, Downlink, checksum};
 
-    /// Whether exactly `groups` are implausible in `status`.
-    fn check(status: Status, groups: &[Group]) {
-        let expected: StatusMask = groups.iter().copied().collect();
-        assert_eq!(implausible_groups(&status), expected, "{status:?}");
-    }
-
-    /// A group with one of its fields at each of `good` values, then at each of `bad` values.
-    fn check_field<T: Copy>(group: Group, good: &[T], bad: &[T], with: impl Fn(T) -> Status) {
-        for value in good {
-            check(with(*value), &[]);
+    /// A status as it comes off the line with `group` alone, whose fields hold these numbers of steps.
+    fn received(group: Group, steps: &[i64]) -> Status {
+        let mask = StatusMask::NONE.with(group).0;
+        let mut frame = vec![0xE9];
+        frame.extend([14, 7, 0].map(|shift| (mask >> shift) as u8 & 0x7F));
+        frame.push(0);
+        for (field, steps) in group.limits().iter().zip(steps) {
+            let (bits, digits) = match field.wire {
+                "u7" => (7, 1),
+                "u14" => (14, 2),
+                "u16" | "i16" => (16, 3),
+                _ => (32, 5),
+            };
+            let value = steps & ((1 << bits) - 1);
+            frame.extend(
+                (0..digits)
+                    .rev()
+                    .map(|digit| (value >> (7 * digit)) as u8 & 0x7F),
+            );
         }
-        for value in bad {
-            check(with(*value), &[group]);
+        frame.push(checksum(&frame));
+        match Decoder::<Downlink>::new().decode(&frame) {
+            (_, Decoded::Message(Downlink::Status(status))) => status,
+            (_, other) => panic!("{group:?} {steps:?}: {other:?}"),
         }
     }
 
-    /// A field whose absolute value is limited, in `f64`.
-    fn check_limit_f64(group: Group, limit: f64, with: impl Fn(f64) -> Status) {
-        let above = limit.next_up();
-        let bad = [above, -above, f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
-        check_field(group, &[0.0, limit, -limit], &bad, with);
+    fn steps_of(field: &FieldSpec, value: f64) -> i64 {
+        (value * f64::from(field.steps_per_unit)).round() as i64
     }
 
-    /// A field whose absolute value is limited, in `f32`.
-    fn check_limit_f32(group: Group, limit: f32, with: impl Fn(f32) -> Status) {
-        let above = limit.next_up();
-        let bad = [above, -above, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
-        check_field(group, &[0.0, limit, -limit], &bad, with);
+    #[test]
+    fn each_field_may_reach_its_limits_and_not_be_one_step_beyond() {
+        for group in Group::ALL {
+            let limits = group.limits();
+            let least: Vec<i64> = limits
+                .iter()
+                .map(|field| steps_of(field, field.min))
+                .collect();
+            for (index, field) in limits.iter().enumerate() {
+                let check = |steps: i64, expected: StatusMask| {
+                    let mut all = least.clone();
+                    all[index] = steps;
+                    let status = received(group, &all);
+                    assert_eq!(implausible_groups(&status), expected, "{field:?} {steps}");
+                };
+                let (min, max) = (steps_of(field, field.min), steps_of(field, field.max));
+                let implausible = StatusMask::NONE.with(group);
+                check(min, StatusMask::NONE);
+                check(max, StatusMask::NONE);
+                let is_signed = field.wire.starts_with('i');
+                if is_signed || min > 0 {
+                    check(min - 1, implausible);
+                }
+                // Any time of the DSP's clock is plausible.
+                if group != Group::Time {
+                    check(max + 1, implausible);
+                }
+            }
+        }
     }
 
-    /// One value of a group of `Copy` structs, set by field.
-    macro_rules! field {
-        ($group:ident: $kind:ident . $field:ident) => {
-            |value| Status {
-                $group: Some($kind {
-                    $field: value,
-                    ..$kind::default()
+    #[test]
+    fn what_is_not_finite_is_implausible() {
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let status = Status {
+                geographic: Some(Geographic {
+                    altitude_m: value,
+                    ..Geographic::default()
+                }),
+                gps_velocity: Some(GpsVelocity {
+                    heading_deg: value as f32,
+                    ..GpsVelocity::default()
                 }),
                 ..Status::default()
-            }
-        };
-    }
-
-    #[test]
-    fn positions_have_the_limits_of_section_9() {
-        check_limit_f64(
-            Group::Geographic,
-            90.0,
-            field!(geographic: Geographic.latitude_deg),
-        );
-        check_limit_f64(
-            Group::Geographic,
-            180.0,
-            field!(geographic: Geographic.longitude_deg),
-        );
-        check_field(
-            Group::Geographic,
-            &[-1000.0, 0.0, 20_000.0],
-            &[-1000.001, 20_000.001, f64::NAN, f64::INFINITY],
-            field!(geographic: Geographic.altitude_m),
-        );
-        check_limit_f64(Group::Xy, 100_000.0, field!(xy: Xy.x_m));
-        check_limit_f64(Group::Xy, 100_000.0, field!(xy: Xy.y_m));
-    }
-
-    #[test]
-    fn gps_has_the_limits_of_section_9() {
-        check_field(
-            Group::GpsVelocity,
-            &[0.0, 100.0],
-            &[-0.01, 100.01, f32::NAN, f32::INFINITY],
-            field!(gps_velocity: GpsVelocity.horizontal_speed_mps),
-        );
-        check_limit_f32(
-            Group::GpsVelocity,
-            50.0,
-            field!(gps_velocity: GpsVelocity.vertical_speed_mps),
-        );
-        check_field(
-            Group::GpsVelocity,
-            &[0.0, 360.0],
-            &[-0.01, 360.01, f32::NAN],
-            field!(gps_velocity: GpsVelocity.heading_deg),
-        );
-        check_field(Group::GpsQuality, &[0, 8], &[9, 127], |quality| Status {
-            gps_quality: Some(quality),
-            ..Status::default()
-        });
-    }
-
-    #[test]
-    fn the_imu_has_the_limits_of_section_9() {
-        check_limit_f32(Group::Attitude, 90.0, field!(attitude: Attitude.pitch_deg));
-        check_limit_f32(Group::Attitude, 180.0, field!(attitude: Attitude.roll_deg));
-        check_limit_f32(Group::Attitude, 180.0, field!(attitude: Attitude.yaw_deg));
-        check_limit_f32(
-            Group::Acceleration,
-            160.0,
-            field!(acceleration: Acceleration.x_mps2),
-        );
-        check_limit_f32(
-            Group::Acceleration,
-            160.0,
-            field!(acceleration: Acceleration.y_mps2),
-        );
-        check_limit_f32(
-            Group::Acceleration,
-            160.0,
-            field!(acceleration: Acceleration.z_mps2),
-        );
-        check_limit_f32(
-            Group::AngularRate,
-            20.0,
-            field!(angular_rate: AngularRate.x_radps),
-        );
-        check_limit_f32(
-            Group::AngularRate,
-            20.0,
-            field!(angular_rate: AngularRate.y_radps),
-        );
-        check_limit_f32(
-            Group::AngularRate,
-            20.0,
-            field!(angular_rate: AngularRate.z_radps),
-        );
-    }
-
-    #[test]
-    fn every_servo_pulse_has_the_limits_of_section_9() {
-        for channel in 0..5 {
-            let pulses = |pulse| {
-                let mut channels = [1500; 5];
-                channels[channel] = pulse;
-                let [collective_us, roll_us, pitch_us, tail_us, throttle_us] = channels;
-                Some(ServoPulses {
-                    collective_us,
-                    roll_us,
-                    pitch_us,
-                    tail_us,
-                    throttle_us,
-                })
             };
-            let (good, bad) = ([500, 2500], [0, 499, 2501, 16_383]);
-            check_field(Group::PilotPwm, &good, &bad, |pulse| Status {
-                pilot_pwm: pulses(pulse),
-                ..Status::default()
-            });
-            check_field(Group::Actuation, &good, &bad, |pulse| Status {
-                actuation: pulses(pulse),
-                ..Status::default()
-            });
+            let expected = [Group::Geographic, Group::GpsVelocity]
+                .into_iter()
+                .collect();
+            assert_eq!(implausible_groups(&status), expected, "{value}");
         }
     }
 
     #[test]
-    fn raw_values_and_supply_have_the_limits_of_section_9() {
-        let (good, bad) = ([0, 4095], [4096, 16_383]);
-        check_field(Group::Sonar, &good, &bad, |adc| Status {
-            sonar_adc: Some(adc),
+    fn only_the_groups_that_are_wrong_are_named() {
+        assert_eq!(implausible_groups(&Status::default()), StatusMask::NONE);
+        let status = Status {
+            time_ms: Some(u32::MAX),
+            gps_quality: Some(9),
+            rotor_rpm: Some(1500),
+            sonar_adc: Some(5000),
             ..Status::default()
-        });
-        check_field(Group::Barometer, &good, &bad, |adc| Status {
-            barometer_adc: Some(adc),
-            ..Status::default()
-        });
-        check_field(
-            Group::PanTilt,
-            &good,
-            &bad,
-            field!(pan_tilt: PanTilt.pan_adc),
-        );
-        check_field(
-            Group::PanTilt,
-            &good,
-            &bad,
-            field!(pan_tilt: PanTilt.tilt_adc),
-        );
-        check_field(Group::RotorSpeed, &[0, 4000], &[4001, 16_383], |rpm| {
-            Status {
-                rotor_rpm: Some(rpm),
-                ..Status::default()
-            }
-        });
-        check_field(
-            Group::Supply,
-            &[0, 60_000],
-            &[60_001],
-            field!(supply: Supply.battery_mv),
-        );
-        check_field(
-            Group::Supply,
-            &[0, 100],
-            &[101, 127],
-            field!(supply: Supply.fuel_percent),
-        );
-        check_field(
-            Group::Supply,
-            &[0, 1],
-            &[2, 127],
-            field!(supply: Supply.auto_switch),
-        );
-    }
-
-    #[test]
-    fn references_have_the_limits_of_section_9() {
-        check_limit_f32(
-            Group::References,
-            100.0,
-            field!(references: References.x_speed_mps),
-        );
-        check_limit_f32(
-            Group::References,
-            100.0,
-            field!(references: References.y_speed_mps),
-        );
-        check_field(
-            Group::References,
-            &[-1000.0, 20_000.0],
-            &[-1000.001, 20_000.001, f64::NAN],
-            field!(references: References.altitude_m),
-        );
-        check_limit_f32(
-            Group::References,
-            90.0,
-            field!(references: References.pitch_deg),
-        );
-        check_limit_f32(
-            Group::References,
-            180.0,
-            field!(references: References.roll_deg),
-        );
-        check_limit_f32(
-            Group::References,
-            180.0,
-            field!(references: References.yaw_deg),
-        );
-    }
-
-    #[test]
-    fn only_the_groups_that_are_wrong_are_named_and_the_time_never_is() {
-        check(Status::default(), &[]);
-        check(
-            Status {
-                time_ms: Some(u32::MAX),
-                gps_quality: Some(9),
-                rotor_rpm: Some(1500),
-                sonar_adc: Some(5000),
-                ..Status::default()
-            },
-            &[Group::GpsQuality, Group::Sonar],
-        );
+        };
+        let expected = [Group::GpsQuality, Group::Sonar].into_iter().collect();
+        assert_eq!(implausible_groups(&status), expected);
     }
 }
