@@ -146,7 +146,8 @@ impl Writer {
     }
 }
 
-/// Unpacks the values of a frame. It never fails in the middle: [`Reader::finish`] reports what was wrong, so that a parser reads straight on.
+/// Unpacks the values of a frame. It never fails in the middle: [`Reader::finish`] reports what was wrong, so that a parser
+/// reads straight on.
 pub struct Reader<'a> {
     rest: &'a [u8],
     short: bool,
