@@ -4,7 +4,7 @@ mod extended;
 mod firmware;
 mod in_flight;
 
-use dsp_protocol::Received;
+use dsp_protocol::{Group, Received};
 use proptest::prelude::*;
 
 use super::*;
