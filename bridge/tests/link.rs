@@ -243,9 +243,9 @@ fn a_slow_status_is_waited_for() {
     assert_eq!(desk.dsp.asked(), []);
     desk.dsp.sends_status = false;
     // Twice three periods of 5 s after the last one.
-    desk.run(24_500);
+    desk.run(29_000);
     assert_eq!(desk.dsp.asked(), []);
-    desk.run(1_000);
+    desk.run(2_000);
     assert_eq!(desk.dsp.asked(), [PROBE, Command::ActivateStatus]);
 }
 

@@ -345,6 +345,11 @@ impl Link {
     }
 
     /// The parameters that are written at each start-up.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The parameters that are written at each start-up, to add one.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
         &mut self.parameters
     }

@@ -121,9 +121,7 @@ impl Link {
         };
         increment(&mut self.health.commands_acknowledged);
         self.arm_command_timer();
-        if let State::Up(session) = &mut self.state
-            && is_certain
-        {
+        if let State::Up(session) = &mut self.state {
             session.heard = session.heard.max(sent);
         }
         match purpose {
