@@ -8,6 +8,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use crate::calibration::Calibration;
+use crate::estimator::config::EstimatorConfig;
 use crate::group::GroupSet;
 use crate::log::Limits;
 
@@ -34,6 +35,8 @@ runtime::ranged! {
 pub struct Config {
     /// From raw numbers to SI units.
     pub calibration: Calibration,
+    /// What estimates values that no single sensor measures well.
+    pub estimator: EstimatorConfig,
     /// Logs, none by default.
     #[serde(deserialize_with = "logs")]
     pub log: Vec<LogConfig>,
@@ -208,6 +211,8 @@ mod tests {
             ("[calibration.servo]\n\nhalf_travel_us = 0", 3, "must be from 1.0 to 2000.0"),
             ("[calibration.pan]\ndeg_per_step = nan", 2, "NaN is out of range"),
             ("[calibration.barometer]\nzero_adc = '500'", 2, "invalid type: string"),
+            ("[estimator]\nkind = 'altitud'", 2, "did you mean `altitude`?"),
+            ("[estimator.altitude]\nsonar_m = 0", 2, "must be from 0.001 to 100"),
             ("[[log]]\ngroups = ['time']\n[[log]]\ngroups = ['altitude']", 4, "did you mean `attitude`?"),
             ("[[log]]\ngroups = 'time'", 2, "invalid type: string"),
             ("[[log]]\nmax_file_mib = 0", 2, "must be from 1 to 4095"),

@@ -9,6 +9,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 
 use crate::calibration::Calibration;
+use crate::estimator::Estimator;
 use crate::group::GroupSet;
 use crate::log::{LogEvent, LogSummary, Logs};
 use crate::possible::believable;
@@ -79,6 +80,7 @@ pub struct Summary {
 /// The process without its surroundings.
 pub struct Status {
     calibration: Calibration,
+    estimator: Option<Box<dyn Estimator + Send>>,
     logs: Logs,
     input: Input,
     output: Output,
@@ -105,10 +107,11 @@ struct Output {
 }
 
 impl Status {
-    /// The process with `calibration`, which gives what comes to `logs`.
+    /// The process with `calibration` and without an estimator, which gives what comes to `logs`.
     pub fn new(calibration: Calibration, logs: Logs) -> Status {
         Status {
             calibration,
+            estimator: None,
             logs,
             input: Input {
                 counts: InputCounts::default(),
@@ -121,10 +124,21 @@ impl Status {
         }
     }
 
-    /// What to publish for `dsp` at `now`.
-    pub fn translate(&self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
+    /// The same with `estimator`, which is fed with every sample.
+    #[must_use]
+    pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Status {
+        self.estimator = Some(estimator);
+        self
+    }
+
+    /// What to publish for `dsp` at `now`. To be called once for each sample: the estimator goes on with it.
+    pub fn translate(&mut self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
         let (dsp, _) = believable(dsp);
-        translate(&dsp, &self.calibration, now)
+        let mut hero = translate(&dsp, &self.calibration, now);
+        if let Some(estimator) = &mut self.estimator {
+            hero.estimate = estimator.update(&dsp, &hero);
+        }
+        hero
     }
 
     /// Takes note of `dsp` at `now`, after what [`translate`](Self::translate) gave was published or could not be.
@@ -216,6 +230,7 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use ipc_types::TelemetryGroup;
+    use ipc_types::payload::HeroEstimate;
 
     use super::*;
     use crate::log::queue::QUEUE_SAMPLES;
@@ -288,6 +303,40 @@ mod tests {
         };
         let told: Vec<_> = status.take_events().iter().filter_map(refused).collect();
         assert_eq!(told, ["geographic", "gps_quality"]);
+    }
+
+    /// Counts the samples that it is fed with, and the groups that they have.
+    #[derive(Default)]
+    struct Counting(f64);
+
+    impl Estimator for Counting {
+        fn update(&mut self, raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate {
+            assert_eq!(u32::from(raw.valid_groups), hero.valid_groups);
+            self.0 += 1.0;
+            HeroEstimate {
+                altitude_m: self.0,
+                inputs: raw.valid_groups.into(),
+                valid: 1,
+                ..HeroEstimate::default()
+            }
+        }
+    }
+
+    #[test]
+    fn an_estimator_is_fed_with_every_plausible_sample_and_published() {
+        let mut dsp = sample(1, 1);
+        dsp.geographic.latitude_deg = f64::NAN;
+        let plausible = u32::from(!TelemetryGroup::Geographic.bit());
+        let mut status = without_logs().with_estimator(Box::new(Counting::default()));
+        for expected in [1.0, 2.0, 3.0] {
+            let estimate = status.translate(&dsp, START).estimate;
+            assert_eq!(
+                (estimate.altitude_m, estimate.inputs),
+                (expected, plausible)
+            );
+        }
+        let none = without_logs().translate(&dsp, START).estimate;
+        assert_eq!(none, HeroEstimate::default());
     }
 
     #[test]

@@ -2,12 +2,13 @@
 //! telemetry in SI units out, and logs of chosen groups.
 //!
 //! ```text
-//! DspTelemetry ═▶ shell ─▶ core::Status ─┬▶ translate ─▶ shell ═▶ HeroTelemetry
+//! DspTelemetry ═▶ shell ─▶ core::Status ─┬▶ translate, estimator ─▶ shell ═▶ HeroTelemetry
 //!                                        └▶ log::Logs ─▶ queue ─▶ log::LogWriter ─▶ files
 //!                                                 (one of each for each log, in a thread of its own)
 //! ```
 //!
 //! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
+//! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
 //! * [`possible`] tells which values can be: a faulty neighbour may have published any;
 //! * [`log`] writes tab-separated values, several logs at once, none of which can disturb the telemetry: neither a full
 //!   disk nor one that hangs, and every row is in a file or in the counts;
@@ -48,6 +49,7 @@ pub mod calibration;
 pub mod cli;
 pub mod config;
 pub mod core;
+pub mod estimator;
 pub mod group;
 pub mod log;
 pub mod possible;

@@ -20,6 +20,7 @@ use runtime::signal::Termination;
 
 use crate::config::Config;
 use crate::core::{Event, InputCounts, Status, Summary};
+use crate::estimator::Estimator;
 use crate::log::store::{FileStore, Store};
 use log_thread::{END_PATIENCE, LogThreads, tell_event};
 
@@ -58,6 +59,13 @@ impl Shell {
         Shell::open_with(domain, robot, config, notifier, || FileStore)
     }
 
+    /// The same with `estimator` in the place of the configured one.
+    #[must_use]
+    pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Shell {
+        self.status = self.status.with_estimator(estimator);
+        self
+    }
+
     /// The same with another place for the files.
     fn open_with<S>(
         domain: &Domain,
@@ -81,8 +89,12 @@ impl Shell {
         // Last, so that a process that cannot start leaves no files.
         let (logs, log_threads) = LogThreads::start(&config.log, robot, store);
         let now = MonotonicNs::now();
+        let mut status = Status::new(config.calibration.clone(), logs);
+        if let Some(estimator) = config.estimator.build() {
+            status = status.with_estimator(estimator);
+        }
         Ok(Shell {
-            status: Status::new(config.calibration.clone(), logs),
+            status,
             log_threads,
             end_patience: END_PATIENCE,
             input,

@@ -9,7 +9,7 @@ use std::sync::mpsc;
 use std::thread;
 
 use fixture::{Ends, PATIENCE, Process, command, config, log_text};
-use ipc_types::{Domain, RobotId};
+use ipc_types::{Domain, RobotId, TelemetryGroup};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
@@ -64,6 +64,27 @@ fn samples_go_through_the_shell_and_into_the_log() {
     assert_eq!(lines.next(), None);
     drop(ends);
     assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+#[test]
+fn the_estimator_that_the_configuration_chooses_is_published() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("status.toml");
+    let mut altitudes = Vec::new();
+    for configuration in ["", "[estimator]\nkind = 'altitude'"] {
+        fs::write(&file, configuration).unwrap();
+        let domain = Domain::isolated();
+        let mut ends = Ends::join(&domain);
+        let mut process = Process::start(&domain, &file);
+        let hero = ends.through_with(|dsp| {
+            dsp.valid_groups = TelemetryGroup::Barometer.bit();
+            dsp.barometer_adc = 900;
+        });
+        altitudes.push((hero.estimate.valid, hero.estimate.altitude_m.round()));
+        drop(ends);
+        assert_eq!(process.end(Signal::TERM).0, Some(0));
+    }
+    assert_eq!(altitudes, [(0, 0.0), (1, 100.0)]);
 }
 
 fn code_and_errors(output: Output) -> (Option<i32>, String) {
