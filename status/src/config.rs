@@ -1,33 +1,17 @@
 //! The configuration of the process, with complete defaults; `status.toml` shows and explains each value.
 
-use std::fmt;
-use std::path::PathBuf;
-use std::str::FromStr;
-
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use crate::calibration::Calibration;
 use crate::estimator::config::EstimatorConfig;
-use crate::group::GroupSet;
-use crate::log::Limits;
+use crate::log::config::LogConfig;
 
 /// Most logs at once: each field group in one of its own. More are refused.
 pub const MAX_LOGS: usize = 16;
 
-/// Longest name of a log, characters; a file name has room for it ten times over.
-const MAX_NAME_CHARS: usize = 24;
-
 /// The file that is read when none is named; it may be absent.
 pub const DEFAULT_FILE: &str = "status.toml";
-
-const MIB: u64 = 1024 * 1024;
-
-runtime::ranged! {
-    fn max_file_mib(u64) in 1..=4095;
-    fn max_total_mib(u64) in 2..=1_048_576;
-    fn min_free_mib(u64) in 0..=1_048_576;
-}
 
 /// All of it.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -40,96 +24,6 @@ pub struct Config {
     /// Logs, none by default.
     #[serde(deserialize_with = "logs")]
     pub log: Vec<LogConfig>,
-}
-
-/// One log.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LogConfig {
-    /// Distinguishes the file from those of other logs.
-    pub name: LogName,
-    /// Where the file goes; created when it is absent. A relative path starts at the working directory.
-    pub directory: PathBuf,
-    /// What is logged; nothing is created when this is empty.
-    pub groups: GroupSet,
-    /// Longest file, MiB; the next one follows. Less than the 4 GiB that memory cards' file systems can hold.
-    #[serde(deserialize_with = "max_file_mib")]
-    pub max_file_mib: u64,
-    /// Most for all files of this log, MiB, at least two files' worth; beyond it the oldest are removed.
-    #[serde(deserialize_with = "max_total_mib")]
-    pub max_total_mib: u64,
-    /// Room on the disk that is left to others, MiB; if less is free, nothing is written.
-    #[serde(deserialize_with = "min_free_mib")]
-    pub min_free_mib: u64,
-}
-
-impl LogConfig {
-    /// The limits in bytes.
-    pub fn limits(&self) -> Limits {
-        Limits {
-            max_file_bytes: self.max_file_mib * MIB,
-            max_total_bytes: self.max_total_mib * MIB,
-            min_free_bytes: self.min_free_mib * MIB,
-        }
-    }
-}
-
-impl Default for LogConfig {
-    fn default() -> Self {
-        LogConfig {
-            name: LogName::default(),
-            directory: PathBuf::from("log"),
-            groups: GroupSet::default(),
-            max_file_mib: 64,
-            max_total_mib: 1024,
-            min_free_mib: 256,
-        }
-    }
-}
-
-/// A piece of a file name: up to 24 letters, digits, dashes and underscores.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LogName(String);
-
-impl LogName {
-    /// The name; empty when the log has none.
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-/// The text cannot be part of a file name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is not a name for a log: it must be up to {MAX_NAME_CHARS} letters, digits, `-` and `_`"
-)]
-pub struct InvalidLogName(String);
-
-impl FromStr for LogName {
-    type Err = InvalidLogName;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if text.len() <= MAX_NAME_CHARS && text.chars().all(plain) {
-            Ok(LogName(text.to_owned()))
-        } else {
-            Err(InvalidLogName(text.to_owned()))
-        }
-    }
-}
-
-impl fmt::Display for LogName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&self.0)
-    }
-}
-
-impl<'de> Deserialize<'de> for LogName {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        String::deserialize(deserializer)?
-            .parse()
-            .map_err(D::Error::custom)
-    }
 }
 
 /// Reads the logs, at most [`MAX_LOGS`], and what no single value of theirs can say.
@@ -161,6 +55,8 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
 
 #[cfg(test)]
 mod tests {
+    use crate::group::GroupSet;
+    use crate::log::groups::LogGroups;
     use ipc_types::TelemetryGroup as Group;
     use runtime::config::{ConfigError, parse};
 
@@ -187,7 +83,7 @@ mod tests {
         assert_eq!(config.log.len(), 2);
         // Everything is at its default but the groups.
         let all = LogConfig {
-            groups: GroupSet::ALL,
+            groups: LogGroups::ALL,
             ..LogConfig::default()
         };
         assert_eq!(config.log[0], all);
@@ -198,7 +94,7 @@ mod tests {
             Group::Acceleration,
             Group::AngularRate,
         ];
-        assert_eq!(config.log[1].groups, imu.into_iter().collect());
+        assert_eq!(config.log[1].groups, GroupSet::from_iter(imu).into());
     }
 
     #[test]

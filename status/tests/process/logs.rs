@@ -35,7 +35,7 @@ fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
     assert_eq!(process.end(Signal::KILL).0, None);
     let killed = fs::read_dir(&logs).unwrap().next().unwrap().unwrap().path();
     let mut text = fs::read_to_string(&killed).unwrap();
-    // A kill in the middle of a write leaves a piece of a row. That is too short a moment to be met for sure.
+    // A kill in the middle of a write leaves a partial row. That moment is too short for a test to meet.
     text += "0\t12";
     fs::write(&killed, &text).unwrap();
     let whole = &text[..=text.rfind('\n').unwrap()];

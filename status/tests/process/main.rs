@@ -14,6 +14,7 @@ use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
 use status::config::Config;
+use status::log::event::WriterEnd;
 use status::shell::Shell;
 
 #[test]
@@ -49,7 +50,8 @@ fn samples_go_through_the_shell_and_into_the_log() {
         (100, 100, 0)
     );
     let log = &summary.logs[0];
-    assert_eq!((log.taken, log.written.unwrap().rows), (100, 100));
+    assert_eq!((log.offered, log.lost()), (100, 0));
+    assert!(matches!(log.end, WriterEnd::Finished(written) if written.rows == 100));
 
     let text = log_text(folder.path());
     let mut lines = text.lines();
@@ -117,7 +119,7 @@ fn each_signal_ends_the_process_with_everything_in_order() {
             "{told:#?}"
         );
         assert!(last.contains(": 10 rows"), "{told:#?}");
-        // Told once, however often: the log asks for groups that no sample has.
+        // Reported once: the log asks for groups that no sample has.
         let missing = told.iter().filter(|line| line.ends_with(" groups=xy"));
         assert_eq!(missing.count(), 1, "{told:#?}");
         assert_eq!(log_text(&logs).lines().count(), 11);

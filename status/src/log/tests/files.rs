@@ -3,21 +3,24 @@
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::log::file_name::{Series, Utc, file_name};
+use crate::log::clock::Utc;
+use crate::log::config::FileNameFormat;
+use crate::log::file_name::{Series, file_name};
+use crate::log::groups::LogGroups;
 use crate::log::open_file::SYNC_PERIOD;
 use crate::log::retention::MAX_FILES;
-use crate::log::writer::{BLOCK_BYTES, FLUSH_PERIOD};
+use crate::log::writer::{BATCH_ROWS, FLUSH_PERIOD};
 use crate::test_samples::full_sample;
 use crate::test_store::{Act, Fault};
 
 #[test]
 fn the_file_is_created_at_the_start_and_rows_follow_the_first_line() {
     let mut flight = Flight::begin(MemoryStore::default(), UNLIMITED);
-    assert_eq!(flight.told(), ["opened"]);
+    assert_eq!(flight.reported(), ["opened"]);
     assert_eq!(flight.disk.0.borrow().only_file(), header(&Group::ALL));
     assert_eq!(flight.log.deadline(), None, "nothing waits");
     flight.fly(3);
-    let written = flight.land();
+    let written = flight.land().written;
     assert_eq!((written.files, written.rows), (1, 3));
     assert_eq!(sequences(&flight.disk.0.borrow().only_file()), [1, 2, 3]);
     let path = flight.disk.0.borrow().created[0].clone();
@@ -33,7 +36,7 @@ fn several_logs_have_their_own_files_and_fields() {
         let mut log = LogWriter::new(&config, UNLIMITED, robot, disk.clone());
         log.start(START);
         log.record(&full_sample(), START);
-        assert_eq!(log.finish(START).rows, 1);
+        assert_eq!(log.finish(std::iter::empty(), START).rows, 1);
     }
     let disk = disk.0.borrow();
     let columns = |text: String| {
@@ -50,12 +53,12 @@ fn several_logs_have_their_own_files_and_fields() {
 }
 
 #[test]
-fn missing_groups_are_told_once_each() {
+fn missing_groups_are_reported_once_each() {
     let groups = [Group::Time, Group::Sonar, Group::Barometer];
     let config = config("", &groups);
     let store = MemoryStore::default();
     let mut log = LogWriter::new(&config, UNLIMITED, RobotId::DEFAULT, store);
-    let mut told = |valid: GroupSet| {
+    let mut reported = |valid: GroupSet| {
         let mut sample = full_sample();
         sample.valid_groups = valid.0;
         log.record(&sample, START);
@@ -63,15 +66,15 @@ fn missing_groups_are_told_once_each() {
         events.iter().map(words).collect::<Vec<_>>()
     };
     let without = |groups: &[Group]| GroupSet::ALL.without(groups.iter().copied().collect());
-    assert!(told(GroupSet::ALL).is_empty());
-    // A group that the log does not have is nothing to tell.
-    assert!(told(without(&[Group::Xy])).is_empty());
-    assert_eq!(told(without(&[Group::Sonar])), ["missing sonar"]);
-    assert!(told(without(&[Group::Sonar])).is_empty());
+    assert!(reported(GroupSet::ALL).is_empty());
+    // A group that the log does not have is nothing to report.
+    assert!(reported(without(&[Group::Xy])).is_empty());
+    assert_eq!(reported(without(&[Group::Sonar])), ["missing sonar"]);
+    assert!(reported(without(&[Group::Sonar])).is_empty());
     let both = [Group::Sonar, Group::Barometer];
-    assert_eq!(told(without(&both)), ["missing barometer"]);
-    assert!(told(GroupSet::ALL).is_empty());
-    assert!(told(without(&both)).is_empty());
+    assert_eq!(reported(without(&both)), ["missing barometer"]);
+    assert!(reported(GroupSet::ALL).is_empty());
+    assert!(reported(without(&both)).is_empty());
 }
 
 #[test]
@@ -92,7 +95,7 @@ fn rows_are_flushed_by_a_deadline_after_the_oldest() {
 }
 
 #[test]
-fn no_row_waits_longer_than_a_flush_period_and_none_is_unsure_for_longer_than_a_sync_period() {
+fn no_row_waits_longer_than_a_flush_period_and_none_is_unsynced_for_longer_than_a_sync_period() {
     let mut flight = Flight::short(MemoryStore::default(), UNLIMITED);
     let mut synced_at = START;
     let mut syncs = 0;
@@ -107,65 +110,159 @@ fn no_row_waits_longer_than_a_flush_period_and_none_is_unsure_for_longer_than_a_
             syncs = count;
             synced_at = flight.now;
         }
-        let unsure = flight.now.since(synced_at);
-        assert!(unsure <= SYNC_PERIOD + FLUSH_PERIOD + SAMPLE_PERIOD);
+        let unsynced = flight.now.since(synced_at);
+        assert!(unsynced <= SYNC_PERIOD + FLUSH_PERIOD + SAMPLE_PERIOD);
     }
     assert!(syncs <= 30 / 5, "{syncs} times in 30 s");
 }
 
 #[test]
-fn fast_telemetry_is_written_in_blocks_of_whole_rows() {
+fn fast_telemetry_is_written_in_batches() {
     let mut flight = Flight::begin(MemoryStore::default(), UNLIMITED);
-    let mut length = header(&Group::ALL).len();
-    let mut blocks = 0;
-    while blocks < 3 {
+    let mut written = 0;
+    for number in 1..=3 * BATCH_ROWS as u64 {
         // All in one moment.
-        flight.samples += 1;
-        flight.log.record(&sample(1, flight.samples), START);
-        let text = flight.disk.0.borrow().only_file();
-        if text.len() > length {
-            assert!(text.len() - length >= BLOCK_BYTES);
-            assert_eq!(sequences(&text).last(), Some(&flight.samples));
-            length = text.len();
-            blocks += 1;
+        flight.samples = number;
+        flight.log.record(&sample(1, number), START);
+        let sequences = sequences(&flight.disk.0.borrow().only_file());
+        if sequences.len() as u64 > written {
+            written += BATCH_ROWS as u64;
+            assert_eq!(sequences.last(), Some(&number));
         }
+        assert_eq!(sequences.len() as u64, written);
     }
+    assert_eq!(written, 3 * BATCH_ROWS as u64);
 }
 
 #[test]
 fn every_limit_on_a_file_is_kept_and_no_row_is_lost_or_repeated_at_its_end() {
+    /// Half a second of samples, and the one that comes at its end.
+    const BATCH: u64 = 26;
     let first_line = header(&[Group::Time]).len() as u64;
-    // With the number of a sample in two digits; with one it is a byte less.
-    let row = "1\t10\t5000000000\t12345\n".len() as u64;
-    // From no row to several, byte by byte, so that the limit falls on every place of a row and on its end.
-    for max_file_bytes in first_line..=first_line + 4 * row {
+    let row = "1\t100\t10000000000\t12345\n".len() as u64;
+    // From less than a batch to several, byte by byte, so that the limit falls on every place of a row and on its end.
+    for max_file_bytes in first_line..=first_line + 3 * BATCH * row {
         let limits = Limits {
             max_file_bytes,
             ..UNLIMITED
         };
         let mut flight = Flight::short(MemoryStore::default(), limits);
-        flight.fly(60);
-        let written = flight.land();
-        assert_eq!(runs(&all_sequences(&flight.disk)), [(1, 60)]);
+        flight.fly(200);
+        let written = flight.land().written;
+        assert_eq!(runs(&all_sequences(&flight.disk)), [(1, 200)]);
         let texts = flight.disk.0.borrow().texts();
         assert_eq!(written.files, texts.len() as u64);
-        // A limit that is too small for one row is broken rather than stopping the log.
-        let most_rows = ((max_file_bytes - first_line) / (row - 1)).max(1);
-        let least_rows = ((max_file_bytes - first_line) / row).max(1);
         for (index, text) in texts.iter().enumerate() {
             let rows = sequences(text).len() as u64;
+            let bytes = text.len() as u64;
+            // A limit that is too small for one batch is broken rather than stopping the log.
+            assert!(bytes <= max_file_bytes || rows <= BATCH, "{rows}");
             let is_last = index == texts.len() - 1;
-            assert!(
-                rows <= most_rows && (rows >= least_rows || is_last),
-                "{rows}"
-            );
-            assert!(text.len() as u64 <= max_file_bytes || rows == 1);
+            assert!(bytes + BATCH * row > max_file_bytes || is_last, "{rows}");
         }
         // Each was forced onto the disk when it was closed.
         let acts = &flight.disk.0.borrow().acts;
         let syncs = acts.iter().filter(|act| **act == Act::Sync).count();
         assert!(syncs >= texts.len());
     }
+}
+
+/// The cells of a column of all rows in all files.
+fn column(disk: &MemoryStore, name: &str) -> Vec<String> {
+    let cells = |text: String| {
+        let mut lines = text.lines().map(|line| line.split('\t').map(str::to_owned));
+        let index = lines.next().unwrap().position(|cell| cell == name).unwrap();
+        lines
+            .map(|mut cells| cells.nth(index).unwrap())
+            .collect::<Vec<_>>()
+    };
+    disk.0
+        .borrow()
+        .texts()
+        .into_iter()
+        .flat_map(cells)
+        .collect()
+}
+
+#[test]
+fn times_in_utc_keep_their_order_when_the_wall_clock_is_set() {
+    let disk = MemoryStore::default();
+    let config = LogConfig {
+        utc: true,
+        ..config("", &[Group::Time])
+    };
+    let limits = Limits {
+        max_file_bytes: 3000,
+        ..UNLIMITED
+    };
+    let mut flight = Flight::with(&config, disk.clone(), limits);
+    flight.fly(26);
+    // An hour back.
+    disk.0.borrow_mut().unix_s -= 3600;
+    flight.fly(24);
+    flight.wait(FLUSH_PERIOD);
+    let times = column(&disk, "utc");
+    assert_eq!(times[0], "2006-08-28T20:39:26.020000Z");
+    assert_eq!(times[49], "2006-08-28T20:39:27.000000Z");
+    assert!(times.is_sorted(), "{times:?}");
+
+    // The next file has the new time.
+    flight.fly(100);
+    flight.land();
+    let created = disk.0.borrow().created.clone();
+    assert!(created.len() > 1, "{created:?}");
+    assert_eq!(created[1], Path::new("log/hero(1)_28_08_06-19_39_26.tsv"));
+    let last = column(&disk, "utc").pop().unwrap();
+    assert!(last.starts_with("2006-08-28T19:39:2"), "{last}");
+}
+
+#[test]
+fn the_dsp_s_errors_are_a_group_of_their_own() {
+    let disk = MemoryStore::default();
+    let config = LogConfig {
+        groups: LogGroups {
+            dsp_errors: true,
+            ..LogGroups::default()
+        },
+        ..LogConfig::default()
+    };
+    let robot = RobotId::DEFAULT;
+    let mut log = LogWriter::new(&config, UNLIMITED, robot, disk.clone());
+    log.start(START);
+    let mut sample = full_sample();
+    for (errors, code) in [(0, 0), (1, 777), (2, 30)] {
+        (sample.dsp_errors, sample.last_dsp_error_code) = (errors, code);
+        log.record(&sample, START);
+    }
+    log.finish(std::iter::empty(), START);
+    assert_eq!(column(&disk, "dsp_errors"), ["0", "1", "2"]);
+    assert_eq!(column(&disk, "last_dsp_error_code"), ["", "777", "30"]);
+}
+
+#[test]
+fn old_files_in_both_formats_are_of_the_log() {
+    let disk = MemoryStore::default();
+    let own = [
+        "log/hero(1)_01_01_05-00_00_00.tsv",
+        "log/hero(1)_2005-01-02T00-00-00Z.tsv",
+        "log/hero(1)_03_01_05-00_00_00.tsv",
+    ];
+    for path in own {
+        let content = vec![b'x'; 8192];
+        disk.0.borrow_mut().files.insert(path.into(), content);
+    }
+    let config = LogConfig {
+        file_name: FileNameFormat::Sortable,
+        ..config("", &[Group::Time])
+    };
+    let mut flight = Flight::with(&config, disk.clone(), limits_of(2));
+    assert_eq!(flight.reported(), ["removed", "removed", "opened"]);
+    let left = disk.0.borrow().files.keys().cloned().collect::<Vec<_>>();
+    let expected = [
+        "log/hero(1)_03_01_05-00_00_00.tsv",
+        "log/hero(1)_2006-08-28T20-39-26Z.tsv",
+    ];
+    assert_eq!(left, expected.map(PathBuf::from));
 }
 
 /// Limits of `files` files of 8 KiB.
@@ -186,7 +283,7 @@ fn the_total_is_kept_by_removing_the_oldest() {
         flight.pass_seconds(1);
         sizes.push(flight.disk.0.borrow().total_bytes());
     }
-    let written = flight.land();
+    let written = flight.land().written;
     assert!(written.files > 50);
     assert!(sizes.iter().all(|size| *size <= 4 * 8192));
     assert_eq!(flight.disk.0.borrow().files.len(), 4);
@@ -196,7 +293,7 @@ fn the_total_is_kept_by_removing_the_oldest() {
         "the newest stay: {runs:?}"
     );
     let removed = flight
-        .told()
+        .reported()
         .iter()
         .filter(|word| *word == "removed")
         .count();
@@ -229,12 +326,12 @@ fn only_own_files_are_removed_and_the_oldest_first() {
     }
     let is_there = |path: &str| disk.0.borrow().files.contains_key(Path::new(path));
     let mut flight = Flight::begin(disk.clone(), limits_of(5));
-    assert_eq!(flight.told(), ["removed", "removed", "opened"]);
+    assert_eq!(flight.reported(), ["removed", "removed", "opened"]);
     for gone in 2..=own.len() {
         let left: Vec<_> = own.iter().map(|path| is_there(path)).collect();
         let expected: Vec<_> = (0..own.len()).map(|index| index >= gone).collect();
         assert_eq!(left, expected);
-        while !flight.told().contains(&"removed".to_owned()) {
+        while !flight.reported().contains(&"removed".to_owned()) {
             flight.fly(1);
         }
     }
@@ -250,7 +347,7 @@ fn files_of_this_flight_outlive_older_ones_though_the_clock_was_set_back() {
     disk.0.borrow_mut().unix_s = 0;
     let mut flight = Flight::begin(disk.clone(), limits_of(3));
     let first = disk.0.borrow().created[0].clone();
-    while !flight.told().contains(&"removed".to_owned()) {
+    while !flight.reported().contains(&"removed".to_owned()) {
         flight.fly(1);
     }
     assert!(!disk.0.borrow().files.contains_key(&old));
@@ -275,11 +372,10 @@ fn a_file_that_cannot_be_removed_is_passed_over() {
     disk.0.borrow_mut().files.insert(stubborn.clone(), content);
     let mut flight = Flight::begin(disk.clone(), limits_of(4));
     flight.fly(400);
-    let written = flight.land();
-    assert_eq!(written.lost, 0);
+    assert_eq!(flight.land().lost, 0);
     assert!(disk.0.borrow().files.contains_key(&stubborn));
     assert!(disk.0.borrow().total_bytes() <= 4 * 8192);
-    assert!(!flight.told().contains(&"failed".to_owned()));
+    assert!(!flight.reported().contains(&"failed".to_owned()));
 }
 
 #[test]
@@ -290,19 +386,19 @@ fn a_total_that_cannot_be_kept_stops_the_log_until_it_can() {
     let content = vec![b'x'; 30_000];
     disk.0.borrow_mut().files.insert(stubborn, content);
     let mut flight = Flight::begin(disk.clone(), limits_of(4));
-    assert_eq!(flight.told(), ["failed"]);
+    assert_eq!(flight.reported(), ["failed"]);
     flight.fly(100);
     assert_eq!(disk.0.borrow().created.len(), 0);
     disk.0.borrow_mut().stubborn.clear();
     flight.fly(600);
-    let told = flight.told();
-    assert_eq!(told[..2], ["removed", "opened"]);
-    assert!(told.contains(&"resumed, 0 lost".to_owned()), "{told:?}");
+    let reported = flight.reported();
+    assert_eq!(reported[..2], ["removed", "opened"]);
+    assert!(reported.contains(&"resumed".to_owned()), "{reported:?}");
     assert_eq!(flight.land().lost, 0);
 }
 
 #[test]
-fn the_piece_of_a_row_that_a_kill_left_is_cut_off_at_the_next_start() {
+fn a_partial_row_that_a_kill_left_is_truncated_at_the_next_start() {
     let older = "log/hero(1)_01_01_05-00_00_00.tsv";
     let newer = "log/hero(1)_02_01_05-00_00_00.tsv";
     let foreign = "log/hero(1)_03_01_05-00_00_00_imu.tsv";
@@ -312,18 +408,18 @@ fn the_piece_of_a_row_that_a_kill_left_is_cut_off_at_the_next_start() {
             let content = b"names\nrow\npie".to_vec();
             disk.0.borrow_mut().files.insert(path.into(), content);
         }
-        // The first act is to look for the file, the second to mend it.
+        // The first act is to look for the file, the second to truncate it.
         let fault = (1..2, Fault::Broken);
         disk.0.borrow_mut().fault = broken.then_some(fault);
         let mut flight = Flight::begin(disk.clone(), UNLIMITED);
         let expected: &[_] = match broken {
             true => &["opened"],
-            false => &["mended 3", "opened"],
+            false => &["truncated 3", "opened"],
         };
-        assert_eq!(flight.told(), expected);
-        assert_eq!(disk.0.borrow().acts[1], Act::Mend);
+        assert_eq!(flight.reported(), expected);
+        assert_eq!(disk.0.borrow().acts[1], Act::TruncatePartialRow);
         flight.fly(100);
-        assert_eq!(flight.land().rows, 100);
+        assert_eq!(flight.land().written.rows, 100);
         let length = |path: &str| disk.0.borrow().files[Path::new(path)].len();
         let lengths = [older, newer, foreign].map(length);
         assert_eq!(lengths, [13, if broken { 13 } else { 10 }, 13]);
@@ -333,7 +429,7 @@ fn the_piece_of_a_row_that_a_kill_left_is_cut_off_at_the_next_start() {
 #[test]
 fn the_number_of_files_is_bounded_however_short_they_are() {
     let disk = MemoryStore::default();
-    let series = Series::new(RobotId::DEFAULT, "".parse().unwrap());
+    let series = Series::new(RobotId::DEFAULT, &LogConfig::default());
     for second in 0..MAX_FILES as u64 + 5 {
         let stem = series.stem(Utc::from_unix(second));
         let path = Path::new("log").join(file_name(&stem, 1));
@@ -341,7 +437,10 @@ fn the_number_of_files_is_bounded_however_short_they_are() {
     }
     let mut flight = Flight::begin(disk.clone(), UNLIMITED);
     assert_eq!(disk.0.borrow().files.len(), MAX_FILES);
-    let told = flight.told();
-    assert!(told[..6].iter().all(|word| word == "removed"), "{told:?}");
-    assert_eq!(told[6..], ["opened"]);
+    let reported = flight.reported();
+    assert!(
+        reported[..6].iter().all(|word| word == "removed"),
+        "{reported:?}"
+    );
+    assert_eq!(reported[6..], ["opened"]);
 }
