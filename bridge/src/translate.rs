@@ -13,7 +13,7 @@ use ipc_types::payload::{
     DspPanTilt, DspReferences, DspServoPulses, DspSupply, DspTelemetry, DspXy,
 };
 
-use crate::line::Sample;
+use crate::link::Sample;
 
 /// Writes `sample` into `out`: everything but `sequence` and `epoch_ns`, which belong to the publisher.
 pub fn dsp_telemetry(

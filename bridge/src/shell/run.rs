@@ -26,6 +26,15 @@ const CLEANING_PERIOD: Duration = Duration::from_millis(500);
 /// The place of the serial port among the sources of a wait: the last, because it may be absent.
 const LINE: usize = 5;
 
+/// How long a pseudo-terminal that has just appeared is left alone. A program that makes one for a login, such as sshd, takes
+/// a few milliseconds until it is the login's controlling terminal. Before that, it looks as one of a simulator does.
+const PTY_SETTLING: Duration = Duration::from_millis(50);
+
+/// An attempt to open the port looks at all processes, unless there is no device: 2 ms for 90 processes and 100 ms for 1600
+/// in a debug build. The pause after an attempt is at least this many times as long as the attempt. So attempts take 5 % of
+/// the time at most.
+const REST_AFTER_ATTEMPT: u32 = 20;
+
 /// Why the bridge process cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum ShellError {
@@ -239,6 +248,8 @@ struct Port {
     /// The last failure that was told.
     told: String,
     ever_open: bool,
+    /// Whether there was no device at the last attempt.
+    was_missing: bool,
 }
 
 impl Port {
@@ -250,12 +261,18 @@ impl Port {
             failures: 0,
             told: String::new(),
             ever_open: false,
+            was_missing: false,
         }
     }
 
     /// Opens the port if it is time to. A failure is told when it is another than the one before; the others are counted.
     fn try_open(&mut self, now: MonotonicNs) -> Result<bool, ShellError> {
         if self.next_try.is_none_or(|next_try| now < next_try) {
+            return Ok(false);
+        }
+        if self.was_missing && SerialPort::is_pty(&self.config) {
+            self.was_missing = false;
+            self.next_try = Some(now + PTY_SETTLING);
             return Ok(false);
         }
         match SerialPort::open(&self.config) {
@@ -272,20 +289,61 @@ impl Port {
                 Err(ShellError::NotAPort(error))
             }
             Err(error) => {
-                let told = error.to_string();
-                if self.told != told {
-                    tracing::error!("{told}; trying again");
-                    self.told = told;
-                }
-                self.failures = self.failures.saturating_add(1);
-                self.next_try = Some(now + self.config.reopen_pause(self.failures));
+                self.failed(now, &error);
                 Ok(false)
             }
         }
     }
 
+    fn failed(&mut self, now: MonotonicNs, error: &serial::OpenError) {
+        self.failures = self.failures.saturating_add(1);
+        let told = error.to_string();
+        if self.told == told {
+            tracing::debug!(tries = self.failures, "still not open");
+        } else {
+            tracing::error!("{told}; trying again");
+            self.told = told;
+        }
+        self.was_missing = matches!(error, serial::OpenError::Missing(_));
+        let ended = MonotonicNs::now();
+        let pause = self.config.reopen_pause(self.failures);
+        self.next_try = Some(ended + pause.max(REST_AFTER_ATTEMPT * ended.since(now)));
+    }
+
     fn close(&mut self) {
         self.open = None;
         self.next_try = Some(MonotonicNs(0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::os::unix::fs::symlink;
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    #[test]
+    fn a_pseudo_terminal_that_appears_is_left_alone_until_a_login_would_have_taken_it() {
+        let link = std::env::temp_dir().join(format!("ril-port-{}", std::process::id()));
+        let mut port = Port::new(&SerialConfig {
+            port: link.clone(),
+            ..SerialConfig::default()
+        });
+        let now = MonotonicNs::now();
+        assert!(!port.try_open(now).unwrap(), "there is none");
+        let now = port.next_try.unwrap();
+
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC);
+        let master = master.unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let slave = ptsname(&master, Vec::new()).unwrap();
+        symlink(slave.to_str().unwrap(), &link).unwrap();
+        assert!(!port.try_open(now).unwrap(), "it has just appeared");
+        assert_eq!(port.next_try, Some(now + PTY_SETTLING));
+        assert!(port.try_open(now + PTY_SETTLING).unwrap());
+        std::fs::remove_file(link).unwrap();
     }
 }

@@ -1,20 +1,26 @@
-//! The serial port: opened and configured by the `serialport` crate, read and written without blocking, and given back
-//! as it was found.
+//! The serial port: opened, configured, read and written without blocking, and given back as it was found.
 //!
-//! Two descriptors of one device: `serialport` owns the exclusive lock and the configuration; ours is opened before it,
-//! so that the settings found can be saved, and is non-blocking, so that one wait serves everything.
+//! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives a
+//! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for [`holders`] before
+//! it opens the device, and again before it changes anything. It checks, locks and configures one descriptor, because a
+//! second one could lead to another device.
 
-use std::fs::{File, OpenOptions};
+pub mod holders;
+
+use std::fs::{File, Metadata, OpenOptions};
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::OFlags;
+use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
-use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr};
-use serialport::TTYPort;
+use rustix::termios::{
+    ControlModes, InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl,
+    ioctl_tiocnxcl, tcflush, tcgetattr, tcsetattr,
+};
 
+use self::holders::{Hold, Holder, Holders, Occupant, Terminal};
 use crate::config::SerialConfig;
 
 /// Why a port could not be opened. Each says what the operator can do.
@@ -31,9 +37,14 @@ pub enum OpenError {
         /// How to mend it.
         hint: String,
     },
-    /// Another process holds it.
-    #[error("{} is in use: another process holds it (`fuser {}` names it)", .0.display(), .0.display())]
-    Busy(PathBuf),
+    /// Another process uses it, or the kernel.
+    #[error("{}", in_use(.port, .by))]
+    InUse {
+        /// The port.
+        port: PathBuf,
+        /// Who.
+        by: Occupant,
+    },
     /// It is no terminal device.
     #[error("{} is not a serial port: `serial.port` must name a terminal device, such as /dev/ttyUSB0", .0.display())]
     NotATerminal(PathBuf),
@@ -64,19 +75,22 @@ pub struct Gone(String);
 /// An open port, 8N1, raw, exclusive. Dropping it restores the settings that it had before.
 #[derive(Debug)]
 pub struct SerialPort {
-    file: File,
     found: Termios,
-    /// Holds the lock and the configuration; nothing is read or written through it.
-    _configured: TTYPort,
+    /// Dropped last: the lock goes with it.
+    file: Locked,
 }
 
 impl SerialPort {
-    /// Opens and configures the port. A port that cannot be configured is left closed, with the settings it had.
+    /// Opens and configures the port. A port that another process uses is not touched. A port that cannot be configured is
+    /// left closed, with the settings it had.
     ///
     /// # Errors
     /// See [`OpenError`].
     pub fn open(config: &SerialConfig) -> Result<SerialPort, OpenError> {
         let port = config.port.as_path();
+        // Opening raises the lines of a port, on which a DSP may restart: first a look from outside.
+        let metadata = std::fs::metadata(port).map_err(|error| cannot_open(port, error))?;
+        check_free(port, &metadata)?;
         let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
         let file = OpenOptions::new()
             .read(true)
@@ -84,28 +98,67 @@ impl SerialPort {
             .custom_flags(flags.bits() as i32)
             .open(port)
             .map_err(|error| cannot_open(port, error))?;
-        let found = tcgetattr(&file).map_err(|errno| match errno {
+        let file = Locked::new(port, file)?;
+        // The link may have been changed between the check and the opening, and another process may have come.
+        let metadata = file
+            .0
+            .metadata()
+            .map_err(|error| cannot_open(port, error))?;
+        check_free(port, &metadata)?;
+        let found = tcgetattr(&file.0).map_err(|errno| match errno {
             Errno::NOTTY => OpenError::NotATerminal(port.to_owned()),
             errno => cannot_open(port, errno.into()),
         })?;
-        match configure(port, config.baud_rate) {
-            Ok(configured) => {
-                let port = SerialPort {
-                    file,
-                    found,
-                    _configured: configured,
-                };
-                // What lay in the queues was said to or by somebody else.
-                let _ = tcflush(&port.file, QueueSelector::IOFlush);
-                Ok(port)
-            }
-            Err(error) => {
-                if !matches!(error, OpenError::Busy(_)) {
-                    let _ = tcsetattr(&file, OptionalActions::Now, &found);
-                }
-                Err(error)
+        ioctl_tiocexcl(&file.0).map_err(|errno| cannot_open(port, errno.into()))?;
+        // From here on, dropping it restores the settings.
+        let opened = SerialPort { found, file };
+        opened
+            .configure(config.baud_rate)
+            .map_err(|reason| OpenError::NotConfigurable {
+                port: port.to_owned(),
+                reason,
+            })?;
+        // Bytes in the queues were meant for an earlier user of the port.
+        let _ = tcflush(&opened.file.0, QueueSelector::IOFlush);
+        Ok(opened)
+    }
+
+    /// Raw, 8 data bits, no parity, 1 stop bit, no flow control; or why that cannot be.
+    fn configure(&self, baud_rate: u32) -> Result<(), String> {
+        let mut wanted = self.found.clone();
+        wanted.make_raw();
+        wanted.input_modes -= InputModes::IXOFF | InputModes::IXANY | InputModes::INPCK;
+        wanted.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
+        wanted.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
+        wanted
+            .set_speed(baud_rate)
+            .and_then(|()| tcsetattr(&self.file.0, OptionalActions::Now, &wanted))
+            .map_err(|errno| errno.to_string())?;
+        // Setting succeeds when any part of it was done.
+        let settings = tcgetattr(&self.file.0).map_err(|errno| errno.to_string())?;
+        let modes = |settings: &Termios| {
+            (
+                settings.input_modes,
+                settings.output_modes,
+                settings.control_modes & FRAMING,
+                settings.local_modes,
+            )
+        };
+        match modes(&settings) == modes(&wanted) {
+            true => Ok(()),
+            false => {
+                Err("it has no raw mode with 8 data bits, no parity and 1 stop bit".to_owned())
             }
         }
+    }
+
+    /// Whether the port leads to a pseudo-terminal, whose number becomes another one's when it is gone.
+    pub fn is_pty(config: &SerialConfig) -> bool {
+        let port = config.port.as_path();
+        let metadata = std::fs::metadata(port);
+        metadata.is_ok_and(|metadata| {
+            Terminal::new(port, &metadata).is_some_and(|terminal| terminal.is_pty())
+        })
     }
 
     /// Reads what is there, up to the length of `buffer`; 0 when nothing is.
@@ -114,7 +167,7 @@ impl SerialPort {
     /// When the device is gone.
     pub fn read(&self, buffer: &mut [u8]) -> Result<usize, Gone> {
         loop {
-            match rustix::io::read(&self.file, &mut *buffer) {
+            match rustix::io::read(&self.file.0, &mut *buffer) {
                 Ok(0) => return Err(Gone("end of file".to_owned())),
                 Ok(count) => return Ok(count),
                 Err(Errno::AGAIN) => return Ok(0),
@@ -130,7 +183,7 @@ impl SerialPort {
     /// When the device is gone.
     pub fn write(&self, bytes: &[u8]) -> Result<usize, Gone> {
         loop {
-            match rustix::io::write(&self.file, bytes) {
+            match rustix::io::write(&self.file.0, bytes) {
                 Ok(count) => return Ok(count),
                 Err(Errno::AGAIN) => return Ok(0),
                 Err(Errno::INTR) => {}
@@ -142,35 +195,109 @@ impl SerialPort {
     /// Drops what the kernel has taken but not sent.
     pub fn discard_unsent(&self) {
         // A port that is gone has nothing to send either; the next read says so.
-        let _ = tcflush(&self.file, QueueSelector::OFlush);
+        let _ = tcflush(&self.file.0, QueueSelector::OFlush);
     }
 }
 
 impl AsFd for SerialPort {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.file.as_fd()
+        self.file.0.as_fd()
     }
 }
 
 impl Drop for SerialPort {
     fn drop(&mut self) {
         // Not `Drain`: a device that is stuck must not keep the process from ending.
-        let _ = tcsetattr(&self.file, OptionalActions::Now, &self.found);
+        let _ = tcsetattr(&self.file.0, OptionalActions::Now, &self.found);
+        // A simulator that keeps this end open keeps the mode, too.
+        let _ = ioctl_tiocnxcl(&self.file.0);
     }
 }
 
-fn configure(port: &Path, baud_rate: u32) -> Result<TTYPort, OpenError> {
-    // 8 data bits, no parity, 1 stop bit and exclusive access are the builder's defaults.
-    TTYPort::open(&serialport::new(port.to_string_lossy(), baud_rate)).map_err(|error| match error
-        .kind()
-    {
-        serialport::ErrorKind::NoDevice => OpenError::Busy(port.to_owned()),
-        serialport::ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing(port.to_owned()),
-        _ => OpenError::NotConfigurable {
+/// The control modes that 8N1 is about.
+const FRAMING: ControlModes = ControlModes::CSIZE
+    .union(ControlModes::PARENB)
+    .union(ControlModes::CSTOPB);
+
+/// A device of which this process has the lock. That holds among programs that ask for it, as other bridges and serial
+/// tools do, whatever their user or domain; exclusive mode holds against any program, but not against root.
+///
+/// The lock is taken before exclusive mode is set: a bridge that does not get the lock must not end the mode of the one
+/// that has it.
+#[derive(Debug)]
+struct Locked(File);
+
+impl Locked {
+    fn new(port: &Path, file: File) -> Result<Locked, OpenError> {
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(Locked(file)),
+            Err(Errno::WOULDBLOCK) => Err(refused_by_its_holder(port)),
+            Err(errno) => Err(cannot_open(port, errno.into())),
+        }
+    }
+}
+
+impl Drop for Locked {
+    fn drop(&mut self) {
+        // The lock outlasts the descriptor while another one shares it, such as that of a child that is being started.
+        let _ = flock(&self.0, FlockOperation::Unlock);
+    }
+}
+
+/// Checks that the device at `port`, to which `metadata` belongs, is a terminal that no other process uses.
+fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
+    let terminal =
+        Terminal::new(port, metadata).ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
+    let holders = Holders::find(&terminal).map_err(|error| cannot_open(port, error))?;
+    match holders.occupant(std::process::id()) {
+        Some(by) => Err(OpenError::InUse {
             port: port.to_owned(),
-            reason: error.to_string(),
-        },
-    })
+            by,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// The error when the system refuses the port because of its holder, who is named if this user can see it.
+fn refused_by_its_holder(port: &Path) -> OpenError {
+    let terminal = std::fs::metadata(port)
+        .ok()
+        .and_then(|metadata| Terminal::new(port, &metadata));
+    let holders = terminal.and_then(|terminal| Holders::find(&terminal).ok());
+    let occupant = holders.and_then(|holders| holders.occupant(std::process::id()));
+    OpenError::InUse {
+        port: port.to_owned(),
+        by: occupant.unwrap_or(Occupant::Unseen),
+    }
+}
+
+/// Whose a port is, and what to do.
+fn in_use(port: &Path, by: &Occupant) -> String {
+    let device = std::fs::canonicalize(port).unwrap_or_else(|_| port.to_owned());
+    let name = match device == port {
+        true => port.display().to_string(),
+        false => format!("{} leads to {}, which", port.display(), device.display()),
+    };
+    let device = device.display();
+    match by {
+        Occupant::Kernel => format!(
+            "{name} is a console of the kernel: take its `console=` off the kernel's command line, or name another port in `serial.port`"
+        ),
+        Occupant::Process(Holder {
+            pid,
+            program,
+            hold: Hold::Controlling,
+            ..
+        }) => format!(
+            "{name} is the terminal of `{program}` (process {pid}), and nothing is written into it: if the simulator is gone, start it again; if a login waits on the port, stop its service; else name another port in `serial.port`"
+        ),
+        Occupant::Process(Holder { pid, program, .. }) => format!(
+            "{name} is in use by `{program}` (process {pid}): end it, or name another port in `serial.port`"
+        ),
+        Occupant::Unseen => format!(
+            "{name} is in use by a process that this user cannot see: `sudo fuser {device}` names it"
+        ),
+    }
 }
 
 fn cannot_open(port: &Path, error: io::Error) -> OpenError {
@@ -182,7 +309,7 @@ fn cannot_open(port: &Path, error: io::Error) -> OpenError {
             port: port.to_owned(),
             hint: permission_hint(port),
         },
-        Some(Errno::BUSY) => OpenError::Busy(port.to_owned()),
+        Some(Errno::BUSY) => refused_by_its_holder(port),
         Some(Errno::ISDIR) => OpenError::NotATerminal(port.to_owned()),
         _ => OpenError::Other {
             port: port.to_owned(),
@@ -246,13 +373,18 @@ mod tests {
         let missing = SerialPort::open(&at("/dev/no-such-port")).unwrap_err();
         assert!(matches!(missing, OpenError::Missing(_)), "{missing}");
         assert!(missing.to_string().contains("plugged in"));
-        for port in ["/dev/null", "/tmp", "/proc/self/status"] {
+        for port in [
+            "/dev/null",
+            "/dev/tty",
+            "/dev/ptmx",
+            "/tmp",
+            "/proc/self/status",
+        ] {
             let error = SerialPort::open(&at(port)).unwrap_err();
-            let expected = matches!(
-                error,
-                OpenError::NotATerminal(_) | OpenError::NotPermitted { .. }
+            assert!(
+                matches!(error, OpenError::NotATerminal(_)),
+                "{port}: {error}"
             );
-            assert!(expected, "{port}: {error}");
         }
         let denied = cannot_open(Path::new("/dev/tty"), Errno::ACCESS.into());
         assert!(denied.to_string().contains("usermod -aG"), "{denied}");
@@ -262,13 +394,11 @@ mod tests {
     fn a_port_in_use_is_busy_and_stays_as_it_is() {
         let (_master, config) = pty();
         let first = SerialPort::open(&config).unwrap();
-        let settings = tcgetattr(&first.file).unwrap();
+        let settings = tcgetattr(&first).unwrap();
         let second = SerialPort::open(&config).unwrap_err();
-        assert!(matches!(second, OpenError::Busy(_)), "{second}");
-        assert_eq!(
-            tcgetattr(&first.file).unwrap().local_modes,
-            settings.local_modes
-        );
+        assert!(matches!(second, OpenError::InUse { .. }), "{second}");
+        assert_eq!(tcgetattr(&first).unwrap().local_modes, settings.local_modes);
+        first.write(b"undisturbed").unwrap();
     }
 
     #[test]

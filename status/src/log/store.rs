@@ -11,7 +11,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ipc_types::MonotonicNs;
+use ipc_types::{MonotonicNs, files};
 
 use super::clock::ClockAnchor;
 use super::file_name::file_name;
@@ -108,7 +108,8 @@ impl Store for FileStore {
     }
 
     fn prepare(&mut self, directory: &Path) -> io::Result<()> {
-        fs::create_dir_all(directory)
+        // Ports that status opens meanwhile neither change the modes nor wait for the disk.
+        files::create_dir_all(directory)
     }
 
     fn free_bytes(&mut self, directory: &Path) -> io::Result<u64> {
@@ -171,7 +172,7 @@ impl Store for FileStore {
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, File)> {
         for number in 1..=MAX_TRIES {
             let path = directory.join(file_name(stem, number));
-            match File::create_new(&path) {
+            match files::create_new(&path) {
                 Ok(file) => {
                     // Tells `truncate_partial_row` that it is being written. Without locks nothing is truncated.
                     let _ = file.try_lock();
