@@ -76,13 +76,8 @@ struct Trouble {
     next_try: MonotonicNs,
 }
 
-/// Why an attempt failed.
-enum Problem {
-    /// The operating system refused something about this file or directory.
-    Failed(PathBuf, io::Error),
-    /// Too little room is left, bytes.
-    LowSpace(u64),
-}
+/// What an attempt gives; the error is the event to report, unless it is known.
+type Attempt<T> = Result<T, LogEvent>;
 
 impl<S: Store> LogWriter<S> {
     /// The log of `config`, with `limits` in the place of its own, of `robot` in `store`. Nothing is created before
@@ -173,11 +168,8 @@ impl<S: Store> LogWriter<S> {
         if self.trouble.is_none() && !self.batch.samples.is_empty() {
             self.attempt(now);
         }
-        if let Some(file) = self.file.take()
-            && let Err(problem) = self.close(file)
-        {
-            self.fail(problem, now);
-        }
+        self.sync(now);
+        self.file = None;
         self.written
     }
 
@@ -221,29 +213,21 @@ impl<S: Store> LogWriter<S> {
         }
     }
 
-    /// Takes note that something failed at `now`; reports it unless the same trouble is already known.
-    fn fail(&mut self, problem: Problem, now: MonotonicNs) {
-        let is_low_space = matches!(problem, Problem::LowSpace(_));
+    /// Takes note of `problem` at `now`; reports it unless the same trouble is already known.
+    fn fail(&mut self, problem: LogEvent, now: MonotonicNs) {
+        let is_low_space = matches!(problem, LogEvent::Paused { .. });
         let known = self.trouble.replace(Trouble {
             is_low_space,
             next_try: now + RETRY_PERIOD,
         });
-        if known.is_some_and(|known| known.is_low_space == is_low_space) {
-            return;
+        if known.is_none_or(|known| known.is_low_space != is_low_space) {
+            self.events.push(problem);
         }
-        self.events.push(match problem {
-            Problem::Failed(file, error) => LogEvent::Failed { file, error },
-            Problem::LowSpace(free_bytes) => LogEvent::Paused {
-                log: self.label.clone(),
-                free_bytes,
-                min_free_bytes: self.limits.min_free_bytes,
-            },
-        });
     }
 
     /// Writes the batch into the open file, or into the next one if there is none or it is full. There is a file
     /// afterwards, even if the batch is empty.
-    fn write_batch(&mut self, now: MonotonicNs) -> Result<(), Problem> {
+    fn write_batch(&mut self, now: MonotonicNs) -> Attempt<()> {
         if self.file.is_none() {
             let prepared = self.store.prepare(&self.directory);
             prepared.map_err(|error| self.in_directory(error))?;
@@ -257,7 +241,8 @@ impl<S: Store> LogWriter<S> {
         let bytes = file.bytes() + self.batch.rows.len() as u64;
         // A limit that is too small for one batch must not stop the log.
         if bytes > self.limits.max_file_bytes && file.has_rows() {
-            self.close(file)?;
+            // A closed file has all its rows on the disk.
+            self.sync_file(&mut file)?;
             file = self.create()?;
             // Each file has a clock of its own.
             self.batch.format(&self.table);
@@ -271,7 +256,7 @@ impl<S: Store> LogWriter<S> {
                 Ok(())
             }
             Err(error) => {
-                let problem = Problem::Failed(file.path().to_owned(), error);
+                let problem = failed(file.path(), error);
                 self.give_up(file);
                 Err(problem)
             }
@@ -280,7 +265,7 @@ impl<S: Store> LogWriter<S> {
 
     /// Whether the disk has as much room as must be left. To go on after a pause takes an eighth more, so that other
     /// programs that use and free room at the limit do not make the log pause again and again.
-    fn check_free_space(&mut self) -> Result<(), Problem> {
+    fn check_free_space(&mut self) -> Attempt<()> {
         let floor = self.limits.min_free_bytes;
         let pausing = matches!(&self.trouble, Some(trouble) if trouble.is_low_space);
         let needed = if pausing {
@@ -292,14 +277,18 @@ impl<S: Store> LogWriter<S> {
             return Ok(());
         }
         match self.store.free_bytes(&self.directory) {
-            Ok(free) if free < needed => Err(Problem::LowSpace(free)),
+            Ok(free_bytes) if free_bytes < needed => Err(LogEvent::Paused {
+                log: self.label.clone(),
+                free_bytes,
+                min_free_bytes: floor,
+            }),
             // If the system does not say, writing will show.
             Ok(_) | Err(_) => Ok(()),
         }
     }
 
     /// The next file, with its first line.
-    fn create(&mut self) -> Result<OpenFile<S::File>, Problem> {
+    fn create(&mut self) -> Attempt<OpenFile<S::File>> {
         let Limits {
             max_file_bytes,
             max_total_bytes,
@@ -331,38 +320,33 @@ impl<S: Store> LogWriter<S> {
             }
             Err(error) => {
                 self.discard(&path);
-                Err(Problem::Failed(path, error))
+                Err(failed(&path, error))
             }
         }
     }
 
     /// Forces rows onto the disk; a file of which that fails is of no more use.
     fn sync(&mut self, now: MonotonicNs) {
-        let Some(mut file) = self.file.take() else {
-            return;
-        };
-        match file.sync() {
-            Ok(()) => self.file = Some(file),
-            Err(error) => {
-                self.written.unsynced += file.unsynced();
-                self.fail(Problem::Failed(file.path().to_owned(), error), now);
+        if let Some(mut file) = self.file.take() {
+            match self.sync_file(&mut file) {
+                Ok(()) => self.file = Some(file),
+                Err(problem) => self.fail(problem, now),
             }
         }
     }
 
-    /// Closes a file with all its rows on the disk.
-    fn close(&mut self, mut file: OpenFile<S::File>) -> Result<(), Problem> {
+    fn sync_file(&mut self, file: &mut OpenFile<S::File>) -> Attempt<()> {
         file.sync().map_err(|error| {
             self.written.unsynced += file.unsynced();
-            Problem::Failed(file.path().to_owned(), error)
+            failed(file.path(), error)
         })
     }
 
     /// Closes a file that did not take rows; removes it if it has none.
-    fn give_up(&mut self, file: OpenFile<S::File>) {
+    fn give_up(&mut self, mut file: OpenFile<S::File>) {
         if file.has_rows() {
             // The problem is known already. Rows that did not get onto the disk are counted.
-            let _ = self.close(file);
+            let _ = self.sync_file(&mut file);
             return;
         }
         self.written.files -= 1;
@@ -380,8 +364,16 @@ impl<S: Store> LogWriter<S> {
         let _ = self.store.remove(file);
     }
 
-    fn in_directory(&self, error: io::Error) -> Problem {
-        Problem::Failed(self.directory.clone(), error)
+    fn in_directory(&self, error: io::Error) -> LogEvent {
+        failed(&self.directory, error)
+    }
+}
+
+/// The event that something about `file` failed.
+fn failed(file: &Path, error: io::Error) -> LogEvent {
+    LogEvent::Failed {
+        file: file.to_owned(),
+        error,
     }
 }
 
