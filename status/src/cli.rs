@@ -64,7 +64,7 @@ fn survive_file_size_limits() -> io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, flag).map(|_handler| ())
 }
 
-/// Says in one line what the process did, and what became of each log.
+/// Logs in one line what the process did, and what became of each log.
 fn log_summary(summary: &Summary) {
     let logs: Vec<_> = summary.logs.iter().map(outcome).collect();
     tracing::info!(

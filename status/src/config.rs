@@ -26,7 +26,7 @@ pub struct Config {
     pub log: Vec<LogConfig>,
 }
 
-/// Reads the logs, at most [`MAX_LOGS`], and what no single value of theirs can say.
+/// Reads the logs, at most [`MAX_LOGS`], and checks what concerns more than one value.
 fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D::Error> {
     let logs = Vec::<LogConfig>::deserialize(deserializer)?;
     let count = logs.len();
@@ -37,7 +37,8 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
     }
     for (index, log) in logs.iter().enumerate() {
         let name = &log.name;
-        // Each log removes its own old files, and knows them by their names, in whatever way the directory is written.
+        // Each log recognises its old files by their names. Two paths may lead to the same directory, so names must differ
+        // even in different ones.
         if logs[..index].iter().any(|other| other.name == *name) {
             return Err(D::Error::custom(format_args!(
                 "two logs have the name `{name}`: give each a `name` of its own"
@@ -55,12 +56,12 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
 
 #[cfg(test)]
 mod tests {
-    use crate::group::GroupSet;
-    use crate::log::groups::LogGroups;
     use ipc_types::TelemetryGroup as Group;
     use runtime::config::{ConfigError, parse};
 
     use super::*;
+    use crate::group::GroupSet;
+    use crate::log::groups::LogGroups;
 
     const EXAMPLE: &str = include_str!("../status.toml");
 
@@ -98,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_line_and_reason() {
+    fn mistakes_are_reported_with_line_and_reason() {
         let too_many = "[[log]]\n".repeat(MAX_LOGS + 1);
         #[rustfmt::skip]
         let cases = [

@@ -1,4 +1,4 @@
-//! What the process decides: a value that is given samples and the time, and says what to publish, what happened, and
+//! What the process decides: a value that is given samples and the time, and gives what to publish, what happened, and
 //! when it wants to be woken next.
 //!
 //! It knows no port, no clock and no thread. It never delays a sample: publishing comes before logging.

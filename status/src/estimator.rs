@@ -21,7 +21,7 @@ use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
 /// use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
 /// use status::estimator::{Estimator, INPUT_BAROMETER};
 ///
-/// /// Believes the barometer.
+/// /// Takes the barometer as it is.
 /// struct BarometerAlone;
 ///
 /// impl Estimator for BarometerAlone {

@@ -80,7 +80,7 @@ pub(crate) struct Disk {
 }
 
 impl Disk {
-    /// Takes note of an act; says which fault it meets.
+    /// Takes note of an act; gives the fault that it meets.
     fn act(&mut self, act: Act) -> Option<Fault> {
         let index = self.acts.len();
         self.acts.push(act);

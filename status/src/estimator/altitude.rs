@@ -64,7 +64,7 @@ const BAROMETER_DRIFT: f64 = 4.0 / 3600.0;
 /// How the ground rises and falls under the helicopter, m² for each metre of way: 3 m in 100 m.
 const TERRAIN_ROUGHNESS: f64 = 9.0 / 100.0;
 
-/// Speed over ground that is assumed while the GPS does not tell it, m/s.
+/// Speed over ground that is assumed without a GPS velocity, m/s.
 const ASSUMED_SPEED_MPS: f64 = 3.0;
 
 /// Variance of a state of which nothing is known: any altitude lies within 10 km.

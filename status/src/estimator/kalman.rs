@@ -60,7 +60,7 @@ impl<const N: usize> Gaussian<N> {
         }
     }
 
-    /// What to think of `measurement` before it is believed.
+    /// How `measurement` differs from what the states let expect.
     pub fn innovation(&self, measurement: &Measurement<N>) -> Innovation {
         let gain = self
             .covariance

@@ -35,7 +35,7 @@ struct Queue {
 
 struct Inlet {
     samples: SyncSender<DspTelemetry>,
-    /// Nothing is ever sent: that it goes away wakes a writer that takes no samples at the moment.
+    /// Never used to send: dropping it wakes a writer that takes no samples.
     _closing: SyncSender<Infallible>,
 }
 

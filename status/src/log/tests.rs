@@ -38,7 +38,7 @@ fn config(name: &str, groups: &[Group]) -> LogConfig {
 }
 
 /// A log at work behind its queue, with its disk and its time.
-struct Flight {
+struct Harness {
     logs: Logs,
     outlet: Outlet,
     log: LogWriter<MemoryStore>,
@@ -50,27 +50,27 @@ struct Flight {
     reported: Vec<String>,
 }
 
-impl Flight {
+impl Harness {
     /// A log of everything on `disk`.
-    fn begin(disk: MemoryStore, limits: Limits) -> Flight {
-        Flight::of(&Group::ALL, disk, limits)
+    fn begin(disk: MemoryStore, limits: Limits) -> Harness {
+        Harness::of(&Group::ALL, disk, limits)
     }
 
     /// A log with short rows on `disk`, for tests with many of them.
-    fn short(disk: MemoryStore, limits: Limits) -> Flight {
-        Flight::of(&[Group::Time], disk, limits)
+    fn short(disk: MemoryStore, limits: Limits) -> Harness {
+        Harness::of(&[Group::Time], disk, limits)
     }
 
-    fn of(groups: &[Group], disk: MemoryStore, limits: Limits) -> Flight {
-        Flight::with(&config("", groups), disk, limits)
+    fn of(groups: &[Group], disk: MemoryStore, limits: Limits) -> Harness {
+        Harness::with(&config("", groups), disk, limits)
     }
 
-    fn with(config: &LogConfig, disk: MemoryStore, limits: Limits) -> Flight {
+    fn with(config: &LogConfig, disk: MemoryStore, limits: Limits) -> Harness {
         let mut logs = Logs::default();
         let outlet = logs.add("log".to_owned());
         let log = LogWriter::new(config, limits, RobotId::DEFAULT, disk.clone());
         disk.0.borrow_mut().monotonic = START;
-        let mut flight = Flight {
+        let mut harness = Harness {
             logs,
             outlet,
             log,
@@ -79,13 +79,13 @@ impl Flight {
             samples: 0,
             reported: Vec::new(),
         };
-        flight.log.start(START);
-        flight.take_reports();
-        flight
+        harness.log.start(START);
+        harness.take_reports();
+        harness
     }
 
     /// Records `count` samples, each in its time.
-    fn fly(&mut self, count: u64) {
+    fn record(&mut self, count: u64) {
         for _ in 0..count {
             self.wait(SAMPLE_PERIOD);
             self.samples += 1;
@@ -131,7 +131,7 @@ impl Flight {
     }
 
     /// Ends the log. Every sample is a row in a file, or lost.
-    fn land(&mut self) -> Landed {
+    fn finish(&mut self) -> Outcome {
         self.logs.close();
         let written = self.log.finish(self.outlet.waiting(), self.now);
         self.take_reports();
@@ -140,7 +140,7 @@ impl Flight {
             ..self.logs.summaries().next().unwrap()
         };
         assert_eq!(summary.offered, self.samples);
-        Landed {
+        Outcome {
             written,
             lost: summary.lost(),
         }
@@ -160,7 +160,7 @@ impl Flight {
 
 /// What became of a log.
 #[derive(Debug, PartialEq)]
-struct Landed {
+struct Outcome {
     written: Written,
     lost: u64,
 }

@@ -8,7 +8,7 @@ use std::process::Output;
 use std::sync::mpsc;
 use std::thread;
 
-use fixture::{Ends, PATIENCE, Process, command, config, folder, log_text};
+use fixture::{Ends, Process, TIMEOUT, command, config, folder, log_text};
 use ipc_types::{Domain, RobotId, TelemetryGroup, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -34,7 +34,7 @@ fn samples_go_through_the_shell_and_into_the_log() {
             shell.run(&termination).unwrap()
         }
     });
-    is_open.recv_timeout(PATIENCE).unwrap();
+    is_open.recv_timeout(TIMEOUT).unwrap();
 
     let mut ends = Ends::join(&domain);
     for number in 1..=SAMPLES {
@@ -111,17 +111,17 @@ fn each_signal_ends_the_process_with_everything_in_order() {
             ends.through(number);
         }
         drop(ends);
-        let (code, told) = process.end(signal);
+        let (code, messages) = process.end(signal);
         assert_eq!(code, Some(0));
-        let last = told.last().unwrap();
+        let last = messages.last().unwrap();
         assert!(
             last.contains("received=10 lost=0 published=10"),
-            "{told:#?}"
+            "{messages:#?}"
         );
-        assert!(last.contains(": 10 rows"), "{told:#?}");
+        assert!(last.contains(": 10 rows"), "{messages:#?}");
         // Reported once: the log asks for groups that no sample has.
-        let missing = told.iter().filter(|line| line.ends_with(" groups=xy"));
-        assert_eq!(missing.count(), 1, "{told:#?}");
+        let missing = messages.iter().filter(|line| line.ends_with(" groups=xy"));
+        assert_eq!(missing.count(), 1, "{messages:#?}");
         assert_eq!(log_text(&logs).lines().count(), 11);
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
     }

@@ -106,13 +106,13 @@ fn a_gps_without_fix_or_of_unknown_quality_is_not_used() {
         };
         let mut estimator = estimator();
         let estimate = hover(&mut estimator, 0..100, no_fix);
-        // The barometer alone, whose offset nobody knows.
+        // The barometer alone, whose offset is unknown.
         assert_near(&estimate, 100.0, 0.2);
         assert_eq!(estimate.inputs & INPUT_GPS, 0);
         assert!(estimate.altitude_variance_m2 > 90.0, "{estimate:?}");
     }
-    let untold = |raw: &mut DspTelemetry| raw.valid_groups &= !Group::GpsQuality.bit();
-    let estimate = hover(&mut estimator(), 0..100, untold);
+    let unknown = |raw: &mut DspTelemetry| raw.valid_groups &= !Group::GpsQuality.bit();
+    let estimate = hover(&mut estimator(), 0..100, unknown);
     assert_eq!(estimate.inputs & INPUT_GPS, 0);
 }
 
