@@ -15,7 +15,9 @@ use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
 
 /// Estimates something from the telemetry, sample by sample.
 ///
-/// It is pure: the times in the samples are its only clock. It must give finite numbers for every sequence of samples.
+/// It is pure: the times in the samples are its only clock. It must give finite numbers for every sequence of samples. An
+/// estimator of another crate runs with `Status::with_estimator` or `Shell::with_estimator`; inputs that are not in the
+/// telemetry are fields of its own.
 ///
 /// ```
 /// use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};

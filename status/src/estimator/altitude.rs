@@ -209,11 +209,10 @@ impl AltitudeEstimator {
         }
     }
 
-    /// Forgets everything but the time; gives how long ago the first sample was, which is `moment`'s.
-    fn restart(&mut self, moment: Moment) -> f64 {
+    /// Forgets everything but that the last sample was taken at `moment`.
+    fn restart(&mut self, moment: Moment) {
         *self = AltitudeEstimator::new(&self.config);
         self.previous = Some(moment);
-        0.0
     }
 
     /// Moves the state on by `elapsed_s`.
@@ -346,14 +345,16 @@ impl AltitudeEstimator {
 impl Estimator for AltitudeEstimator {
     fn update(&mut self, raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate {
         let moment = Moment::of(raw, hero);
-        let elapsed_s = match self.previous.replace(moment) {
+        let previous = self.previous.replace(moment);
+        let elapsed_s = match previous.map(|previous| moment.seconds_since(&previous)) {
+            // The same sample once more says nothing new.
+            Some(Some(0.0)) => return self.estimate(0),
+            Some(Some(elapsed_s)) => elapsed_s,
+            Some(None) => {
+                self.restart(moment);
+                0.0
+            }
             None => 0.0,
-            Some(previous) => match moment.seconds_since(&previous) {
-                // The same sample once more says nothing new.
-                Some(0.0) => return self.estimate(0),
-                Some(elapsed_s) => elapsed_s,
-                None => self.restart(moment),
-            },
         };
         self.predict(elapsed_s, hero);
         let inputs = self.correct(elapsed_s, raw, hero);

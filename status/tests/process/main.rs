@@ -9,13 +9,30 @@ use std::sync::mpsc;
 use std::thread;
 
 use fixture::{Ends, Process, TIMEOUT, command, config, folder, log_text};
+use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
 use ipc_types::{Domain, RobotId, TelemetryGroup, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
 use status::config::Config;
+use status::estimator::{Estimator, INPUT_SONAR};
 use status::log::event::WriterEnd;
 use status::shell::Shell;
+
+/// An estimator as another crate would write it.
+struct SonarAlone;
+
+impl Estimator for SonarAlone {
+    fn update(&mut self, _raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate {
+        HeroEstimate {
+            altitude_m: hero.sonar_height_m.into(),
+            altitude_variance_m2: 1.0,
+            inputs: INPUT_SONAR,
+            valid: 1,
+            ..HeroEstimate::default()
+        }
+    }
+}
 
 #[test]
 fn samples_go_through_the_shell_and_into_the_log() {
@@ -30,6 +47,7 @@ fn samples_go_through_the_shell_and_into_the_log() {
         move || {
             let notifier = Notifier::from_env();
             let shell = Shell::open(&domain, RobotId::DEFAULT, &config, notifier).unwrap();
+            let shell = shell.with_estimator(Box::new(SonarAlone));
             opened.send(()).unwrap();
             shell.run(&termination).unwrap()
         }
@@ -41,6 +59,7 @@ fn samples_go_through_the_shell_and_into_the_log() {
         let hero = ends.through(number);
         assert_eq!(hero.sonar_height_m, number as f32 / 2.0);
         assert_eq!(hero.sequence, u64::from(number));
+        assert_eq!(hero.estimate.altitude_m, f64::from(number) / 2.0);
         assert!(hero.published_ns > 0);
     }
     request.request();
