@@ -29,80 +29,77 @@ fn main() {
     }
 }
 
-/// One large inclusion, and exclusions in it in a row along the equator.
+/// Times a fence like one in use, a large field with masts in a row, and the worst one: equal fields one upon another.
 fn measure(areas: usize, vertices: usize) {
-    let circle = |name: String, kind, [lat, lon]: [f64; 2], radius_deg: f64| AreaConfig {
-        name,
+    println!("{areas} areas of {vertices} vertices:");
+    let field = |name| round(name, AreaKind::Inclusion, [0.0, 0.0], 0.4, vertices);
+    let masts = (1..areas).map(|number| {
+        let place_deg = 0.6 * number as f64 / areas as f64 - 0.3;
+        round(
+            number,
+            AreaKind::Exclusion,
+            [0.0, place_deg],
+            1e-3,
+            vertices,
+        )
+    });
+    let masts = fence(std::iter::once(field(0)).chain(masts));
+    time("far from all masts", &masts, [0.1, -0.3], [0.1, 0.3]);
+    time("through all masts", &masts, [0.0, -0.35], [0.0, 0.35]);
+    time("that leaves the field", &masts, [0.0, 0.39], [0.0, 0.6]);
+    let fields = fence((0..areas).map(field));
+    time("inside equal fields", &fields, [0.1, -0.3], [0.1, 0.3]);
+    time("that leaves equal fields", &fields, [0.0, 0.39], [0.0, 0.6]);
+}
+
+fn fence(areas: impl Iterator<Item = AreaConfig>) -> Fence {
+    let site = oracle::Site {
+        areas: areas.collect(),
+        ..oracle::Site::default()
+    };
+    site.fence()
+}
+
+/// A polygon of equal edges.
+fn round(
+    number: usize,
+    kind: AreaKind,
+    [latitude_deg, longitude_deg]: [f64; 2],
+    radius_deg: f64,
+    vertices: usize,
+) -> AreaConfig {
+    let vertex = |index: usize| {
+        let (sin, cos) = (std::f64::consts::TAU * index as f64 / vertices as f64).sin_cos();
+        [
+            latitude_deg + radius_deg * sin,
+            longitude_deg + radius_deg * cos,
+        ]
+    };
+    AreaConfig {
+        name: format!("area {number}"),
         kind,
-        polygon: Some(
-            (0..vertices)
-                .map(|vertex| {
-                    let angle = std::f64::consts::TAU * vertex as f64 / vertices as f64;
-                    [
-                        lat + radius_deg * angle.sin(),
-                        lon + radius_deg * angle.cos(),
-                    ]
-                })
-                .collect(),
-        ),
+        polygon: Some((0..vertices).map(vertex).collect()),
         centre: None,
         radius_m: None,
         floor_m: None,
         ceiling_m: None,
-    };
-    let field = circle("field".to_owned(), AreaKind::Inclusion, [0.0, 0.0], 0.4);
-    let masts = (1..areas).map(|number| {
-        let place = number as f64 / areas as f64;
-        circle(
-            format!("mast {number}"),
-            AreaKind::Exclusion,
-            [0.0, place * 0.6 - 0.3],
-            1e-3,
-        )
-    });
-    let site = oracle::Site {
-        areas: std::iter::once(field).chain(masts).collect(),
-        ..oracle::Site::default()
-    };
-    let fence = site.fence();
-    let at = |latitude_deg, longitude_deg| Waypoint {
+    }
+}
+
+fn time(what: &str, fence: &Fence, from: [f64; 2], to: [f64; 2]) {
+    const ROUNDS: u32 = 100;
+    let [from, to] = [from, to].map(|[latitude_deg, longitude_deg]| Waypoint {
         latitude_deg,
         longitude_deg,
         altitude_m: 50.0,
-    };
-    println!("{areas} areas of {vertices} vertices:");
-    time(
-        "  a leg far from all exclusions",
-        &fence,
-        at(0.1, -0.3),
-        at(0.1, 0.3),
-    );
-    time(
-        "  a leg across their row, between two",
-        &fence,
-        at(-0.25, -0.25),
-        at(0.25, 0.27),
-    );
-    time(
-        "  a leg through all exclusions",
-        &fence,
-        at(0.0, -0.35),
-        at(0.0, 0.35),
-    );
-    time(
-        "  a leg that leaves the inclusion",
-        &fence,
-        at(0.0, 0.39),
-        at(0.0, 0.6),
-    );
-}
-
-fn time(what: &str, fence: &Fence, from: Waypoint, to: Waypoint) {
-    const ROUNDS: u32 = 1000;
+    });
     let began = Instant::now();
     for _ in 0..ROUNDS {
         black_box(black_box(fence).check_leg(&from, &to));
     }
     let each_us = began.elapsed().as_secs_f64() * 1e6 / f64::from(ROUNDS);
-    println!("{what}: {each_us:.1} µs, {:?}", fence.check_leg(&from, &to));
+    let answer = fence
+        .check_leg(&from, &to)
+        .map(|breach| (breach.rule, breach.amount_m));
+    println!("  a leg {what}: {each_us:.1} µs, {answer:?}");
 }

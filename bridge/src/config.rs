@@ -16,8 +16,8 @@ use serde::{Deserialize, Deserializer};
 use crate::errors::ErrorTable;
 use crate::flight::arrival::Tolerance;
 use crate::link::coherence::Rule;
-use crate::safety::fence::Fence;
 use crate::link::commands::ATTEMPTS;
+use crate::safety::fence::Fence;
 
 /// All of `bridge.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -472,7 +472,10 @@ impl SupplyLimits {
 
     /// A milder action comes first, so its limit is the higher one.
     fn check(&self) -> Result<(), String> {
-        if let Some((_, limit)) = self.steps().find(|(_, limit)| !(0.0..=100.0).contains(limit)) {
+        if let Some((_, limit)) = self
+            .steps()
+            .find(|(_, limit)| !(0.0..=100.0).contains(limit))
+        {
             return Err(format!("{limit} is out of range: 0 to 100"));
         }
         let falls = self
@@ -537,7 +540,11 @@ impl Parameters {
 
     /// Writes `write` as well from now on; one to the same port is replaced. There is one for each port at most.
     pub fn set(&mut self, write: Command) {
-        match self.0.iter_mut().find(|other| port_of(other) == port_of(&write)) {
+        match self
+            .0
+            .iter_mut()
+            .find(|other| port_of(other) == port_of(&write))
+        {
             Some(other) => *other = write,
             None => self.0.push(write),
         }

@@ -16,7 +16,7 @@ use std::time::Duration;
 use dsp_protocol::{Command, DspErrorCode, port};
 use ipc_types::code::{MovementKind, Reason};
 
-use super::motion::{DspOrder, Doubt, Landing, Motion, Order, Rest, TakeOff};
+use super::motion::{Doubt, DspOrder, Landing, Motion, Order, Rest, TakeOff};
 use super::report::{Detail, Refusal, Verdict};
 use super::request::RequestHeader;
 use super::{Context, Flight, FlightTimer};
@@ -84,13 +84,7 @@ impl Flight {
         cx.link.forget_path();
         let step = DspOrder::Ordering(Doubt::default());
         let motion = Motion::Landing(Landing { order, step });
-        self.begin(
-            order.requester.as_ref(),
-            MovementKind::Land,
-            0,
-            motion,
-            cx,
-        );
+        self.begin(order.requester.as_ref(), MovementKind::Land, 0, motion, cx);
         if queued.is_err() {
             self.undelivered(FlightCommand::Land, cx);
         }
@@ -142,7 +136,10 @@ impl Flight {
                 self.order_acknowledged(f64::from(take_off.height_m), cx);
             }
             (FlightCommand::Land, Motion::Landing(_)) => {
-                let height_m = self.observation.position(cx.now).map_or(0.0, |p| p.altitude_m);
+                let height_m = self
+                    .observation
+                    .position(cx.now)
+                    .map_or(0.0, |p| p.altitude_m);
                 self.order_acknowledged(height_m.max(0.0), cx);
             }
             (FlightCommand::ReadMovement, Motion::TakingOff(_) | Motion::Landing(_)) => {
@@ -338,4 +335,3 @@ impl Doubt {
 fn write_one(port: u16) -> Command {
     Command::Write16 { port, value: 1 }
 }
-

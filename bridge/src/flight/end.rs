@@ -23,10 +23,8 @@ impl Flight {
                 return;
             }
             Motion::Idle(rest) => {
-                let was_blocked = matches!(
-                    rest,
-                    Rest::Waiting(_) | Rest::Stopped(_) | Rest::Aborted(_)
-                );
+                let was_blocked =
+                    matches!(rest, Rest::Waiting(_) | Rest::Stopped(_) | Rest::Aborted(_));
                 *rest = rest.with_fatal(error);
                 if was_blocked {
                     return;

@@ -274,9 +274,9 @@ impl Rest {
 pub fn start(motion: &Motion) -> Result<Rest, StartRefused> {
     match motion {
         Motion::Stopping { .. } => Err(StartRefused::Busy),
-        Motion::Idle(
-            Rest::Waiting(_) | Rest::Done | Rest::Stopped(_) | Rest::Aborted(_),
-        ) => Ok(Rest::Ready),
+        Motion::Idle(Rest::Waiting(_) | Rest::Done | Rest::Stopped(_) | Rest::Aborted(_)) => {
+            Ok(Rest::Ready)
+        }
         _ => Err(StartRefused::Running),
     }
 }

@@ -25,18 +25,16 @@ impl Flight {
         if !self.is_new(header, cx) {
             return;
         }
-        let outcome = movement
-            .map_err(Refusal::from)
-            .and_then(|movement| {
-                self.safety
-                    .check_movement(&movement, &self.observation, cx.now)?;
-                match movement {
-                    Movement::TakeOff { altitude_m } => self.take_off(header, altitude_m, cx),
-                    Movement::Land => self.land(header, cx),
-                    Movement::Hold => self.hold(header, cx),
-                    Movement::Waypoint(segment) => self.waypoint(header, &segment, cx),
-                }
-            });
+        let outcome = movement.map_err(Refusal::from).and_then(|movement| {
+            self.safety
+                .check_movement(&movement, &self.observation, cx.now)?;
+            match movement {
+                Movement::TakeOff { altitude_m } => self.take_off(header, altitude_m, cx),
+                Movement::Land => self.land(header, cx),
+                Movement::Hold => self.hold(header, cx),
+                Movement::Waypoint(segment) => self.waypoint(header, &segment, cx),
+            }
+        });
         if let Err(refusal) = outcome {
             // A path with a hole is never flown: a refused waypoint takes its open path along.
             let belongs_to_open_path = self.assembler.open_path() == Some(header.path_id);

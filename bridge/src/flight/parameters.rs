@@ -208,7 +208,9 @@ impl Flight {
             port: Some(info(job.port)),
             ..Detail::default()
         };
-        let is_refused = job.write.is_some_and(|write| wrote(job.port, write) != found);
+        let is_refused = job
+            .write
+            .is_some_and(|write| wrote(job.port, write) != found);
         let verdict = if is_refused {
             let detail = Detail {
                 dsp_error: Some(DspErrorCode::INVALID_COMMAND),
@@ -225,11 +227,7 @@ impl Flight {
     }
 
     /// The first request's command was not acknowledged, or cannot be sent.
-    pub(super) fn parameter_failed<O: Outputs>(
-        &mut self,
-        reason: Reason,
-        cx: &mut Context<'_, O>,
-    ) {
+    pub(super) fn parameter_failed<O: Outputs>(&mut self, reason: Reason, cx: &mut Context<'_, O>) {
         let Some(job) = self.parameters.open.front() else {
             return;
         };
@@ -264,7 +262,11 @@ impl Flight {
                 Stage::Aborted
             };
             is_first = false;
-            self.report(&job.header, &Verdict::ended(stage, reason, ImiError::None), cx);
+            self.report(
+                &job.header,
+                &Verdict::ended(stage, reason, ImiError::None),
+                cx,
+            );
         }
         cx.link.forget_parameter();
     }
@@ -283,10 +285,11 @@ impl Job {
 
 /// The ports of the list: those of 16 bits, then those of 32 bits.
 fn port_at(index: usize) -> Option<Port> {
-    PORTS_16
-        .get(index)
-        .map(Port::Bits16)
-        .or_else(|| PORTS_32.get(index.checked_sub(PORTS_16.len())?).map(Port::Bits32))
+    PORTS_16.get(index).map(Port::Bits16).or_else(|| {
+        PORTS_32
+            .get(index.checked_sub(PORTS_16.len())?)
+            .map(Port::Bits32)
+    })
 }
 
 fn numbered(number: u32) -> Option<Port> {
@@ -337,7 +340,11 @@ fn wrote(port: Port, write: Command) -> Option<f64> {
 fn info(port: Port) -> PortInfo {
     let (number, name, kind, min, max) = match port {
         Port::Bits16(port) => {
-            let kind = if port.signed { PortKind::I16 } else { PortKind::U16 };
+            let kind = if port.signed {
+                PortKind::I16
+            } else {
+                PortKind::U16
+            };
             let (min, max) = (f64::from(port.min), f64::from(port.max));
             (port.number, port.name, kind, min, max)
         }

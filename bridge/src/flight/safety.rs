@@ -159,7 +159,12 @@ impl Safety {
     }
 
     /// Looks at the helicopter; returns the most severe rule that is broken.
-    fn look(&mut self, observation: &Observation, now: MonotonicNs, is_flown: bool) -> Option<Violation> {
+    fn look(
+        &mut self,
+        observation: &Observation,
+        now: MonotonicNs,
+        is_flown: bool,
+    ) -> Option<Violation> {
         let supply = observation.supply(now);
         let hold_for = Duration::from_secs_f64(self.config.supply_for_s);
         let battery_v = supply.map(|supply| f64::from(supply.battery_mv) / 1000.0);
@@ -253,7 +258,11 @@ impl Flight {
         if ends {
             self.safety.interventions = self.safety.interventions.saturating_add(1);
             let leg = self.movement.waypoints_reached as usize + 1;
-            let detail = violation.detail(if self.motion.unable_to_abort() { 0 } else { leg });
+            let detail = violation.detail(if self.motion.unable_to_abort() {
+                0
+            } else {
+                leg
+            });
             let verdict = Verdict::aborted(violation.reason()).about(detail);
             self.give_up_movement(&verdict, Rest::Ready, cx);
         }

@@ -128,8 +128,11 @@ impl<S> Coherence<S> {
         if let Some((held_ms, held)) = self.held.take() {
             let confirmed = is_newer(held_ms, time_ms);
             // Two samples in a row below the last one sent: the clock went back for good.
-            verdict.rebooted = confirmed && self.last_ms.is_some_and(|last| is_newer(time_ms, last));
-            if confirmed && (verdict.rebooted || self.last_ms.is_none_or(|last| is_newer(last, held_ms))) {
+            verdict.rebooted =
+                confirmed && self.last_ms.is_some_and(|last| is_newer(time_ms, last));
+            if confirmed
+                && (verdict.rebooted || self.last_ms.is_none_or(|last| is_newer(last, held_ms)))
+            {
                 verdict.send[0] = Some(self.sent(held_ms, held));
             } else {
                 verdict.dropped = 1;

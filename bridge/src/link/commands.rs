@@ -261,7 +261,9 @@ mod tests {
     const PLAIN: Ack = ack(4, AckData::None);
 
     fn purpose_of<P: Copy>(queue: &mut CommandQueue<P>, ack: &Ack) -> Option<P> {
-        queue.acknowledge(ack).map(|acknowledged| acknowledged.purpose)
+        queue
+            .acknowledge(ack)
+            .map(|acknowledged| acknowledged.purpose)
     }
 
     const fn ack(command: u8, data: AckData) -> Ack {
@@ -349,7 +351,10 @@ mod tests {
         queue.poll(at(0));
         assert_eq!(purpose_of(&mut queue, &ack(0, AckData::None)), None);
         assert_eq!(purpose_of(&mut queue, &ack(0, AckData::Bits32(1.0))), None);
-        assert_eq!(purpose_of(&mut queue, &ack(0, AckData::Bits16(1))), Some(()));
+        assert_eq!(
+            purpose_of(&mut queue, &ack(0, AckData::Bits16(1))),
+            Some(())
+        );
     }
 
     #[test]
@@ -360,10 +365,7 @@ mod tests {
         assert_eq!(queue.poll(at(0)), Some(CLEAR));
         assert_eq!(queue.poll(at(0)), None);
         assert_eq!(purpose_of(&mut queue, &PLAIN), Some(1));
-        assert_eq!(
-            queue.poll(at(0)),
-            Some(sending(Command::ActivateStatus, 1))
-        );
+        assert_eq!(queue.poll(at(0)), Some(sending(Command::ActivateStatus, 1)));
     }
 
     #[test]
@@ -418,7 +420,10 @@ mod tests {
     #[test]
     fn an_ack_is_certain_unless_an_earlier_attempt_may_still_be_answered() {
         let mut queue = in_state(2);
-        assert!(matches!(queue.time_out(at(100)), Some(Timeout::SendAgain(_))));
+        assert!(matches!(
+            queue.time_out(at(100)),
+            Some(Timeout::SendAgain(_))
+        ));
         // Two attempts, one acknowledgement: another one may come.
         assert!(queue.acknowledge(&PLAIN).is_some_and(|ack| ack.is_certain));
         let second = |queue: &mut CommandQueue<&'static str>, ms| {

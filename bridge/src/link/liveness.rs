@@ -89,9 +89,7 @@ impl Link {
         data: AckData,
     ) {
         match (instead, self.is_our_mask(data)) {
-            (None, true) => {
-                self.ask_for_status(Command::ActivateStatus, Purpose::ReactivateStatus)
-            }
+            (None, true) => self.ask_for_status(Command::ActivateStatus, Purpose::ReactivateStatus),
             (None, false) => self.lost_its_mask(now),
             (Some(groups), true) => {
                 if let State::Up(session) | State::Silent(session) = &mut self.state {

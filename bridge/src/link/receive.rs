@@ -55,7 +55,8 @@ impl Link {
             Downlink::FlowControl(FlowControl::Stop) => {}
             Downlink::Error(code) => {
                 let starting = !self.is_up();
-                self.events.push_back(LinkEvent::DspError { code, starting });
+                self.events
+                    .push_back(LinkEvent::DspError { code, starting });
             }
         }
         if let State::Up(session) = &mut self.state {

@@ -63,7 +63,8 @@ impl Link {
     /// Sends *invalidate path* while the DSP's buffer is not known to be empty. In silence the probe decides first whether the
     /// DSP is there; the start-up would empty the buffer as well.
     pub(super) fn empty_path(&mut self) {
-        let is_unknown = matches!(self.state, State::Up(session) if session.path == DspPath::Unknown);
+        let is_unknown =
+            matches!(self.state, State::Up(session) if session.path == DspPath::Unknown);
         if !is_unknown
             || self.timers.is_armed(LinkTimer::EmptyPath)
             || self.commands.has(|purpose| *purpose == Purpose::EmptyPath)

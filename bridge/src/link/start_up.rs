@@ -53,9 +53,8 @@ impl Step {
 
     /// The step after this one; nothing when the DSP is started up.
     pub fn next(self, config: &BridgeConfig, parameters: &Parameters) -> Option<Step> {
-        let parameter = |index: usize| {
-            (index < parameters.len()).then_some(Step::WriteParameter(index))
-        };
+        let parameter =
+            |index: usize| (index < parameters.len()).then_some(Step::WriteParameter(index));
         match self {
             Step::Mask if config.link.pc_timeout_ms == 0 => Some(Step::ActivateStatus),
             Step::Mask => Some(Step::AnnouncePcTimeout),

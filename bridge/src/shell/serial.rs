@@ -2,23 +2,23 @@
 //!
 //! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives a
 //! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for [`holders`] before
-//! it opens the device, and again before it changes anything. It checks, locks and configures one descriptor, because a
-//! second one could lead to another device.
+//! it opens the device, and again before it changes anything.
+//!
+//! Two descriptors of one device: `serialport` owns the lock and the configuration; ours is opened and checked before, so that
+//! the settings found can be saved, and is non-blocking, so that one wait serves everything.
 
 pub mod holders;
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
-use rustix::termios::{
-    ControlModes, InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl,
-    ioctl_tiocnxcl, tcflush, tcgetattr, tcsetattr,
-};
+use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr};
+use serialport::TTYPort;
 
 use self::holders::{Hold, Holder, Holders, Occupant, Terminal};
 use crate::config::SerialConfig;
@@ -75,9 +75,10 @@ pub struct Gone(String);
 /// An open port, 8N1, raw, exclusive. Dropping it restores the settings that it had before.
 #[derive(Debug)]
 pub struct SerialPort {
+    file: File,
     found: Termios,
-    /// Dropped last: the lock goes with it.
-    file: Locked,
+    /// Holds the lock, the exclusive mode and the configuration; nothing is read or written through it. Dropped last.
+    _configured: TTYPort,
 }
 
 impl SerialPort {
@@ -109,45 +110,22 @@ impl SerialPort {
             Errno::NOTTY => OpenError::NotATerminal(port.to_owned()),
             errno => cannot_open(port, errno.into()),
         })?;
-        ioctl_tiocexcl(&file.0).map_err(|errno| cannot_open(port, errno.into()))?;
-        // From here on, dropping it restores the settings.
-        let opened = SerialPort { found, file };
-        opened
-            .configure(config.baud_rate)
-            .map_err(|reason| OpenError::NotConfigurable {
-                port: port.to_owned(),
-                reason,
-            })?;
-        // Bytes in the queues were meant for an earlier user of the port.
-        let _ = tcflush(&opened.file.0, QueueSelector::IOFlush);
-        Ok(opened)
-    }
-
-    /// Raw, 8 data bits, no parity, 1 stop bit, no flow control; or why that cannot be.
-    fn configure(&self, baud_rate: u32) -> Result<(), String> {
-        let mut wanted = self.found.clone();
-        wanted.make_raw();
-        wanted.input_modes -= InputModes::IXOFF | InputModes::IXANY | InputModes::INPCK;
-        wanted.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
-        wanted.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
-        wanted
-            .set_speed(baud_rate)
-            .and_then(|()| tcsetattr(&self.file.0, OptionalActions::Now, &wanted))
-            .map_err(|errno| errno.to_string())?;
-        // Setting succeeds when any part of it was done.
-        let settings = tcgetattr(&self.file.0).map_err(|errno| errno.to_string())?;
-        let modes = |settings: &Termios| {
-            (
-                settings.input_modes,
-                settings.output_modes,
-                settings.control_modes & FRAMING,
-                settings.local_modes,
-            )
-        };
-        match modes(&settings) == modes(&wanted) {
-            true => Ok(()),
-            false => {
-                Err("it has no raw mode with 8 data bits, no parity and 1 stop bit".to_owned())
+        let file = file.unlock();
+        match configure(port, &file, config.baud_rate) {
+            Ok(configured) => {
+                // Bytes in the queues were meant for an earlier user of the port.
+                let _ = tcflush(&file, QueueSelector::IOFlush);
+                Ok(SerialPort {
+                    file,
+                    found,
+                    _configured: configured,
+                })
+            }
+            Err(error) => {
+                if !matches!(error, OpenError::InUse { .. }) {
+                    let _ = tcsetattr(&file, OptionalActions::Now, &found);
+                }
+                Err(error)
             }
         }
     }
@@ -167,7 +145,7 @@ impl SerialPort {
     /// When the device is gone.
     pub fn read(&self, buffer: &mut [u8]) -> Result<usize, Gone> {
         loop {
-            match rustix::io::read(&self.file.0, &mut *buffer) {
+            match rustix::io::read(&self.file, &mut *buffer) {
                 Ok(0) => return Err(Gone("end of file".to_owned())),
                 Ok(count) => return Ok(count),
                 Err(Errno::AGAIN) => return Ok(0),
@@ -183,7 +161,7 @@ impl SerialPort {
     /// When the device is gone.
     pub fn write(&self, bytes: &[u8]) -> Result<usize, Gone> {
         loop {
-            match rustix::io::write(&self.file.0, bytes) {
+            match rustix::io::write(&self.file, bytes) {
                 Ok(count) => return Ok(count),
                 Err(Errno::AGAIN) => return Ok(0),
                 Err(Errno::INTR) => {}
@@ -195,35 +173,25 @@ impl SerialPort {
     /// Drops what the kernel has taken but not sent.
     pub fn discard_unsent(&self) {
         // A port that is gone has nothing to send either; the next read says so.
-        let _ = tcflush(&self.file.0, QueueSelector::OFlush);
+        let _ = tcflush(&self.file, QueueSelector::OFlush);
     }
 }
 
 impl AsFd for SerialPort {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.file.0.as_fd()
+        self.file.as_fd()
     }
 }
 
 impl Drop for SerialPort {
     fn drop(&mut self) {
         // Not `Drain`: a device that is stuck must not keep the process from ending.
-        let _ = tcsetattr(&self.file.0, OptionalActions::Now, &self.found);
-        // A simulator that keeps this end open keeps the mode, too.
-        let _ = ioctl_tiocnxcl(&self.file.0);
+        let _ = tcsetattr(&self.file, OptionalActions::Now, &self.found);
     }
 }
 
-/// The control modes that 8N1 is about.
-const FRAMING: ControlModes = ControlModes::CSIZE
-    .union(ControlModes::PARENB)
-    .union(ControlModes::CSTOPB);
-
-/// A device of which this process has the lock. That holds among programs that ask for it, as other bridges and serial
-/// tools do, whatever their user or domain; exclusive mode holds against any program, but not against root.
-///
-/// The lock is taken before exclusive mode is set: a bridge that does not get the lock must not end the mode of the one
-/// that has it.
+/// A device of which this process has the lock for the moment: no other bridge or serial tool uses it, whatever its user
+/// or domain.
 #[derive(Debug)]
 struct Locked(File);
 
@@ -235,13 +203,27 @@ impl Locked {
             Err(errno) => Err(cannot_open(port, errno.into())),
         }
     }
+
+    /// Gives the lock up for `serialport`, which takes it through a descriptor of its own.
+    fn unlock(self) -> File {
+        let _ = flock(&self.0, FlockOperation::Unlock);
+        self.0
+    }
 }
 
-impl Drop for Locked {
-    fn drop(&mut self) {
-        // The lock outlasts the descriptor while another one shares it, such as that of a child that is being started.
-        let _ = flock(&self.0, FlockOperation::Unlock);
-    }
+/// Lets `serialport` lock the device, make it exclusive and set it to 8N1. It opens by path: that of our own descriptor
+/// leads to the device that was checked, wherever the port's link leads by now.
+fn configure(port: &Path, file: &File, baud_rate: u32) -> Result<TTYPort, OpenError> {
+    let path = format!("/proc/self/fd/{}", file.as_raw_fd());
+    // 8 data bits, no parity, 1 stop bit and exclusive access are the builder's defaults.
+    TTYPort::open(&serialport::new(path, baud_rate)).map_err(|error| match error.kind() {
+        serialport::ErrorKind::NoDevice => refused_by_its_holder(port),
+        serialport::ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing(port.to_owned()),
+        _ => OpenError::NotConfigurable {
+            port: port.to_owned(),
+            reason: error.to_string(),
+        },
+    })
 }
 
 /// Checks that the device at `port`, to which `metadata` belongs, is a terminal that no other process uses.

@@ -14,8 +14,9 @@ use super::area::{Area, AreaKind, Band, Shape};
 use super::plane::{Plane, longitude_difference_deg};
 use super::{Fence, MAX_EXTENT_M, MAX_LATITUDE_DEG};
 
-/// Most areas of a fence: several times what an airfield or a town needs. With 64 areas of 256 vertices a leg that is
-/// allowed is judged in 10 to 500 µs, and one in breach in at most a few milliseconds.
+/// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
+/// edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas are
+/// inclusions, and happens once for each refused path.
 pub const MAX_AREAS: usize = 64;
 
 /// Most vertices of a polygon. A circle as a polygon of so many vertices is right to 1/13,000 of its radius, so nobody

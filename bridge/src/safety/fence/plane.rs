@@ -53,9 +53,11 @@ impl Plane {
     pub(super) fn leg(&self, from: &Waypoint, to: &Waypoint) -> Leg {
         let east_deg = longitude_difference_deg(to.longitude_deg, from.longitude_deg);
         let north_deg = to.latitude_deg - from.latitude_deg;
+        let way = coord! { x: east_deg * self.east_m_per_deg, y: north_deg * self.north_m_per_deg };
         Leg {
             start: self.coord(from.latitude_deg, from.longitude_deg),
-            way: coord! { x: east_deg * self.east_m_per_deg, y: north_deg * self.north_m_per_deg },
+            way,
+            ground_m: way.x.hypot(way.y),
             altitude_m: from.altitude_m,
             climb_m: to.altitude_m - from.altitude_m,
         }
@@ -69,6 +71,8 @@ pub(super) struct Leg {
     pub(super) start: Coord,
     /// From its begin to its end.
     pub(super) way: Coord,
+    /// Length of `way`.
+    pub(super) ground_m: f64,
     /// Altitude at its begin.
     pub(super) altitude_m: f64,
     /// Altitude at its end less that at its begin.
@@ -95,6 +99,7 @@ pub(super) fn point_between(from: &Waypoint, to: &Waypoint, fraction: f64) -> Wa
 /// Metres along the ground between two points that are not much farther apart than an area may be wide.
 pub(super) fn ground_length_m(from: &Waypoint, to: &Waypoint) -> f64 {
     let middle_deg = (from.latitude_deg + to.latitude_deg) / 2.0;
-    let way = Plane::at(middle_deg, from.longitude_deg).leg(from, to).way;
-    way.x.hypot(way.y)
+    Plane::at(middle_deg, from.longitude_deg)
+        .leg(from, to)
+        .ground_m
 }

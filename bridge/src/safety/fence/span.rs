@@ -59,7 +59,7 @@ pub(super) fn where_between(start: f64, change: f64, low: f64, high: f64) -> Opt
 /// Where the leg's line is not farther than `radius_m` from `centre`. Not clipped to the leg.
 pub(super) fn where_in_disc(leg: &Leg, centre: Coord, radius_m: f64) -> Option<Span> {
     let to_centre = centre - leg.start;
-    let length_m = leg.way.x.hypot(leg.way.y);
+    let length_m = leg.ground_m;
     if length_m < STANDSTILL_M {
         return (to_centre.x.hypot(to_centre.y) <= radius_m).then_some(Span::LINE);
     }
@@ -77,6 +77,13 @@ pub(super) fn where_in_disc(leg: &Leg, centre: Coord, radius_m: f64) -> Option<S
 
 /// Where the leg's line is not farther than `radius_m` from `edge`. Not clipped to the leg.
 pub(super) fn where_near_edge(leg: &Leg, edge: Line, radius_m: f64) -> Option<Span> {
+    // Most edges lie on one side of the leg's line.
+    let start = cross(leg.way, edge.start - leg.start);
+    let end = cross(leg.way, edge.end - leg.start);
+    let near = radius_m * leg.ground_m;
+    if start.min(end) > near || start.max(end) < -near {
+        return None;
+    }
     let (along, length_m) = (edge.delta(), edge.delta().x.hypot(edge.delta().y));
     let along = along / length_m;
     let from_edge = leg.start - edge.start;
