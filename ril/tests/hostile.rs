@@ -218,7 +218,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
             );
         }
     }
-    status.wait_for_text("values that cannot be were published");
+    status.wait_for_text("implausible values were published");
     let finished = end(status, Signal::TERM);
     assert!(
         !finished.stderr.iter().any(|line| line.contains("panicked")),

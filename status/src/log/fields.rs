@@ -1,4 +1,4 @@
-//! What a log's columns are called and where their values lie in a sample.
+//! What a log's columns are called and where their values are in a sample.
 //!
 //! Values are written as the bridge published them, in the DSP's own units: a log is of the input (`log.conf`).
 
@@ -30,6 +30,8 @@ pub enum Value {
     Single(f32),
     /// A double-precision number.
     Double(f64),
+    /// There is none: the cell is empty.
+    None,
 }
 
 impl fmt::Display for Value {
@@ -38,6 +40,7 @@ impl fmt::Display for Value {
             Value::Integer(value) => value.fmt(f),
             Value::Single(value) => value.fmt(f),
             Value::Double(value) => value.fmt(f),
+            Value::None => Ok(()),
         }
     }
 }
@@ -56,6 +59,12 @@ macro_rules! from_number {
 
 from_number!(u8 => Integer, u32 => Integer, u64 => Integer, f32 => Single, f64 => Double);
 
+impl From<Option<u32>> for Value {
+    fn from(value: Option<u32>) -> Value {
+        value.map_or(Value::None, Value::from)
+    }
+}
+
 /// `"name" = path.to.value, …` as a slice of fields.
 macro_rules! fields {
     ($($name:literal = $($path:ident).+),+ $(,)?) => {
@@ -69,6 +78,19 @@ pub const ALWAYS: &[Field] = fields! {
     "sequence" = sequence,
     "received_ns" = received_ns,
 };
+
+/// The columns of the DSP's errors: how many there were since the bridge began, and the code of the last one as the DSP
+/// sent it. They are valid in every sample; before the first error there is no code.
+pub const DSP_ERRORS: &[Field] = &[
+    Field {
+        name: "dsp_errors",
+        value: |sample| sample.dsp_errors.into(),
+    },
+    Field {
+        name: "last_dsp_error_code",
+        value: |sample| sample.last_dsp_error().into(),
+    },
+];
 
 /// The columns of a group.
 pub fn of(group: Group) -> &'static [Field] {
@@ -156,18 +178,19 @@ mod tests {
 
     #[test]
     fn no_field_of_the_sample_is_forgotten() {
-        // epoch_ns, valid_groups, dsp_boots, dsp_errors, last_dsp_error_code and references.reserved are of no group.
-        let of_no_group = 6;
+        // epoch_ns, valid_groups, dsp_boots and references.reserved are of no group.
+        let of_no_group = 4;
         let columns: usize = Group::ALL.map(|group| of(group).len()).iter().sum();
         assert_eq!(
-            columns + ALWAYS.len() + of_no_group,
+            columns + ALWAYS.len() + DSP_ERRORS.len() + of_no_group,
             leaves(DspTelemetry::FIELDS)
         );
     }
 
     #[test]
     fn names_are_unique_and_need_no_quoting() {
-        let fields = ALWAYS.iter().chain(Group::ALL.into_iter().flat_map(of));
+        let fields = ALWAYS.iter().chain(DSP_ERRORS);
+        let fields = fields.chain(Group::ALL.into_iter().flat_map(of));
         let names: Vec<_> = fields.map(|field| field.name).collect();
         let unique: BTreeSet<_> = names.iter().collect();
         assert_eq!(unique.len(), names.len());
@@ -183,6 +206,7 @@ mod tests {
             (Value::from(0.1_f32), "0.1"),
             (Value::from(-45.123_456_7_f64), "-45.1234567"),
             (Value::from(10.0_f64), "10"),
+            (Value::from(None::<u32>), ""),
         ] {
             assert_eq!(value.to_string(), expected);
         }

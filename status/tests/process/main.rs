@@ -8,13 +8,31 @@ use std::process::Output;
 use std::sync::mpsc;
 use std::thread;
 
-use fixture::{Ends, PATIENCE, Process, command, config, folder, log_text};
-use ipc_types::{Domain, RobotId, files};
+use fixture::{Ends, Process, TIMEOUT, command, config, folder, log_text};
+use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
+use ipc_types::{Domain, RobotId, TelemetryGroup, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
 use status::config::Config;
+use status::estimator::{Estimator, INPUT_SONAR};
+use status::log::event::WriterEnd;
 use status::shell::Shell;
+
+/// An estimator as another crate would write it.
+struct SonarAlone;
+
+impl Estimator for SonarAlone {
+    fn update(&mut self, _raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate {
+        HeroEstimate {
+            altitude_m: hero.sonar_height_m.into(),
+            altitude_variance_m2: 1.0,
+            inputs: INPUT_SONAR,
+            valid: 1,
+            ..HeroEstimate::default()
+        }
+    }
+}
 
 #[test]
 fn samples_go_through_the_shell_and_into_the_log() {
@@ -29,17 +47,19 @@ fn samples_go_through_the_shell_and_into_the_log() {
         move || {
             let notifier = Notifier::from_env();
             let shell = Shell::open(&domain, RobotId::DEFAULT, &config, notifier).unwrap();
+            let shell = shell.with_estimator(Box::new(SonarAlone));
             opened.send(()).unwrap();
             shell.run(&termination).unwrap()
         }
     });
-    is_open.recv_timeout(PATIENCE).unwrap();
+    is_open.recv_timeout(TIMEOUT).unwrap();
 
     let mut ends = Ends::join(&domain);
     for number in 1..=SAMPLES {
         let hero = ends.through(number);
         assert_eq!(hero.sonar_height_m, number as f32 / 2.0);
         assert_eq!(hero.sequence, u64::from(number));
+        assert_eq!(hero.estimate.altitude_m, f64::from(number) / 2.0);
         assert!(hero.published_ns > 0);
     }
     request.request();
@@ -49,7 +69,8 @@ fn samples_go_through_the_shell_and_into_the_log() {
         (100, 100, 0)
     );
     let log = &summary.logs[0];
-    assert_eq!((log.taken, log.written.unwrap().rows), (100, 100));
+    assert_eq!((log.offered, log.lost()), (100, 0));
+    assert!(matches!(log.end, WriterEnd::Finished(written) if written.rows == 100));
 
     let text = log_text(folder.path());
     let mut lines = text.lines();
@@ -64,6 +85,27 @@ fn samples_go_through_the_shell_and_into_the_log() {
     assert_eq!(lines.next(), None);
     drop(ends);
     assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+#[test]
+fn the_estimator_that_the_configuration_chooses_is_published() {
+    let folder = folder();
+    let file = folder.path().join("status.toml");
+    let mut altitudes = Vec::new();
+    for configuration in ["", "[estimator]\nkind = 'altitude'"] {
+        fs::write(&file, configuration).unwrap();
+        let domain = Domain::isolated();
+        let mut ends = Ends::join(&domain);
+        let mut process = Process::start(&domain, &file);
+        let hero = ends.through_with(|dsp| {
+            dsp.valid_groups = TelemetryGroup::Barometer.bit();
+            dsp.barometer_adc = 900;
+        });
+        altitudes.push((hero.estimate.valid, hero.estimate.altitude_m.round()));
+        drop(ends);
+        assert_eq!(process.end(Signal::TERM).0, Some(0));
+    }
+    assert_eq!(altitudes, [(0, 0.0), (1, 100.0)]);
 }
 
 fn code_and_errors(output: Output) -> (Option<i32>, String) {
@@ -88,17 +130,17 @@ fn each_signal_ends_the_process_with_everything_in_order() {
             ends.through(number);
         }
         drop(ends);
-        let (code, told) = process.end(signal);
+        let (code, messages) = process.end(signal);
         assert_eq!(code, Some(0));
-        let last = told.last().unwrap();
+        let last = messages.last().unwrap();
         assert!(
             last.contains("received=10 lost=0 published=10"),
-            "{told:#?}"
+            "{messages:#?}"
         );
-        assert!(last.contains(": 10 rows"), "{told:#?}");
-        // Told once, however often: the log asks for groups that no sample has.
-        let missing = told.iter().filter(|line| line.ends_with(" groups=xy"));
-        assert_eq!(missing.count(), 1, "{told:#?}");
+        assert!(last.contains(": 10 rows"), "{messages:#?}");
+        // Reported once: the log asks for groups that no sample has.
+        let missing = messages.iter().filter(|line| line.ends_with(" groups=xy"));
+        assert_eq!(missing.count(), 1, "{messages:#?}");
         assert_eq!(log_text(&logs).lines().count(), 11);
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
     }
