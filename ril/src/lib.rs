@@ -6,7 +6,7 @@
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * [`live`]: a block of lines that a terminal shows anew;
-//! * [`words`]: reports in words, as JSON and as exit codes;
+//! * [`messages`]: reports in words, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
 //! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines. Nothing here decides what the helicopter
@@ -17,11 +17,11 @@
 //! ```
 //! use ipc_types::code::{Reason, Stage};
 //! use ipc_types::payload::RequestReport;
-//! use ril::words::{self, FinalWord, Verb};
+//! use ril::messages::{self, FinalReport, Verb};
 //!
 //! let report = RequestReport::new(Stage::Refused, Reason::LinkDown);
-//! assert_eq!(words::line(Verb::Start, 0, 1, &report).as_deref(), Some("start: refused (link-down)"));
-//! let word = FinalWord::of(&report).expect("a refusal is a final word");
+//! assert_eq!(messages::line(Verb::Start, 0, 1, &report).as_deref(), Some("start: refused (link-down)"));
+//! let word = FinalReport::of(&report).expect("a refusal is a final word");
 //! assert_eq!(word.exit_code().code(), 6);
 //! ```
 
@@ -32,7 +32,7 @@ pub mod demo;
 pub mod fields;
 pub mod live;
 pub mod measure;
-pub mod words;
+pub mod messages;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

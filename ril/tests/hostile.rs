@@ -14,13 +14,13 @@ use ipc_types::payload::{
 use ipc_types::service::Request;
 use ipc_types::{Client, Losses, MonotonicNs, RobotId, SendError, Wake, fresh_request_id};
 use ril::commands::exchange::{Exchange, Next, Until};
-use ril::commands::overview::{Overview, Sample};
+use ril::commands::state_report::{Sample, StateReport};
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 use ril::measure::bandwidth::BandwidthMeter;
 use ril::measure::delay::DelayMeter;
 use ril::measure::rate::RateMeter;
 use ril::measure::{Measured, Meter, Of};
-use ril::words::{self, FinalWord, ReportObject, Verb};
+use ril::messages::{self, FinalReport, ReportObject, Verb};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge, StandInStatus};
 use serde_json::Value;
@@ -63,15 +63,15 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
         show(seed, &state);
 
         let shown = |sequence, time| Some(Sample::new(sequence, MonotonicNs(time), NOW));
-        let overview = Overview::new(
+        let report = StateReport::new(
             1,
             &state,
             shown(dsp.sequence, dsp.received_ns),
             shown(hero.sequence, hero.published_ns),
             NOW,
         );
-        check_text(seed, &overview.to_string());
-        let shown = serde_json::to_value(&overview).unwrap();
+        check_text(seed, &report.to_string());
+        let shown = serde_json::to_value(&report).unwrap();
         let age = &shown["dsp"]["age_s"];
         match dsp.received_ns <= NOW.0 {
             true => assert!(age.is_number(), "seed {seed}"),
@@ -139,12 +139,12 @@ fn reports_of_any_bits_are_told_and_end_nothing_before_its_time() {
         for _ in 0..20 {
             let report: RequestReport = garbage.payload();
             for verb in VERBS {
-                if let Some(line) = words::line(verb, 2, 3, &report) {
+                if let Some(line) = messages::line(verb, 2, 3, &report) {
                     check_text(seed, &line);
                 }
                 serde_json::to_string(&ReportObject::new(verb, &report)).unwrap();
-                if let Some(word) = FinalWord::of(&report) {
-                    check_text(seed, &words::ending(verb, word));
+                if let Some(word) = FinalReport::of(&report) {
+                    check_text(seed, &messages::ending(verb, word));
                 }
             }
             is_answered |= exchange.take(&report, NOW).is_some();

@@ -9,7 +9,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use crate::words::FinalWord;
+use crate::messages::FinalReport;
 
 /// When the conversation is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +37,7 @@ pub enum Outcome {
     /// The last request was accepted, and nobody wants to know more.
     Accepted,
     /// The final word.
-    Final(FinalWord),
+    Final(FinalReport),
     /// The bridge did not answer the request of this index in time.
     NoAnswer(usize),
 }
@@ -67,11 +67,11 @@ pub struct Exchange {
 struct State {
     request_id: u64,
     is_answered: bool,
-    last_word: Option<FinalWord>,
+    last_word: Option<FinalReport>,
 }
 
 impl State {
-    fn failed(&self) -> Option<FinalWord> {
+    fn failed(&self) -> Option<FinalReport> {
         self.last_word.filter(|word| word.stage != Stage::Done)
     }
 }
@@ -115,7 +115,7 @@ impl Exchange {
             .any(|request| request.failed().is_some());
         let request = &mut self.requests[index];
         request.is_answered = true;
-        request.last_word = request.last_word.or(FinalWord::of(report));
+        request.last_word = request.last_word.or(FinalReport::of(report));
         if !had_failed && request.failed().is_some() {
             // The other waypoints of a broken path get their final words together with the first.
             self.due = now + self.timeout;
@@ -163,7 +163,7 @@ impl Exchange {
 
 /// The failure that says most: that of the newest request, for it broke the path; else the first that does not merely
 /// say that the path is broken.
-fn culprit(sent: &[State]) -> Option<FinalWord> {
+fn culprit(sent: &[State]) -> Option<FinalReport> {
     let newest = sent.last()?.failed();
     let failures = || sent.iter().filter_map(State::failed);
     newest
@@ -224,7 +224,7 @@ mod tests {
         }
 
         fn is_over_with(&self, stage: Stage, reason: Reason) {
-            let word = FinalWord { stage, reason };
+            let word = FinalReport { stage, reason };
             assert_eq!(self.next(), Next::Over(Outcome::Final(word)));
         }
     }

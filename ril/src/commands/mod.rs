@@ -4,10 +4,10 @@ pub mod doctor;
 pub mod echo;
 pub mod exchange;
 pub mod measure;
-pub mod overview;
 pub mod patience;
 pub mod request;
 pub mod state;
+pub mod state_report;
 mod stream;
 
 use std::io::Write;

@@ -1,7 +1,7 @@
 //! `ril start | stop | takeoff | land | goto`: sends the requests of one command and follows them to the final word.
 //!
 //! It decides nothing about the conversation, which is [`Exchange`]'s, nor about words and exit codes, which are in
-//! [`words`].
+//! [`messages`].
 
 use std::io::{self, Write};
 
@@ -13,13 +13,13 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::exchange::{Exchange, Next, Outcome, Progress, Until};
 use super::{Session, absent, configuration, json_line};
 use crate::cli::{GotoArgs, RequestArgs, TakeoffArgs};
-use crate::words::{self, ReportObject, Verb};
+use crate::messages::{self, ReportObject, Verb};
 
 /// `ril start`
 ///
 /// # Errors
 ///
-/// As all requests: see [`words::exit_code`]; code 3 when there is no bridge, 4 when it does not answer, 7 when a signal
+/// As all requests: see [`messages::exit_code`]; code 3 when there is no bridge, 4 when it does not answer, 7 when a signal
 /// ends the command before the final word.
 pub fn start(args: &RequestArgs) -> Result<(), Failure> {
     control(Verb::Start, ControlCommand::Start, args)
@@ -154,7 +154,9 @@ impl<R: Request> Conversation<R> {
             };
             if self.json {
                 json_line(&mut out, &ReportObject::new(self.verb, &report))?;
-            } else if let Some(line) = words::line(self.verb, index, self.requests.len(), &report) {
+            } else if let Some(line) =
+                messages::line(self.verb, index, self.requests.len(), &report)
+            {
                 writeln!(out, "{line}").map_err(Failure::output)?;
             }
         }
@@ -182,7 +184,7 @@ impl<R: Request> Conversation<R> {
             Some(Outcome::Accepted) => Ok(()),
             Some(Outcome::Final(word)) => match word.exit_code() {
                 ExitCode::Ok => Ok(()),
-                code => Err(Failure::new(code, words::ending(self.verb, word))),
+                code => Err(Failure::new(code, messages::ending(self.verb, word))),
             },
             Some(Outcome::NoAnswer(index)) => {
                 let which = match self.requests.len() {

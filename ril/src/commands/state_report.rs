@@ -24,7 +24,7 @@ pub const STALE_AFTER: Duration = Duration::from_secs(1);
 
 /// Everything that `ril state` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Overview {
+pub struct StateReport {
     schema: &'static str,
     robot: u32,
     module: Module,
@@ -135,7 +135,7 @@ struct DspErrorCount {
     count: u32,
 }
 
-impl Overview {
+impl StateReport {
     /// What `state` and the newest telemetry say at `now`.
     pub fn new(
         robot: u32,
@@ -143,8 +143,8 @@ impl Overview {
         dsp: Option<Sample>,
         hero: Option<Sample>,
         now: MonotonicNs,
-    ) -> Overview {
-        Overview {
+    ) -> StateReport {
+        StateReport {
             schema: SCHEMA,
             robot,
             module: Module::new(state, now),
@@ -396,7 +396,7 @@ mod tests {
             },
             ..ModuleState::default()
         };
-        let text = Overview::new(1, &state, None, None, NOW).to_string();
+        let text = StateReport::new(1, &state, None, None, NOW).to_string();
         let expected = "\
 robot       1
 module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
@@ -418,7 +418,7 @@ hero        no sample
     fn everything_that_happened_is_told_with_its_age() {
         let dsp = Sample::new(30, ago(2500), NOW);
         let hero = Sample::new(29, ago(1000), NOW);
-        let text = Overview::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
+        let text = StateReport::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
         for expected in [
             "robot       7\n",
             "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
@@ -449,8 +449,8 @@ hero        no sample
         state.link.last_telemetry_ns = later.0;
         state.movement.distance_to_go_m = f32::NAN;
         let dsp = Sample::new(1, later, NOW);
-        let overview = Overview::new(7, &state, Some(dsp), None, NOW);
-        let json = serde_json::to_value(&overview).unwrap();
+        let report = StateReport::new(7, &state, Some(dsp), None, NOW);
+        let json = serde_json::to_value(&report).unwrap();
         for pointer in [
             "/module/sample/age_s",
             "/link/state_since_s",
@@ -462,7 +462,7 @@ hero        no sample
             assert_eq!(json.pointer(pointer), Some(&serde_json::Value::Null));
         }
         assert_eq!(json["dsp"]["stale"], true);
-        let text = overview.to_string();
+        let text = report.to_string();
         for expected in [
             "sample 9, of unknown age, STALE\n",
             "link        up since an unknown time; port",
@@ -480,7 +480,7 @@ hero        no sample
     fn programs_get_names_ages_and_nothing_for_what_never_was() {
         let hero = Sample::new(29, ago(1001), NOW);
         let json =
-            serde_json::to_value(Overview::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
+            serde_json::to_value(StateReport::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
         for (pointer, expected) in [
             ("/schema", serde_json::json!("ril.State.v1")),
             ("/module/status", "running".into()),
@@ -501,8 +501,14 @@ hero        no sample
         ] {
             assert_eq!(json.pointer(pointer), Some(&expected), "{pointer}");
         }
-        let json = serde_json::to_value(Overview::new(7, &ModuleState::default(), None, None, NOW))
-            .unwrap();
+        let json = serde_json::to_value(StateReport::new(
+            7,
+            &ModuleState::default(),
+            None,
+            None,
+            NOW,
+        ))
+        .unwrap();
         for pointer in [
             "/movement",
             "/link/last_message_age_s",

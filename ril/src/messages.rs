@@ -53,19 +53,19 @@ impl Verb {
 
 /// A final word and why it was said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FinalWord {
+pub struct FinalReport {
     /// One of the final stages.
     pub stage: Stage,
     /// Why; [`Reason::None`] also for a number that nobody knows.
     pub reason: Reason,
 }
 
-impl FinalWord {
+impl FinalReport {
     /// The final word that `report` says; nothing when more follows.
-    pub fn of(report: &RequestReport) -> Option<FinalWord> {
+    pub fn of(report: &RequestReport) -> Option<FinalReport> {
         let stage = report.stage().filter(|stage| stage.is_final())?;
         let reason = report.reason().unwrap_or(Reason::None);
-        Some(FinalWord { stage, reason })
+        Some(FinalReport { stage, reason })
     }
 
     /// The exit code of a command whose request ended so.
@@ -165,7 +165,7 @@ pub const fn explain(reason: Reason) -> &'static str {
 }
 
 /// How a request ended, as the end of an error.
-pub fn ending(verb: Verb, word: FinalWord) -> String {
+pub fn ending(verb: Verb, word: FinalReport) -> String {
     let what = match word.stage {
         Stage::Refused => "was refused",
         Stage::Aborted => "was begun and ended early",
@@ -327,7 +327,7 @@ mod tests {
                     "{stage} {reason}"
                 );
                 let report = RequestReport::new(*stage, *reason);
-                let word = FinalWord::of(&report);
+                let word = FinalReport::of(&report);
                 assert_eq!(word.is_some(), stage.is_final());
                 if let Some(word) = word {
                     assert_eq!(word.exit_code().code(), expected);
@@ -343,7 +343,7 @@ mod tests {
             ..RequestReport::new(Stage::Refused, Reason::None)
         };
         assert_eq!(
-            FinalWord::of(&report).unwrap().exit_code(),
+            FinalReport::of(&report).unwrap().exit_code(),
             ExitCode::Refused
         );
         assert_eq!(
@@ -354,7 +354,7 @@ mod tests {
             stage: 99,
             ..report
         };
-        assert_eq!(FinalWord::of(&report), None);
+        assert_eq!(FinalReport::of(&report), None);
         assert_eq!(line(Verb::Land, 0, 1, &report).unwrap(), "land: stage 99");
         let json = serde_json::to_value(ReportObject::new(Verb::Land, &report)).unwrap();
         assert_eq!((&json["stage"], &json["reason"]), (&99.into(), &999.into()));
@@ -373,7 +373,7 @@ mod tests {
 
     #[test]
     fn an_ending_says_what_why_and_what_to_do() {
-        let word = |stage, reason| FinalWord { stage, reason };
+        let word = |stage, reason| FinalReport { stage, reason };
         for (verb, word, expected) in [
             (
                 Verb::TakeOff,

@@ -1,10 +1,10 @@
-//! The overview as text: a title and a few lines for each part.
+//! The report as text: a title and a few lines for each part.
 
 use std::fmt;
 
-use super::{DspErrorCount, DspErrors, Link, Module, Movement, Overview, Refused, Sample};
+use super::{DspErrorCount, DspErrors, Link, Module, Movement, Refused, Sample, StateReport};
 
-impl fmt::Display for Overview {
+impl fmt::Display for StateReport {
     /// Lines with a title each; the last without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
