@@ -123,14 +123,7 @@ fn samples_of_any_bits_are_measured() {
 }
 
 #[test]
-fn reports_of_any_bits_are_told_and_end_nothing_before_its_time() {
-    const VERBS: [Verb; 5] = [
-        Verb::Start,
-        Verb::Stop,
-        Verb::TakeOff,
-        Verb::Land,
-        Verb::GoTo,
-    ];
+fn reports_of_any_bits_are_shown_and_end_nothing_before_its_time() {
     for seed in 0..SEEDS {
         let mut garbage = Garbage::new(seed);
         let mut exchange = Exchange::new([1, 2, 3], Until::Final, WAIT_LIMIT);
@@ -138,13 +131,13 @@ fn reports_of_any_bits_are_told_and_end_nothing_before_its_time() {
         exchange.sent(NOW);
         for _ in 0..20 {
             let report: RequestReport = garbage.payload();
-            for verb in VERBS {
+            for verb in Verb::ALL {
                 if let Some(line) = messages::line(verb, 2, 3, &report) {
                     check_text(seed, &line);
                 }
                 serde_json::to_string(&ReportObject::new(verb, &report)).unwrap();
-                if let Some(word) = FinalReport::of(&report) {
-                    check_text(seed, &messages::ending(verb, word));
+                if let Some(end) = FinalReport::of(&report) {
+                    check_text(seed, &messages::ending(verb, &end));
                 }
             }
             is_answered |= exchange.take(&report, NOW).is_some();
