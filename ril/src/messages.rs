@@ -6,7 +6,7 @@
 pub mod details;
 pub mod object;
 
-use ipc_types::code::{Reason, Stage};
+use ipc_types::code::{PortKind, Reason, Stage};
 use ipc_types::payload::RequestReport;
 use runtime::exit::ExitCode;
 
@@ -234,7 +234,11 @@ fn explain_for_port(report: &FinalReport) -> Option<String> {
     let text = match report.reason {
         Reason::OutOfRange => match report.report.port {
             port if port.kind().is_some() => {
-                format!("{} takes {}", port_label(&port), port_range(&port))
+                let whole = match port.kind() {
+                    Some(PortKind::U16 | PortKind::I16) => "whole numbers from ",
+                    _ => "",
+                };
+                format!("{} takes {whole}{}", port_label(&port), port_range(&port))
             }
             _ => "the value is outside the port's range, which `ril param list` shows".to_owned(),
         },
@@ -329,7 +333,7 @@ fn with_details(reason: &str, report: &RequestReport) -> String {
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::code::{PortKind, SafetyRule};
+    use ipc_types::code::SafetyRule;
     use ipc_types::payload::PortInfo;
 
     use super::*;
