@@ -321,7 +321,7 @@ mod tests {
                     "dsp_errors.last_code"
                 ]
             ),
-            r#"{"schema":"hero.ModuleState.v2","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_code":"dsp-error-8 (PWM output write error (nwords is not 1))"}}"#
+            r#"{"schema":"hero.ModuleState.v2","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_code":"dsp-error-8"}}"#
         );
     }
 

@@ -173,7 +173,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         bridge.publish_state(&state);
         if number % 100 == 0 {
             let shown = json(&rig.run("state --json --timeout 10", 0).stdout[0]);
-            assert_eq!(shown["schema"], "ril.State.v1");
+            assert_eq!(shown["schema"], "ril.State.v2");
             rig.run("state", 0);
         }
     }

@@ -8,8 +8,6 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{TelemetryGroup, Topic};
 use serde::Serialize;
 
-use crate::messages::details::dsp_error;
-
 /// A field, plain or nested, and whether it means something in a sample.
 pub type Condition<T> = (&'static str, fn(&T) -> bool);
 
@@ -158,7 +156,7 @@ fn imi_name(code: u32) -> Option<String> {
 
 /// Every DSP error has a name, of a known code or not.
 fn dsp_error_name(code: u32) -> Option<String> {
-    Some(dsp_error(code))
+    Some(format!("dsp-error-{code}"))
 }
 
 #[cfg(test)]

@@ -6,7 +6,9 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::{self, Receiver, Sender};
 
-use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus, Reason, Stage};
+use ipc_types::code::{
+    DspPathState, Functionality, LinkState, ModuleId, ModuleStatus, Reason, Stage,
+};
 use ipc_types::payload::{
     DspTelemetry, LinkHealth, ModuleControl, ModuleState, MovementData, ParameterRequest,
     RequestReport,
@@ -140,6 +142,7 @@ impl StandInBridge {
             link: LinkHealth {
                 state: LinkState::Up.code(),
                 port_openings: 1,
+                dsp_path: DspPathState::Empty.code(),
                 ..LinkHealth::default()
             },
             ..ModuleState::default()
