@@ -36,10 +36,12 @@ pub mod config;
 mod core;
 pub mod errors;
 pub mod flight;
-pub mod line;
-pub mod manager;
+pub mod link;
+
 pub mod outputs;
+pub mod safety;
 pub mod shell;
+mod timers;
 pub mod translate;
 
 pub use config::BridgeConfig;

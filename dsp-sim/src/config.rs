@@ -5,11 +5,12 @@ use std::num::NonZeroU32;
 use std::time::Duration;
 
 use dsp_protocol::downlink::Geographic;
-use dsp_protocol::{DspErrorCode, Profile};
+use dsp_protocol::{DspErrorCode, Profile, StatusMask};
 use runtime::config::Deserializer;
 use serde::Deserialize;
 use serde::de::Error as _;
 
+use crate::device::firmware::Firmware;
 use crate::helicopter::Model;
 use crate::helicopter::wind::WindModel;
 use crate::simulator::Setup;
@@ -34,6 +35,7 @@ runtime::ranged! {
     // TOML has no unsigned integers.
     fn seed(u64) in 0..=i64::MAX.cast_unsigned();
     fn fix_after_s(f64) in 0.0..=3_600.0;
+    fn take_off_delay_ms(u32) in 0..=10_000;
 }
 
 /// All of `dsp-sim.toml`.
@@ -52,6 +54,8 @@ pub struct Config {
     pub gps: GpsConfig,
     /// The DSP's boot.
     pub boot: BootConfig,
+    /// The DSP's firmware.
+    pub dsp: DspConfig,
 }
 
 /// `[line]`
@@ -168,6 +172,65 @@ pub struct BootConfig {
     pub errors: Vec<u16>,
 }
 
+/// `[dsp]`: switches for firmware that differs from `docs/protocol.md`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DspConfig {
+    /// Whether the DSP has port 10004, the PC time-out.
+    pub has_pc_timeout: bool,
+    /// Whether the DSP has port 10003, the waypoint count.
+    pub has_waypoint_count: bool,
+    /// Whether a status can carry the DSP's time.
+    pub has_time: bool,
+    /// Whether a take-off is refused until waypoint following was switched on.
+    pub refuses_take_off_before_start_up: bool,
+    /// How long after its acknowledgement a take-off begins, ms.
+    #[serde(deserialize_with = "take_off_delay_ms")]
+    pub take_off_delay_ms: u32,
+    /// Groups that a status carries although the mask does not ask for them, as bits of the mask.
+    pub extra_groups: u16,
+    /// What the DSP's clock reads at the start of the simulator, ms; it wraps to 0 after 4294967295.
+    pub clock_start_ms: u32,
+}
+
+impl Default for DspConfig {
+    fn default() -> Self {
+        let firmware = Firmware::default();
+        DspConfig {
+            has_pc_timeout: firmware.has_pc_timeout,
+            has_waypoint_count: firmware.has_waypoint_count,
+            has_time: firmware.has_time,
+            refuses_take_off_before_start_up: firmware.refuses_take_off_before_start_up,
+            take_off_delay_ms: 0,
+            extra_groups: firmware.extra_groups.0,
+            clock_start_ms: firmware.clock_start_ms,
+        }
+    }
+}
+
+impl DspConfig {
+    fn firmware(&self) -> Firmware {
+        let DspConfig {
+            has_pc_timeout,
+            has_waypoint_count,
+            has_time,
+            refuses_take_off_before_start_up,
+            take_off_delay_ms,
+            extra_groups,
+            clock_start_ms,
+        } = *self;
+        Firmware {
+            has_pc_timeout,
+            has_waypoint_count,
+            has_time,
+            refuses_take_off_before_start_up,
+            take_off_delay: Duration::from_millis(take_off_delay_ms.into()),
+            extra_groups: StatusMask(extra_groups),
+            clock_start_ms,
+        }
+    }
+}
+
 impl Config {
     /// What is simulated.
     pub fn setup(&self) -> Setup {
@@ -192,6 +255,7 @@ impl Config {
             baud: NonZeroU32::new(self.line.baud_rate),
             profile: self.line.profile,
             boot_errors: errors.copied().map(DspErrorCode).collect(),
+            firmware: self.dsp.firmware(),
             faults: None,
         }
     }
@@ -246,6 +310,13 @@ mod tests {
             "level",
             "fix_after_s",
             "errors",
+            "has_pc_timeout",
+            "has_waypoint_count",
+            "has_time",
+            "refuses_take_off_before_start_up",
+            "take_off_delay_ms",
+            "extra_groups",
+            "clock_start_ms",
         ] {
             let shown = example.lines().any(|line| line.starts_with(key));
             assert!(shown, "{key} is not in the example");
@@ -275,6 +346,8 @@ mod tests {
                 "[boot]\nerrors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]",
                 "at most 16 errors",
             ),
+            ("[dsp]\ntake_off_delay_ms = 10001", "x.toml:2: 10001 is"),
+            ("[dsp]\nextra_groups = 65536", "x.toml:2: "),
             ("[engine]", "x.toml:1: unknown field `engine`"),
         ] {
             let error = runtime::config::parse::<Config>(text, "x.toml").unwrap_err();
@@ -305,6 +378,14 @@ mod tests {
             fix_after_s = 10.0
             [boot]
             errors = [11]
+            [dsp]
+            has_pc_timeout = false
+            has_waypoint_count = false
+            has_time = false
+            refuses_take_off_before_start_up = false
+            take_off_delay_ms = 12
+            extra_groups = 0x0D
+            clock_start_ms = 4_294_967_295
         ";
         let config: Config = runtime::config::parse(text, "x.toml").unwrap();
         let expected = Setup {
@@ -327,6 +408,15 @@ mod tests {
             baud: None,
             profile: Profile::Extended,
             boot_errors: vec![DspErrorCode(11)],
+            firmware: Firmware {
+                has_pc_timeout: false,
+                has_waypoint_count: false,
+                has_time: false,
+                refuses_take_off_before_start_up: false,
+                take_off_delay: Duration::from_millis(12),
+                extra_groups: StatusMask(0x0D),
+                clock_start_ms: u32::MAX,
+            },
             faults: None,
         };
         assert_eq!(config.setup(), expected);

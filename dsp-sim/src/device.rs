@@ -8,7 +8,9 @@
 //! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
 //! * The first status and the first flow control come one period after they were switched on; a shorter period takes
 //!   effect at once.
-//! * Following off empties the path buffer and hovers, as *invalidate path* does.
+//! * Following off does all that *invalidate path* does.
+//! * A reboot in flight lets a take-off or landing go on, because nothing here models a crash; otherwise the helicopter
+//!   hovers on the spot.
 //! * A copy of a command is acknowledged as the command was, a read with the value of the first time.
 //! * An acknowledgement that finds its queue full is dropped with error 5.
 //!
@@ -16,6 +18,8 @@
 
 pub mod copies;
 pub mod errors;
+pub mod firmware;
+mod movement;
 pub mod output;
 pub mod ports;
 mod tamper;
@@ -28,10 +32,12 @@ use dsp_protocol::{
     Sequence, Status, StatusMask, Uplink, Waypoint, port,
 };
 
-use crate::helicopter::{Helicopter, Phase, Refused};
+use crate::helicopter::{Helicopter, Refused};
 
 use copies::Copies;
 use errors::ErrorQueue;
+use firmware::Firmware;
+use movement::TakeOff;
 use output::Output;
 use ports::Ports;
 
@@ -56,6 +62,10 @@ pub struct Counters {
     pub waypoint_copies: u64,
     /// Waypoints that were discarded with an error.
     pub waypoints_discarded: u64,
+    /// How often the PC was silent for so long that the path buffer was emptied.
+    pub pc_timeouts: u64,
+    /// Flow control messages that asked for a waypoint.
+    pub waypoint_requests: u64,
     /// Refusals of the decoder, in the order of [`Refusal::ALL`].
     pub refusals: [u64; Refusal::ALL.len()],
     /// Status messages that were queued.
@@ -67,6 +77,7 @@ pub struct Counters {
 /// The DSP.
 #[derive(Clone, Debug)]
 pub struct Dsp {
+    firmware: Firmware,
     boot_errors: Vec<DspErrorCode>,
     booted_at: Duration,
     decoder: Decoder<Uplink>,
@@ -77,6 +88,11 @@ pub struct Dsp {
     status_due: Option<Duration>,
     /// When the next flow control is due; nothing while following is off.
     flow_control_due: Option<Duration>,
+    /// When the PC has been silent for too long; nothing while port 10004 is 0, or when it has been already.
+    pc_timeout_due: Option<Duration>,
+    /// Whether following has been switched on since the boot.
+    started_up: bool,
+    take_off: TakeOff,
     copies: Copies,
     /// When the PC was told that it speaks the other profile.
     other_profile_told: Option<Duration>,
@@ -86,11 +102,18 @@ pub struct Dsp {
 }
 
 impl Dsp {
-    /// A DSP that speaks `profile`. It boots at `now`, and queues `boot_errors` while it does so, now and at every reboot.
-    pub fn boot(now: Duration, profile: Profile, boot_errors: Vec<DspErrorCode>) -> Dsp {
+    /// A DSP with `firmware` that speaks `profile`. It boots at `now`, and queues `boot_errors` while it does so, now and at
+    /// every reboot.
+    pub fn boot(
+        now: Duration,
+        profile: Profile,
+        boot_errors: Vec<DspErrorCode>,
+        firmware: Firmware,
+    ) -> Dsp {
         let mut errors = ErrorQueue::default();
         boot_errors.iter().for_each(|error| errors.push(*error));
         Dsp {
+            firmware,
             boot_errors,
             booted_at: now,
             decoder: Decoder::with_profile(profile),
@@ -99,6 +122,9 @@ impl Dsp {
             output: Output::with_profile(profile),
             status_due: None,
             flow_control_due: None,
+            pc_timeout_due: None,
+            started_up: false,
+            take_off: TakeOff::default(),
             copies: Copies::default(),
             other_profile_told: None,
             clock_shift_ms: 0,
@@ -110,7 +136,11 @@ impl Dsp {
     pub fn reboot(&mut self, now: Duration, helicopter: &mut Helicopter) {
         helicopter.advance(now);
         let boot_errors = std::mem::take(&mut self.boot_errors);
-        *self = Dsp::boot(now, self.decoder.profile(), boot_errors);
+        let firmware = Firmware {
+            clock_start_ms: 0,
+            ..self.firmware
+        };
+        *self = Dsp::boot(now, self.decoder.profile(), boot_errors, firmware);
         helicopter.reboot(self.ports.settings());
     }
 
@@ -124,14 +154,18 @@ impl Dsp {
             match decoded {
                 Decoded::Incomplete => {}
                 Decoded::Refused(refusal) => self.refuse(now, refusal),
-                Decoded::Message(received) => match received.message {
-                    Uplink::Command(command) => {
-                        self.serve(now, command, received.sequence, helicopter)
+                Decoded::Message(received) => {
+                    match received.message {
+                        Uplink::Command(command) => {
+                            self.serve(now, command, received.sequence, helicopter)
+                        }
+                        Uplink::Waypoint(waypoint) => {
+                            self.take_waypoint(waypoint, received.sequence, helicopter)
+                        }
                     }
-                    Uplink::Waypoint(waypoint) => {
-                        self.take_waypoint(waypoint, received.sequence, helicopter)
-                    }
-                },
+                    // After it was served: it may have set the time-out.
+                    self.pc_timeout_due = self.pc_timeout().map(|timeout| now + timeout);
+                }
             }
         }
     }
@@ -139,30 +173,35 @@ impl Dsp {
     /// Does what is due up to `now`.
     pub fn advance(&mut self, now: Duration, helicopter: &mut Helicopter) {
         while let Some(due) = self.next_deadline().filter(|due| *due <= now) {
+            helicopter.advance(due);
+            if self.pc_timeout_due.take_if(|at| *at == due).is_some() {
+                self.miss_pc(helicopter);
+            }
+            if self.take_off.begins_at == Some(due) {
+                self.begin_late_take_off(helicopter);
+            }
             if self.status_due == Some(due) {
                 self.status_due = Some(due + self.status_period());
                 self.queue_status(due, helicopter);
             }
             if self.flow_control_due == Some(due) {
                 self.flow_control_due = Some(due + self.flow_control_period());
-                helicopter.advance(due);
-                let has_room = helicopter.free_places() >= PLACES_TO_SEND;
-                let request = if has_room && helicopter.takes_waypoints() {
-                    FlowControl::Send
-                } else {
-                    FlowControl::Stop
-                };
-                self.output.push_flow_control(request);
+                self.queue_flow_control(helicopter);
             }
         }
     }
 
     /// When [`advance`](Self::advance) has something to do next; nothing while the DSP is silent.
     pub fn next_deadline(&self) -> Option<Duration> {
-        self.status_due
-            .into_iter()
-            .chain(self.flow_control_due)
-            .min()
+        [
+            self.status_due,
+            self.flow_control_due,
+            self.pc_timeout_due,
+            self.take_off.begins_at,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 
     /// What waits to be sent.
@@ -188,6 +227,16 @@ impl Dsp {
     /// The values of the ports.
     pub fn ports(&self) -> &Ports {
         &self.ports
+    }
+
+    /// Whether waypoint following is on.
+    pub fn is_following(&self) -> bool {
+        self.flow_control_due.is_some()
+    }
+
+    /// Whether the PC has started the DSP up since its boot: it has switched waypoint following on at least once.
+    pub fn was_started_up(&self) -> bool {
+        self.started_up
     }
 
     /// Acknowledges a command, then carries it out or refuses it, unless it is a copy.
@@ -235,13 +284,22 @@ impl Dsp {
 
     /// The value of a 16-bit port. Take-off and landing tell whether one is under way.
     fn read_16(&self, number: u16, helicopter: &Helicopter) -> Option<u16> {
-        let phase = helicopter.phase();
         match number {
-            port::TAKE_OFF => Some(matches!(phase, Phase::SpinningUp | Phase::TakingOff).into()),
-            port::LAND => Some(matches!(phase, Phase::Landing | Phase::SpinningDown).into()),
+            _ if !self.has_port(number) => None,
+            port::TAKE_OFF => Some(self.is_taking_off(helicopter).into()),
+            port::LAND => Some(self.is_landing(helicopter).into()),
             // Bit 15 tells it from an unknown port, which reads 0.
             port::WAYPOINT_COUNT => Some(0x8000 | (self.counters.waypoints & 0x7FFF) as u16),
             _ => self.ports.read_16(number),
+        }
+    }
+
+    /// Whether the firmware has this 16-bit port, if the protocol has it.
+    fn has_port(&self, number: u16) -> bool {
+        match number {
+            port::PC_TIMEOUT_MS => self.firmware.has_pc_timeout,
+            port::WAYPOINT_COUNT => self.firmware.has_waypoint_count,
+            _ => true,
         }
     }
 
@@ -266,19 +324,34 @@ impl Dsp {
                 true
             }
             Command::InvalidatePath => {
-                helicopter.clear_path();
+                self.invalidate_path(helicopter);
                 true
             }
             Command::Following { on: true } => {
+                self.started_up = true;
                 let first = now + self.flow_control_period();
                 self.flow_control_due.get_or_insert(first);
                 true
             }
             Command::Following { on: false } => {
                 self.flow_control_due = None;
-                helicopter.clear_path();
+                self.take_off.awaits_flow_control = false;
+                self.invalidate_path(helicopter);
                 true
             }
+        }
+    }
+
+    fn invalidate_path(&mut self, helicopter: &mut Helicopter) {
+        helicopter.clear_path();
+        self.copies.forget_waypoint();
+    }
+
+    /// The PC has been silent for the time of port 10004: waypoints that it may no longer watch over are not flown.
+    fn miss_pc(&mut self, helicopter: &mut Helicopter) {
+        if helicopter.held_waypoints() > 0 {
+            self.counters.pc_timeouts += 1;
+            self.invalidate_path(helicopter);
         }
     }
 
@@ -290,8 +363,9 @@ impl Dsp {
         helicopter: &mut Helicopter,
     ) -> bool {
         match number {
-            port::TAKE_OFF => bits == 1 && helicopter.take_off().is_ok(),
-            port::LAND => bits == 1 && helicopter.land().is_ok(),
+            port::TAKE_OFF => bits == 1 && self.order_take_off(now, helicopter),
+            port::LAND => bits == 1 && self.order_landing(helicopter),
+            _ if !self.has_port(number) => false,
             _ => {
                 let written = self.ports.write_16(number, bits).is_ok();
                 helicopter.set_settings(self.ports.settings());
@@ -312,7 +386,8 @@ impl Dsp {
     ) {
         let outcome = if self.copies.has_waypoint(sequence) {
             Err(Refused::Copy)
-        } else if self.flow_control_due.is_some() && is_plausible(&waypoint) {
+        } else if self.is_following() && !self.is_taking_off(helicopter) && waypoint.is_plausible()
+        {
             helicopter.push_waypoint(Geographic {
                 latitude_deg: waypoint.latitude_deg,
                 longitude_deg: waypoint.longitude_deg,
@@ -371,11 +446,35 @@ impl Dsp {
             return;
         }
         helicopter.advance(now);
-        let mask = StatusMask(self.ports.read_16(port::STATUS_MASK).unwrap_or(0));
+        let mask = self.sent_groups();
         let time_ms = self.clock_ms(now - self.booted_at);
         let status = chosen(helicopter.sense(), time_ms, mask);
         self.output.push_status(status, self.errors.pop());
         self.counters.statuses += 1;
+    }
+
+    /// Asks for a waypoint, or for none.
+    fn queue_flow_control(&mut self, helicopter: &Helicopter) {
+        let has_room = helicopter.free_places() >= PLACES_TO_SEND;
+        let request = if has_room && helicopter.takes_waypoints() {
+            self.take_off.awaits_flow_control = false;
+            self.counters.waypoint_requests += 1;
+            FlowControl::Send
+        } else {
+            FlowControl::Stop
+        };
+        self.output.push_flow_control(request);
+    }
+
+    /// The groups that a status carries: those of the mask, as far as the firmware obeys it.
+    fn sent_groups(&self) -> StatusMask {
+        let asked = self.ports.read_16(port::STATUS_MASK).unwrap_or(0);
+        let sent = asked | self.firmware.extra_groups.0;
+        if self.firmware.has_time {
+            StatusMask(sent)
+        } else {
+            StatusMask(sent & !StatusMask::NONE.with(Group::Time).0)
+        }
     }
 
     fn acknowledge(&mut self, ack: Downlink, sequence: Option<Sequence>) {
@@ -393,43 +492,26 @@ impl Dsp {
         self.period(port::FLOW_CONTROL_PERIOD_MS)
     }
 
+    /// The longest silence of the PC that leaves the path as it is.
+    fn pc_timeout(&self) -> Option<Duration> {
+        let timeout_ms = self.ports.read_16(port::PC_TIMEOUT_MS)?;
+        (timeout_ms > 0).then(|| Duration::from_millis(timeout_ms.into()))
+    }
+
     fn period(&self, number: u16) -> Duration {
         // No period is zero, or time would stand still; the ports do not take one.
         Duration::from_millis(self.ports.read_16(number).unwrap_or(1).max(1).into())
     }
 }
 
-/// Whether a waypoint lies within the limits of section 9.
-fn is_plausible(waypoint: &Waypoint) -> bool {
-    waypoint.latitude_deg.abs() <= 90.0
-        && waypoint.longitude_deg.abs() <= 180.0
-        && (-1_000.0..=20_000.0).contains(&waypoint.altitude_m)
-}
-
-/// The groups of `sensed` that the mask chooses.
+/// The groups of `sensed` that the mask chooses, and the DSP's time.
 fn chosen(sensed: Status, time_ms: u32, mask: StatusMask) -> Status {
-    fn keep<T>(value: Option<T>, mask: StatusMask, group: Group) -> Option<T> {
-        value.filter(|_| mask.contains(group))
-    }
-    Status {
-        flying: sensed.flying,
-        time_ms: keep(Some(time_ms), mask, Group::Time),
-        geographic: keep(sensed.geographic, mask, Group::Geographic),
-        xy: keep(sensed.xy, mask, Group::Xy),
-        gps_velocity: keep(sensed.gps_velocity, mask, Group::GpsVelocity),
-        gps_quality: keep(sensed.gps_quality, mask, Group::GpsQuality),
-        attitude: keep(sensed.attitude, mask, Group::Attitude),
-        acceleration: keep(sensed.acceleration, mask, Group::Acceleration),
-        angular_rate: keep(sensed.angular_rate, mask, Group::AngularRate),
-        pilot_pwm: keep(sensed.pilot_pwm, mask, Group::PilotPwm),
-        sonar_adc: keep(sensed.sonar_adc, mask, Group::Sonar),
-        supply: keep(sensed.supply, mask, Group::Supply),
-        pan_tilt: keep(sensed.pan_tilt, mask, Group::PanTilt),
-        rotor_rpm: keep(sensed.rotor_rpm, mask, Group::RotorSpeed),
-        barometer_adc: keep(sensed.barometer_adc, mask, Group::Barometer),
-        actuation: keep(sensed.actuation, mask, Group::Actuation),
-        references: keep(sensed.references, mask, Group::References),
-    }
+    let mut status = Status {
+        time_ms: Some(time_ms),
+        ..sensed
+    };
+    status.retain(mask);
+    status
 }
 
 #[cfg(test)]

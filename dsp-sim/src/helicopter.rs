@@ -45,7 +45,7 @@ use control::{Controller, Gains};
 use geodesy::LocalFrame;
 use guidance::{Guidance, MIN_PATH_HEIGHT_M};
 use line::Limits;
-use path::PathBuffer;
+use path::{PATH_PLACES, PathBuffer};
 use sensors::{Sensors, Trims, Truth};
 use smoother::{Reference, Smoother};
 use supply::Stores;
@@ -211,6 +211,11 @@ impl Helicopter {
         (self.phase != Phase::OnGround).then(|| self.now() + CATCH_UP)
     }
 
+    /// Whether [`take_off`](Self::take_off) would begin a take-off now.
+    pub fn may_take_off(&self) -> bool {
+        self.phase == Phase::OnGround
+    }
+
     /// Starts the rotor and takes off. Repeating it during a take-off changes nothing.
     ///
     /// # Errors
@@ -319,6 +324,12 @@ impl Helicopter {
     /// Whether it is in a phase that takes waypoints: it flies, and neither takes off nor lands.
     pub fn takes_waypoints(&self) -> bool {
         matches!(self.phase, Phase::Hovering | Phase::FollowingPath)
+    }
+
+    /// Waypoints in the path buffer: those that the DSP has taken and not yet reached, the one that it flies to included.
+    /// A helicopter that has reached its last waypoint and hovers there holds none.
+    pub fn held_waypoints(&self) -> usize {
+        PATH_PLACES - self.path.free_places()
     }
 
     /// Free places of the path buffer.

@@ -43,7 +43,8 @@
 //!
 //! send(&mut simulator, Uplink::Command(Command::Following { on: true }));
 //! send(&mut simulator, Uplink::Command(Command::Write16 { port: port::TAKE_OFF, value: 1 }));
-//! fly_until(&mut simulator, |simulator| simulator.helicopter().phase() == Phase::Hovering);
+//! fly_until(&mut simulator, |simulator| simulator.dsp().counters().waypoint_requests == 1);
+//! assert_eq!(simulator.helicopter().phase(), Phase::Hovering);
 //!
 //! let waypoint = Waypoint { latitude_deg: 37.4112, longitude_deg: -6.001, altitude_m: 25.0 };
 //! send(&mut simulator, Uplink::Waypoint(waypoint));

@@ -283,6 +283,9 @@ mod tests {
                 },
             );
             send(&mut port, Command::ActivateStatus);
+            // Started up; then no flow control comes between the statuses.
+            send(&mut port, Command::Following { on: true });
+            send(&mut port, Command::Following { on: false });
             send(
                 &mut port,
                 Command::Write16 {
@@ -290,7 +293,7 @@ mod tests {
                     value: 1,
                 },
             );
-            for command in [1, 5, 1] {
+            for command in [1, 5, 7, 7, 1] {
                 expect(&mut port, Downlink::Ack { command });
             }
             // Ten simulated seconds later it is in the air.

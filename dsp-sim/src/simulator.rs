@@ -11,6 +11,7 @@ use std::time::Duration;
 use dsp_protocol::{DspErrorCode, Profile};
 
 use crate::device::Dsp;
+use crate::device::firmware::Firmware;
 use crate::device::ports::Ports;
 use crate::faults::{Direction, DspEvent, FaultCounters, Injector, PortState, Script};
 use crate::helicopter::{Helicopter, Model};
@@ -34,6 +35,8 @@ pub struct Setup {
     pub profile: Profile,
     /// Errors that the DSP queues while it boots.
     pub boot_errors: Vec<DspErrorCode>,
+    /// What distinguishes the DSP's firmware from that of `docs/protocol.md`.
+    pub firmware: Firmware,
     /// What goes wrong on purpose.
     pub faults: Option<Script>,
 }
@@ -60,7 +63,12 @@ impl Simulator {
     pub fn new(setup: Setup) -> Simulator {
         Simulator {
             now: Duration::ZERO,
-            dsp: Dsp::boot(Duration::ZERO, setup.profile, setup.boot_errors),
+            dsp: Dsp::boot(
+                Duration::ZERO,
+                setup.profile,
+                setup.boot_errors,
+                setup.firmware,
+            ),
             helicopter: Helicopter::new(setup.model, Ports::default().settings()),
             to_dsp: Lane::new(setup.baud),
             from_dsp: Lane::new(setup.baud),
@@ -157,6 +165,22 @@ impl Simulator {
     /// The helicopter as it truly is, to look at.
     pub fn helicopter(&self) -> &Helicopter {
         &self.helicopter
+    }
+
+    /// Waypoints that the DSP would still fly: see [`Helicopter::held_waypoints`]. After *invalidate path*, and after the
+    /// last waypoint of a path was reached, it is 0.
+    pub fn held_waypoints(&self) -> usize {
+        self.helicopter.held_waypoints()
+    }
+
+    /// Whether port 10121 reads 1.
+    pub fn is_taking_off(&self) -> bool {
+        self.dsp.is_taking_off(&self.helicopter)
+    }
+
+    /// Whether port 10122 reads 1.
+    pub fn is_landing(&self) -> bool {
+        self.dsp.is_landing(&self.helicopter)
     }
 
     /// Bytes to the PC that were dropped because nobody fetched them.

@@ -155,6 +155,7 @@ fn the_pc_comes_and_goes_and_the_dsp_stays_the_same() {
     let mut sim = Sim::start(&folder.path().join("port"), &["--speed", "20"]);
     let mut port = sim.open();
     start_status(&mut port);
+    order(&mut port, Command::Following { on: true });
     order(
         &mut port,
         Command::Write16 {

@@ -255,6 +255,7 @@ mod tests {
 
     use super::*;
     use crate::Ipc;
+    use crate::files::{test_folder, while_no_port_opens};
     use crate::payload::DspTelemetry;
 
     #[test]
@@ -330,7 +331,7 @@ mod tests {
 
     #[test]
     fn a_root_that_cannot_be_trusted_is_described() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = test_folder();
         fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o1777)).unwrap();
         let domain = Domain::new("seen_", folder.path()).unwrap();
         let root = domain.inspect().root.unwrap();
@@ -344,7 +345,7 @@ mod tests {
 
     #[test]
     fn what_lies_behind_a_link_is_not_looked_at() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = test_folder();
         fs::write(folder.path().join("letter.txt"), "dear").unwrap();
         let link = folder.path().join("link");
         std::os::unix::fs::symlink(folder.path(), &link).unwrap();
@@ -359,7 +360,7 @@ mod tests {
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
         let entries = domain.inspect().entries;
         let letters = domain.root().join("letters");
-        fs::create_dir(&letters).unwrap();
+        while_no_port_opens(|| fs::create_dir(&letters)).unwrap();
         fs::write(letters.join("letter.txt"), "dear").unwrap();
         let seen = domain.inspect();
         assert_eq!(
@@ -378,7 +379,7 @@ mod tests {
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
         let owners = domain.root().join("owners");
-        fs::create_dir_all(&owners).unwrap();
+        while_no_port_opens(|| fs::create_dir_all(&owners)).unwrap();
         let service = ServiceId::Movement;
         let name = format!("{}.{}", RobotId::DEFAULT, service.spec().key);
         mkfifoat(CWD, owners.join(name), Mode::RUSR | Mode::WUSR).unwrap();

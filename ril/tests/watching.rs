@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use common::{Rig, end, json, says};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{MonotonicNs, TelemetryGroup};
+use ipc_types::{MonotonicNs, TelemetryGroup, files};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::{StandInBridge, StandInStatus};
 
@@ -180,11 +180,8 @@ fn a_reader_that_has_gone_is_a_quiet_end() {
     bridge.publish(&position(0.0));
     let mut command = rig.command(["echo", "dsp", "--json"]);
     command.envs(rig.domain.environment());
-    let mut echo = command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut echo = files::while_no_port_opens(|| command.spawn()).unwrap();
     let mut line = String::new();
     BufReader::new(echo.stdout.take().unwrap())
         .read_line(&mut line)

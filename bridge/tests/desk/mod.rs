@@ -3,7 +3,9 @@
 
 #![allow(missing_docs, dead_code)] // Each test binary uses its own part of the desk.
 
-use bridge::flight::trajectory::{PassThrough, Trajectory};
+use std::collections::HashMap;
+
+use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{
@@ -14,7 +16,9 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{
     ControlCommand, Functionality, ImiError, LinkState, ModuleStatus, MovementKind, Reason, Stage,
 };
-use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, MovementData, RequestReport};
+use ipc_types::payload::{
+    DspTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
+};
 
 /// Everything that the core said, in order.
 #[derive(Default)]
@@ -22,6 +26,7 @@ pub struct Recorder {
     pub telemetry: Vec<DspTelemetry>,
     pub states: Vec<ModuleState>,
     pub reports: Vec<RequestReport>,
+    pub notices: Vec<Notice>,
 }
 
 impl Outputs for Recorder {
@@ -36,9 +41,13 @@ impl Outputs for Recorder {
     }
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
-        let (RequestKey::Control(id) | RequestKey::Movement(id)) = to;
+        let (RequestKey::Control(id) | RequestKey::Movement(id) | RequestKey::Parameter(id)) = to;
         assert_eq!(id, report.request_id, "a report must reach its own request");
         self.reports.push(*report);
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.notices.push(*notice);
     }
 }
 
@@ -57,6 +66,17 @@ pub struct ScriptedDsp {
     pub taken: u16,
     /// It carries out take-offs and landings.
     pub obeys: bool,
+    /// It has the time-out for a PC that is gone.
+    pub has_pc_timeout: bool,
+    /// It acknowledges writes to this port, and keeps its own value.
+    pub refuses: Option<u16>,
+    /// It loses so many of the next acknowledgements.
+    pub loses_acks: u32,
+    /// What was written to its ports.
+    pub ports_16: HashMap<u16, u16>,
+    pub ports_32: HashMap<u16, f32>,
+    /// Waypoints in its path buffer.
+    pub held: Vec<Waypoint>,
     pub time_ms: u32,
     pub status: Status,
     pub commands: Vec<Command>,
@@ -79,6 +99,12 @@ impl Default for ScriptedDsp {
             loses: 0,
             taken: 0,
             obeys: true,
+            has_pc_timeout: true,
+            refuses: None,
+            loses_acks: 0,
+            ports_16: HashMap::new(),
+            ports_32: HashMap::new(),
+            held: vec![],
             time_ms: 0,
             status: Status {
                 geographic: Some(HOME),
@@ -166,20 +192,29 @@ impl ScriptedDsp {
                 None
             }
             Uplink::Waypoint(waypoint) => {
-                self.waypoints.push(waypoint);
-                self.taken += 1;
+                if self.held.last() != Some(&waypoint) {
+                    self.held.push(waypoint);
+                    self.waypoints.push(waypoint);
+                    self.taken += 1;
+                }
                 None
             }
         }
     }
 
     fn execute(&mut self, command: Command) -> Option<Downlink> {
-        if let Command::Write16 {
-            port: port::STATUS_MASK,
-            value,
-        } = command
-        {
-            self.mask = value;
+        match command {
+            Command::Write16 { port, .. } | Command::Write32 { port, .. }
+                if self.refuses == Some(port) => {}
+            Command::Write16 { port, value } => {
+                if port == port::STATUS_MASK {
+                    self.mask = value;
+                }
+                self.ports_16.insert(port, value);
+            }
+            Command::Write32 { port, value } => _ = self.ports_32.insert(port, value),
+            Command::InvalidatePath => self.held.clear(),
+            _ => {}
         }
         self.sends_status |= command == Command::ActivateStatus && !self.silent;
         let answer = match command {
@@ -187,19 +222,29 @@ impl ScriptedDsp {
                 command: 0,
                 value: self.read(port),
             },
+            Command::Read32 { port } => Downlink::Ack32 {
+                command: 2,
+                value: self.ports_32.get(&port).copied().unwrap_or_default(),
+            },
             _ => Downlink::Ack {
                 command: command.code(),
             },
         };
+        if self.loses_acks > 0 {
+            self.loses_acks -= 1;
+            return None;
+        }
         (self.acknowledges && !self.silent).then_some(answer)
     }
 
     fn read(&self, port: u16) -> u16 {
         match port {
             port::STATUS_MASK => self.mask,
-            port::TAKE_OFF | port::LAND => u16::from(self.obeys),
+            port::TAKE_OFF => u16::from(self.obeys && !(self.status.flying && self.grants)),
+            port::LAND => u16::from(self.obeys && self.status.flying),
             port::WAYPOINT_COUNT if self.counts => 0x8000 | self.taken,
-            _ => 0,
+            port::PC_TIMEOUT_MS if !self.has_pc_timeout => 0,
+            _ => self.ports_16.get(&port).copied().unwrap_or_default(),
         }
     }
 
@@ -213,8 +258,8 @@ impl ScriptedDsp {
 }
 
 /// Bridge, DSP, recorder and clock.
-pub struct Desk<T = PassThrough> {
-    pub bridge: Bridge<T>,
+pub struct Desk {
+    pub bridge: Bridge,
     pub dsp: ScriptedDsp,
     pub out: Recorder,
     pub now: MonotonicNs,
@@ -251,8 +296,8 @@ impl Desk {
     }
 }
 
-impl<T: Trajectory> Desk<T> {
-    pub fn with(bridge: Bridge<T>) -> Desk<T> {
+impl Desk {
+    pub fn with(bridge: Bridge) -> Desk {
         Desk {
             bridge,
             dsp: ScriptedDsp::default(),
@@ -357,6 +402,22 @@ impl<T: Trajectory> Desk<T> {
         request_id
     }
 
+    pub fn parameter(&mut self, request: ParameterRequest) -> u64 {
+        let request_id = self.request_id();
+        let request = ParameterRequest {
+            request_id,
+            ..request
+        };
+        self.bridge.parameter(
+            self.now,
+            RequestKey::Parameter(request_id),
+            &request,
+            &mut self.out,
+        );
+        self.exchange();
+        request_id
+    }
+
     pub fn take_off(&mut self) -> u64 {
         self.movement(MovementData {
             kind: MovementKind::TakeOff.code(),
@@ -370,6 +431,10 @@ impl<T: Trajectory> Desk<T> {
             kind: MovementKind::Land.code(),
             ..MovementData::default()
         })
+    }
+
+    pub fn hold(&mut self) -> u64 {
+        self.movement(MovementData::hold(0))
     }
 
     pub fn waypoint(&mut self, path_id: u64, first: u16, last: u16, point: Waypoint) -> u64 {
@@ -387,6 +452,16 @@ impl<T: Trajectory> Desk<T> {
         (0..=last)
             .map(|i| self.waypoint(path_id, u16::from(i == 0), u16::from(i == last), points[i]))
             .collect()
+    }
+
+    /// A path of one waypoint that may replace another one.
+    pub fn preempting(&mut self, path_id: u64, point: Waypoint) -> u64 {
+        self.movement(MovementData {
+            path_id,
+            first: 1,
+            last: 1,
+            ..go_to(point).preempting()
+        })
     }
 
     /// The last report to a request: stage, reason, IMI error.

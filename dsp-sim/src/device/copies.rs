@@ -34,9 +34,11 @@ impl Copies {
             bytes: bytes_of(command),
             answer,
         });
-        if command == Command::InvalidatePath {
-            self.waypoint = None;
-        }
+    }
+
+    /// The path was invalidated: the next waypoint is none of its copies.
+    pub fn forget_waypoint(&mut self) {
+        self.waypoint = None;
     }
 
     /// Whether a waypoint with this number is a copy of the last one that was taken.
@@ -108,7 +110,7 @@ mod tests {
         assert!(!copies.has_waypoint(number(4)));
         copies.took_waypoint(number(4));
         assert!(!copies.has_waypoint(number(3)));
-        copies.executed(number(4), Command::InvalidatePath, ANSWER);
+        copies.forget_waypoint();
         assert!(!copies.has_waypoint(number(4)));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use dsp_protocol::DspErrorCode;
+use dsp_protocol::{DspErrorCode, StatusMask, port};
 
 use super::Dsp;
 
@@ -22,16 +22,30 @@ impl Dsp {
         self.clock_shift_ms = self.clock_shift_ms.saturating_add(milliseconds);
     }
 
+    /// Changes the status mask, as a write to port 10000 does that the PC did not send.
+    pub fn change_mask(&mut self, mask: StatusMask) {
+        // Port 10000 takes every value.
+        let _ = self.ports.write_16(port::STATUS_MASK, mask.0);
+    }
+
     /// Puts off everything that is due before `until`.
     pub fn hold(&mut self, until: Duration) {
-        for due in [&mut self.status_due, &mut self.flow_control_due] {
+        for due in [
+            &mut self.status_due,
+            &mut self.flow_control_due,
+            &mut self.pc_timeout_due,
+            &mut self.take_off.begins_at,
+        ] {
             *due = due.map(|due| due.max(until));
         }
     }
 
-    /// What the clock reads after running for `elapsed`, ms. It has 32 bits, and turns over after 49 days.
+    /// What the clock reads after running for `elapsed`, ms. It has 32 bits, and wraps after 49.7 days.
     pub(super) fn clock_ms(&self, elapsed: Duration) -> u32 {
         let elapsed_ms = i64::try_from(elapsed.as_millis()).unwrap_or(i64::MAX);
-        elapsed_ms.saturating_add(self.clock_shift_ms).max(0) as u32
+        elapsed_ms
+            .saturating_add(self.firmware.clock_start_ms.into())
+            .saturating_add(self.clock_shift_ms)
+            .max(0) as u32
     }
 }

@@ -1,12 +1,14 @@
 //! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back.
 
 mod extended;
+mod firmware;
 mod in_flight;
 
-use dsp_protocol::Received;
+use dsp_protocol::{Group, Received};
 use proptest::prelude::*;
 
 use super::*;
+use crate::helicopter::Phase;
 use crate::simulator::Setup;
 
 /// A DSP on a desk, with a helicopter and a PC that takes every byte at once.
@@ -50,11 +52,16 @@ impl Desk {
     }
 
     fn in_profile(profile: Profile, errors: &[u16]) -> Desk {
+        Desk::with_firmware(profile, errors, Firmware::default())
+    }
+
+    fn with_firmware(profile: Profile, errors: &[u16], firmware: Firmware) -> Desk {
         Desk {
             dsp: Dsp::boot(
                 Duration::ZERO,
                 profile,
                 errors.iter().copied().map(DspErrorCode).collect(),
+                firmware,
             ),
             helicopter: Helicopter::new(Setup::default().model, Ports::default().settings()),
             decoder: Decoder::with_profile(profile),
@@ -91,9 +98,24 @@ impl Desk {
 
     fn take_off(mut self) -> Desk {
         self.command(write_16(port::TAKE_OFF, 1));
-        self.fly_until(Phase::Hovering);
+        self.finish_take_off();
         assert_eq!(self.errors(), [0_u16; 0]);
         self
+    }
+
+    /// Waits for the first flow control that asks for a waypoint.
+    fn finish_take_off(&mut self) {
+        self.fly_until(Phase::Hovering);
+        while self.dsp.is_taking_off(&self.helicopter) {
+            self.wait(ms(10));
+        }
+    }
+
+    fn read_16(&mut self, port: u16) -> u16 {
+        match self.command(Command::Read16 { port })[..] {
+            [Downlink::Ack16 { command: 0, value }] => value,
+            ref other => panic!("{other:?}"),
+        }
     }
 
     /// What the DSP has to say at this moment.
@@ -247,7 +269,7 @@ fn every_command_is_acknowledged_at_once_and_what_it_cannot_do_is_error_30() {
             1,
         ),
         (write_16(9, 1), ack(1), 1),
-        (write_16(port::TAKE_OFF, 1), ack(1), 0),
+        (write_16(port::TAKE_OFF, 1), ack(1), 1),
         (write_16(port::TAKE_OFF, 0), ack(1), 1),
         (write_16(port::TAKE_OFF, 2), ack(1), 1),
         (write_16(port::LAND, 1), ack(1), 1),

@@ -10,6 +10,8 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use ipc_types::files;
+
 use super::file_name::{Utc, file_name};
 use super::gathered::whole_rows;
 
@@ -98,7 +100,8 @@ impl Store for FileStore {
     }
 
     fn prepare(&mut self, directory: &Path) -> io::Result<()> {
-        fs::create_dir_all(directory)
+        // Ports that status opens meanwhile neither change the modes nor wait for the disk.
+        files::create_dir_all(directory)
     }
 
     fn free_bytes(&mut self, directory: &Path) -> io::Result<u64> {
@@ -161,7 +164,7 @@ impl Store for FileStore {
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, File)> {
         for number in 1..=MAX_TRIES {
             let path = directory.join(file_name(stem, number));
-            match File::create_new(&path) {
+            match files::create_new(&path) {
                 Ok(file) => {
                     // Says to `mend` that it is being written. Where there are no locks nothing is mended.
                     let _ = file.try_lock();

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
-use ipc_types::Wake;
+use ipc_types::{Wake, files};
 
 use super::*;
 use crate::calibration::Calibration;
@@ -23,6 +23,11 @@ use crate::test_samples::sample;
 
 /// Only a watchdog: no answer in this time is a failure.
 const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A temporary folder. Other tests of this program open ports meanwhile.
+fn folder() -> tempfile::TempDir {
+    files::while_no_port_opens(tempfile::tempdir).unwrap()
+}
 
 /// The real file system, whose `blocking_act`-th call, counted from 0, does not come back until it is told to.
 #[derive(Clone)]
@@ -173,7 +178,7 @@ fn record(status: &mut Status, sequences: RangeInclusive<u64>) {
 
 #[test]
 fn nothing_is_created_when_no_group_is_chosen() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let directory = folder.path().join("log");
     let configs = [LogConfig {
         groups: GroupSet::default(),
@@ -194,7 +199,7 @@ fn wherever_the_disk_hangs_telemetry_goes_on_and_the_queue_is_bounded() {
     // Looking for an earlier file, preparing, listing, creating, the first line, and the blocks that are due before any
     // time has passed.
     for blocking_act in 0..=7 {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let (mut status, threads, hangs) = start(folder.path(), blocking_act);
         // The queue has room for all of them, and they are enough for every one of those calls.
         record(&mut status, 1..=BOUND);
@@ -227,7 +232,7 @@ fn wherever_the_disk_hangs_telemetry_goes_on_and_the_queue_is_bounded() {
 
 #[test]
 fn a_disk_that_hangs_at_the_end_does_not_hold_the_process() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let (mut status, threads, hangs) = start(folder.path(), 5);
     // Less than a block, so that the first write of rows is the one at the end.
     record(&mut status, 1..=10);
@@ -241,7 +246,7 @@ fn a_disk_that_hangs_at_the_end_does_not_hold_the_process() {
 
 #[test]
 fn one_log_that_hangs_is_no_trouble_for_another() {
-    let (hanging, working) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let (hanging, working) = (folder(), folder());
     let (store, hangs) = HangingStore::new(0);
     let configs = [config(hanging.path()), config(working.path())];
     let mut acts = [Arc::default(), Arc::new(AtomicUsize::new(1))].into_iter();
@@ -265,7 +270,7 @@ fn one_log_that_hangs_is_no_trouble_for_another() {
 #[test]
 fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_ends() {
     const SAMPLES: u64 = 100;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let domain = Domain::isolated();
     let (termination, request) = Termination::by_hand().unwrap();
     let (store, hangs) = HangingStore::new(0);

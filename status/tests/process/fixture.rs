@@ -9,8 +9,9 @@ use std::thread;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, TelemetryGroup};
+use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, TelemetryGroup, files};
 use rustix::process::{Pid, Signal, kill_process};
+use tempfile::TempDir;
 
 /// Only a watchdog: no answer in this time is a failure.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -57,6 +58,11 @@ impl Ends {
     }
 }
 
+/// A temporary folder. Other tests of this program open ports meanwhile.
+pub fn folder() -> TempDir {
+    files::while_no_port_opens(tempfile::tempdir).unwrap()
+}
+
 pub fn config(directory: &Path) -> String {
     format!(
         "[calibration.sonar]\nm_per_step = 0.5\n[[log]]\ndirectory = '{}'\ngroups = ['sonar', 'xy']\nmin_free_mib = 0\n",
@@ -101,13 +107,14 @@ pub struct Process {
 impl Process {
     /// Starts the process and waits until it says that it is ready.
     pub fn start(domain: &Domain, config: &Path) -> Process {
-        let mut child = command(domain)
+        let mut command = command(domain);
+        command
             .arg("--config")
             .arg(config)
             .stderr(Stdio::piped())
-            .stdout(Stdio::null())
-            .spawn()
-            .unwrap();
+            .stdout(Stdio::null());
+        // It inherits the umask.
+        let mut child = files::while_no_port_opens(|| command.spawn()).unwrap();
         let errors = BufReader::new(child.stderr.take().unwrap());
         let mut process = Process {
             child,

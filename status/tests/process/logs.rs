@@ -6,12 +6,12 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::process::Command;
 
-use ipc_types::{Domain, TelemetryGroup};
+use ipc_types::{Domain, TelemetryGroup, files};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, prlimit};
 
 use status::log::queue::QUEUE_SAMPLES;
 
-use crate::fixture::{Ends, Process, config, log_text, log_texts};
+use crate::fixture::{Ends, Process, config, folder, log_text, log_texts};
 
 /// Samples of a test that loses none: no more than the queue has room for, whatever the pace of the test and the disk.
 const SAMPLES: u32 = 900;
@@ -19,7 +19,7 @@ const _: () = assert!((SAMPLES as usize) < QUEUE_SAMPLES);
 
 #[test]
 fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let logs = folder.path().join("log");
     let file = folder.path().join("status.toml");
     fs::write(&file, config(&logs)).unwrap();
@@ -68,14 +68,14 @@ fn numbers<'a>(rows: impl Iterator<Item = &'a str>) -> Vec<u32> {
 #[test]
 fn files_follow_each_other_and_the_oldest_go_when_the_total_is_reached() {
     const MIB: usize = 1024 * 1024;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = folder.path().join("status.toml");
     let logs = folder.path().join("log");
     let (oldest, foreign) = (
         logs.join("hero(1)_01_01_20-00_00_00.tsv"),
         logs.join("hero(2)_01_01_20-00_00_00.tsv"),
     );
-    fs::create_dir(&logs).unwrap();
+    files::create_dir_all(&logs).unwrap();
     for earlier in [&oldest, &foreign] {
         fs::write(earlier, vec![b'x'; MIB]).unwrap();
     }
@@ -131,7 +131,7 @@ fn files_follow_each_other_and_the_oldest_go_when_the_total_is_reached() {
 #[test]
 fn a_directory_that_is_taken_away_and_given_back_costs_no_telemetry() {
     const THIRD: u32 = SAMPLES / 3;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let logs = folder.path().join("log");
     let file = folder.path().join("status.toml");
     fs::write(&file, config(&logs)).unwrap();
@@ -181,7 +181,7 @@ fn room_runs_out_and_comes_back(
     // More than a page of a file, without which a full file system takes them all the same.
     const UNTIL_TOLD: u32 = 600;
     const UNTIL_ROOM: u32 = 750;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = folder.path().join("status.toml");
     fs::write(&file, configuration).unwrap();
     let domain = Domain::isolated();
@@ -231,7 +231,7 @@ fn room_runs_out_and_comes_back(
 
 #[test]
 fn writes_that_the_kernel_refuses_cost_no_telemetry_and_no_row() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let limit_files = |process: Pid, current: Option<u64>| {
         // What a process inherits it has in common with this one.
         let maximum = getrlimit(Resource::Fsize).maximum;
@@ -256,7 +256,7 @@ struct SmallDisk {
 impl SmallDisk {
     /// Nothing if this user may not have one, which is said.
     fn mount(size: &str) -> Option<SmallDisk> {
-        let mount_point = tempfile::tempdir().unwrap();
+        let mount_point = folder();
         let mount = Command::new("mount")
             .args(["-t", "tmpfs", "-o"])
             .arg(format!("size={size}"))

@@ -8,8 +8,8 @@ use std::process::Output;
 use std::sync::mpsc;
 use std::thread;
 
-use fixture::{Ends, PATIENCE, Process, command, config, log_text};
-use ipc_types::{Domain, RobotId};
+use fixture::{Ends, PATIENCE, Process, command, config, folder, log_text};
+use ipc_types::{Domain, RobotId, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
@@ -19,7 +19,7 @@ use status::shell::Shell;
 #[test]
 fn samples_go_through_the_shell_and_into_the_log() {
     const SAMPLES: u32 = 100;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let domain = Domain::isolated();
     let (termination, request) = Termination::by_hand().unwrap();
     let config: Config = runtime::config::parse(&config(folder.path()), "status.toml").unwrap();
@@ -77,7 +77,7 @@ fn code_and_errors(output: Output) -> (Option<i32>, String) {
 #[test]
 fn each_signal_ends_the_process_with_everything_in_order() {
     for signal in [Signal::INT, Signal::TERM] {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let logs = folder.path().join("log");
         let file = folder.path().join("status.toml");
         fs::write(&file, config(&logs)).unwrap();
@@ -106,16 +106,14 @@ fn each_signal_ends_the_process_with_everything_in_order() {
 
 #[test]
 fn a_second_status_of_the_same_robot_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = folder.path().join("status.toml");
     fs::write(&file, "").unwrap();
     let domain = Domain::isolated();
     let mut first = Process::start(&domain, &file);
-    let second = command(&domain)
-        .arg("--config")
-        .arg(&file)
-        .output()
-        .unwrap();
+    let mut second = command(&domain);
+    second.arg("--config").arg(&file);
+    let second = files::while_no_port_opens(|| second.output()).unwrap();
     let (code, errors) = code_and_errors(second);
     assert_eq!(code, Some(1), "{errors}");
     assert!(errors.contains("already provided by `status`"), "{errors}");
@@ -124,7 +122,7 @@ fn a_second_status_of_the_same_robot_is_refused() {
 
 #[test]
 fn wrong_command_lines_and_configurations_have_their_exit_codes() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = |name: &str, text: &str| {
         let path = folder.path().join(name);
         fs::write(&path, text).unwrap();
@@ -158,7 +156,9 @@ fn wrong_command_lines_and_configurations_have_their_exit_codes() {
     ];
     let domain = Domain::isolated();
     for (arguments, expected_code, expected_text) in cases {
-        let output = command(&domain).args(arguments).output().unwrap();
+        let mut command = command(&domain);
+        command.args(arguments);
+        let output = files::while_no_port_opens(|| command.output()).unwrap();
         let (code, errors) = code_and_errors(output);
         assert_eq!(code, Some(expected_code), "{arguments:?}: {errors}");
         assert!(errors.contains(expected_text), "{arguments:?}: {errors}");

@@ -26,19 +26,14 @@ fn reading_a_port_never_consumes_it() {
 #[test]
 fn take_off_and_landing_read_1_while_they_last() {
     let mut desk = Desk::started();
-    let read = |desk: &mut Desk| {
-        [port::TAKE_OFF, port::LAND].map(|port| match desk.command(Command::Read16 { port })[..] {
-            [Downlink::Ack16 { value, .. }] => value,
-            ref other => panic!("{other:?}"),
-        })
-    };
+    let read = |desk: &mut Desk| [port::TAKE_OFF, port::LAND].map(|port| desk.read_16(port));
     assert_eq!(read(&mut desk), [0, 0]);
     desk.command(write_16(port::TAKE_OFF, 1));
     for phase in [Phase::SpinningUp, Phase::TakingOff] {
         desk.fly_until(phase);
         assert_eq!(read(&mut desk), [1, 0], "{phase:?}");
     }
-    desk.fly_until(Phase::Hovering);
+    desk.finish_take_off();
     assert_eq!(read(&mut desk), [0, 0]);
     desk.command(write_16(port::LAND, 1));
     for phase in [Phase::Landing, Phase::SpinningDown] {
@@ -57,7 +52,7 @@ fn movements_that_contradict_each_other_are_error_30_and_change_nothing() {
     desk.command(take_off);
     desk.command(land);
     assert_eq!(desk.errors(), [30], "landing during take-off");
-    desk.fly_until(Phase::Hovering);
+    desk.finish_take_off();
     desk.command(take_off);
     assert_eq!(desk.errors(), [30], "take-off in flight");
     desk.command(land);
@@ -126,7 +121,7 @@ fn waypoints_that_cannot_be_flown_are_error_30() {
     desk.command(write_16(port::TAKE_OFF, 1));
     desk.waypoint((5.0, 0.0, 10.0));
     assert_eq!(desk.errors(), [30], "during take-off");
-    desk.fly_until(Phase::Hovering);
+    desk.finish_take_off();
     for (latitude_deg, longitude_deg, altitude_m) in [
         (90.1, 0.0, 50.0),
         (37.0, -180.1, 50.0),
@@ -164,7 +159,7 @@ fn invalidating_the_path_during_a_take_off_or_landing_lets_it_go_on() {
     desk.command(write_16(port::TAKE_OFF, 1));
     desk.fly_until(Phase::TakingOff);
     desk.command(Command::InvalidatePath);
-    desk.fly_until(Phase::Hovering);
+    desk.finish_take_off();
     assert!((desk.helicopter.body().position_m.z - 10.0).abs() < 0.3);
     desk.command(write_16(port::LAND, 1));
     desk.command(Command::InvalidatePath);
@@ -178,7 +173,7 @@ fn a_reboot_forgets_all_but_the_flight() {
     desk.command(Command::Following { on: true });
     desk.command(write_32(port::CRUISE_SPEED_MPS, 12.0));
     desk.command(write_16(port::TAKE_OFF, 1));
-    desk.fly_until(Phase::Hovering);
+    desk.finish_take_off();
     desk.command(write_16(port::STATUS_MASK, 1));
     desk.command(Command::ActivateStatus);
     desk.waypoint((60.0, 0.0, 12.0));
@@ -205,13 +200,7 @@ fn a_reboot_forgets_all_but_the_flight() {
 #[test]
 fn waypoints_are_counted_and_a_copy_of_the_newest_is_not_taken() {
     let mut desk = Desk::hovering();
-    let count = |desk: &mut Desk| {
-        let port = port::WAYPOINT_COUNT;
-        match desk.command(Command::Read16 { port })[..] {
-            [Downlink::Ack16 { value, .. }] => value,
-            ref other => panic!("{other:?}"),
-        }
-    };
+    let count = |desk: &mut Desk| desk.read_16(port::WAYPOINT_COUNT);
     assert_eq!(count(&mut desk), 0x8000);
     let (here, there) = ((10.0, 0.0, 10.0), (10.0, 10.0, 10.0));
     for (point, expected) in [

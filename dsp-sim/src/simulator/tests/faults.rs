@@ -248,7 +248,9 @@ fn a_swallowed_waypoint_is_not_counted_by_the_dsp_and_a_repeated_one_once() {
         let mut pc = Pc::new(with_faults(vec![fault]));
         pc.start_up();
         pc.write(port::TAKE_OFF, 1);
-        pc.until(Phase::Hovering);
+        while pc.simulator.dsp().counters().waypoint_requests == 0 {
+            pc.jump();
+        }
         let home = Setup::default().model.home;
         pc.send(&bytes_of(Uplink::Waypoint(Waypoint {
             latitude_deg: home.latitude_deg + 1e-4,

@@ -14,8 +14,9 @@
 use dsp_protocol::Waypoint;
 use ipc_types::code::Reason;
 
-/// Waypoints of one path: four times the DSP's buffer, and few enough that a sender can keep all streams open.
-pub const MAX_WAYPOINTS: usize = 64;
+/// Waypoints of one path. The bridge takes the memory for one path under assembly, one under way and one in the trajectory
+/// generator when it starts: 3 × 1024 × 24 bytes. A waypoint more is refused as `path-too-long`.
+pub const MAX_WAYPOINTS: usize = 1024;
 
 /// One waypoint with its frame bits.
 #[derive(Clone, Copy, Debug, PartialEq)]

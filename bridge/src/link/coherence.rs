@@ -10,6 +10,18 @@
 //!
 //! A clock that goes back and keeps running from there is a reboot. This module never looks at anything but times.
 
+/// Whether `time_ms` follows `earlier_ms` closely: the usual case, also where the clock wraps at 2³² ms (49.7 days).
+const fn is_next(earlier_ms: u32, time_ms: u32) -> bool {
+    let step_ms = time_ms.wrapping_sub(earlier_ms);
+    step_ms > 0 && step_ms <= LEAP_MS
+}
+
+/// Whether `time_ms` is newer than `earlier_ms`. A clock that wraps while more than [`LEAP_MS`] pass unseen looks like a
+/// reboot; the link was lost by then anyway.
+const fn is_newer(earlier_ms: u32, time_ms: u32) -> bool {
+    is_next(earlier_ms, time_ms) || time_ms > earlier_ms && !is_next(time_ms, earlier_ms)
+}
+
 /// A time that leaps further ahead than this is held until the next sample confirms it. Far above any status period
 /// (at most 10 s, port 10001), so that a real line never gets here; a flipped bit 16 or higher always does.
 const LEAP_MS: u32 = 60_000;
@@ -83,7 +95,7 @@ impl<S> Coherence<S> {
     fn arrive_immediate(&mut self, time_ms: u32, sample: S) -> Verdict<S> {
         let mut verdict = Verdict::nothing();
         let held = self.held.take();
-        let in_order = |earlier: u32| time_ms > earlier && time_ms - earlier <= LEAP_MS;
+        let in_order = |earlier_ms: u32| is_next(earlier_ms, time_ms);
         match (self.last_ms, held) {
             // The usual case. Whatever was held is older than this one or contradicted by it.
             (last, held) if last.is_none_or(in_order) => {
@@ -92,9 +104,11 @@ impl<S> Coherence<S> {
             }
             // This sample continues the one held, so the clock really is where the held one said.
             (Some(last), Some((held_ms, held))) if in_order(held_ms) => {
-                let went_back = held_ms <= last;
+                let went_back = !is_newer(last, held_ms);
                 // When both continue what was sent before `last`, then `last` was the wrong one and nothing rebooted.
-                let last_was_wrong = self.before_last_ms.is_some_and(|before| held_ms > before);
+                let last_was_wrong = self
+                    .before_last_ms
+                    .is_some_and(|before| is_newer(before, held_ms));
                 verdict.rebooted = went_back && !last_was_wrong;
                 verdict.send = [
                     Some(self.sent(held_ms, held)),
@@ -112,10 +126,13 @@ impl<S> Coherence<S> {
     fn arrive_confirmed(&mut self, time_ms: u32, sample: S) -> Verdict<S> {
         let mut verdict = Verdict::nothing();
         if let Some((held_ms, held)) = self.held.take() {
-            let confirmed = time_ms > held_ms;
+            let confirmed = is_newer(held_ms, time_ms);
             // Two samples in a row below the last one sent: the clock went back for good.
-            verdict.rebooted = confirmed && self.last_ms.is_some_and(|last| time_ms < last);
-            if confirmed && (verdict.rebooted || self.last_ms.is_none_or(|last| held_ms > last)) {
+            verdict.rebooted =
+                confirmed && self.last_ms.is_some_and(|last| is_newer(time_ms, last));
+            if confirmed
+                && (verdict.rebooted || self.last_ms.is_none_or(|last| is_newer(last, held_ms)))
+            {
                 verdict.send[0] = Some(self.sent(held_ms, held));
             } else {
                 verdict.dropped = 1;

@@ -1,9 +1,9 @@
-//! The core's side of the line: start-up, liveness, reboots, errors, telemetry.
+//! The core's side of the link: start-up, liveness, reboots, errors, telemetry.
 
 mod desk;
 
 use bridge::BridgeConfig;
-use bridge::line::coherence::Rule;
+use bridge::link::coherence::Rule;
 use desk::{Desk, north};
 use dsp_protocol::downlink::Attitude;
 use dsp_protocol::{Command, Downlink, FlowControl, Profile, Status, port};
@@ -18,8 +18,15 @@ const MASK: Command = Command::Write16 {
 const PROBE: Command = Command::Read16 {
     port: port::STATUS_MASK,
 };
-const START_UP: [Command; 5] = [
+const START_UP: [Command; 7] = [
     MASK,
+    Command::Write16 {
+        port: port::PC_TIMEOUT_MS,
+        value: 2000,
+    },
+    Command::Read16 {
+        port: port::PC_TIMEOUT_MS,
+    },
     Command::ActivateStatus,
     Command::ClearErrors,
     Command::InvalidatePath,
@@ -35,14 +42,21 @@ fn start_up_is_mask_activate_clear_invalidate_follow_and_the_parameters() {
     let config = config("[parameters]\ncruise_speed_mps = 8.0\ntrim_tail_us = -3\n");
     let desk = Desk::up(&config);
     let mut expected = START_UP.to_vec();
-    expected.push(Command::Write16 {
-        port: 10_203,
-        value: 0xFFFD,
-    });
-    expected.push(Command::Write32 {
-        port: port::CRUISE_SPEED_MPS,
-        value: 8.0,
-    });
+    // Each parameter is read back: the DSP may refuse it.
+    expected.extend([
+        Command::Write16 {
+            port: 10_203,
+            value: 0xFFFD,
+        },
+        Command::Read16 { port: 10_203 },
+        Command::Write32 {
+            port: port::CRUISE_SPEED_MPS,
+            value: 8.0,
+        },
+        Command::Read32 {
+            port: port::CRUISE_SPEED_MPS,
+        },
+    ]);
     assert_eq!(desk.dsp.commands, expected);
 }
 
@@ -55,8 +69,14 @@ fn each_start_up_command_waits_for_the_ack_of_the_one_before() {
     for (index, command) in START_UP.iter().enumerate() {
         assert_eq!(desk.dsp.commands, START_UP[..=index]);
         assert_eq!(desk.link(), LinkState::Connecting);
-        desk.say(Downlink::Ack {
-            command: command.code(),
+        desk.say(match command {
+            Command::Read16 { .. } => Downlink::Ack16 {
+                command: 0,
+                value: 2000,
+            },
+            _ => Downlink::Ack {
+                command: command.code(),
+            },
         });
         desk.exchange();
     }
