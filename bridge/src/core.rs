@@ -35,6 +35,8 @@ pub struct Bridge {
     next_state: MonotonicNs,
     /// Something changed that the published state shows at once.
     is_changed: bool,
+    /// The port was closed because the bridge ends, which is no trouble.
+    is_closed: bool,
 }
 
 impl Bridge {
@@ -54,6 +56,7 @@ impl Bridge {
             published: ModuleState::default(),
             next_state: MonotonicNs(0),
             is_changed: true,
+            is_closed: false,
         }
     }
 
@@ -179,6 +182,7 @@ impl Bridge {
     pub fn close<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
         let link = &mut self.link;
         self.flight.close(&mut Context { now, link, out });
+        self.is_closed = true;
         self.link.closed(now);
         self.next_state = now;
         self.publish_if_due(now, out);
@@ -287,7 +291,9 @@ impl Bridge {
     /// The error to publish: that of the module, or that of the link as long as it lasts (requirement H5).
     fn error(&self) -> ImiError {
         match self.flight.error() {
-            ImiError::None if self.link.is_in_trouble() => ImiError::CommunicationFatalError,
+            ImiError::None if self.link.is_in_trouble() && !self.is_closed => {
+                ImiError::CommunicationFatalError
+            }
             error => error,
         }
     }

@@ -68,6 +68,8 @@ pub struct ScriptedDsp {
     pub taken: u16,
     /// It carries out take-offs and landings.
     pub obeys: bool,
+    /// Its rotor still runs after a landing.
+    pub lands_until_told: bool,
     /// It has the time-out for a PC that is gone.
     pub has_pc_timeout: bool,
     /// It acknowledges writes to this port, and keeps its own value.
@@ -102,6 +104,7 @@ impl Default for ScriptedDsp {
             loses: 0,
             taken: 0,
             obeys: true,
+            lands_until_told: false,
             has_pc_timeout: true,
             refuses: None,
             loses_acks: 0,
@@ -275,7 +278,7 @@ impl ScriptedDsp {
         match port {
             port::STATUS_MASK => self.mask,
             port::TAKE_OFF => u16::from(self.obeys && !(self.status.flying && self.grants)),
-            port::LAND => u16::from(self.obeys && self.status.flying),
+            port::LAND => u16::from(self.lands_until_told || self.obeys && self.status.flying),
             port::WAYPOINT_COUNT if self.counts => 0x8000 | self.taken,
             port::PC_TIMEOUT_MS if !self.has_pc_timeout => 0,
             _ => self.ports_16.get(&port).copied().unwrap_or_default(),
