@@ -24,7 +24,6 @@
 pub mod clock;
 pub mod config;
 pub mod event;
-pub mod fields;
 pub mod file_name;
 pub mod groups;
 pub mod open_file;

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::calibration::Calibration;
-use crate::possible::believable;
+use crate::plausible::plausible;
 use crate::translate::translate;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspGeographic, DspGpsVelocity};
@@ -19,7 +19,7 @@ const BAROMETER_ZERO_ADC: f64 = 500.0;
 
 /// Feeds `raw` as the core does.
 fn feed(estimator: &mut AltitudeEstimator, raw: &DspTelemetry) -> HeroEstimate {
-    let (raw, _) = believable(raw);
+    let (raw, _) = plausible(raw);
     let hero = translate(&raw, &Calibration::default(), MonotonicNs(1));
     estimator.update(&raw, &hero)
 }
