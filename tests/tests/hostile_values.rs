@@ -1,7 +1,7 @@
 //! Whatever lies in shared memory, status and what it publishes stay sane, and status believes exactly what the bridge
 //! publishes. Every failure names the seed that repeats it.
 
-use bridge::line::Sample;
+use bridge::link::Sample;
 use bridge::translate::dsp_telemetry;
 use dsp_protocol::Status as DspStatus;
 use dsp_protocol::downlink::{
