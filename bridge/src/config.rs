@@ -538,6 +538,19 @@ impl Parameters {
         self.0.iter().copied()
     }
 
+    /// The radius in which the DSP takes a waypoint for reached: the one that was written, or that of its boot.
+    pub fn acceptance_radius_m(&self) -> f64 {
+        let written = self.0.iter().find_map(|write| match write {
+            Command::Write32 {
+                port: port::ACCEPTANCE_RADIUS_M,
+                value,
+            } => Some(*value),
+            _ => None,
+        });
+        let at_boot = port::port32(port::ACCEPTANCE_RADIUS_M).map(|port| port.boot);
+        f64::from(written.or(at_boot).unwrap_or_default())
+    }
+
     /// Writes `write` as well from now on; one to the same port is replaced. There is one for each port at most.
     pub fn set(&mut self, write: Command) {
         match self

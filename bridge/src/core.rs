@@ -33,6 +33,8 @@ pub struct Bridge {
     dsp_errors: DspErrorCounters,
     published: ModuleState,
     next_state: MonotonicNs,
+    /// Something changed that the published state shows at once.
+    is_changed: bool,
 }
 
 impl Bridge {
@@ -51,6 +53,7 @@ impl Bridge {
             dsp_errors: DspErrorCounters::default(),
             published: ModuleState::default(),
             next_state: MonotonicNs(0),
+            is_changed: true,
         }
     }
 
@@ -225,7 +228,10 @@ impl Bridge {
                     });
                     self.link.count_published(sample.received);
                 }
-                LinkEvent::DspError { code, .. } => errors::count(&mut self.dsp_errors, *code),
+                LinkEvent::DspError { code, .. } => {
+                    errors::count(&mut self.dsp_errors, *code);
+                    self.is_changed = true;
+                }
                 _ => {}
             }
             let link = &mut self.link;
@@ -239,7 +245,9 @@ impl Bridge {
         // A port that closes leaves an event behind.
         self.handle_events(now, out);
         let is_due = now + self.state_period / EARLY >= self.next_state;
-        let is_changed = self.link.take_changed() | self.flight.take_changed();
+        let is_changed = std::mem::take(&mut self.is_changed)
+            | self.link.take_changed()
+            | self.flight.take_changed();
         if !is_due && !is_changed {
             return;
         }

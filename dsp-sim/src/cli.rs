@@ -46,8 +46,9 @@ pub struct Args {
     ///
     /// A TOML file with `seed` and any number of `[[fault]]` tables, each with a `kind`, its times in simulated seconds
     /// since the start, and what the kind needs. On bytes: flip_bits, drop_bytes, duplicate_bytes, insert_bytes,
-    /// delay_bytes, split_bytes, burst, stall, outage. On messages: swallow, repeat, late, reorder. In the DSP:
-    /// raise_error, reboot, stop_status, hang, clock_jump. Of the serial port: hang_up.
+    /// delay_bytes, split_bytes, burst, stall, outage. On messages: drop, repeat, late, reorder. In the DSP:
+    /// raise_error, reboot, stop_status, hang, clock_jump, change_mask. To the helicopter: pilot_takes_over, battery_low,
+    /// fuel_low, gps_altitude_drift, lose_fix. Of the serial port: hang_up.
     ///
     /// The annotated example dsp-sim/faults.toml shows each of them. The same seed repeats the same faults; it is told at
     /// the start, and what was done at the end.

@@ -12,6 +12,7 @@ use serde::de::Error as _;
 
 use crate::device::firmware::Firmware;
 use crate::helicopter::Model;
+use crate::helicopter::energy::EnergyModel;
 use crate::helicopter::wind::WindModel;
 use crate::simulator::Setup;
 
@@ -35,6 +36,9 @@ runtime::ranged! {
     // TOML has no unsigned integers.
     fn seed(u64) in 0..=i64::MAX.cast_unsigned();
     fn fix_after_s(f64) in 0.0..=3_600.0;
+    fn battery_v(f64) in 0.0..=60.0;
+    fn fuel_percent(f64) in 0.0..=100.0;
+    fn drain_factor(f64) in 0.0..=1_000.0;
     fn take_off_delay_ms(u32) in 0..=10_000;
 }
 
@@ -52,6 +56,8 @@ pub struct Config {
     pub noise: NoiseConfig,
     /// The GPS receiver.
     pub gps: GpsConfig,
+    /// Battery and fuel.
+    pub energy: EnergyConfig,
     /// The DSP's boot.
     pub boot: BootConfig,
     /// The DSP's firmware.
@@ -163,6 +169,32 @@ pub struct GpsConfig {
     pub fix_after_s: f64,
 }
 
+/// `[energy]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EnergyConfig {
+    /// Voltage of the battery at rest when the simulator starts, V.
+    #[serde(deserialize_with = "battery_v")]
+    pub battery_v: f64,
+    /// Fuel when the simulator starts, %.
+    #[serde(deserialize_with = "fuel_percent")]
+    pub fuel_percent: f64,
+    /// How many times faster than usual both drain.
+    #[serde(deserialize_with = "drain_factor")]
+    pub drain_factor: f64,
+}
+
+impl Default for EnergyConfig {
+    fn default() -> Self {
+        let model = EnergyModel::default();
+        EnergyConfig {
+            battery_v: model.battery_v,
+            fuel_percent: model.fuel_percent,
+            drain_factor: model.drain_factor,
+        }
+    }
+}
+
 /// `[boot]`
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -251,6 +283,11 @@ impl Config {
                 noise_level: self.noise.level,
                 seed: self.noise.seed,
                 gps_fix_after: Duration::from_secs_f64(self.gps.fix_after_s),
+                energy: EnergyModel {
+                    battery_v: self.energy.battery_v,
+                    fuel_percent: self.energy.fuel_percent,
+                    drain_factor: self.energy.drain_factor,
+                },
             },
             baud: NonZeroU32::new(self.line.baud_rate),
             profile: self.line.profile,
@@ -309,6 +346,9 @@ mod tests {
             "from_deg",
             "level",
             "fix_after_s",
+            "battery_v",
+            "fuel_percent",
+            "drain_factor",
             "errors",
             "has_pc_timeout",
             "has_waypoint_count",
@@ -346,6 +386,7 @@ mod tests {
                 "[boot]\nerrors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]",
                 "at most 16 errors",
             ),
+            ("[energy]\nfuel_percent = 101.0", "x.toml:2: 101 is"),
             ("[dsp]\ntake_off_delay_ms = 10001", "x.toml:2: 10001 is"),
             ("[dsp]\nextra_groups = 65536", "x.toml:2: "),
             ("[engine]", "x.toml:1: unknown field `engine`"),
@@ -376,6 +417,10 @@ mod tests {
             seed = 9
             [gps]
             fix_after_s = 10.0
+            [energy]
+            battery_v = 22.5
+            fuel_percent = 30.0
+            drain_factor = 13.0
             [boot]
             errors = [11]
             [dsp]
@@ -404,6 +449,11 @@ mod tests {
                 noise_level: 8.0,
                 seed: 9,
                 gps_fix_after: Duration::from_secs(10),
+                energy: EnergyModel {
+                    battery_v: 22.5,
+                    fuel_percent: 30.0,
+                    drain_factor: 13.0,
+                },
             },
             baud: None,
             profile: Profile::Extended,

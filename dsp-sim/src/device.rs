@@ -12,6 +12,8 @@
 //! * A reboot in flight lets a take-off or landing go on, because nothing here models a crash; otherwise the helicopter
 //!   hovers on the spot.
 //! * A copy of a command is acknowledged as the command was, a read with the value of the first time.
+//! * While the pilot's switch stands on manual, flow control asks for no waypoint, waypoints are still taken, and an order
+//!   to take off or to land is refused with error 30.
 //! * An acknowledgement that finds its queue full is dropped with error 5.
 //!
 //! Time is simulated: a [`Duration`] since the start of the simulator. The DSP's own clock starts when it boots.
@@ -32,6 +34,7 @@ use dsp_protocol::{
     Sequence, Status, StatusMask, Uplink, Waypoint, port,
 };
 
+use crate::helicopter::pilot::PilotSwitch;
 use crate::helicopter::{Helicopter, Refused};
 
 use copies::Copies;
@@ -456,7 +459,8 @@ impl Dsp {
     /// Asks for a waypoint, or for none.
     fn queue_flow_control(&mut self, helicopter: &Helicopter) {
         let has_room = helicopter.free_places() >= PLACES_TO_SEND;
-        let request = if has_room && helicopter.takes_waypoints() {
+        let is_auto = helicopter.switch() == PilotSwitch::Auto;
+        let request = if has_room && is_auto && helicopter.takes_waypoints() {
             self.take_off.awaits_flow_control = false;
             self.counters.waypoint_requests += 1;
             FlowControl::Send

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!            ┌────────────────────── injector ──────────────────────┐
-//! DSP ─▶ line ─▶ messages (swallowed …) ─▶ bytes (flipped, late …) ─▶ PC
+//! DSP ─▶ line ─▶ messages (dropped …) ─▶ bytes (flipped, late …) ─▶ PC
 //! DSP ◀───────── messages ◀─────────────── bytes ◀─────────── line ◀─ PC
 //!  ▲
 //!  └──────────── events (errors, reboots, hangs, jumps of the clock)  ─▶ port (hang-up)
@@ -52,6 +52,7 @@
 
 mod bytes;
 mod counters;
+mod kind;
 mod messages;
 mod script;
 mod table;
@@ -66,11 +67,12 @@ use crate::random::Random;
 
 pub use bytes::QUEUE_PLACES;
 pub use counters::{ByteCounters, DirectionCounters, FaultCounters, MessageCounters};
+pub use kind::Kind;
 pub use script::{
-    Act, AfterStall, Damage, Direction, Directions, DspEvent, Fault, MIN_PERIOD, MessageKind,
-    Script, Times, Window,
+    Act, AfterStall, Damage, Direction, Directions, DspEvent, Fault, Happening, HelicopterEvent,
+    MIN_PERIOD, MessageKind, Script, Times, Window,
 };
-pub use table::{Kind, MAX_FAULTS};
+pub use table::MAX_FAULTS;
 
 use bytes::ByteStage;
 use messages::{MessageFault, MessageStage};
@@ -187,14 +189,14 @@ impl Injector {
         .min()
     }
 
-    /// Does what is due by `now` to the port, and gives the next thing that is due to happen inside the DSP; to be asked
-    /// until there is nothing.
-    pub fn next_event(&mut self, now: Duration) -> Option<DspEvent> {
+    /// Does what is due by `now` to the port, and gives the next thing that is due to happen to the DSP or the helicopter;
+    /// call it until there is nothing.
+    pub fn next_event(&mut self, now: Duration) -> Option<Happening> {
         while let Some((due, event)) = self.timetable.take(now) {
             match event {
-                Event::Dsp(event) => {
-                    self.count(event);
-                    return Some(event);
+                Event::Happens(happening) => {
+                    self.counters.count(happening);
+                    return Some(happening);
                 }
                 Event::HangUp { length, elsewhere } => self.hang_up(due, length, elsewhere),
             }
@@ -288,7 +290,7 @@ impl Injector {
                 }
             }
             // The timetable has them.
-            Fault::Dsp { .. } | Fault::HangUp { .. } => {}
+            Fault::Dsp { .. } | Fault::Helicopter { .. } | Fault::HangUp { .. } => {}
         }
     }
 
@@ -302,17 +304,6 @@ impl Injector {
             elsewhere,
         };
         self.counters.hang_ups += 1;
-    }
-
-    fn count(&mut self, event: DspEvent) {
-        let counter = match event {
-            DspEvent::RaiseError(_) => &mut self.counters.errors_raised,
-            DspEvent::Reboot => &mut self.counters.reboots,
-            DspEvent::StopStatus => &mut self.counters.status_stops,
-            DspEvent::Hang(_) => &mut self.counters.hangs,
-            DspEvent::ClockJump(_) => &mut self.counters.clock_jumps,
-        };
-        *counter += 1;
     }
 }
 

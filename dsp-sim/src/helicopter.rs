@@ -19,16 +19,22 @@
 //! | spinning down | | the rotor stands |
 //!
 //! The nose follows the course on a path, and stays where it is otherwise.
+//!
+//! While the pilot's switch stands on manual, the DSP flies no waypoints: the helicopter comes to rest straight ahead and
+//! holds its position, as if the pilot did so, and the path buffer stays as it is. A take-off or landing goes on; none
+//! begins.
 
 pub mod body;
 pub mod control;
+pub mod energy;
 pub mod geodesy;
+mod gps;
 pub mod guidance;
 pub mod line;
 pub mod path;
+pub mod pilot;
 pub mod sensors;
 pub mod smoother;
-pub mod supply;
 pub mod vector;
 pub mod wind;
 
@@ -42,13 +48,15 @@ use crate::random::Random;
 
 use body::{Body, Controls, GRAVITY_MPS2};
 use control::{Controller, Gains};
+use energy::{Energy, EnergyModel};
 use geodesy::LocalFrame;
+use gps::GpsErrors;
 use guidance::{Guidance, MIN_PATH_HEIGHT_M};
 use line::Limits;
 use path::{PATH_PLACES, PathBuffer};
+use pilot::{Pilot, PilotSwitch};
 use sensors::{Sensors, Trims, Truth};
 use smoother::{Reference, Smoother};
-use supply::Stores;
 use vector::Vector;
 use wind::{Wind, WindModel};
 
@@ -83,6 +91,8 @@ pub struct Model {
     pub seed: u64,
     /// Time from the start until the GPS has its first fix.
     pub gps_fix_after: Duration,
+    /// Battery and fuel.
+    pub energy: EnergyModel,
 }
 
 /// What the ports set (`docs/protocol.md` section 6).
@@ -147,7 +157,6 @@ pub struct Arrival {
 /// The helicopter.
 #[derive(Clone, Debug)]
 pub struct Helicopter {
-    model: Model,
     world: LocalFrame,
     settings: Settings,
     steps: u64,
@@ -159,7 +168,9 @@ pub struct Helicopter {
     controller: Controller,
     controls: Controls,
     body: Body,
-    stores: Stores,
+    energy: Energy,
+    pilot: Pilot,
+    gps: GpsErrors,
     wind: Wind,
     sensors: Sensors,
     arrivals: VecDeque<Arrival>,
@@ -171,7 +182,6 @@ impl Helicopter {
     pub fn new(model: Model, settings: Settings) -> Helicopter {
         let yaw_rad = geodesy::wrap_radians(model.heading_deg.to_radians());
         Helicopter {
-            model,
             world: LocalFrame::new(model.home),
             settings,
             steps: 0,
@@ -183,7 +193,9 @@ impl Helicopter {
             controller: Controller::new(yaw_rad),
             controls: Controls::default(),
             body: Body::at_home(yaw_rad),
-            stores: Stores::default(),
+            energy: Energy::new(model.energy),
+            pilot: Pilot::default(),
+            gps: GpsErrors::new(model.gps_fix_after),
             wind: Wind::new(model.wind, Random::new(model.seed, 1)),
             sensors: Sensors::new(Random::new(model.seed, 2), model.noise_level),
             arrivals: VecDeque::new(),
@@ -197,8 +209,9 @@ impl Helicopter {
         while self.steps < steps {
             if self.phase == Phase::OnGround {
                 let idle_s = (steps - self.steps) as f64 * STEP_S;
-                self.stores.step(0.0, false, idle_s);
+                self.energy.step(0.0, false, idle_s);
                 self.steps = steps;
+                self.pilot.advance(self.now());
             } else {
                 self.step();
             }
@@ -213,16 +226,16 @@ impl Helicopter {
 
     /// Whether [`take_off`](Self::take_off) would begin a take-off now.
     pub fn may_take_off(&self) -> bool {
-        self.phase == Phase::OnGround
+        self.phase == Phase::OnGround && self.switch() == PilotSwitch::Auto
     }
 
     /// Starts the rotor and takes off. Repeating it during a take-off changes nothing.
     ///
     /// # Errors
-    /// The helicopter flies or lands.
+    /// The helicopter flies or lands, or the pilot's switch stands on manual.
     pub fn take_off(&mut self) -> Result<(), Refused> {
         match self.phase {
-            Phase::OnGround => {
+            Phase::OnGround if self.may_take_off() => {
                 let above = Vector::new(0.0, 0.0, self.settings.take_off_height_m);
                 self.take_off_target_m = self.body.position_m + above;
                 self.enter(Phase::SpinningUp);
@@ -236,10 +249,10 @@ impl Helicopter {
     /// Empties the path, sinks to the ground and stops the rotor. Repeating it during a landing changes nothing.
     ///
     /// # Errors
-    /// The helicopter stands or takes off.
+    /// The helicopter stands or takes off, or the pilot's switch stands on manual.
     pub fn land(&mut self) -> Result<(), Refused> {
         match self.phase {
-            Phase::Hovering | Phase::FollowingPath => {
+            Phase::Hovering | Phase::FollowingPath if self.switch() == PilotSwitch::Auto => {
                 self.path.clear();
                 self.guidance.land();
                 self.enter(Phase::Landing);
@@ -287,6 +300,43 @@ impl Helicopter {
         self.clear_path();
     }
 
+    /// Position of the pilot's switch.
+    pub fn switch(&self) -> PilotSwitch {
+        self.pilot.switch()
+    }
+
+    /// Moves the pilot's switch and leaves it there.
+    pub fn set_switch(&mut self, switch: PilotSwitch) {
+        self.pilot.set(switch);
+        self.stop_for_pilot();
+    }
+
+    /// Moves the pilot's switch to manual for `length`.
+    pub fn take_over(&mut self, length: Duration) {
+        self.pilot.take_over(self.now().saturating_add(length));
+        self.stop_for_pilot();
+    }
+
+    /// Sets the voltage of the battery at rest; in a hover it reads 0.4 V less.
+    pub fn set_battery_v(&mut self, volts: f64) {
+        self.energy.set_battery_v(volts);
+    }
+
+    /// Sets what is left of the fuel, %.
+    pub fn set_fuel_percent(&mut self, percent: f64) {
+        self.energy.set_fuel_percent(percent);
+    }
+
+    /// Takes the fix from the GPS for `length`.
+    pub fn lose_gps_fix(&mut self, length: Duration) {
+        self.gps.lose_fix(self.now().saturating_add(length));
+    }
+
+    /// Lets the altitude of the GPS drift at `rate_mps` for `length`; the error that it has reached then stays.
+    pub fn drift_gps_altitude(&mut self, rate_mps: f64, length: Duration) {
+        self.gps.drift(self.now(), rate_mps, length);
+    }
+
     /// Replaces the settings.
     pub fn set_settings(&mut self, settings: Settings) {
         self.settings = settings;
@@ -299,9 +349,11 @@ impl Helicopter {
             controls: &self.controls,
             aims: self.controller.aims(),
             trims: &self.settings.trims,
-            stores: &self.stores,
+            energy: &self.energy,
+            switch: self.pilot.switch(),
             world: &self.world,
-            gps_fix: self.now() >= self.model.gps_fix_after,
+            gps_fix: self.gps.has_fix(self.now()),
+            gps_altitude_error_m: self.gps.altitude_error_m(self.now()),
         };
         self.sensors.read(&truth)
     }
@@ -370,11 +422,18 @@ impl Helicopter {
     /// One step of everything.
     fn step(&mut self) {
         self.steps += 1;
+        self.pilot.advance(self.now());
         self.wind.step(STEP_S);
         self.controls = if self.stands() {
             self.controller.stand(&self.body, &self.settings.gains)
         } else {
-            self.guidance.step(&self.path, &self.settings.limits);
+            // The DSP flies no waypoints while the pilot flies.
+            let nothing = PathBuffer::default();
+            let path = match self.switch() {
+                PilotSwitch::Auto => &self.path,
+                PilotSwitch::Manual => &nothing,
+            };
+            self.guidance.step(path, &self.settings.limits);
             let reference = self.smoother.step(self.guidance.position_m(), STEP_S);
             let turn = self.phase == Phase::FollowingPath;
             self.controller
@@ -387,9 +446,16 @@ impl Helicopter {
         self.body
             .step(&self.controls, self.wind.velocity_mps(), STEP_S);
         let load = self.body.thrust_mps2 / GRAVITY_MPS2;
-        self.stores.step(load, self.body.rotor_rpm > 0.0, STEP_S);
+        self.energy.step(load, self.body.rotor_rpm > 0.0, STEP_S);
         self.check_arrival();
         self.check_phase();
+    }
+
+    /// Leaves the path when the pilot has taken over. The waypoints stay in the buffer.
+    fn stop_for_pilot(&mut self) {
+        if self.switch() == PilotSwitch::Manual && self.phase == Phase::FollowingPath {
+            self.guidance.brake();
+        }
     }
 
     /// Whether the skids carry the helicopter.

@@ -43,7 +43,7 @@ pub struct PtyError {
 }
 
 impl Pty {
-    /// Opens a pseudo-terminal and makes it raw: no byte is echoed, changed or swallowed.
+    /// Opens a pseudo-terminal and makes it raw: no byte is echoed, changed or dropped.
     ///
     /// # Errors
     /// The system has none left, or lacks `/dev/pts`.

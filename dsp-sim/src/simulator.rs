@@ -13,7 +13,10 @@ use dsp_protocol::{DspErrorCode, Profile};
 use crate::device::Dsp;
 use crate::device::firmware::Firmware;
 use crate::device::ports::Ports;
-use crate::faults::{Direction, DspEvent, FaultCounters, Injector, PortState, Script};
+use crate::faults::{
+    Direction, DspEvent, FaultCounters, Happening, HelicopterEvent, Injector, PortState, Script,
+};
+use crate::helicopter::pilot::PilotSwitch;
 use crate::helicopter::{Helicopter, Model};
 use crate::line::Lane;
 
@@ -109,7 +112,7 @@ impl Simulator {
             self.deliver();
             self.dsp.advance(self.now, &mut self.helicopter);
             self.ferry();
-            self.suffer();
+            self.apply_faults();
         }
         self.now = self.now.max(now);
         self.helicopter.advance(self.now);
@@ -303,16 +306,13 @@ impl Simulator {
     }
 
     /// Lets happen what the script of faults has for now.
-    fn suffer(&mut self) {
+    fn apply_faults(&mut self) {
         while let Some(faults) = &mut self.faults
             && let Some(event) = faults.next_event(self.now)
         {
             match event {
-                DspEvent::RaiseError(error) => self.dsp.raise(error),
-                DspEvent::Reboot => self.reboot(),
-                DspEvent::StopStatus => self.dsp.stop_status(),
-                DspEvent::Hang(length) => self.hang(length),
-                DspEvent::ClockJump(milliseconds) => self.dsp.shift_clock(milliseconds),
+                Happening::Dsp(event) => self.apply_to_dsp(event),
+                Happening::Helicopter(event) => self.apply_to_helicopter(event),
             }
         }
         if let Some(faults) = &mut self.faults
@@ -322,6 +322,37 @@ impl Simulator {
             faults.count_unplugged(self.output.len() as u64);
             self.output.clear();
         }
+    }
+
+    fn apply_to_dsp(&mut self, event: DspEvent) {
+        match event {
+            DspEvent::RaiseError(error) => self.dsp.raise(error),
+            DspEvent::Reboot => self.reboot(),
+            DspEvent::StopStatus => self.dsp.stop_status(),
+            DspEvent::Hang(length) => self.hang(length),
+            DspEvent::ClockJump(milliseconds) => self.dsp.shift_clock(milliseconds),
+            DspEvent::ChangeMask(mask) => self.dsp.change_mask(mask),
+        }
+    }
+
+    /// Lets something happen to the helicopter now, as a script does at its time.
+    pub fn apply_to_helicopter(&mut self, event: HelicopterEvent) {
+        self.helicopter.advance(self.now);
+        match event {
+            HelicopterEvent::PilotTakesOver(length) => self.helicopter.take_over(length),
+            HelicopterEvent::BatteryLow { volts } => self.helicopter.set_battery_v(volts),
+            HelicopterEvent::FuelLow { percent } => self.helicopter.set_fuel_percent(percent),
+            HelicopterEvent::GpsAltitudeDrift { rate_mps, length } => {
+                self.helicopter.drift_gps_altitude(rate_mps, length)
+            }
+            HelicopterEvent::LoseFix(length) => self.helicopter.lose_gps_fix(length),
+        }
+    }
+
+    /// Moves the pilot's switch now and leaves it there.
+    pub fn set_pilot_switch(&mut self, switch: PilotSwitch) {
+        self.helicopter.advance(self.now);
+        self.helicopter.set_switch(switch);
     }
 
     /// The DSP stands still; the rest of a message that it was sending comes when it goes on.

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, LogLevel, NodeState, set_log_level_from_env_or};
 
+use crate::domain::owner::OWNERS_DIR;
 use crate::domain::{
     Domain, DomainError, Provider, ProviderWatch, SHM_DIR, dead, management, remains,
 };
@@ -165,6 +166,40 @@ impl Domain {
         ProviderWatch::new(self, robot, service.spec().key).look()
     }
 
+    /// The robots whose `service` a live process provides, in ascending order.
+    ///
+    /// # Errors
+    ///
+    /// When the domain's folder cannot be read.
+    pub fn robots(&self, service: ServiceId) -> Result<Vec<RobotId>, DomainError> {
+        let is_ours = |root: &Entry| root.is_folder && root.is_ours();
+        if !Entry::of(self.root()).as_ref().is_some_and(is_ours) {
+            return Ok(Vec::new());
+        }
+        let folder = self.root().join(OWNERS_DIR);
+        let files = match fs::read_dir(&folder) {
+            Ok(files) => files,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(DomainError::io("read", &folder, error)),
+        };
+        let mut robots = Vec::new();
+        for file in files {
+            let file = file.map_err(|error| DomainError::io("read", &folder, error))?;
+            // The file of a service that was provided once stays; its lock says whether the provider lives.
+            let robot = file.file_name().to_str().and_then(|name| {
+                let (robot, key) = name.split_once('.')?;
+                (key == service.spec().key).then(|| robot.parse().ok())?
+            });
+            if let Some(robot) = robot
+                && self.provider(robot, service)?.is_some()
+            {
+                robots.push(robot);
+            }
+        }
+        robots.sort_unstable();
+        Ok(robots)
+    }
+
     fn nodes(&self) -> Vec<(u128, NodeFacts)> {
         let mut nodes = Vec::new();
         let Ok(config) = self.config() else {
@@ -268,6 +303,30 @@ mod tests {
         assert_eq!(provider(ServiceId::Movement), None);
         drop((other, _publisher, ipc));
         assert_eq!(domain.inspect().entries, 0);
+    }
+
+    #[test]
+    fn the_robots_whose_provider_lives_are_listed() {
+        let domain = Domain::isolated();
+        let robots = || domain.robots(ServiceId::DspTelemetry).unwrap();
+        assert_eq!(robots(), []);
+        let [one, ten] = [1, 10].map(|id| RobotId::new(id).unwrap());
+        let join = |robot| Ipc::join(&domain, robot, "bridge").unwrap();
+        let (first, second) = (join(ten), join(one));
+        assert_eq!(robots(), []);
+        let publisher = first.publisher::<DspTelemetry>().unwrap();
+        let other = second.publisher::<DspTelemetry>().unwrap();
+        assert_eq!(robots(), [one, ten]);
+        assert_eq!(domain.robots(ServiceId::Movement).unwrap(), []);
+        // Whatever else lies in the folder is no robot.
+        let owners = domain.root().join(OWNERS_DIR);
+        for name in ["x.dsp_telemetry", "0.dsp_telemetry", "2", "3.dsp_telemetry"] {
+            fs::write(owners.join(name), "").unwrap();
+        }
+        drop(other);
+        assert_eq!(robots(), [ten]);
+        drop((publisher, first, second));
+        assert_eq!(robots(), []);
     }
 
     #[test]

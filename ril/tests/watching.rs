@@ -215,7 +215,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
         ..position(1.0)
     });
     let shown = json(&rig.run("state --json", 0).stdout[0]);
-    assert_eq!(shown["schema"], "ril.State.v1");
+    assert_eq!(shown["schema"], "ril.State.v2");
     assert_eq!(shown["robot"], 1);
     assert_eq!(shown["module"]["status"], "running");
     assert_eq!(shown["link"]["state"], "up");
@@ -227,6 +227,13 @@ fn the_state_shows_names_ages_and_what_is_stale() {
     let text = rig.run("state", 0).stdout;
     assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
     assert!(says(&text, "s old, STALE"), "{text:#?}");
+    assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
+    assert!(
+        says(&text, "link        up since an unknown time"),
+        "{text:#?}"
+    );
+    assert!(says(&text, "DSP path    empty; "), "{text:#?}");
+    assert!(says(&text, "safety      no rule violated"), "{text:#?}");
     assert!(says(&text, "hero        no sample"), "{text:#?}");
 
     let status = StandInStatus::start(&rig.domain);

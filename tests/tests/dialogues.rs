@@ -368,6 +368,8 @@ struct PcSide {
 struct Silent;
 
 impl Outputs for Silent {
+    fn notice(&mut self, _: &bridge::outputs::Notice) {}
+
     fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
         fill(&mut DspTelemetry::default());
     }

@@ -200,7 +200,7 @@ impl Flight {
         };
         if is_under_way {
             if let DspOrder::Confirming { .. } = step {
-                self.set_step(DspOrder::UnderWay);
+                self.under_way(cx);
             }
             return;
         }
@@ -249,7 +249,7 @@ impl Flight {
     pub(super) fn watch_dsp_order<O: Outputs>(&mut self, flying: bool, cx: &mut Context<'_, O>) {
         match (self.motion, self.dsp_order().copied()) {
             (Motion::TakingOff(_), Some(DspOrder::Confirming { .. })) if flying => {
-                self.set_step(DspOrder::UnderWay);
+                self.under_way(cx);
             }
             // Touch-down: the landing lasts until the rotor has stopped, which its port tells.
             (Motion::Landing(_), Some(DspOrder::Confirming { .. } | DspOrder::UnderWay))
@@ -302,12 +302,19 @@ impl Flight {
     }
 
     fn set_step(&mut self, to: DspOrder) {
-        if to == DspOrder::UnderWay {
-            // The next look is due when something shows that the movement may be over.
-            self.timers.stop(FlightTimer::Step);
-        }
         if let Some(step) = self.dsp_order_mut() {
             *step = to;
+        }
+    }
+
+    /// The DSP carries the order out. The end of a landing shows by the flying flag; that of a take-off by flow control, and
+    /// by the port should that stay away.
+    fn under_way<O>(&mut self, cx: &Context<'_, O>) {
+        self.set_step(DspOrder::UnderWay);
+        self.timers.stop(FlightTimer::Step);
+        if let Motion::TakingOff(_) = self.motion {
+            self.timers
+                .arm(FlightTimer::Step, cx.now + CLIMB_LOOK_PERIOD);
         }
     }
 

@@ -17,6 +17,7 @@ impl Flight {
         cx: &mut Context<'_, O>,
     ) {
         self.is_changed = true;
+        self.refusal = ImiError::None;
         match &mut self.motion {
             Motion::Stopping { then, .. } => {
                 *then = then.with_fatal(error);
@@ -118,7 +119,7 @@ impl Flight {
     }
 
     /// The DSP may take the bridge for gone and stop by itself: the path is not under way any more.
-    pub(super) fn keep_alive_failed<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+    pub(super) fn path_dropped<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         if let Motion::Following(_) = self.motion {
             self.fatal(
                 ImiError::CommunicationFatalError,

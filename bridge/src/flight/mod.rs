@@ -136,7 +136,7 @@ impl Flight {
             LinkEvent::PathNotEmptied => self.path_not_emptied(cx),
             LinkEvent::Delivered(command, data) => self.delivered(*command, *data, cx),
             LinkEvent::Undelivered(command) => self.undelivered(*command, cx),
-            LinkEvent::KeepAliveFailed => self.keep_alive_failed(cx),
+            LinkEvent::PathDropped => self.path_dropped(cx),
             LinkEvent::DspError { code, starting } => self.dsp_error(*code, *starting, cx),
             LinkEvent::Rebooted => {
                 self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx);

@@ -5,7 +5,7 @@ use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, DspErrorCode, Uplink, Waypoint, port};
 use ipc_types::code::{ImiError, Reason};
 
-use super::arrival::{Tracker, distance_m, ground_distance_m};
+use super::arrival::{Tracker, distance_m};
 use super::motion::{Motion, PathStep, Rest};
 use super::movement::here;
 use super::report::{Detail, Verdict};
@@ -23,9 +23,6 @@ const COUNT_WAYPOINTS: Command = Command::Read16 {
 /// Error 30 so often since a waypoint was first sent means that the DSP refuses it. One may be the answer to a waypoint
 /// that was damaged on its way, or to the question for a count that the DSP does not have.
 const REFUSALS: u32 = 2;
-
-/// The DSP's own acceptance radius at boot (port 20002): nearer than this it has certainly ended the path.
-const ACCEPTANCE_RADIUS_M: f64 = 0.5;
 
 /// The path under way. It keeps its memory from path to path.
 #[derive(Debug)]
@@ -225,10 +222,11 @@ impl Flight {
     /// The helicopter is in the box of the last waypoint, which may be wider than the DSP's own rule: it goes on to the
     /// waypoint, as far as the DSP takes it.
     fn watch_settling<O: Outputs>(&mut self, position: &Geographic, cx: &mut Context<'_, O>) {
-        let is_there = self.route.target().is_none_or(|target| {
-            ground_distance_m(position, target).hypot(position.altitude_m - target.altitude_m)
-                <= ACCEPTANCE_RADIUS_M
-        });
+        let radius_m = cx.link.parameters().acceptance_radius_m();
+        let is_there = self
+            .route
+            .target()
+            .is_none_or(|target| distance_m(&here(position), target) <= radius_m);
         if is_there {
             self.settled(cx);
         }

@@ -72,6 +72,8 @@ pub struct Acknowledged<P> {
     pub purpose: P,
     /// The acknowledgement can only be that of this command.
     pub is_certain: bool,
+    /// When its first attempt was sent: the DSP has got one of the attempts since.
+    pub sent: MonotonicNs,
 }
 
 impl Ack {
@@ -111,7 +113,8 @@ struct Outstanding<P> {
     attempts: u32,
     /// No late acknowledgement of an earlier command of the same code can arrive any more.
     is_certain: bool,
-    /// When the last attempt was sent.
+    /// When the first and the last attempt were sent.
+    first_sent: MonotonicNs,
     sent: MonotonicNs,
     deadline: MonotonicNs,
 }
@@ -165,6 +168,7 @@ impl<P: Copy> CommandQueue<P> {
             purpose,
             attempts: 1,
             is_certain: now >= self.late_until(command),
+            first_sent: now,
             sent: now,
             deadline: now + self.timeout,
         });
@@ -182,6 +186,7 @@ impl<P: Copy> CommandQueue<P> {
         Some(Acknowledged {
             purpose: outstanding.purpose,
             is_certain: outstanding.is_certain || ack.acknowledges.is_some(),
+            sent: outstanding.first_sent,
         })
     }
 

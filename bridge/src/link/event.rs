@@ -83,8 +83,8 @@ pub enum LinkEvent {
     Delivered(FlightCommand, AckData),
     /// A command of the flight was not acknowledged: an ack error.
     Undelivered(FlightCommand),
-    /// The DSP does not answer the keep-alive: an ack error.
-    KeepAliveFailed,
+    /// The DSP has acknowledged nothing for so long that it may have taken the PC for gone and dropped the path.
+    PathDropped,
     /// The DSP reports an error; `starting` while start-up is not done, when errors are to be expected.
     DspError {
         /// The error.

@@ -189,7 +189,7 @@ impl Link {
     fn started_up(&mut self, now: MonotonicNs, start_up: StartUp) {
         self.failed_start_ups = 0;
         self.cannot_empty_path = false;
-        self.enter(State::Up(Session::begin(start_up)), now);
+        self.enter(State::Up(Session::begin(now, start_up)), now);
         self.message_arrived(now);
         self.expect_status(now);
         self.events.push_back(LinkEvent::Ready);

@@ -79,6 +79,17 @@ enum State {
     Silent(Session),
 }
 
+/// A command of the flight was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotQueued {
+    /// Too many commands wait.
+    #[error(transparent)]
+    Full(#[from] QueueFull),
+    /// The DSP has not been started up.
+    #[error("the DSP has not been started up")]
+    NotStartedUp,
+}
+
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Link {
@@ -187,9 +198,14 @@ impl Link {
     /// Queues a command for the flight.
     ///
     /// # Errors
-    /// [`QueueFull`]; nothing has changed.
-    pub fn command(&mut self, command: Command, purpose: FlightCommand) -> Result<(), QueueFull> {
-        self.commands.push(command, Purpose::Flight(purpose))
+    /// [`NotQueued`]; nothing has changed.
+    pub fn command(&mut self, command: Command, purpose: FlightCommand) -> Result<(), NotQueued> {
+        match self.state {
+            State::Up(_) | State::Silent(_) => {
+                Ok(self.commands.push(command, Purpose::Flight(purpose))?)
+            }
+            State::Gone | State::Connecting(_) => Err(NotQueued::NotStartedUp),
+        }
     }
 
     /// Whether such a command of the flight waits or is outstanding.
@@ -329,6 +345,11 @@ impl Link {
     }
 
     /// The parameters that are written at each start-up.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The parameters that are written at each start-up, to add one.
     pub fn parameters_mut(&mut self) -> &mut Parameters {
         &mut self.parameters
     }
@@ -369,7 +390,8 @@ impl Link {
             }
             // They are sent again when the next status is overdue; a DSP that answers nothing else falls silent.
             Purpose::StatusProbe { .. } | Purpose::ReactivateStatus | Purpose::RewriteMask => {}
-            Purpose::KeepAlive => self.events.push_back(LinkEvent::KeepAliveFailed),
+            // The next one follows; how long the DSP has been without one is looked at then.
+            Purpose::KeepAlive => {}
             Purpose::EmptyPath => self.path_not_emptied(),
             Purpose::Flight(command) => {
                 self.discard_waiting_bytes();

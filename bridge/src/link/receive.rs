@@ -114,12 +114,16 @@ impl Link {
         let Some(Acknowledged {
             purpose,
             is_certain,
+            sent,
         }) = self.commands.acknowledge(ack)
         else {
             return increment(&mut self.health.acks_unmatched);
         };
         increment(&mut self.health.commands_acknowledged);
         self.arm_command_timer();
+        if let State::Up(session) = &mut self.state {
+            session.heard = session.heard.max(sent);
+        }
         match purpose {
             Purpose::StartUp(step) => self.step_done(now, step, ack.data, is_certain),
             Purpose::Probe => self.probe_answered(now, ack.data, is_certain),

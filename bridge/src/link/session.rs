@@ -20,6 +20,8 @@ pub(super) struct Session {
     pub path: DspPath,
     /// It empties its path buffer by itself when the PC is gone.
     pub has_pc_timeout: bool,
+    /// When the last message was sent that the DSP is known to have got.
+    pub heard: MonotonicNs,
     /// Probes in a row that were answered without any other message.
     pub probe_only_replies: u32,
     /// A mask that is not ours, in the last status and how often in a row.
@@ -30,8 +32,9 @@ pub(super) struct Session {
 
 impl Session {
     /// A DSP that has just been started up.
-    pub fn begin(start_up: StartUp) -> Session {
+    pub fn begin(now: MonotonicNs, start_up: StartUp) -> Session {
         Session {
+            heard: now,
             path: if start_up.is_path_empty {
                 DspPath::Empty
             } else {
@@ -116,10 +119,17 @@ impl Link {
         }
     }
 
+    /// The time for a sign of life has come. When the DSP has acknowledged nothing for as long as it waits for the PC, it may have
+    /// emptied its path buffer by itself.
     pub(super) fn keep_alive(&mut self, now: MonotonicNs) {
-        let is_flown = matches!(self.state, State::Up(session) if session.path != DspPath::Empty);
-        if !is_flown {
+        let State::Up(session) = self.state else {
             return;
+        };
+        if session.path == DspPath::Empty {
+            return;
+        }
+        if now.since(session.heard) >= self.config.link.pc_timeout() {
+            self.events.push_back(LinkEvent::PathDropped);
         }
         self.schedule_keep_alive(now);
         if !self.commands.has(|purpose| *purpose == Purpose::KeepAlive) {

@@ -7,10 +7,10 @@ use std::collections::HashMap;
 
 use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
-use dsp_protocol::downlink::Geographic;
+use dsp_protocol::downlink::{Geographic, ServoPulses, Supply};
 use dsp_protocol::{
     Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile, Refusal,
-    Sequence, Status, Uplink, Waypoint, port,
+    Sequence, Status, StatusMask, Uplink, Waypoint, port,
 };
 use ipc_types::MonotonicNs;
 use ipc_types::code::{
@@ -58,6 +58,8 @@ pub struct ScriptedDsp {
     pub grants: bool,
     /// It sends status; a command switches it on.
     pub sends_status: bool,
+    /// Time between two statuses.
+    pub status_period_ms: u32,
     pub mask: u16,
     /// It has the port that counts waypoints.
     pub counts: bool,
@@ -94,6 +96,7 @@ impl Default for ScriptedDsp {
             silent: false,
             grants: true,
             sends_status: true,
+            status_period_ms: 20,
             mask: 0,
             counts: true,
             loses: 0,
@@ -106,10 +109,7 @@ impl Default for ScriptedDsp {
             ports_32: HashMap::new(),
             held: vec![],
             time_ms: 0,
-            status: Status {
-                geographic: Some(HOME),
-                ..Status::default()
-            },
+            status: all_groups(),
             commands: vec![],
             waypoints: vec![],
             profile: Profile::Classic,
@@ -118,6 +118,40 @@ impl Default for ScriptedDsp {
         }
     }
 }
+
+/// A status with every group, on the ground, with the pilot's switch on auto.
+fn all_groups() -> Status {
+    Status {
+        geographic: Some(HOME),
+        xy: Some(Default::default()),
+        gps_velocity: Some(Default::default()),
+        gps_quality: Some(1),
+        attitude: Some(Default::default()),
+        acceleration: Some(Default::default()),
+        angular_rate: Some(Default::default()),
+        pilot_pwm: Some(PULSES),
+        sonar_adc: Some(0),
+        supply: Some(Supply {
+            battery_mv: 25_000,
+            fuel_percent: 90,
+            auto_switch: 1,
+        }),
+        pan_tilt: Some(Default::default()),
+        rotor_rpm: Some(0),
+        barometer_adc: Some(0),
+        actuation: Some(PULSES),
+        references: Some(Default::default()),
+        ..Status::default()
+    }
+}
+
+const PULSES: ServoPulses = ServoPulses {
+    collective_us: 1500,
+    roll_us: 1500,
+    pitch_us: 1500,
+    tail_us: 1500,
+    throttle_us: 1500,
+};
 
 pub const HOME: Geographic = Geographic {
     latitude_deg: 37.0,
@@ -248,6 +282,23 @@ impl ScriptedDsp {
         }
     }
 
+    /// Forgets what a reboot makes a DSP forget.
+    pub fn reboot(&mut self) {
+        (self.mask, self.time_ms, self.sends_status, self.grants) = (0, 0, false, false);
+        self.ports_16.clear();
+        self.ports_32.clear();
+        self.held.clear();
+    }
+
+    /// The commands so far, without the bridge's signs of life.
+    pub fn asked(&self) -> Vec<Command> {
+        let keep_alive = Command::Read16 {
+            port: port::PC_TIMEOUT_MS,
+        };
+        let commands = self.commands.iter().copied();
+        commands.filter(|command| *command != keep_alive).collect()
+    }
+
     pub fn at(&mut self, waypoint: Waypoint) {
         self.status.geographic = Some(Geographic {
             latitude_deg: waypoint.latitude_deg,
@@ -325,12 +376,13 @@ impl Desk {
             self.now = MonotonicNs(self.now.0 + 10_000_000);
             self.dsp.time_ms += 10;
             if !self.dsp.silent && self.bridge.link() != LinkState::Gone {
-                if self.dsp.time_ms.is_multiple_of(20)
+                if self.dsp.time_ms.is_multiple_of(self.dsp.status_period_ms)
                     && self.dsp.mask != 0
                     && self.dsp.sends_status
                 {
                     let mut status = self.dsp.status;
                     status.time_ms = Some(self.dsp.time_ms);
+                    status.withdraw(StatusMask(!self.dsp.mask));
                     self.say(Downlink::Status(status));
                 }
                 if self.dsp.time_ms.is_multiple_of(100) {

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::script::{DspEvent, Happening, HelicopterEvent};
+
 /// What was done to one direction of the line.
 ///
 /// No byte is lost uncounted: [`gained`](Self::gained) equals [`lost`](Self::lost), those that `left`, and those that
@@ -31,7 +33,7 @@ impl DirectionCounters {
             + bytes.stall_dropped
             + bytes.outage_dropped
             + bytes.overflowed
-            + self.messages.swallowed_bytes
+            + self.messages.dropped_bytes
     }
 
     /// All counters with their names, in the order in which they are told.
@@ -109,10 +111,10 @@ impl ByteCounters {
 /// What was done to whole messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MessageCounters {
-    /// Messages that were swallowed.
-    pub swallowed: u64,
+    /// Messages that were dropped.
+    pub dropped: u64,
     /// Their bytes.
-    pub swallowed_bytes: u64,
+    pub dropped_bytes: u64,
     /// Messages that came twice.
     pub repeated: u64,
     /// The bytes of their copies.
@@ -126,16 +128,16 @@ pub struct MessageCounters {
 impl MessageCounters {
     fn named(&self) -> [(u64, &'static str); 6] {
         let MessageCounters {
-            swallowed,
-            swallowed_bytes,
+            dropped,
+            dropped_bytes,
             repeated,
             repeated_bytes,
             late,
             reordered,
         } = *self;
         [
-            (swallowed, "messages swallowed"),
-            (swallowed_bytes, "bytes swallowed"),
+            (dropped, "messages dropped"),
+            (dropped_bytes, "bytes dropped"),
             (repeated, "messages repeated"),
             (repeated_bytes, "bytes repeated"),
             (late, "messages late"),
@@ -163,6 +165,18 @@ pub struct FaultCounters {
     pub unheard_bytes: u64,
     /// How often the DSP's clock jumped.
     pub clock_jumps: u64,
+    /// How often the status mask changed on the DSP.
+    pub mask_changes: u64,
+    /// How often the pilot took over.
+    pub pilot_takeovers: u64,
+    /// How often the battery fell to a voltage of the script.
+    pub battery_drops: u64,
+    /// How often the fuel fell to an amount of the script.
+    pub fuel_drops: u64,
+    /// How often the altitude of the GPS began to drift.
+    pub gps_drifts: u64,
+    /// How often the GPS lost its fix.
+    pub gps_fix_losses: u64,
     /// How often the port was hung up.
     pub hang_ups: u64,
     /// Bytes to the PC that found the port gone.
@@ -170,8 +184,30 @@ pub struct FaultCounters {
 }
 
 impl FaultCounters {
+    /// Counts something that happens beyond the serial link and the port.
+    pub(super) fn count(&mut self, happening: Happening) {
+        let counter = match happening {
+            Happening::Dsp(event) => match event {
+                DspEvent::RaiseError(_) => &mut self.errors_raised,
+                DspEvent::Reboot => &mut self.reboots,
+                DspEvent::StopStatus => &mut self.status_stops,
+                DspEvent::Hang(_) => &mut self.hangs,
+                DspEvent::ClockJump(_) => &mut self.clock_jumps,
+                DspEvent::ChangeMask(_) => &mut self.mask_changes,
+            },
+            Happening::Helicopter(event) => match event {
+                HelicopterEvent::PilotTakesOver(_) => &mut self.pilot_takeovers,
+                HelicopterEvent::BatteryLow { .. } => &mut self.battery_drops,
+                HelicopterEvent::FuelLow { .. } => &mut self.fuel_drops,
+                HelicopterEvent::GpsAltitudeDrift { .. } => &mut self.gps_drifts,
+                HelicopterEvent::LoseFix(_) => &mut self.gps_fix_losses,
+            },
+        };
+        *counter += 1;
+    }
+
     /// What was done elsewhere than on the line.
-    fn events(&self) -> [(u64, &'static str); 8] {
+    fn events(&self) -> [(u64, &'static str); 14] {
         let FaultCounters {
             to_pc: _,
             to_dsp: _,
@@ -181,6 +217,12 @@ impl FaultCounters {
             hangs,
             unheard_bytes,
             clock_jumps,
+            mask_changes,
+            pilot_takeovers,
+            battery_drops,
+            fuel_drops,
+            gps_drifts,
+            gps_fix_losses,
             hang_ups,
             unplugged_bytes,
         } = *self;
@@ -191,6 +233,12 @@ impl FaultCounters {
             (hangs, "hangs"),
             (unheard_bytes, "bytes not heard"),
             (clock_jumps, "clock jumps"),
+            (mask_changes, "mask changes"),
+            (pilot_takeovers, "pilot takeovers"),
+            (battery_drops, "battery drops"),
+            (fuel_drops, "fuel drops"),
+            (gps_drifts, "GPS altitude drifts"),
+            (gps_fix_losses, "GPS fix losses"),
             (hang_ups, "port hang-ups"),
             (unplugged_bytes, "bytes to a port that was gone"),
         ]

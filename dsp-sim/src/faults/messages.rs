@@ -1,7 +1,7 @@
 //! What happens to whole messages of one direction.
 //!
 //! Bytes are held until they make a message or cannot make one: a decoder of `dsp-protocol` says which. So a message is
-//! swallowed, repeated or moved as a whole, and never put into the middle of another. Bytes that are no message pass
+//! dropped, repeated or moved as a whole, and never put into the middle of another. Bytes that are no message pass
 //! untouched, for the receiver to refuse. Nobody notices the holding: a receiver acts on the last byte of a message.
 
 use std::collections::VecDeque;
@@ -160,8 +160,8 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
         let has_waited = !waited.is_empty();
         let fate = self.fate(at, kind, has_waited);
         if fate.copies == 0 {
-            self.counters.swallowed += 1;
-            self.counters.swallowed_bytes += message.len() as u64;
+            self.counters.dropped += 1;
+            self.counters.dropped_bytes += message.len() as u64;
         } else if let Some(fault) = fate.held_by.and_then(|index| self.faults.get_mut(index)) {
             self.counters.reordered += 1;
             fault.held = Some(message);
@@ -192,7 +192,7 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
                 continue;
             }
             match fault.act {
-                Act::Swallow => fate.copies = 0,
+                Act::Drop => fate.copies = 0,
                 Act::Repeat if fate.copies > 0 => fate.copies = 2,
                 Act::Repeat => {}
                 Act::Late(delay) => fate.late_by = fate.late_by.saturating_add(delay),

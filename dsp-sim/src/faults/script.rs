@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use dsp_protocol::DspErrorCode;
+use dsp_protocol::{DspErrorCode, StatusMask};
 use serde::Deserialize;
 
 /// Shortest period of what repeats: without a bound, time would stand still at a period of zero.
@@ -60,6 +60,13 @@ pub enum Fault {
         times: Times,
         /// What.
         event: DspEvent,
+    },
+    /// Something happens to the helicopter.
+    Helicopter {
+        /// When.
+        times: Times,
+        /// What.
+        event: HelicopterEvent,
     },
     /// The serial port of the PC is hung up and comes back.
     HangUp {
@@ -204,13 +211,22 @@ impl MessageKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Act {
     /// It is lost.
-    Swallow,
+    Drop,
     /// It comes twice.
     Repeat,
     /// It comes this much later, and others overtake it.
     Late(Duration),
     /// It comes right after the next of its kind.
     Reorder,
+}
+
+/// What a script lets happen beyond the serial link and the port.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Happening {
+    /// Inside the DSP.
+    Dsp(DspEvent),
+    /// To the helicopter.
+    Helicopter(HelicopterEvent),
 }
 
 /// What happens inside the DSP.
@@ -224,8 +240,36 @@ pub enum DspEvent {
     StopStatus,
     /// It neither hears nor says anything for this time, and then goes on as if nothing had been. The helicopter flies on.
     Hang(Duration),
-    /// Its clock, as a status tells it, jumps by so many milliseconds, but not below zero.
+    /// Its clock, as a status carries it, jumps by so many milliseconds, but not below zero.
     ClockJump(i64),
+    /// Its status mask becomes this one, and nothing else changes.
+    ChangeMask(StatusMask),
+}
+
+/// What happens to the helicopter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HelicopterEvent {
+    /// The pilot's switch stands on manual for this time.
+    PilotTakesOver(Duration),
+    /// The battery falls to a voltage.
+    BatteryLow {
+        /// At rest, V; in a hover it reads 0.4 V less.
+        volts: f64,
+    },
+    /// The fuel falls to an amount.
+    FuelLow {
+        /// What is left of a full tank, %.
+        percent: f64,
+    },
+    /// The altitude of the GPS drifts for a time; the error that it has reached then stays.
+    GpsAltitudeDrift {
+        /// By how much the altitude error grows, m/s.
+        rate_mps: f64,
+        /// For how long.
+        length: Duration,
+    },
+    /// The GPS has no fix for this time.
+    LoseFix(Duration),
 }
 
 /// A span of time, once or again and again.

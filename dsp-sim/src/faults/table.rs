@@ -6,111 +6,19 @@
 
 use std::time::Duration;
 
-use dsp_protocol::DspErrorCode;
+use dsp_protocol::{DspErrorCode, StatusMask};
 use runtime::config::Deserializer;
 use serde::Deserialize;
 use serde::de::Error as _;
 
+use super::kind::Kind;
 use super::script::{
-    Act, AfterStall, Damage, Directions, DspEvent, Fault, MessageKind, Script, Times, Window,
+    Act, AfterStall, Damage, Directions, DspEvent, Fault, HelicopterEvent, MessageKind, Script,
+    Times, Window,
 };
 
 /// Faults that a file may hold: every byte asks each of them, and nobody writes more by hand.
 pub const MAX_FAULTS: usize = 256;
-
-/// What a `[[fault]]` table may say as its `kind`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// Bits turn over.
-    FlipBits,
-    /// Bytes are lost.
-    DropBytes,
-    /// Bytes come twice.
-    DuplicateBytes,
-    /// Random bytes are put in.
-    InsertBytes,
-    /// Bytes come late.
-    DelayBytes,
-    /// Bytes come in pieces.
-    SplitBytes,
-    /// Runs of bytes are replaced by random ones.
-    Burst,
-    /// Nothing comes out of the line for a time.
-    Stall,
-    /// Everything is lost.
-    Outage,
-    /// Messages are lost.
-    Swallow,
-    /// Messages come twice.
-    Repeat,
-    /// Messages come late.
-    Late,
-    /// Messages change places.
-    Reorder,
-    /// The DSP queues an error.
-    RaiseError,
-    /// The DSP boots again.
-    Reboot,
-    /// The DSP stops its status transmission.
-    StopStatus,
-    /// The DSP hangs for a time.
-    Hang,
-    /// The DSP's clock jumps.
-    ClockJump,
-    /// The port goes and comes back.
-    HangUp,
-}
-
-impl Kind {
-    /// All kinds.
-    pub const ALL: [Kind; 19] = [
-        Kind::FlipBits,
-        Kind::DropBytes,
-        Kind::DuplicateBytes,
-        Kind::InsertBytes,
-        Kind::DelayBytes,
-        Kind::SplitBytes,
-        Kind::Burst,
-        Kind::Stall,
-        Kind::Outage,
-        Kind::Swallow,
-        Kind::Repeat,
-        Kind::Late,
-        Kind::Reorder,
-        Kind::RaiseError,
-        Kind::Reboot,
-        Kind::StopStatus,
-        Kind::Hang,
-        Kind::ClockJump,
-        Kind::HangUp,
-    ];
-
-    /// The name in a file.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Kind::FlipBits => "flip_bits",
-            Kind::DropBytes => "drop_bytes",
-            Kind::DuplicateBytes => "duplicate_bytes",
-            Kind::InsertBytes => "insert_bytes",
-            Kind::DelayBytes => "delay_bytes",
-            Kind::SplitBytes => "split_bytes",
-            Kind::Burst => "burst",
-            Kind::Stall => "stall",
-            Kind::Outage => "outage",
-            Kind::Swallow => "swallow",
-            Kind::Repeat => "repeat",
-            Kind::Late => "late",
-            Kind::Reorder => "reorder",
-            Kind::RaiseError => "raise_error",
-            Kind::Reboot => "reboot",
-            Kind::StopStatus => "stop_status",
-            Kind::Hang => "hang",
-            Kind::ClockJump => "clock_jump",
-            Kind::HangUp => "hang_up",
-        }
-    }
-}
 
 impl<'de> Deserialize<'de> for Script {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Script, D::Error> {
@@ -172,6 +80,13 @@ struct Table {
     #[serde(default, deserialize_with = "jump_ms")]
     jump_ms: Option<i64>,
     elsewhere: Option<bool>,
+    mask: Option<u16>,
+    #[serde(default, deserialize_with = "volts")]
+    volts: Option<f64>,
+    #[serde(default, deserialize_with = "percent")]
+    percent: Option<f64>,
+    #[serde(default, deserialize_with = "drift_mps")]
+    drift_mps: Option<f64>,
 }
 
 /// What is wrong with a table as a whole.
@@ -251,7 +166,7 @@ impl Table {
                 self.bytes(Damage::Stall { then })
             }
             Kind::Outage => self.bytes(Damage::Outage),
-            Kind::Swallow => self.messages(Act::Swallow),
+            Kind::Drop => self.messages(Act::Drop),
             Kind::Repeat => self.messages(Act::Repeat),
             Kind::Reorder => self.messages(Act::Reorder),
             Kind::Late => {
@@ -271,6 +186,31 @@ impl Table {
             Kind::ClockJump => {
                 let jump_ms = self.need(|table| &mut table.jump_ms, "jump_ms")?;
                 self.dsp(DspEvent::ClockJump(jump_ms))
+            }
+            Kind::ChangeMask => {
+                let mask = self.need(|table| &mut table.mask, "mask")?;
+                self.dsp(DspEvent::ChangeMask(StatusMask(mask)))
+            }
+            Kind::PilotTakesOver => {
+                let length = self.length()?;
+                self.helicopter(HelicopterEvent::PilotTakesOver(length))
+            }
+            Kind::BatteryLow => {
+                let volts = self.need(|table| &mut table.volts, "volts")?;
+                self.helicopter(HelicopterEvent::BatteryLow { volts })
+            }
+            Kind::FuelLow => {
+                let percent = self.need(|table| &mut table.percent, "percent")?;
+                self.helicopter(HelicopterEvent::FuelLow { percent })
+            }
+            Kind::GpsAltitudeDrift => {
+                let rate_mps = self.need(|table| &mut table.drift_mps, "drift_mps")?;
+                let length = self.length()?;
+                self.helicopter(HelicopterEvent::GpsAltitudeDrift { rate_mps, length })
+            }
+            Kind::LoseFix => {
+                let length = self.length()?;
+                self.helicopter(HelicopterEvent::LoseFix(length))
             }
             Kind::HangUp => Ok(Fault::HangUp {
                 times: self.times()?,
@@ -301,6 +241,13 @@ impl Table {
 
     fn dsp(&mut self, event: DspEvent) -> Result<Fault, Misfit> {
         Ok(Fault::Dsp {
+            times: self.times()?,
+            event,
+        })
+    }
+
+    fn helicopter(&mut self, event: HelicopterEvent) -> Result<Fault, Misfit> {
+        Ok(Fault::Helicopter {
             times: self.times()?,
             event,
         })
@@ -376,6 +323,10 @@ impl Table {
             code,
             jump_ms,
             elsewhere,
+            mask,
+            volts,
+            percent,
+            drift_mps,
         } = self;
         [
             (direction.is_some(), "direction"),
@@ -396,6 +347,10 @@ impl Table {
             (code.is_some(), "code"),
             (jump_ms.is_some(), "jump_ms"),
             (elsewhere.is_some(), "elsewhere"),
+            (mask.is_some(), "mask"),
+            (volts.is_some(), "volts"),
+            (percent.is_some(), "percent"),
+            (drift_mps.is_some(), "drift_mps"),
         ]
         .into_iter()
         .find_map(|(is_left, key)| is_left.then_some(key))
@@ -431,6 +386,9 @@ optional! {
     fn gap(f64 => Duration) in 0.01..=1_000.0, milliseconds;
     // A day to and fro.
     fn jump_ms(i64 => i64) in -86_400_000..=86_400_000, |milliseconds| milliseconds;
+    fn volts(f64 => f64) in 0.0..=60.0, |volts| volts;
+    fn percent(f64 => f64) in 0.0..=100.0, |percent| percent;
+    fn drift_mps(f64 => f64) in -100.0..=100.0, |drift| drift;
 }
 
 fn milliseconds(count: f64) -> Duration {

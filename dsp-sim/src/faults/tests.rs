@@ -1,6 +1,6 @@
 //! Both directions and the events together: order, determinism, and that no byte is lost uncounted.
 
-use dsp_protocol::{Command, DspErrorCode, FlowControl, Status, Waypoint};
+use dsp_protocol::{Command, DspErrorCode, FlowControl, Status, StatusMask, Waypoint};
 use proptest::prelude::*;
 
 use super::*;
@@ -107,21 +107,36 @@ fn a_fault_that_is_appended_changes_nothing_of_those_before() {
 
 #[test]
 fn events_come_once_and_are_counted() {
-    let dsp = |at, event| Fault::Dsp {
-        times: Times::once(ms(at)),
-        event,
-    };
-    let events = [
+    let times = Times::once(ms(10));
+    let dsp_events = [
         DspEvent::RaiseError(DspErrorCode(45)),
         DspEvent::Reboot,
         DspEvent::StopStatus,
         DspEvent::Hang(ms(5)),
         DspEvent::ClockJump(-7),
+        DspEvent::ChangeMask(StatusMask(5)),
     ];
-    let mut injector = injector(events.map(|event| dsp(10, event)).to_vec());
+    let helicopter_events = [
+        HelicopterEvent::PilotTakesOver(ms(5)),
+        HelicopterEvent::BatteryLow { volts: 21.0 },
+        HelicopterEvent::FuelLow { percent: 5.0 },
+        HelicopterEvent::GpsAltitudeDrift {
+            rate_mps: 0.1,
+            length: ms(5),
+        },
+        HelicopterEvent::LoseFix(ms(5)),
+    ];
+    let dsp_faults = dsp_events.map(|event| Fault::Dsp { times, event });
+    let helicopter_faults = helicopter_events.map(|event| Fault::Helicopter { times, event });
+    let mut injector = injector([&dsp_faults[..], &helicopter_faults].concat());
+    let events: Vec<Happening> = dsp_events
+        .map(Happening::Dsp)
+        .into_iter()
+        .chain(helicopter_events.map(Happening::Helicopter))
+        .collect();
     assert_eq!(injector.next_deadline(), Some(ms(10)));
     assert_eq!(injector.next_event(ms(9)), None);
-    let came: Vec<DspEvent> = std::iter::from_fn(|| injector.next_event(ms(10))).collect();
+    let came: Vec<Happening> = std::iter::from_fn(|| injector.next_event(ms(10))).collect();
     assert_eq!(came, events);
     assert_eq!(injector.next_deadline(), None);
     let counters = injector.counters();
@@ -131,8 +146,14 @@ fn events_come_once_and_are_counted() {
         counters.status_stops,
         counters.hangs,
         counters.clock_jumps,
+        counters.mask_changes,
+        counters.pilot_takeovers,
+        counters.battery_drops,
+        counters.fuel_drops,
+        counters.gps_drifts,
+        counters.gps_fix_losses,
     ];
-    assert_eq!(counted, [1; 5]);
+    assert_eq!(counted, [1; 11]);
 }
 
 #[test]
@@ -215,7 +236,7 @@ fn faults() -> impl Strategy<Value = Fault> {
         Just(MessageKind::Waypoint)
     ];
     let acts = prop_oneof![
-        Just(Act::Swallow),
+        Just(Act::Drop),
         Just(Act::Repeat),
         (0_u64..300).prop_map(|delay| Act::Late(ms(delay))),
         Just(Act::Reorder)

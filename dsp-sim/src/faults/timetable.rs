@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use super::script::{DspEvent, Fault, Times};
+use super::script::{Fault, Happening, Times};
 
 /// Something that happens at a moment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Event {
-    /// Inside the DSP.
-    Dsp(DspEvent),
+    /// To the DSP or the helicopter.
+    Happens(Happening),
     /// The port goes for a time.
     HangUp {
         /// For how long.
@@ -37,7 +37,10 @@ impl Timetable {
     /// The events among `faults`.
     pub(super) fn new(faults: &[Fault]) -> Timetable {
         let events = faults.iter().filter_map(|fault| match *fault {
-            Fault::Dsp { times, event } => Some((times, Event::Dsp(event))),
+            Fault::Dsp { times, event } => Some((times, Event::Happens(Happening::Dsp(event)))),
+            Fault::Helicopter { times, event } => {
+                Some((times, Event::Happens(Happening::Helicopter(event))))
+            }
             Fault::HangUp {
                 times,
                 length,
@@ -82,6 +85,7 @@ impl Timetable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faults::DspEvent;
 
     fn ms(count: u64) -> Duration {
         Duration::from_millis(count)
@@ -106,7 +110,12 @@ mod tests {
         assert_eq!(timetable.take(ms(9)), None);
         let events = std::iter::from_fn(|| timetable.take(ms(60)));
         let events: Vec<(u128, bool)> = events
-            .map(|(at, event)| (at.as_millis(), event == Event::Dsp(DspEvent::Reboot)))
+            .map(|(at, event)| {
+                (
+                    at.as_millis(),
+                    event == Event::Happens(Happening::Dsp(DspEvent::Reboot)),
+                )
+            })
             .collect();
         let expected = [
             (10, false),

@@ -15,8 +15,9 @@ use super::body::{
     Body, Controls, GRAVITY_MPS2, MAX_TILT_ACCELERATION_RADPS2, MAX_YAW_ACCELERATION_RADPS2,
 };
 use super::control::Aims;
+use super::energy::Energy;
 use super::geodesy::LocalFrame;
-use super::supply::Stores;
+use super::pilot::PilotSwitch;
 use super::vector::Vector;
 
 /// Standard deviations at noise level 1: those of a good receiver with carrier phase, and of a small IMU.
@@ -85,11 +86,15 @@ pub struct Truth<'a> {
     /// Offsets of the servos.
     pub trims: &'a Trims,
     /// Battery and fuel.
-    pub stores: &'a Stores,
+    pub energy: &'a Energy,
+    /// Position of the pilot's switch.
+    pub switch: PilotSwitch,
     /// Where the flat world lies.
     pub world: &'a LocalFrame,
     /// Whether the GPS has a fix.
     pub gps_fix: bool,
+    /// By how much the altitude of the GPS reads too high, m.
+    pub gps_altitude_error_m: f64,
 }
 
 /// The instruments and what they remember.
@@ -145,9 +150,9 @@ impl Sensors {
             pilot_pwm: Some(self.pilot()),
             sonar_adc: Some(self.adc(body.position_m.z, SONAR_M, 0.0, SONAR_STEP_M)),
             supply: Some(Supply {
-                battery_mv: truth.stores.battery_mv(body.thrust_mps2 / GRAVITY_MPS2),
-                fuel_percent: truth.stores.fuel_percent(),
-                auto_switch: 1,
+                battery_mv: truth.energy.battery_mv(body.thrust_mps2 / GRAVITY_MPS2),
+                fuel_percent: truth.energy.fuel_percent(),
+                auto_switch: (truth.switch == PilotSwitch::Auto).into(),
             }),
             pan_tilt: Some(PanTilt {
                 pan_adc: self.potentiometer(PAN_RAD),
@@ -171,7 +176,8 @@ impl Sensors {
             y: self.noisy(truth.body.position_m.y, GPS_HORIZONTAL_M),
             z: self.noisy(truth.body.position_m.z, GPS_VERTICAL_M),
         };
-        let fix = truth.world.to_geographic(position_m);
+        let mut fix = truth.world.to_geographic(position_m);
+        fix.altitude_m += truth.gps_altitude_error_m;
         let origin = self.origin.get_or_insert_with(|| LocalFrame::new(fix));
         let flat_m = origin.to_flat(fix);
         let velocity_mps = Vector {

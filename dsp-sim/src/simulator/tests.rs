@@ -1,6 +1,7 @@
 //! Bytes in, bytes out, at the right simulated times.
 
 mod faults;
+mod flight;
 
 use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Uplink, Waypoint, port};
 use proptest::prelude::*;

@@ -18,7 +18,7 @@ use crate::files;
 use crate::robot::RobotId;
 
 /// The folder with a file for each service that was ever provided.
-pub(super) const OWNERS_DIR: &str = "owners";
+pub(crate) const OWNERS_DIR: &str = "owners";
 
 /// How often and how long a provider waits for somebody who only looks whether there is one.
 ///

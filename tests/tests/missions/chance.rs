@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bridge::line::coherence::Rule;
+use bridge::link::coherence::Rule;
 use dsp_protocol::DspErrorCode;
 use dsp_sim::faults::{
     Act, AfterStall, Damage, Directions, DspEvent, Fault, MessageKind, Script, Times, Window,
@@ -131,7 +131,7 @@ impl Dice {
             MessageKind::Waypoint,
         ][self.count(0, 5) as usize];
         let act = match self.count(0, 3) {
-            0 => Act::Swallow,
+            0 => Act::Drop,
             1 => Act::Repeat,
             2 => Act::Late(self.duration(0.0, 0.3)),
             _ => Act::Reorder,

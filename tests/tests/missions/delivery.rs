@@ -110,7 +110,7 @@ impl Dice {
         ];
         let mut faults = Vec::new();
         for message in kinds {
-            for (act, rate) in [(Act::Swallow, loss), (Act::Repeat, repeat)] {
+            for (act, rate) in [(Act::Drop, loss), (Act::Repeat, repeat)] {
                 faults.push(Fault::Messages {
                     message,
                     window: Window::between(BEGIN, END),

@@ -110,8 +110,8 @@ fn all_bytes(out: &[(u128, Vec<u8>)]) -> Vec<u8> {
 #[test]
 fn every_kind_of_message_is_known_in_either_profile() {
     for profile in Profile::ALL {
-        for (swallowed, _) in kinds() {
-            let fault = || vec![fault(swallowed, Act::Swallow)];
+        for (dropped, _) in kinds() {
+            let fault = || vec![fault(dropped, Act::Drop)];
             let mut downlink = stage_of::<Downlink>(profile, fault());
             let mut uplink = stage_of::<Uplink>(profile, fault());
             for (kind, said) in kinds() {
@@ -121,15 +121,15 @@ fn every_kind_of_message_is_known_in_either_profile() {
                     Said::Dsp(_) => pass(&mut downlink, &pieces),
                     Said::Pc(_) => pass(&mut uplink, &pieces),
                 };
-                let expected = if kind == swallowed { vec![] } else { frame };
+                let expected = if kind == dropped { vec![] } else { frame };
                 assert_eq!(
                     all_bytes(&out),
                     expected,
-                    "{profile:?} {swallowed:?} {kind:?}"
+                    "{profile:?} {dropped:?} {kind:?}"
                 );
             }
             let counters = (downlink.counters(), uplink.counters());
-            assert_eq!(counters.0.swallowed + counters.1.swallowed, 1);
+            assert_eq!(counters.0.dropped + counters.1.dropped, 1);
         }
     }
 }
@@ -145,7 +145,7 @@ fn what_is_no_message_passes_untouched_and_nothing_of_it_is_held() {
         vec![0x7F; 300],
     ]
     .concat();
-    let mut stage = stage(vec![fault(MessageKind::Status, Act::Swallow)]);
+    let mut stage = stage(vec![fault(MessageKind::Status, Act::Drop)]);
     let out = pass(&mut stage, &[(0, garbage.clone())]);
     assert_eq!(all_bytes(&out), garbage);
     assert_eq!(stage.waiting(), 0);
@@ -168,22 +168,16 @@ fn a_message_comes_out_whole_when_its_last_byte_has_come() {
 }
 
 #[test]
-fn a_share_of_the_messages_is_swallowed_within_the_window() {
+fn a_share_of_the_messages_is_dropped_within_the_window() {
     let window = Window::between(ms(1_000), ms(3_000));
-    let fault = MessageFault::new(
-        MessageKind::Ack,
-        window,
-        0.3,
-        Act::Swallow,
-        Random::new(1, 1),
-    );
+    let fault = MessageFault::new(MessageKind::Ack, window, 0.3, Act::Drop, Random::new(1, 1));
     let mut stage = stage(vec![fault]);
     let pieces: Vec<_> = (0..4_000).map(|at| (at, ack((at % 8) as u8))).collect();
     let out = pass(&mut stage, &pieces);
     let counters = stage.counters();
-    assert_eq!(out.len() as u64 + counters.swallowed, 4_000);
-    assert_eq!(counters.swallowed_bytes, 3 * counters.swallowed);
-    assert!((500..700).contains(&counters.swallowed), "{counters:?}");
+    assert_eq!(out.len() as u64 + counters.dropped, 4_000);
+    assert_eq!(counters.dropped_bytes, 3 * counters.dropped);
+    assert!((500..700).contains(&counters.dropped), "{counters:?}");
     let outside = out.iter().filter(|(at, _)| !(1_000..3_000).contains(at));
     assert_eq!(outside.count(), 2_000);
 }
@@ -277,10 +271,10 @@ fn acts_on_one_message_add_up() {
     assert_eq!(out, [(7, ack(1)), (7, ack(1))]);
 
     let repeat = fault(MessageKind::Ack, Act::Repeat);
-    let swallow = fault(MessageKind::Ack, Act::Swallow);
-    let mut swallowed = stage(vec![swallow, repeat]);
-    assert_eq!(pass(&mut swallowed, &[(0, ack(1))]), []);
-    assert_eq!(swallowed.counters().repeated, 0);
+    let drop = fault(MessageKind::Ack, Act::Drop);
+    let mut dropped = stage(vec![drop, repeat]);
+    assert_eq!(pass(&mut dropped, &[(0, ack(1))]), []);
+    assert_eq!(dropped.counters().repeated, 0);
 }
 
 #[test]

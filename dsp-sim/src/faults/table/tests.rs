@@ -30,7 +30,7 @@ fn kind_of(fault: &Fault) -> Kind {
             Damage::Outage => Kind::Outage,
         },
         Fault::Messages { act, .. } => match act {
-            Act::Swallow => Kind::Swallow,
+            Act::Drop => Kind::Drop,
             Act::Repeat => Kind::Repeat,
             Act::Late(_) => Kind::Late,
             Act::Reorder => Kind::Reorder,
@@ -41,6 +41,14 @@ fn kind_of(fault: &Fault) -> Kind {
             DspEvent::StopStatus => Kind::StopStatus,
             DspEvent::Hang(_) => Kind::Hang,
             DspEvent::ClockJump(_) => Kind::ClockJump,
+            DspEvent::ChangeMask(_) => Kind::ChangeMask,
+        },
+        Fault::Helicopter { event, .. } => match event {
+            HelicopterEvent::PilotTakesOver(_) => Kind::PilotTakesOver,
+            HelicopterEvent::BatteryLow { .. } => Kind::BatteryLow,
+            HelicopterEvent::FuelLow { .. } => Kind::FuelLow,
+            HelicopterEvent::GpsAltitudeDrift { .. } => Kind::GpsAltitudeDrift,
+            HelicopterEvent::LoseFix(_) => Kind::LoseFix,
         },
         Fault::HangUp { .. } => Kind::HangUp,
     }
@@ -59,7 +67,7 @@ fn the_annotated_example_has_every_kind_and_every_key() {
     }
     assert_eq!(script.faults.len(), Kind::ALL.len());
     let keys = "direction message from_s until_s at_s every_s for_s rate bit_error_rate length_bytes chunk_bytes \
-                delay_ms jitter_ms gap_ms then code jump_ms elsewhere seed";
+                delay_ms jitter_ms gap_ms then code jump_ms elsewhere mask volts percent drift_mps seed";
     for key in keys.split_whitespace() {
         let shown = example.lines().any(|line| {
             let said = line.split('=').next().unwrap_or_default();
@@ -131,12 +139,12 @@ fn each_table_becomes_what_it_says() {
             },
         ),
         (
-            "kind = 'swallow'\nmessage = 'waypoint'",
+            "kind = 'drop'\nmessage = 'waypoint'",
             Fault::Messages {
                 message: MessageKind::Waypoint,
                 window: Window::ALWAYS,
                 rate: 1.0,
-                act: Act::Swallow,
+                act: Act::Drop,
             },
         ),
         (
@@ -151,6 +159,30 @@ fn each_table_becomes_what_it_says() {
             Fault::Dsp {
                 times: Times::once(s(2)),
                 event: DspEvent::ClockJump(-7),
+            },
+        ),
+        (
+            "kind = 'change_mask'\nat_s = 2\nmask = 0x0401",
+            Fault::Dsp {
+                times: Times::once(s(2)),
+                event: DspEvent::ChangeMask(StatusMask(0x0401)),
+            },
+        ),
+        (
+            "kind = 'pilot_takes_over'\nat_s = 2\nfor_s = 3\nevery_s = 10",
+            Fault::Helicopter {
+                times: Times::every(s(2), s(10)),
+                event: HelicopterEvent::PilotTakesOver(s(3)),
+            },
+        ),
+        (
+            "kind = 'gps_altitude_drift'\nat_s = 2\nfor_s = 3\ndrift_mps = -0.5",
+            Fault::Helicopter {
+                times: Times::once(s(2)),
+                event: HelicopterEvent::GpsAltitudeDrift {
+                    rate_mps: -0.5,
+                    length: s(3),
+                },
             },
         ),
         (
@@ -179,7 +211,7 @@ fn every_mistake_is_told_with_its_line() {
         ("[[fault]]\nkind = 'reboot'\nat_s = 1\n[[fault]]\nkind = 'rebot'", 5, "did you mean `reboot`?"),
         ("[[fault]]\nkind = 'outage'\nuntill_s = 1", 3, "did you mean `until_s`?"),
         ("[[fault]]\nkind = 'outage'\n\ndirection = 'to_pcs'", 4, "did you mean `to_pc`?"),
-        ("[[fault]]\nkind = 'swallow'\nmessage = 'nack'", 3, "did you mean `ack`?"),
+        ("[[fault]]\nkind = 'drop'\nmessage = 'nack'", 3, "did you mean `ack`?"),
         ("[[fault]]\nkind = 'drop_bytes'\nrate = 1.1", 3, "1.1 is out of range: it must be from 0.0 to 1.0"),
         ("[[fault]]\nkind = 'drop_bytes'\nrate = nan", 3, "NaN is out of range"),
         ("[[fault]]\nkind = 'hang'\nat_s = 1\nfor_s = 0", 4, "0 is out of range"),
@@ -189,10 +221,13 @@ fn every_mistake_is_told_with_its_line() {
         ("[[fault]]\nkind = 'delay_bytes'\ndelay_ms = 5001", 3, "5001 is out of range"),
         ("[[fault]]\nkind = 'raise_error'\nat_s = 1\ncode = 65536", 4, "expected u16"),
         ("[[fault]]\nkind = 'clock_jump'\nat_s = 1\njump_ms = 86400001", 4, "is out of range"),
+        ("[[fault]]\nkind = 'battery_low'\nat_s = 1\nvolts = 61", 4, "61 is out of range"),
+        ("[[fault]]\nkind = 'fuel_low'\nat_s = 1\npercent = -1", 4, "-1 is out of range"),
+        ("\n[[fault]]\nkind = 'fuel_low'\nat_s = 1\nvolts = 20", 2, "a fault of kind `fuel_low` needs `percent`"),
         // What is wrong with a table as a whole: the line where it begins.
         ("\n[[fault]]\nat_s = 1", 2, "missing field `kind`"),
         ("\n[[fault]]\nkind = 'reboot'\nat_s = 1\nrate = 0.5", 2, "a fault of kind `reboot` has no `rate`"),
-        ("\n[[fault]]\nkind = 'swallow'\nmessage = 'ack'\ndirection = 'to_pc'", 2, "has no `direction`"),
+        ("\n[[fault]]\nkind = 'drop'\nmessage = 'ack'\ndirection = 'to_pc'", 2, "has no `direction`"),
         ("\n[[fault]]\nkind = 'outage'\nmessage = 'ack'", 2, "has no `message`"),
         ("\n[[fault]]\nkind = 'hang'\nat_s = 1", 2, "a fault of kind `hang` needs `for_s`"),
         ("\n[[fault]]\nkind = 'reboot'", 2, "needs `at_s`"),

@@ -237,8 +237,8 @@ fn acknowledgements_are_late_by_what_the_script_says() {
 }
 
 #[test]
-fn a_swallowed_waypoint_is_not_counted_by_the_dsp_and_a_repeated_one_once() {
-    for (act, waypoints, copies) in [(Act::Swallow, 0, 0), (Act::Repeat, 1, 1)] {
+fn a_dropped_waypoint_is_not_counted_by_the_dsp_and_a_repeated_one_once() {
+    for (act, waypoints, copies) in [(Act::Drop, 0, 0), (Act::Repeat, 1, 1)] {
         let fault = Fault::Messages {
             message: MessageKind::Waypoint,
             window: Window::ALWAYS,

@@ -1,10 +1,12 @@
-//! The overview as text: a title and a few lines for each part.
+//! The report as text: a title and a few lines for each part.
 
 use std::fmt;
 
-use super::{DspErrorCount, DspErrors, Link, Module, Movement, Overview, Refused, Sample};
+use super::{
+    DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, Sample, StateReport,
+};
 
-impl fmt::Display for Overview {
+impl fmt::Display for StateReport {
     /// Lines with a title each; the last without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
@@ -14,6 +16,13 @@ impl fmt::Display for Overview {
             None => writeln!(f, "movement    none yet")?,
         }
         writeln!(f, "link        {}", self.link)?;
+        writeln!(
+            f,
+            "DSP path    {}; when the bridge is gone: {}",
+            self.link.dsp_path,
+            without_bridge(self.link.pc_timeout_supported)
+        )?;
+        writeln!(f, "safety      {}", self.safety)?;
         writeln!(f, "refused     {}", self.refused)?;
         writeln!(f, "DSP errors  {}", self.dsp_errors)?;
         for (title, sample) in [("dsp", self.dsp), ("hero", self.hero)] {
@@ -23,6 +32,35 @@ impl fmt::Display for Overview {
             }
         }
         Ok(())
+    }
+}
+
+/// What a helicopter on a path does when its bridge is gone.
+fn without_bridge(pc_timeout_supported: Option<bool>) -> &'static str {
+    match pc_timeout_supported {
+        Some(true) => "the DSP stops the helicopter by itself",
+        Some(false) => "the DSP flies on to the end of its path",
+        None => "not known yet what the DSP does",
+    }
+}
+
+impl fmt::Display for Safety {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.violation {
+            None => f.write_str("no rule violated")?,
+            Some(violation) => {
+                f.write_str(&violation.rule)?;
+                if let Some(by) = &violation.by {
+                    write!(f, " {by}")?;
+                }
+                write!(f, ": {}", violation.action)?;
+            }
+        }
+        write!(
+            f,
+            "; pilot's switch {}, {} fence areas, {} interventions",
+            self.pilot_switch, self.fence_areas, self.interventions
+        )
     }
 }
 

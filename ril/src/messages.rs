@@ -1,11 +1,17 @@
-//! What a report says, in words: a line for people, an object for programs, an exit code for scripts.
+//! Reports as messages: a line for people, an object for programs, an exit code for scripts.
 //!
-//! Pure functions over values; nothing is printed here.
+//! Pure functions over values; nothing is printed here. [`details`] says which rule, waypoint, amount or DSP error a report
+//! is about, [`object`] is the form for programs.
 
-use ipc_types::code::{Reason, SafetyRule, Stage};
-use ipc_types::payload::{RequestReport, SharedStruct};
+pub mod details;
+pub mod object;
+
+use ipc_types::code::{PortKind, Reason, Stage};
+use ipc_types::payload::RequestReport;
 use runtime::exit::ExitCode;
-use serde::Serialize;
+
+use details::{details, port_label, port_range, port_value};
+pub use object::ReportObject;
 
 /// Which command a report answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,71 +20,124 @@ pub enum Verb {
     Start,
     /// `ril stop`
     Stop,
+    /// `ril fence reload`
+    ReloadFence,
     /// `ril takeoff`
     TakeOff,
     /// `ril land`
     Land,
+    /// `ril hold`
+    Hold,
     /// `ril goto`
     GoTo,
+    /// `ril param list`
+    ListParameters,
+    /// `ril param get`
+    GetParameter,
+    /// `ril param set`
+    SetParameter,
 }
 
 impl Verb {
+    /// All commands that send requests.
+    pub const ALL: [Verb; 10] = [
+        Verb::Start,
+        Verb::Stop,
+        Verb::ReloadFence,
+        Verb::TakeOff,
+        Verb::Land,
+        Verb::Hold,
+        Verb::GoTo,
+        Verb::ListParameters,
+        Verb::GetParameter,
+        Verb::SetParameter,
+    ];
+
     /// The command's name.
     pub const fn name(self) -> &'static str {
         match self {
             Verb::Start => "start",
             Verb::Stop => "stop",
+            Verb::ReloadFence => "fence reload",
             Verb::TakeOff => "takeoff",
             Verb::Land => "land",
+            Verb::Hold => "hold",
             Verb::GoTo => "goto",
+            Verb::ListParameters => "param list",
+            Verb::GetParameter => "param get",
+            Verb::SetParameter => "param set",
         }
     }
 
-    /// What happens to it when its sender goes after it was accepted.
+    /// What happens to an accepted request when the command that sent it ends.
     pub const fn goes_on(self) -> &'static str {
         match self {
-            Verb::Start | Verb::Stop => "the bridge goes on with it; `ril state` shows how it ends",
+            Verb::Start | Verb::Stop | Verb::ReloadFence => {
+                "the bridge goes on with it; `ril state` shows how it ends"
+            }
             Verb::TakeOff => {
                 "the take-off goes on and cannot be aborted; `ril state` shows how it ends"
             }
             Verb::Land => {
                 "the landing goes on and cannot be aborted; `ril state` shows how it ends"
             }
+            Verb::Hold => {
+                "the bridge goes on stopping the helicopter; `ril state` shows how it ends"
+            }
             Verb::GoTo => {
-                "the path is flown to its end; `ril stop` makes the helicopter hover at once"
+                "the path is flown to its end; `ril hold` makes the helicopter hover at once"
+            }
+            Verb::ListParameters | Verb::GetParameter => "nothing was changed",
+            Verb::SetParameter => {
+                "the bridge may still write the port; `ril param get` shows the value that the DSP has"
             }
         }
     }
+
+    const fn is_about_a_port(self) -> bool {
+        matches!(
+            self,
+            Verb::ListParameters | Verb::GetParameter | Verb::SetParameter
+        )
+    }
 }
 
-/// A final word and why it was said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FinalWord {
+/// A final report, whose stage is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinalReport {
     /// One of the final stages.
     pub stage: Stage,
-    /// Why; [`Reason::None`] also for a number that nobody knows.
+    /// Why; [`Reason::None`] also for a number that is not in the contract.
     pub reason: Reason,
+    /// The whole report, for its details.
+    pub report: RequestReport,
 }
 
-impl FinalWord {
-    /// The final word that `report` says; nothing when more follows.
-    pub fn of(report: &RequestReport) -> Option<FinalWord> {
+impl FinalReport {
+    /// `report` if it is final; nothing when more follows.
+    pub fn of(report: &RequestReport) -> Option<FinalReport> {
         let stage = report.stage().filter(|stage| stage.is_final())?;
         let reason = report.reason().unwrap_or(Reason::None);
-        Some(FinalWord { stage, reason })
+        Some(FinalReport {
+            stage,
+            reason,
+            report: *report,
+        })
     }
 
     /// The exit code of a command whose request ended so.
-    pub const fn exit_code(self) -> ExitCode {
+    pub const fn exit_code(&self) -> ExitCode {
         exit_code(self.stage, self.reason)
     }
 }
 
-/// The exit code for a final word. A stage that is not final says that nobody knows the end.
+/// The exit code for a final report. After a stage that is not final the outcome is unknown.
 pub const fn exit_code(stage: Stage, reason: Reason) -> ExitCode {
     match (stage, reason) {
         (Stage::Done, _) => ExitCode::Ok,
-        (Stage::Refused | Stage::Aborted, Reason::LinkDown) => ExitCode::LinkDown,
+        (Stage::Refused | Stage::Aborted, Reason::LinkDown | Reason::LinkLost) => {
+            ExitCode::LinkDown
+        }
         (
             Stage::Aborted,
             Reason::DeadlineExpired
@@ -106,13 +165,15 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the waypoint is farther from the helicopter than `max_distance_m` in bridge.toml"
         }
         Reason::NotStarted => "the module has not been started, or was stopped: `ril start`",
-        Reason::AlreadyRunning => "the module is running; to restart it, `ril stop` it before",
+        Reason::AlreadyRunning => {
+            "the module is running: `ril stop` comes first if a restart is meant"
+        }
         Reason::UnableToAbort => "a take-off or landing cannot be aborted: wait for its end",
         Reason::Busy => {
-            "another movement or stop is under way: wait for its end, or `ril stop` a path"
+            "another movement or stop is under way: wait for its end, or replace a path with --preempt or `ril hold`"
         }
         Reason::LinkDown => {
-            "the DSP cannot be reached: `ril state` shows the line, the bridge's log says why"
+            "the DSP cannot be reached: `ril state` shows the link, the bridge's log says why"
         }
         Reason::NotFlying => "the helicopter is on the ground: `ril takeoff` comes first",
         Reason::AlreadyFlying => "the helicopter is in the air already",
@@ -124,68 +185,103 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::PathTooLong => "the path has too many waypoints: split it",
         Reason::PathBroken => "another waypoint of the path was refused, or its sender vanished",
         Reason::TooManyRequests => "the bridge has too many open requests: try again later",
-        Reason::DeadlineExpired => "it could not reach the DSP before its deadline",
+        Reason::DeadlineExpired => "it did not begin on the DSP before its deadline",
         Reason::MovementTimeout => {
             "the movement took longer than `time_limit_s` in bridge.toml allows"
         }
         Reason::Stopped => "the module was stopped",
         Reason::DspFatalError => "the DSP reported a fatal error: `ril state` shows which",
         Reason::CommunicationFatalError => {
-            "the DSP did not acknowledge, or the line broke: `ril state` shows the line"
+            "the DSP did not acknowledge, or the link broke: `ril state` shows the link"
         }
         Reason::DspRebooted => "the DSP rebooted",
         Reason::BridgeEnding => "the bridge was ended meanwhile",
         Reason::BridgeGone => "the bridge vanished: start it again and look at `ril state`",
         Reason::DeliveryFailed => {
-            "waypoints did not reach the DSP although they were repeated: `ril state` shows the line"
+            "waypoints did not reach the DSP although they were sent again: `ril state` shows the link"
         }
         Reason::RefusedByDsp => {
-            "the DSP got the order and does not carry it out: `ril state` shows its errors"
+            "the DSP received the request and does not carry it out: `ril state` shows its errors"
         }
-        Reason::Replaced => "another movement replaced it",
+        Reason::Replaced => "another movement or `ril hold` took its place",
         Reason::PilotHasControl => {
-            "the pilot's switch is on manual: movements are taken when it is on auto again"
+            "the pilot's switch is on manual, so the pilot flies: movements are taken again when it is on auto"
         }
-        Reason::FenceBreach => "the geofence forbids it: `[fence]` of bridge.toml",
+        Reason::FenceBreach => {
+            "the geofence forbids it: see `[fence]` of bridge.toml, and `ril fence reload` after a change"
+        }
         Reason::SupplyLow => {
-            "battery or fuel is below its limit: `[safety]` of bridge.toml; landing is always taken"
+            "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is always taken"
         }
-        Reason::LinkLost => "the link to the DSP was lost in flight",
+        Reason::LinkLost => {
+            "the link to the DSP was lost in flight: `ril state` shows whether the DSP stops by itself"
+        }
         Reason::NoSuchPort => {
-            "the port does not exist or is not for requests: `ril param list` shows those that are"
+            "the port does not exist, or may not be written by request: `ril param list` shows all ports"
         }
-        Reason::NotInFlight => "the port may not be written while the helicopter flies",
+        Reason::NotInFlight => "the port may not be written while the helicopter flies: land first",
         Reason::InvalidFence => {
-            "the geofence in bridge.toml is not valid: the bridge's log says why"
+            "the geofence in bridge.toml is not valid, so the one in force stays: the bridge's log says why"
         }
         Reason::NotRemembered => {
-            "another bridge may have carried it out: look at the helicopter, then ask anew"
+            "another bridge may have carried it out: look at the helicopter, then send a new request"
         }
     }
 }
 
-/// How a request ended, as the end of an error.
-pub fn ending(verb: Verb, word: FinalWord) -> String {
-    let what = match word.stage {
+/// What the reason means for a request about a port, where that differs from [`explain`].
+fn explain_for_port(report: &FinalReport) -> Option<String> {
+    let text = match report.reason {
+        Reason::OutOfRange => match report.report.port {
+            port if port.kind().is_some() => {
+                let whole = match port.kind() {
+                    Some(PortKind::U16 | PortKind::I16) => "whole numbers from ",
+                    _ => "",
+                };
+                format!("{} takes {whole}{}", port_label(&port), port_range(&port))
+            }
+            _ => "the value is outside the port's range, which `ril param list` shows".to_owned(),
+        },
+        Reason::NotFinite => "the value is not finite".to_owned(),
+        Reason::InvalidRequest => {
+            "the value does not suit the port: a 16-bit port takes whole numbers only".to_owned()
+        }
+        Reason::RefusedByDsp => {
+            "the DSP did not take the value, or does not have the port".to_owned()
+        }
+        _ => return None,
+    };
+    Some(text)
+}
+
+/// How a request ended, as the end of an error: what happened, why, and what to do next.
+pub fn ending(verb: Verb, end: &FinalReport) -> String {
+    let what = match end.stage {
         Stage::Refused => "was refused",
         Stage::Aborted => "was begun and ended early",
         _ => "has an unknown outcome",
     };
-    let (name, reason) = (verb.name(), word.reason);
-    format!("{name} {what} ({reason}): {}", explain(reason))
+    let of_port = verb
+        .is_about_a_port()
+        .then(|| explain_for_port(end))
+        .flatten();
+    let explanation = of_port.unwrap_or_else(|| explain(end.reason).to_owned());
+    let why = with_details(end.reason.name(), &end.report);
+    format!("{} {what} ({why}): {explanation}", verb.name())
 }
 
 /// One report as a line for people, or nothing when it only repeats what another one says better.
 ///
 /// `index` and `total` are the place of its request among those of the command.
 pub fn line(verb: Verb, index: usize, total: usize, report: &RequestReport) -> Option<String> {
+    let name = verb.name();
     let stage = match report.stage() {
         Some(stage) => stage,
-        None => return Some(format!("{}: stage {}", verb.name(), report.stage)),
+        None => return Some(format!("{name}: stage {}", report.stage)),
     };
     let is_last = index + 1 == total;
     let text = match (verb, stage) {
-        // The waypoints before the last are done as soon as the path is complete.
+        // The waypoints before the last are done before the path is flown.
         (Verb::GoTo, Stage::Done) if !is_last => return None,
         (Verb::GoTo, Stage::Accepted) => {
             let end = if is_last {
@@ -199,120 +295,61 @@ pub fn line(verb: Verb, index: usize, total: usize, report: &RequestReport) -> O
             "{stage}, {} of {} waypoints sent, {} reached",
             report.waypoints_sent, report.waypoints_total, report.waypoints_reached
         ),
+        (Verb::GetParameter | Verb::SetParameter, Stage::Done) => {
+            let value = report.value().map_or("-".to_owned(), |value| {
+                port_value(&report.port, value).to_string()
+            });
+            return Some(format!("{} = {value}", port_label(&report.port)));
+        }
+        // The list is printed as a whole.
+        (Verb::ListParameters, Stage::Done)
+        | (
+            Verb::ListParameters | Verb::GetParameter | Verb::SetParameter,
+            Stage::Accepted | Stage::Progress,
+        ) => return None,
+        (Verb::TakeOff, Stage::Done) => match report.value().filter(|height| height.is_finite()) {
+            Some(height) => format!("{stage}, {height:.1} m over the point of take-off"),
+            None => stage.to_string(),
+        },
         (_, Stage::Progress) => "begun on the DSP".to_owned(),
         (_, Stage::Accepted | Stage::Done) => stage.to_string(),
         (_, Stage::Refused | Stage::Aborted | Stage::Unknown) => {
             let reason = report
                 .reason()
                 .map_or_else(|| report.reason.to_string(), |reason| reason.to_string());
-            format!("{stage} ({reason})")
+            format!("{stage} ({})", with_details(&reason, report))
         }
     };
-    Some(format!("{}: {text}", verb.name()))
+    Some(format!("{name}: {text}"))
 }
 
-/// One report as an object for programs; the codes have their names.
-#[derive(Debug, Serialize)]
-pub struct ReportObject {
-    schema: &'static str,
-    request: &'static str,
-    request_id: u64,
-    path_id: u64,
-    reported_ns: u64,
-    stage: Code,
-    reason: Code,
-    imi_error: String,
-    waypoints_total: u32,
-    waypoints_sent: u32,
-    waypoints_reached: u32,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rule: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    waypoint: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dsp_error_code: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    value: Option<f64>,
-}
-
-/// A code by its name, or the number that nobody knows.
-#[derive(Debug, Serialize)]
-#[serde(untagged)]
-enum Code {
-    Name(&'static str),
-    Number(u32),
-}
-
-impl ReportObject {
-    /// The report as it answers `verb`.
-    pub fn new(verb: Verb, report: &RequestReport) -> ReportObject {
-        // Without `..`: a field that is added must be thought of here.
-        let RequestReport {
-            request_id,
-            path_id,
-            reported_ns,
-            stage,
-            reason,
-            imi_error: _,
-            waypoints_total,
-            waypoints_sent,
-            waypoints_reached,
-            rule: _,
-            waypoint,
-            dsp_error_code: _,
-            dsp_error_valid: _,
-            value_valid: _,
-            value: _,
-            port: _,
-        } = *report;
-        ReportObject {
-            schema: RequestReport::TYPE_NAME,
-            request: verb.name(),
-            request_id,
-            path_id,
-            reported_ns,
-            stage: report
-                .stage()
-                .map_or(Code::Number(stage), |stage| Code::Name(stage.name())),
-            reason: report
-                .reason()
-                .map_or(Code::Number(reason), |reason| Code::Name(reason.name())),
-            imi_error: report.imi_error().to_string(),
-            waypoints_total,
-            waypoints_sent,
-            waypoints_reached,
-            rule: report.rule().map(SafetyRule::name),
-            waypoint: (waypoint > 0).then_some(waypoint),
-            dsp_error_code: report.dsp_error(),
-            value: report.value().filter(|value| value.is_finite()),
-        }
+/// The reason, with rule, place, amount and DSP error if the report has them.
+fn with_details(reason: &str, report: &RequestReport) -> String {
+    match details(report) {
+        Some(details) => format!("{reason}: {details}"),
+        None => reason.to_owned(),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::code::SafetyRule;
+    use ipc_types::payload::PortInfo;
+
     use super::*;
 
-    const VERBS: [Verb; 5] = [
-        Verb::Start,
-        Verb::Stop,
-        Verb::TakeOff,
-        Verb::Land,
-        Verb::GoTo,
-    ];
-
     #[test]
-    fn every_final_word_has_its_exit_code() {
+    fn every_final_report_has_its_exit_code() {
         for stage in Stage::ALL {
             for reason in Reason::ALL {
                 let expected = match stage {
                     Stage::Done => 0,
                     Stage::Refused => match reason {
-                        Reason::LinkDown => 6,
+                        Reason::LinkDown | Reason::LinkLost => 6,
                         _ => 5,
                     },
                     Stage::Aborted => match reason {
-                        Reason::LinkDown => 6,
+                        Reason::LinkDown | Reason::LinkLost => 6,
                         Reason::DeadlineExpired
                         | Reason::MovementTimeout
                         | Reason::CommunicationFatalError
@@ -327,7 +364,7 @@ mod tests {
                     "{stage} {reason}"
                 );
                 let report = RequestReport::new(*stage, *reason);
-                let word = FinalWord::of(&report);
+                let word = FinalReport::of(&report);
                 assert_eq!(word.is_some(), stage.is_final());
                 if let Some(word) = word {
                     assert_eq!(word.exit_code().code(), expected);
@@ -343,7 +380,7 @@ mod tests {
             ..RequestReport::new(Stage::Refused, Reason::None)
         };
         assert_eq!(
-            FinalWord::of(&report).unwrap().exit_code(),
+            FinalReport::of(&report).unwrap().exit_code(),
             ExitCode::Refused
         );
         assert_eq!(
@@ -354,7 +391,7 @@ mod tests {
             stage: 99,
             ..report
         };
-        assert_eq!(FinalWord::of(&report), None);
+        assert_eq!(FinalReport::of(&report), None);
         assert_eq!(line(Verb::Land, 0, 1, &report).unwrap(), "land: stage 99");
         let json = serde_json::to_value(ReportObject::new(Verb::Land, &report)).unwrap();
         assert_eq!((&json["stage"], &json["reason"]), (&99.into(), &999.into()));
@@ -373,8 +410,8 @@ mod tests {
 
     #[test]
     fn an_ending_says_what_why_and_what_to_do() {
-        let word = |stage, reason| FinalWord { stage, reason };
-        for (verb, word, expected) in [
+        let word = |stage, reason| RequestReport::new(stage, reason);
+        for (verb, report, expected) in [
             (
                 Verb::TakeOff,
                 word(Stage::Refused, Reason::NotStarted),
@@ -391,8 +428,93 @@ mod tests {
                 "land has an unknown outcome (bridge-gone): the bridge vanished: start it again and look at `ril state`",
             ),
         ] {
-            assert_eq!(ending(verb, word), expected);
+            assert_eq!(end(verb, report), expected);
         }
+    }
+
+    fn end(verb: Verb, report: RequestReport) -> String {
+        ending(verb, &FinalReport::of(&report).unwrap())
+    }
+
+    #[test]
+    fn an_ending_names_rule_place_amount_and_dsp_error() {
+        let breach = RequestReport {
+            rule: SafetyRule::FenceCeiling.code(),
+            waypoint: 3,
+            value: 4.2,
+            value_valid: 1,
+            ..RequestReport::new(Stage::Refused, Reason::FenceBreach)
+        };
+        assert_eq!(
+            line(Verb::GoTo, 0, 1, &breach).unwrap(),
+            "goto: refused (fence-breach: fence-ceiling, leg 3, by 4.2 m)"
+        );
+        let text = end(Verb::GoTo, breach);
+        let expected = "goto was refused (fence-breach: fence-ceiling, leg 3, by 4.2 m): the geofence forbids it";
+        assert!(text.starts_with(expected), "{text}");
+
+        let refused = RequestReport {
+            waypoint: 2,
+            dsp_error_code: 30,
+            dsp_error_valid: 1,
+            ..RequestReport::new(Stage::Aborted, Reason::RefusedByDsp)
+        };
+        let text = end(Verb::GoTo, refused);
+        let expected = "goto was begun and ended early (refused-by-dsp: waypoint 2, dsp-error-30 (invalid command)): ";
+        assert!(text.starts_with(expected), "{text}");
+    }
+
+    #[test]
+    fn a_take_off_says_how_high_it_is() {
+        let done = |value| RequestReport {
+            value,
+            value_valid: 1,
+            ..RequestReport::new(Stage::Done, Reason::None)
+        };
+        for (value, expected) in [
+            (9.84, "takeoff: done, 9.8 m over the point of take-off"),
+            (f64::NAN, "takeoff: done"),
+        ] {
+            assert_eq!(line(Verb::TakeOff, 0, 1, &done(value)).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn a_port_s_reports_say_its_value_or_its_limits() {
+        let port = PortInfo {
+            min: 0.1,
+            max: 20.0,
+            number: 20_000,
+            kind: PortKind::F32.code(),
+            name: PortInfo::name_bytes("cruise_speed_mps"),
+            ..PortInfo::default()
+        };
+        let report = |stage, reason| RequestReport {
+            port,
+            value: 5.5,
+            value_valid: 1,
+            ..RequestReport::new(stage, reason)
+        };
+        let done = report(Stage::Done, Reason::None);
+        for verb in [Verb::GetParameter, Verb::SetParameter] {
+            assert_eq!(line(verb, 0, 1, &done).unwrap(), "cruise_speed_mps = 5.5");
+            let accepted = report(Stage::Accepted, Reason::None);
+            assert_eq!(line(verb, 0, 1, &accepted), None);
+        }
+        assert_eq!(
+            end(
+                Verb::SetParameter,
+                report(Stage::Refused, Reason::OutOfRange)
+            ),
+            "param set was refused (out-of-range): cruise_speed_mps takes 0.1 to 20"
+        );
+        assert!(
+            end(
+                Verb::SetParameter,
+                RequestReport::new(Stage::Refused, Reason::OutOfRange)
+            )
+            .contains("`ril param list`")
+        );
     }
 
     #[test]
@@ -468,10 +590,10 @@ mod tests {
 
     #[test]
     fn whoever_leaves_is_told_what_goes_on() {
-        for verb in VERBS {
+        for verb in Verb::ALL {
             let can_be_stopped = verb == Verb::GoTo;
             assert_eq!(
-                verb.goes_on().contains("`ril stop`"),
+                verb.goes_on().contains("`ril hold`"),
                 can_be_stopped,
                 "{}",
                 verb.name()

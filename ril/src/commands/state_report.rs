@@ -1,6 +1,6 @@
 //! What `ril state` shows, as a value made of samples and the time: as text for people, as JSON for programs.
 //!
-//! It reads no clock and no port. What was never heard of is nothing, and what is too old is marked stale. The text is in
+//! It reads no clock and no port. What never happened is nothing, and what is too old is marked stale. The text is in
 //! `text`.
 
 mod text;
@@ -11,20 +11,22 @@ use std::time::Duration;
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
 use ipc_types::payload::{
-    DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters,
+    DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters, SafetyState,
 };
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use serde::Serialize;
 
+use crate::messages::details;
+
 /// Name of the JSON object's layout.
-pub const SCHEMA: &str = "ril.State.v1";
+pub const SCHEMA: &str = "ril.State.v2";
 
 /// A sample older than this is marked stale: the state comes at least once a second, telemetry far more often.
 pub const STALE_AFTER: Duration = Duration::from_secs(1);
 
 /// Everything that `ril state` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Overview {
+pub struct StateReport {
     schema: &'static str,
     robot: u32,
     module: Module,
@@ -32,9 +34,10 @@ pub struct Overview {
     link: Link,
     refused: Refused,
     dsp_errors: DspErrors,
-    /// Raw telemetry; nothing when none was ever heard.
+    safety: Safety,
+    /// Raw telemetry; nothing when none was received.
     dsp: Option<Sample>,
-    /// Telemetry in SI units; nothing when none was ever heard.
+    /// Telemetry in SI units; nothing when none was received.
     hero: Option<Sample>,
 }
 
@@ -100,7 +103,29 @@ struct Link {
     waypoints_repeated: u32,
     delivery_verified: bool,
     dsp_path: String,
-    pc_timeout_supported: bool,
+    /// Nothing before the DSP has answered the start-up sequence: it has not been asked.
+    pc_timeout_supported: Option<bool>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Safety {
+    /// Nothing when no rule is violated.
+    violation: Option<Violation>,
+    pilot_switch: String,
+    fence_areas: u32,
+    interventions: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Violation {
+    rule: String,
+    amount: Option<f64>,
+    /// Unit of `amount`; nothing for a rule that has none.
+    unit: Option<&'static str>,
+    action: String,
+    /// The amount as people read it.
+    #[serde(skip)]
+    by: Option<String>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -125,6 +150,7 @@ struct DspErrors {
     escalated: u32,
     unknown: u32,
     last: Option<String>,
+    last_code: Option<u32>,
     by_code: Vec<DspErrorCount>,
 }
 
@@ -135,7 +161,7 @@ struct DspErrorCount {
     count: u32,
 }
 
-impl Overview {
+impl StateReport {
     /// What `state` and the newest telemetry say at `now`.
     pub fn new(
         robot: u32,
@@ -143,8 +169,8 @@ impl Overview {
         dsp: Option<Sample>,
         hero: Option<Sample>,
         now: MonotonicNs,
-    ) -> Overview {
-        Overview {
+    ) -> StateReport {
+        StateReport {
             schema: SCHEMA,
             robot,
             module: Module::new(state, now),
@@ -152,6 +178,7 @@ impl Overview {
             link: Link::new(&state.link, now),
             refused: Refused::new(&state.refused),
             dsp_errors: DspErrors::new(&state.dsp_errors),
+            safety: Safety::new(&state.safety),
             dsp,
             hero,
         }
@@ -213,10 +240,13 @@ impl Link {
             dsp_path,
             pc_timeout_supported,
         } = *link;
+        let since = (state_since_ns > 0).then_some(MonotonicNs(state_since_ns));
+        let is_asked = matches!(link.state(), Some(LinkState::Up | LinkState::Silent));
         let last_telemetry = (telemetry_published > 0).then_some(MonotonicNs(last_telemetry_ns));
         Link {
             state: named(LinkState::from_code(state), state),
-            state_since_s: age_s(MonotonicNs(state_since_ns), now),
+            // 0 stands for "never": it is no time of the host.
+            state_since_s: since.and_then(|time| age_s(time, now)),
             port_openings,
             dsp_boots,
             last_message_age_s: link.last_message().and_then(|time| age_s(time, now)),
@@ -233,7 +263,8 @@ impl Link {
             waypoints_repeated,
             delivery_verified: delivery_verified == 1,
             dsp_path: named(link.dsp_path(), dsp_path),
-            pc_timeout_supported: pc_timeout_supported == 1,
+            pc_timeout_supported: (is_asked || pc_timeout_supported == 1)
+                .then_some(pc_timeout_supported == 1),
         }
     }
 }
@@ -303,18 +334,50 @@ impl DspErrors {
                 count,
             })
             .collect();
-        let last = counters.last().map(|code| format!("dsp-error-{code}"));
         DspErrors {
             total: counters.total,
             escalated: counters.escalated,
             unknown: counters.unknown,
-            last,
+            last: counters.last().map(details::dsp_error),
+            last_code: counters.last(),
             by_code,
         }
     }
 }
 
-/// The name of a code, or the number that nobody knows.
+impl Safety {
+    fn new(safety: &SafetyState) -> Safety {
+        // Without `..`: a field that is added must be shown.
+        let SafetyState {
+            amount,
+            rule,
+            action,
+            pilot_switch,
+            fence_areas,
+            interventions,
+            reserved: _,
+        } = *safety;
+        let known = safety.rule();
+        let violation = (rule != 0).then(|| Violation {
+            rule: named(known, rule),
+            amount: known
+                .and_then(details::unit)
+                .and(Some(amount))
+                .filter(|amount| amount.is_finite()),
+            unit: known.and_then(details::unit),
+            action: named(safety.action(), action),
+            by: known.and_then(|rule| details::amount(rule, amount)),
+        });
+        Safety {
+            violation,
+            pilot_switch: named(safety.pilot_switch(), pilot_switch),
+            fence_areas,
+            interventions,
+        }
+    }
+}
+
+/// The name of a code, or a number that is not in the contract.
 fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
@@ -327,7 +390,9 @@ fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::code::{ImiError, MovementKind};
+    use ipc_types::code::{
+        DspPathState, ImiError, MovementKind, PilotSwitch, SafetyAction, SafetyRule,
+    };
 
     use super::*;
 
@@ -369,13 +434,24 @@ mod tests {
             last_telemetry_ns: ago(2500).0,
             ..LinkHealth::default()
         };
+        state.link.dsp_path = DspPathState::Ours.code();
+        state.link.pc_timeout_supported = 1;
+        state.safety = SafetyState {
+            amount: 4.2,
+            rule: SafetyRule::FenceCeiling.code(),
+            action: SafetyAction::Hold.code(),
+            pilot_switch: PilotSwitch::Auto.code(),
+            fence_areas: 3,
+            interventions: 2,
+            ..SafetyState::default()
+        };
         state.refused.checksum = 3;
         state.refused.implausible_groups = 1;
         state.refused.implausible_mask = u32::from(TelemetryGroup::Sonar.bit()) | 1 << 30;
         state.dsp_errors.total = 4;
         state.dsp_errors.escalated = 1;
         state.dsp_errors.unknown = 1;
-        state.dsp_errors.last_code = 102;
+        state.dsp_errors.last_code = 777;
         let index = DspErrorCode::PC_CHECKSUM.counter_index().unwrap();
         state.dsp_errors.known[index] = 3;
         state
@@ -391,21 +467,22 @@ mod tests {
             blocked: 1,
             link: LinkHealth {
                 state: LinkState::Gone.code(),
-                state_since_ns: NOW.0,
                 ..LinkHealth::default()
             },
             ..ModuleState::default()
         };
-        let text = Overview::new(1, &state, None, None, NOW).to_string();
+        let text = StateReport::new(1, &state, None, None, NOW).to_string();
         let expected = "\
 robot       1
 module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
 movement    none yet
-link        gone for 0.000 s; port opened 0 times, DSP boots seen 0
+link        gone since an unknown time; port opened 0 times, DSP boots seen 0
             last message never, last telemetry never
             0 bytes, 0 messages; 0 samples published, 0 incoherent
             0 commands acknowledged, 0 repeated, 0 failed, 0 acks unmatched
             0 waypoints sent, 0 of them again, delivery not verified
+DSP path    unknown-0; when the bridge is gone: not known yet what the DSP does
+safety      no rule violated; pilot's switch unknown, 0 fence areas, 0 interventions
 refused     nothing
 DSP errors  none
 dsp         no sample
@@ -418,15 +495,17 @@ hero        no sample
     fn everything_that_happened_is_told_with_its_age() {
         let dsp = Sample::new(30, ago(2500), NOW);
         let hero = Sample::new(29, ago(1000), NOW);
-        let text = Overview::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
+        let text = StateReport::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
         for expected in [
             "robot       7\n",
             "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
             "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
             "up for 12.300 s; port opened 2 times",
             "last message 0.015 s ago, last telemetry 2.500 s ago\n",
+            "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",
+            "safety      fence-ceiling by 4.2 m: hold; pilot's switch auto, 3 fence areas, 2 interventions\n",
             "refused     checksum 3, implausible groups 1 (groups: sonar)\n",
-            "DSP errors  4, 1 of them fatal; last dsp-error-102\n",
+            "DSP errors  4, 1 of them fatal; last dsp-error-777 (unknown)\n",
             "3 × 102: checksum error from the PC\n",
             "1 × unknown codes\n",
             "dsp         sample 30, 2.500 s old, STALE\n",
@@ -440,6 +519,29 @@ hero        no sample
     }
 
     #[test]
+    fn what_the_dsp_does_without_a_bridge_is_known_once_it_was_asked() {
+        for (link, supported, expected) in [
+            (LinkState::Connecting, 0, "not known yet what the DSP does"),
+            (LinkState::Gone, 0, "not known yet what the DSP does"),
+            (LinkState::Up, 0, "the DSP flies on to the end of its path"),
+            (
+                LinkState::Silent,
+                0,
+                "the DSP flies on to the end of its path",
+            ),
+            (LinkState::Up, 1, "the DSP stops the helicopter by itself"),
+            (LinkState::Gone, 1, "the DSP stops the helicopter by itself"),
+        ] {
+            let mut state = eventful();
+            state.link.state = link.code();
+            state.link.pc_timeout_supported = supported;
+            let text = StateReport::new(1, &state, None, None, NOW).to_string();
+            let expected = format!("when the bridge is gone: {expected}\n");
+            assert!(text.contains(&expected), "{link}: {text}");
+        }
+    }
+
+    #[test]
     fn a_time_of_the_future_never_looks_fresh() {
         let later = MonotonicNs(NOW.0 + 1);
         let mut state = eventful();
@@ -449,8 +551,8 @@ hero        no sample
         state.link.last_telemetry_ns = later.0;
         state.movement.distance_to_go_m = f32::NAN;
         let dsp = Sample::new(1, later, NOW);
-        let overview = Overview::new(7, &state, Some(dsp), None, NOW);
-        let json = serde_json::to_value(&overview).unwrap();
+        let report = StateReport::new(7, &state, Some(dsp), None, NOW);
+        let json = serde_json::to_value(&report).unwrap();
         for pointer in [
             "/module/sample/age_s",
             "/link/state_since_s",
@@ -462,7 +564,7 @@ hero        no sample
             assert_eq!(json.pointer(pointer), Some(&serde_json::Value::Null));
         }
         assert_eq!(json["dsp"]["stale"], true);
-        let text = overview.to_string();
+        let text = report.to_string();
         for expected in [
             "sample 9, of unknown age, STALE\n",
             "link        up since an unknown time; port",
@@ -480,9 +582,9 @@ hero        no sample
     fn programs_get_names_ages_and_nothing_for_what_never_was() {
         let hero = Sample::new(29, ago(1001), NOW);
         let json =
-            serde_json::to_value(Overview::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
+            serde_json::to_value(StateReport::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
         for (pointer, expected) in [
-            ("/schema", serde_json::json!("ril.State.v1")),
+            ("/schema", serde_json::json!("ril.State.v2")),
             ("/module/status", "running".into()),
             ("/module/blocked", true.into()),
             ("/module/error", "impossible-to-stop-module".into()),
@@ -496,18 +598,38 @@ hero        no sample
                 "/dsp_errors/by_code/0/text",
                 "checksum error from the PC".into(),
             ),
+            ("/dsp_errors/last", "dsp-error-777 (unknown)".into()),
+            ("/dsp_errors/last_code", 777.into()),
+            ("/link/dsp_path", "ours".into()),
+            ("/link/pc_timeout_supported", true.into()),
+            ("/safety/violation/rule", "fence-ceiling".into()),
+            ("/safety/violation/amount", 4.2.into()),
+            ("/safety/violation/unit", "m".into()),
+            ("/safety/violation/action", "hold".into()),
+            ("/safety/pilot_switch", "auto".into()),
+            ("/safety/fence_areas", 3.into()),
             ("/dsp", serde_json::Value::Null),
             ("/hero/stale", true.into()),
         ] {
             assert_eq!(json.pointer(pointer), Some(&expected), "{pointer}");
         }
-        let json = serde_json::to_value(Overview::new(7, &ModuleState::default(), None, None, NOW))
-            .unwrap();
+        let json = serde_json::to_value(StateReport::new(
+            7,
+            &ModuleState::default(),
+            None,
+            None,
+            NOW,
+        ))
+        .unwrap();
         for pointer in [
             "/movement",
             "/link/last_message_age_s",
             "/link/last_telemetry_age_s",
+            "/link/state_since_s",
+            "/link/pc_timeout_supported",
             "/dsp_errors/last",
+            "/dsp_errors/last_code",
+            "/safety/violation",
         ] {
             assert_eq!(
                 json.pointer(pointer),
