@@ -202,6 +202,20 @@ fn a_gps_that_disagrees_widens_the_variance_and_wins_after_a_minute() {
 }
 
 #[test]
+fn a_gps_that_disagrees_and_then_is_lost_does_not_win() {
+    let mut estimator = estimator();
+    hover(&mut estimator, 0..2_000, |_| {});
+    hover(&mut estimator, 2_000..3_000, |raw| {
+        raw.geographic.altitude_m += 10.0;
+    });
+    let lost = hover(&mut estimator, 3_000..9_000, |raw| raw.gps_quality = 0);
+    assert_near(&lost, 100.0, 0.5);
+    assert_eq!(lost.inputs, INPUT_BAROMETER | INPUT_SONAR);
+    let back = hover(&mut estimator, 9_000..9_500, |_| {});
+    assert_near(&back, 100.0, 0.2);
+}
+
+#[test]
 fn sensors_at_the_end_of_their_range_say_nothing() {
     for adc in [0, 4095] {
         let ends = |raw: &mut DspTelemetry| {
