@@ -13,7 +13,7 @@ use crate::estimator::Estimator;
 use crate::group::GroupSet;
 use crate::log::Logs;
 use crate::log::event::{LogEvent, LogSummary};
-use crate::possible::believable;
+use crate::plausible::plausible;
 use crate::rate_limited::RateLimitedCounter;
 use crate::translate::translate;
 
@@ -134,7 +134,7 @@ impl Status {
 
     /// What to publish for `dsp` at `now`. To be called once for each sample: the estimator goes on with it.
     pub fn translate(&mut self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
-        let (dsp, _) = believable(dsp);
+        let (dsp, _) = plausible(dsp);
         let mut hero = translate(&dsp, &self.calibration, now);
         if let Some(estimator) = &mut self.estimator {
             hero.estimate = estimator.update(&dsp, &hero);
@@ -158,7 +158,7 @@ impl Status {
                 }
             }
         }
-        let (dsp, implausible) = believable(dsp);
+        let (dsp, implausible) = plausible(dsp);
         let groups = implausible.without(self.input.implausible);
         if !groups.is_empty() {
             self.input.implausible = self.input.implausible.union(groups);

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
-//! * [`possible`] finds implausible values: a faulty neighbour may have published any;
+//! * [`plausible`] finds implausible values, which a faulty neighbour may have published; [`fields`] names all values;
 //! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
 //! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a full
 //!   disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
@@ -50,9 +50,10 @@ pub mod cli;
 pub mod config;
 pub mod core;
 pub mod estimator;
+pub mod fields;
 pub mod group;
 pub mod log;
-pub mod possible;
+pub mod plausible;
 pub mod rate_limited;
 pub mod shell;
 #[cfg(test)]

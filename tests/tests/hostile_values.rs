@@ -15,7 +15,7 @@ use ril_tests::Garbage;
 use status::calibration::Calibration;
 use status::core::{InputCounts, Status};
 use status::log::Logs;
-use status::possible::believable;
+use status::plausible::plausible;
 
 const SEEDS: u64 = 20_000;
 
@@ -219,7 +219,7 @@ fn status_believes_exactly_what_the_bridge_publishes() {
         let mut dsp = DspTelemetry::default();
         dsp_telemetry(&sample, 1, &DspErrorCounters::default(), &mut dsp);
         let refused = implausible_groups(&message).0;
-        let (_, left_out) = believable(&dsp);
+        let (_, left_out) = plausible(&dsp);
         assert_eq!(left_out.0, refused, "seed {seed}: {message:#?}");
         for group in TelemetryGroup::ALL {
             let index = group.bit().trailing_zeros() as usize;

@@ -177,6 +177,14 @@ impl Source {
     }
 }
 
+/// A number of a sample, with the standard deviation of its noise.
+#[derive(Clone, Copy, Debug)]
+struct Reading {
+    source: Source,
+    measured: f64,
+    deviation: f64,
+}
+
 /// The estimator.
 #[derive(Clone, Debug)]
 pub struct AltitudeEstimator {
@@ -187,7 +195,7 @@ pub struct AltitudeEstimator {
     gps_deviation_m: Option<f64>,
     /// For how long each source has been left out, s.
     rejected_s: [f64; SOURCES],
-    /// For how long the GPS has differed from the other inputs, s.
+    /// For how long a GPS with a fix has differed from the other inputs, s.
     disagreement_s: f64,
 }
 
@@ -239,49 +247,60 @@ impl AltitudeEstimator {
         self.state.predict(&transition, &noise);
     }
 
-    /// Takes every source of the sample; gives the bits of those that were not left out.
+    /// Takes every reading of the sample; gives the bits of the inputs that were not left out.
     fn correct(&mut self, elapsed_s: f64, raw: &DspTelemetry, hero: &HeroTelemetry) -> u32 {
         let gps_deviation_m = self.gps_deviation(hero);
-        if gps_deviation_m.is_some() && gps_deviation_m != self.gps_deviation_m {
+        if let Some(deviation_m) = gps_deviation_m
+            && gps_deviation_m != self.gps_deviation_m
+        {
             // Another kind of fix has an error of its own, which has nothing to do with the one before.
             self.gps_deviation_m = gps_deviation_m;
-            let wander_m2 = gps_deviation_m.map_or(0.0, |deviation| deviation.powi(2));
-            self.state.replace(GPS_OFFSET, 0.0, wander_m2);
+            self.state.replace(GPS_OFFSET, 0.0, deviation_m.powi(2));
         }
-        let sonar_m = f64::from(hero.sonar_height_m);
-        let sonar_in_range = (0.0..=self.config.sonar_range_m).contains(&sonar_m);
-        let AltitudeConfig {
-            gps_climb_mps,
-            barometer_m,
-            sonar_m: sonar_deviation_m,
-            ..
-        } = self.config;
-
-        let mut inputs = 0;
-        let mut take = |source, is_there: bool, measured, deviation: f64| {
-            if is_there {
-                inputs |= self.take(source, measured, deviation, elapsed_s);
-            }
-        };
-        if let Some(deviation_m) = gps_deviation_m {
-            let altitude_m = hero.geodetic.altitude_m;
-            let there = hero.valid(Group::Geographic);
-            take(Source::GpsAltitude, there, altitude_m, deviation_m);
-            let climb_mps = hero.velocity.up_mps.into();
-            let there = hero.valid(Group::GpsVelocity);
-            take(Source::GpsClimb, there, climb_mps, gps_climb_mps);
-        }
-        let there = hero.valid(Group::Barometer) && !ADC_ENDS.contains(&raw.barometer_adc);
-        let altitude_m = hero.barometer_altitude_m.into();
-        take(Source::Barometer, there, altitude_m, barometer_m);
-        let there = hero.valid(Group::Sonar) && !ADC_ENDS.contains(&raw.sonar_adc);
-        let there = there && sonar_in_range;
-        take(Source::Sonar, there, sonar_m, sonar_deviation_m);
-        inputs
+        let readings = self.readings(raw, hero).into_iter().flatten();
+        readings.fold(0, |inputs, reading| inputs | self.take(reading, elapsed_s))
     }
 
-    /// Takes one number, unless it is an outlier; gives the bit of its input, or 0.
-    fn take(&mut self, source: Source, measured: f64, deviation: f64, elapsed_s: f64) -> u32 {
+    /// What the sample says about the altitude. A sensor at the end of its range says nothing, nor does a GPS without fix.
+    fn readings(&self, raw: &DspTelemetry, hero: &HeroTelemetry) -> [Option<Reading>; SOURCES] {
+        let config = &self.config;
+        let reading = |source, measured, deviation| Reading {
+            source,
+            measured,
+            deviation,
+        };
+        let fix = self.gps_deviation(hero);
+        let gps_altitude = fix.filter(|_| hero.valid(Group::Geographic));
+        let gps_altitude = gps_altitude
+            .map(|deviation_m| reading(Source::GpsAltitude, hero.geodetic.altitude_m, deviation_m));
+        let gps_climb = fix.filter(|_| hero.valid(Group::GpsVelocity));
+        let climb_mps = hero.velocity.up_mps.into();
+        let gps_climb =
+            gps_climb.map(|_| reading(Source::GpsClimb, climb_mps, config.gps_climb_mps));
+        let is_measured = |group, adc| hero.valid(group) && !ADC_ENDS.contains(&adc);
+        let altitude_m = hero.barometer_altitude_m.into();
+        let barometer = is_measured(Group::Barometer, raw.barometer_adc).then_some(reading(
+            Source::Barometer,
+            altitude_m,
+            config.barometer_m,
+        ));
+        let height_m = hero.sonar_height_m.into();
+        let in_range = (0.0..=config.sonar_range_m).contains(&height_m);
+        let sonar = (is_measured(Group::Sonar, raw.sonar_adc) && in_range).then_some(reading(
+            Source::Sonar,
+            height_m,
+            config.sonar_m,
+        ));
+        [gps_altitude, gps_climb, barometer, sonar]
+    }
+
+    /// Takes one reading, unless it is an outlier; gives the bit of its input, or 0.
+    fn take(&mut self, reading: Reading, elapsed_s: f64) -> u32 {
+        let Reading {
+            source,
+            measured,
+            deviation,
+        } = reading;
         let measurement = Measurement {
             measured,
             variance: deviation * deviation,
@@ -358,10 +377,12 @@ impl Estimator for AltitudeEstimator {
         };
         self.predict(elapsed_s, hero);
         let inputs = self.correct(elapsed_s, raw, hero);
-        self.disagreement_s = match self.disagreement_m() {
-            0.0 => 0.0,
-            _ => self.disagreement_s + elapsed_s,
-        };
+        // A GPS that is silent disagrees no further.
+        if self.disagreement_m() == 0.0 {
+            self.disagreement_s = 0.0;
+        } else if inputs & INPUT_GPS != 0 {
+            self.disagreement_s += elapsed_s;
+        }
         // Without any input the variance grows for ever; long before it loses its precision, nothing is known any more.
         let is_lost = self.state.covariance[ALTITUDE][ALTITUDE] > 2.0 * UNKNOWN_M2;
         if is_lost || !self.state.is_finite() || self.disagreement_s > DISAGREEMENT_S {

@@ -7,7 +7,7 @@
 //!   the queue refuses
 //! ```
 //!
-//! Telemetry comes first: [`Logs`](queue::Logs) offers each sample to the queue of each log, and never waits. A
+//! Telemetry comes first: [`Logs`] offers each sample to the queue of each log, and never waits. A
 //! [`LogWriter`](writer::LogWriter) takes samples out of its queue and may wait for its disk as long as that takes. While
 //! nothing can be written it takes none. So **the queue is the one bound on memory**, whether the disk is full, slow or
 //! hanging, and **what the queue refuses is the one loss count**. Each sample that was offered is a row in a file, or
@@ -24,7 +24,6 @@
 pub mod clock;
 pub mod config;
 pub mod event;
-pub mod fields;
 pub mod file_name;
 pub mod groups;
 pub mod open_file;

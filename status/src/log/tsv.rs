@@ -9,8 +9,8 @@ use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup as Group};
 
 use super::clock::ClockAnchor;
-use super::fields::{self, Field};
 use super::groups::LogGroups;
+use crate::fields::{self, Field};
 use crate::group::GroupSet;
 
 /// The name of the column with the time in UTC.

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::calibration::Calibration;
-use crate::possible::believable;
+use crate::plausible::plausible;
 use crate::translate::translate;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspGeographic, DspGpsVelocity};
@@ -19,7 +19,7 @@ const BAROMETER_ZERO_ADC: f64 = 500.0;
 
 /// Feeds `raw` as the core does.
 fn feed(estimator: &mut AltitudeEstimator, raw: &DspTelemetry) -> HeroEstimate {
-    let (raw, _) = believable(raw);
+    let (raw, _) = plausible(raw);
     let hero = translate(&raw, &Calibration::default(), MonotonicNs(1));
     estimator.update(&raw, &hero)
 }
@@ -199,6 +199,20 @@ fn a_gps_that_disagrees_widens_the_variance_and_wins_after_a_minute() {
     let estimate = hover(&mut estimator, 4_000..6_000, higher);
     assert_near(&estimate, 110.0, 0.1);
     assert!(estimate.altitude_variance_m2 < 0.01, "{estimate:?}");
+}
+
+#[test]
+fn a_gps_that_disagrees_and_then_is_lost_does_not_win() {
+    let mut estimator = estimator();
+    hover(&mut estimator, 0..2_000, |_| {});
+    hover(&mut estimator, 2_000..3_000, |raw| {
+        raw.geographic.altitude_m += 10.0;
+    });
+    let lost = hover(&mut estimator, 3_000..9_000, |raw| raw.gps_quality = 0);
+    assert_near(&lost, 100.0, 0.5);
+    assert_eq!(lost.inputs, INPUT_BAROMETER | INPUT_SONAR);
+    let back = hover(&mut estimator, 9_000..9_500, |_| {});
+    assert_near(&back, 100.0, 0.2);
 }
 
 #[test]

@@ -1,13 +1,13 @@
-//! What a log's columns are called and where their values are in a sample.
+//! The fields of a sample by group: what they are called in a log, and where their values are.
 //!
-//! Values are written as the bridge published them, in the DSP's own units: a log is of the input (`log.conf`).
+//! Values are those that the bridge published, in the DSP's own units: a log is of the input (`log.conf`).
 
 use std::fmt;
 
 use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::DspTelemetry;
 
-/// One column.
+/// One field, which is a column of a log.
 pub struct Field {
     /// The name in the first line, with the unit as suffix.
     pub name: &'static str,
@@ -32,6 +32,18 @@ pub enum Value {
     Double(f64),
     /// There is none: the cell is empty.
     None,
+}
+
+impl Value {
+    /// The value as a number; NaN if there is none. Exact for all but integers beyond 2⁵³.
+    pub fn number(self) -> f64 {
+        match self {
+            Value::Integer(value) => value as f64,
+            Value::Single(value) => value.into(),
+            Value::Double(value) => value,
+            Value::None => f64::NAN,
+        }
+    }
 }
 
 impl fmt::Display for Value {
@@ -92,7 +104,7 @@ pub const DSP_ERRORS: &[Field] = &[
     },
 ];
 
-/// The columns of a group.
+/// The fields of a group, in the order of the wire.
 pub fn of(group: Group) -> &'static [Field] {
     match group {
         Group::Time => fields! { "dsp_time_ms" = dsp_time_ms },
