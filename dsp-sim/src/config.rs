@@ -290,6 +290,7 @@ impl Config {
                 },
             },
             baud: NonZeroU32::new(self.line.baud_rate),
+            receives_at_once: false,
             profile: self.line.profile,
             boot_errors: errors.copied().map(DspErrorCode).collect(),
             firmware: self.dsp.firmware(),
@@ -456,6 +457,7 @@ mod tests {
                 },
             },
             baud: None,
+            receives_at_once: false,
             profile: Profile::Extended,
             boot_errors: vec![DspErrorCode(11)],
             firmware: Firmware {

@@ -20,6 +20,9 @@ use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::{self, OptionalActions, QueueSelector};
 
+use crate::faults::PortState;
+use crate::port::{Port, Terminal};
+
 /// Room for a few hundred events of the watch, bytes; more are read at the next wake.
 const EVENTS_LEN: usize = 4_096;
 
@@ -146,6 +149,39 @@ impl Pty {
     /// Discards what the PC has not read.
     fn discard(&self) -> io::Result<()> {
         termios::tcflush(&self.slave, QueueSelector::IFlush).map_err(Into::into)
+    }
+}
+
+/// A bare terminal stays where it is: while a script says that it is gone, it is silent.
+impl Port for Pty {
+    fn follow(&mut self, _state: PortState) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn terminal(&mut self) -> Option<&mut dyn Terminal> {
+        Some(self)
+    }
+}
+
+impl Terminal for Pty {
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.as_fd()
+    }
+
+    fn peer_watch(&self) -> Option<BorrowedFd<'_>> {
+        Some(self.watch())
+    }
+
+    fn check_peer(&mut self) -> io::Result<bool> {
+        Pty::check_peer(self)
+    }
+
+    fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        Pty::read(self, buffer)
+    }
+
+    fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        Pty::write(self, bytes)
     }
 }
 

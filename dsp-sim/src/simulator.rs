@@ -32,8 +32,12 @@ pub const OUTPUT_PLACES: usize = 65_536;
 pub struct Setup {
     /// The helicopter and its world.
     pub model: Model,
-    /// Speed of the line, bits a second; without a figure, bytes take no time.
+    /// Speed of the serial link, bits per second; without a figure, bytes take no time.
     pub baud: Option<NonZeroU32>,
+    /// Whether bytes from the PC reach the DSP at once, because a real port has already given them their time. Those to
+    /// the PC are always sent at the speed of the link: a port that got them sooner would queue them, and what waits in its
+    /// queue can be neither left out nor overtaken (`docs/protocol.md` section 8.3).
+    pub receives_at_once: bool,
     /// What the DSP speaks.
     pub profile: Profile,
     /// Errors that the DSP queues while it boots.
@@ -73,7 +77,7 @@ impl Simulator {
                 setup.firmware,
             ),
             helicopter: Helicopter::new(setup.model, Ports::default().settings()),
-            to_dsp: Lane::new(setup.baud),
+            to_dsp: Lane::new(setup.baud.filter(|_| !setup.receives_at_once)),
             from_dsp: Lane::new(setup.baud),
             input: VecDeque::new(),
             output: VecDeque::new(),
