@@ -39,11 +39,11 @@ pub struct Args {
     #[arg(long, value_name = "DEVICE", conflicts_with_all = ["link", "speed"])]
     pub port: Option<PathBuf>,
 
-    /// Speed of the serial link, bits per second, instead of `line.baud_rate` of the configuration
+    /// Speed of the serial link, bits per second, instead of `serial.baud_rate` of the configuration
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(50..=4_000_000))]
     pub baud_rate: Option<u32>,
 
-    /// How many times faster than the real clock the simulated one runs, line included: 0.01 … 100
+    /// How many times faster than the real clock the simulated one runs, serial link included: 0.01 … 100
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = speed)]
     pub speed: f64,
 
@@ -51,20 +51,20 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
 
-    /// What the DSP speaks, `classic` or `extended`, instead of `line.profile` of the configuration
+    /// Frames of the DSP, `classic` or `extended`, instead of `serial.profile` of the configuration
     #[arg(long, value_name = "NAME", value_parser = parse_profile)]
     pub profile: Option<Profile>,
 
     /// Script of what goes wrong on purpose: a seed and timed faults
     ///
-    /// A TOML file with `seed` and any number of `[[fault]]` tables, each with a `kind`, its times in simulated seconds
-    /// since the start, and what the kind needs. On bytes: flip_bits, drop_bytes, duplicate_bytes, insert_bytes,
-    /// delay_bytes, split_bytes, burst, stall, outage. On messages: drop, repeat, late, reorder. In the DSP:
-    /// raise_error, reboot, stop_status, hang, clock_jump, change_mask. To the helicopter: pilot_takes_over, battery_low,
-    /// fuel_low, gps_altitude_drift, lose_fix. Of the serial port: hang_up.
+    /// A TOML file with `seed` and any number of `[[fault]]` tables, each with a `kind`, its times in simulated
+    /// seconds since the start, and what the kind needs. On bytes: flip_bits, drop_bytes, duplicate_bytes,
+    /// insert_bytes, delay_bytes, split_bytes, burst, stall, outage. On messages: drop, repeat, late, reorder. In the
+    /// DSP: raise_error, reboot, stop_status, hang, clock_jump, change_mask. To the helicopter: pilot_takes_over,
+    /// battery_low, fuel_low, gps_altitude_drift, lose_fix. Of the serial port: hang_up.
     ///
-    /// The annotated example dsp-sim/faults.toml shows each of them. The same seed repeats the same faults; it is told at
-    /// the start, and what was done at the end.
+    /// The annotated example dsp-sim/faults.toml shows each of them. The same seed repeats the same faults; it is
+    /// logged at the start, and what was done at the end.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub faults: Option<PathBuf>,
 }
@@ -81,7 +81,7 @@ impl Args {
 ///
 /// # Errors
 /// The configuration or the script of faults is wrong (exit code 78), the link cannot be made (2), or there is no
-/// pseudo-terminal (1); the failure says what to do.
+/// pseudo-terminal (1); the failure names the next step.
 pub fn run(args: Args) -> Result<(), Failure> {
     logging::init(args.common.verbosity())?;
     let file = args.common.config.as_deref();
@@ -91,10 +91,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
         config.noise.seed = seed;
     }
     if let Some(profile) = args.profile {
-        config.line.profile = profile;
+        config.serial.profile = profile;
     }
     if let Some(baud_rate) = args.baud_rate {
-        config.line.baud_rate = baud_rate;
+        config.serial.baud_rate = baud_rate;
     }
     tracing::debug!(file = ?loaded.file, ?config, "configuration");
     let mut setup = config.setup();
@@ -107,15 +107,15 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     // Before anything that must be left in order.
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
-    let (path, mut port) = open_port(&args, config.line.baud_rate)?;
+    let (path, mut port) = open_port(&args, config.serial.baud_rate)?;
     let mut simulator = Simulator::new(setup);
     print_path(&path).map_err(Failure::output)?;
     let supervisor = Notifier::from_env();
     supervisor.ready();
     tracing::info!(
         port = %path.display(),
-        baud_rate = config.line.baud_rate,
-        profile = config.line.profile.name(),
+        baud_rate = config.serial.baud_rate,
+        profile = config.serial.profile.name(),
         seed = config.noise.seed,
         speed = args.speed,
         "ready"
@@ -144,8 +144,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The real link paces what comes from the PC. What goes to the PC leaves the DSP a little slower than the port sends it, so
-/// that nothing piles up in the port's queue, however far the two clocks are apart: 2 %, as much as 8N1 tolerates.
+/// The real link paces what comes from the PC. What goes to the PC leaves the DSP a little slower than the port sends
+/// it, so that nothing piles up in the port's queue, however far the two clocks are apart: 2 %, as much as 8N1
+/// tolerates.
 fn pace_for_a_real_port(setup: &mut Setup) {
     setup.receives_at_once = true;
     let slower = |baud: NonZeroU32| NonZeroU32::new(baud.get() / 50 * 49);
@@ -203,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_robots_have_two_links_unless_told_otherwise() {
+    fn two_robots_have_two_links_unless_reported_otherwise() {
         let args = |args: &[&str]| Args::try_parse_from([&["dsp-sim"], args].concat()).unwrap();
         assert_eq!(args(&["--robot", "7"]).link(), Path::new("/tmp/hero-dsp-7"));
         assert_eq!(args(&["--link", "port"]).link(), Path::new("port"));

@@ -1,11 +1,11 @@
 //! A pseudo-terminal that stands in for the serial port, and the symbolic link under which the PC finds it.
 //!
-//! The PC's end may be opened and closed as often as somebody likes. This end keeps the other open too, so that the
-//! kernel neither hangs it up nor wakes it for nothing while nobody is there; a watch tells when somebody comes or goes.
+//! A PC may open and close its end at any time. This end keeps the PC's end open too, so that the kernel neither
+//! hangs it up nor wakes it without a reason while no PC is there. A watch reports when a PC opens or closes its end.
 //!
-//! Nothing here blocks. A PC that reads late finds what was said meanwhile, as far as the queues reach: the kernel's and
-//! then the simulator's, as in the receive queue of a serial port. When somebody comes or goes, what lies unread is
-//! discarded, so that a newcomer reads what the DSP says now.
+//! Nothing here blocks. A PC that reads late finds the bytes that were sent in the meantime, as far as the queues
+//! reach: the kernel's and then the simulator's, as in the receive queue of a serial port. When a PC opens or closes
+//! its end, unread bytes are discarded, so that the next PC reads only what the DSP sends from then on.
 
 use std::ffi::OsString;
 use std::fs;
@@ -86,8 +86,8 @@ impl Pty {
         self.watch.as_fd()
     }
 
-    /// Looks whether somebody opened or closed the PC's end, and says so. Then what lies unread is discarded. When
-    /// somebody closed it, the next one finds the port as it was at first: raw, and not held exclusively by a process that
+    /// Returns whether a PC opened or closed its end. If so, unread bytes are discarded. After a PC
+    /// closed its end, the next one finds the port as it was at first: raw, and not held exclusively by a process that
     /// was killed.
     ///
     /// # Errors
@@ -131,7 +131,7 @@ impl Pty {
         }
     }
 
-    /// Writes to the PC what the kernel's queue takes, and says how much that is.
+    /// Writes to the PC what the kernel's queue takes, and returns how much that is.
     ///
     /// # Errors
     /// The terminal is gone.
@@ -152,7 +152,7 @@ impl Pty {
     }
 }
 
-/// A bare terminal stays where it is: while a script says that it is gone, it is silent.
+/// A bare terminal stays where it is: while a script lets it be gone, it is silent.
 impl Port for Pty {
     fn follow(&mut self, _state: PortState) -> io::Result<()> {
         Ok(())

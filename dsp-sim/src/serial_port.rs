@@ -188,7 +188,8 @@ impl Terminal for OpenPort {
 
 impl Drop for OpenPort {
     fn drop(&mut self) {
-        // A port that is gone has no settings to restore. Not `Drain`: a stuck device must not keep the process from ending.
+        // A port that is gone has no settings to restore. Not `Drain`: a stuck device must not keep the process from
+        // ending.
         let _ = tcsetattr(&self.file, OptionalActions::Now, &self.found);
         let _ = ioctl_tiocnxcl(&self.file);
     }
@@ -300,7 +301,7 @@ mod tests {
         let error = port.terminal().unwrap().read(&mut [0; 8]).unwrap_err();
         port.lose(error).unwrap();
         assert!(port.terminal().is_none());
-        // Tried in vain, and again.
+        // It is not back yet.
         poll(&mut [], Some(&RETRY_PAUSE.try_into().unwrap())).unwrap();
         port.follow(PortState::default()).unwrap();
         assert!(port.retry_in().is_some());

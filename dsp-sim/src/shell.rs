@@ -3,8 +3,8 @@
 //!
 //! The port may be gone for a time; then the DSP's bytes are lost, as on a cable without an end.
 //!
-//! One `poll(2)` waits for bytes, for a PC that opens or closes the port, for the request to end, and for the simulator's
-//! next deadline.
+//! One `poll(2)` waits for bytes, for a PC that opens or closes the port, for the request to end, and for the
+//! simulator's next deadline.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -75,7 +75,7 @@ pub fn run(
     Ok(summary)
 }
 
-/// Takes the PC's bytes, and gives it those that have come through the line.
+/// Takes the PC's bytes, and sends the PC those that have passed the serial link.
 fn ferry(
     simulator: &mut Simulator,
     terminal: &mut dyn Terminal,
@@ -95,7 +95,7 @@ fn ferry(
     Ok(())
 }
 
-/// Writes what has come through the line, as far as the PC's queue takes it; gives its length.
+/// Writes what has passed the serial link, as far as the PC's queue takes it; returns its length.
 fn transmit(simulator: &mut Simulator, terminal: &dyn Terminal) -> io::Result<u64> {
     let mut sent = 0;
     let mut outcome = Ok(());
@@ -178,7 +178,7 @@ impl Clock {
     }
 }
 
-/// When the supervisor is to be told that this process is alive.
+/// When to report to the supervisor that this process is alive.
 struct Watchdog {
     period: Option<Duration>,
     fed: Instant,
@@ -199,7 +199,7 @@ impl Watchdog {
         }
     }
 
-    /// Time left until it is due; nothing when nobody watches.
+    /// Time left until it is due; nothing without a supervisor that watches.
     fn left(&self) -> Option<Duration> {
         Some(self.period?.saturating_sub(self.fed.elapsed()))
     }
@@ -270,7 +270,7 @@ mod tests {
             expect(&mut port, Downlink::Status(Status::default()));
         });
         assert_eq!(simulator.dsp().counters().commands[4], 10);
-        // Each command costs a handful: the peer comes, its bytes come and go through the line, the answer, the peer goes.
+        // Each command costs a handful: the peer comes, its bytes pass the serial link, the answer, the peer goes.
         assert!(summary.wakes < 200, "{summary:?}");
         assert!(summary.sent >= 10 * 3 + 3 + 3 + 6, "{summary:?}");
     }
