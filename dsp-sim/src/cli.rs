@@ -1,6 +1,7 @@
 //! The command line, for the binary `dsp-sim` and for the command `ril sim`.
 
 use std::io::Write;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use dsp_protocol::Profile;
@@ -12,13 +13,15 @@ use runtime::{config, logging};
 
 use crate::config::{Config, DEFAULT_FILE, parse_profile};
 use crate::faults::Script;
-use crate::plug::{Plug, PlugError};
+use crate::port::Port;
+use crate::pty_port::{PtyPort, PtyPortError};
+use crate::serial_port::SerialPort;
 use crate::shell;
-use crate::simulator::Simulator;
+use crate::simulator::{Setup, Simulator};
 
-/// Simulates the flight-control DSP and the helicopter behind a pseudo-terminal.
+/// Simulate the flight-control DSP and the helicopter behind a pseudo-terminal or a serial port
 ///
-/// Prints the path of the serial port when it is there. With --faults, things go wrong on purpose.
+/// Prints the path of the port when it is open. With --faults, things go wrong on purpose.
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = "dsp-sim", version)]
 pub struct Args {
@@ -30,7 +33,17 @@ pub struct Args {
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
 
-    /// How many times faster than the real clock the simulated one runs, line included: 0.01 … 100
+    /// Stand in for the DSP at a real serial port, such as /dev/ttyUSB1, instead of a pseudo-terminal
+    ///
+    /// The port is held exclusively, raw, 8N1. When it is unplugged, the simulator waits for its return.
+    #[arg(long, value_name = "DEVICE", conflicts_with_all = ["link", "speed"])]
+    pub port: Option<PathBuf>,
+
+    /// Speed of the serial link, bits per second, instead of `serial.baud_rate` of the configuration
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(50..=4_000_000))]
+    pub baud_rate: Option<u32>,
+
+    /// How many times faster than the real clock the simulated one runs, serial link included: 0.01 … 100
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = speed)]
     pub speed: f64,
 
@@ -38,20 +51,20 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
 
-    /// What the DSP speaks, `classic` or `extended`, instead of `line.profile` of the configuration
+    /// Frames of the DSP, `classic` or `extended`, instead of `serial.profile` of the configuration
     #[arg(long, value_name = "NAME", value_parser = parse_profile)]
     pub profile: Option<Profile>,
 
     /// Script of what goes wrong on purpose: a seed and timed faults
     ///
-    /// A TOML file with `seed` and any number of `[[fault]]` tables, each with a `kind`, its times in simulated seconds
-    /// since the start, and what the kind needs. On bytes: flip_bits, drop_bytes, duplicate_bytes, insert_bytes,
-    /// delay_bytes, split_bytes, burst, stall, outage. On messages: drop, repeat, late, reorder. In the DSP:
-    /// raise_error, reboot, stop_status, hang, clock_jump, change_mask. To the helicopter: pilot_takes_over, battery_low,
-    /// fuel_low, gps_altitude_drift, lose_fix. Of the serial port: hang_up.
+    /// A TOML file with `seed` and any number of `[[fault]]` tables, each with a `kind`, its times in simulated
+    /// seconds since the start, and what the kind needs. On bytes: flip_bits, drop_bytes, duplicate_bytes,
+    /// insert_bytes, delay_bytes, split_bytes, burst, stall, outage. On messages: drop, repeat, late, reorder. In the
+    /// DSP: raise_error, reboot, stop_status, hang, clock_jump, change_mask. To the helicopter: pilot_takes_over,
+    /// battery_low, fuel_low, gps_altitude_drift, lose_fix. Of the serial port: hang_up.
     ///
-    /// The annotated example dsp-sim/faults.toml shows each of them. The same seed repeats the same faults; it is told at
-    /// the start, and what was done at the end.
+    /// The annotated example dsp-sim/faults.toml shows each of them. The same seed repeats the same faults; it is
+    /// logged at the start, and what was done at the end.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub faults: Option<PathBuf>,
 }
@@ -68,7 +81,7 @@ impl Args {
 ///
 /// # Errors
 /// The configuration or the script of faults is wrong (exit code 78), the link cannot be made (2), or there is no
-/// pseudo-terminal (1); the failure says what to do.
+/// pseudo-terminal (1); the failure names the next step.
 pub fn run(args: Args) -> Result<(), Failure> {
     logging::init(args.common.verbosity())?;
     let file = args.common.config.as_deref();
@@ -78,39 +91,43 @@ pub fn run(args: Args) -> Result<(), Failure> {
         config.noise.seed = seed;
     }
     if let Some(profile) = args.profile {
-        config.line.profile = profile;
+        config.serial.profile = profile;
+    }
+    if let Some(baud_rate) = args.baud_rate {
+        config.serial.baud_rate = baud_rate;
     }
     tracing::debug!(file = ?loaded.file, ?config, "configuration");
     let mut setup = config.setup();
+    if args.port.is_some() {
+        pace_for_a_real_port(&mut setup);
+    }
     setup.faults = args.faults.as_deref().map(load_faults).transpose()?;
     if args.common.check_config {
         return Ok(());
     }
     // Before anything that must be left in order.
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
-    let mut plug = Plug::new(&args.link()).map_err(|error| match error {
-        PlugError::Pty(error) => Failure::internal(error),
-        PlugError::Link(error) => Failure::usage(error),
-    })?;
+    let (path, mut port) = open_port(&args, config.serial.baud_rate)?;
     let mut simulator = Simulator::new(setup);
-    tell_link(plug.link()).map_err(Failure::output)?;
+    print_path(&path).map_err(Failure::output)?;
     let supervisor = Notifier::from_env();
     supervisor.ready();
     tracing::info!(
-        link = %plug.link().display(),
-        baud_rate = config.line.baud_rate,
-        profile = config.line.profile.name(),
+        port = %path.display(),
+        baud_rate = config.serial.baud_rate,
+        profile = config.serial.profile.name(),
         seed = config.noise.seed,
         speed = args.speed,
         "ready"
     );
     let outcome = shell::run(
         &mut simulator,
-        &mut plug,
+        port.as_mut(),
         args.speed,
         &termination,
         &supervisor,
     );
+    drop(port);
     supervisor.stopping();
     let summary = outcome.or_fail_with(ExitCode::Internal, "the simulator cannot go on")?;
     tracing::info!(
@@ -127,7 +144,16 @@ pub fn run(args: Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Reads a script of faults, and tells what repeats it.
+/// The real link paces what comes from the PC. What goes to the PC leaves the DSP a little slower than the port sends
+/// it, so that nothing piles up in the port's queue, however far the two clocks are apart: 2 %, as much as 8N1
+/// tolerates.
+fn pace_for_a_real_port(setup: &mut Setup) {
+    setup.receives_at_once = true;
+    let slower = |baud: NonZeroU32| NonZeroU32::new(baud.get() / 50 * 49);
+    setup.baud = setup.baud.and_then(|baud| slower(baud).or(Some(baud)));
+}
+
+/// Reads a script of faults, and logs the seed that repeats it.
 fn load_faults(file: &Path) -> Result<Script, Failure> {
     let script = config::load::<Script>(Some(file), file)?.value;
     tracing::info!(
@@ -139,10 +165,28 @@ fn load_faults(file: &Path) -> Result<Script, Failure> {
     Ok(script)
 }
 
-/// One line for whoever started this process: the port is there.
-fn tell_link(link: &Path) -> std::io::Result<()> {
+/// Opens the serial port or the pseudo-terminal, and returns the path by which the operator knows it.
+fn open_port(args: &Args, baud_rate: u32) -> Result<(PathBuf, Box<dyn Port>), Failure> {
+    if let Some(path) = &args.port {
+        if baud_rate == 0 {
+            return Err(Failure::usage(
+                "--port needs a speed: name it with --baud-rate",
+            ));
+        }
+        let port = SerialPort::open(path, baud_rate).map_err(Failure::usage)?;
+        return Ok((path.clone(), Box::new(port)));
+    }
+    let port = PtyPort::new(&args.link()).map_err(|error| match error {
+        PtyPortError::Pty(error) => Failure::internal(error),
+        PtyPortError::Link(error) => Failure::usage(error),
+    })?;
+    Ok((port.link().to_owned(), Box::new(port)))
+}
+
+/// Prints one line for the starting process: the port is open.
+fn print_path(path: &Path) -> std::io::Result<()> {
     let mut output = std::io::stdout().lock();
-    writeln!(output, "{}", link.display())?;
+    writeln!(output, "{}", path.display())?;
     output.flush()
 }
 
@@ -160,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_robots_have_two_links_unless_told_otherwise() {
+    fn two_robots_have_two_links_unless_reported_otherwise() {
         let args = |args: &[&str]| Args::try_parse_from([&["dsp-sim"], args].concat()).unwrap();
         assert_eq!(args(&["--robot", "7"]).link(), Path::new("/tmp/hero-dsp-7"));
         assert_eq!(args(&["--link", "port"]).link(), Path::new("port"));
@@ -190,6 +234,28 @@ mod tests {
                 kind.name()
             );
         }
+    }
+
+    #[test]
+    fn a_real_port_has_neither_link_nor_another_clock_and_needs_a_speed() {
+        for arguments in [["--link", "dsp"], ["--speed", "2"]] {
+            let arguments = [&["dsp-sim", "--port", "/dev/ttyS0"], &arguments[..]].concat();
+            let error = Args::try_parse_from(arguments).unwrap_err();
+            assert_eq!(error.exit_code(), 2);
+        }
+        let args = Args::try_parse_from(["dsp-sim", "--port", "/dev/null"]).unwrap();
+        for baud_rate in [0, 9_600] {
+            let failure = open_port(&args, baud_rate).err().unwrap();
+            assert_eq!(failure.code(), ExitCode::Usage);
+        }
+    }
+
+    #[test]
+    fn a_real_port_sends_more_slowly_than_it_could_and_receives_at_once() {
+        let mut setup = Setup::default();
+        pace_for_a_real_port(&mut setup);
+        assert!(setup.receives_at_once);
+        assert_eq!(setup.baud.map(NonZeroU32::get), Some(112_896));
     }
 
     #[test]

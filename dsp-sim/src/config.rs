@@ -46,8 +46,8 @@ runtime::ranged! {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// The serial line.
-    pub line: LineConfig,
+    /// The serial link.
+    pub serial: SerialConfig,
     /// Where the helicopter stands at first.
     pub home: HomeConfig,
     /// The wind.
@@ -64,11 +64,11 @@ pub struct Config {
     pub dsp: DspConfig,
 }
 
-/// `[line]`
+/// `[serial]`
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct LineConfig {
-    /// Bits per second that the line is paced at, 8N1; 0 switches the pace off.
+pub struct SerialConfig {
+    /// Bits per second of the serial link, 8N1; 0 lets bytes take no time.
     #[serde(deserialize_with = "baud_rate")]
     pub baud_rate: u32,
     /// What the DSP speaks; the bridge must speak the same (`docs/protocol.md` section 11).
@@ -76,9 +76,9 @@ pub struct LineConfig {
     pub profile: Profile,
 }
 
-impl Default for LineConfig {
+impl Default for SerialConfig {
     fn default() -> Self {
-        LineConfig {
+        SerialConfig {
             baud_rate: 115_200,
             profile: Profile::Classic,
         }
@@ -289,8 +289,9 @@ impl Config {
                     drain_factor: self.energy.drain_factor,
                 },
             },
-            baud: NonZeroU32::new(self.line.baud_rate),
-            profile: self.line.profile,
+            baud: NonZeroU32::new(self.serial.baud_rate),
+            receives_at_once: false,
+            profile: self.serial.profile,
             boot_errors: errors.copied().map(DspErrorCode).collect(),
             firmware: self.dsp.firmware(),
             faults: None,
@@ -367,14 +368,14 @@ mod tests {
     fn what_cannot_be_is_refused_with_its_line() {
         for (text, expected) in [
             (
-                "[line]\nbaud_rate = 5000000",
+                "[serial]\nbaud_rate = 5000000",
                 "x.toml:2: 5000000 is out of range",
             ),
             (
-                "[line]\nprofile = \"Extended\"",
+                "[serial]\nprofile = \"Extended\"",
                 "x.toml:2: `Extended` is no profile; it is `classic` or `extended`",
             ),
-            ("[line]\nbaud = 9600", "x.toml:2: unknown field `baud`"),
+            ("[serial]\nbaud = 9600", "x.toml:2: unknown field `baud`"),
             (
                 "[home]\n\nlatitude_deg = 90.0",
                 "x.toml:3: 90 is out of range",
@@ -392,15 +393,15 @@ mod tests {
             ("[engine]", "x.toml:1: unknown field `engine`"),
         ] {
             let error = runtime::config::parse::<Config>(text, "x.toml").unwrap_err();
-            let told = error.to_string();
-            assert!(told.contains(expected), "{text}: {told}");
+            let message = error.to_string();
+            assert!(message.contains(expected), "{text}: {message}");
         }
     }
 
     #[test]
     fn the_setup_carries_every_value() {
         let text = "
-            [line]
+            [serial]
             baud_rate = 0
             profile = 'extended'
             [home]
@@ -456,6 +457,7 @@ mod tests {
                 },
             },
             baud: None,
+            receives_at_once: false,
             profile: Profile::Extended,
             boot_errors: vec![DspErrorCode(11)],
             firmware: Firmware {

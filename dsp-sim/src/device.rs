@@ -1,9 +1,10 @@
-//! The DSP's side of the protocol (`docs/protocol.md` sections 5 … 8): a pure value that is given bytes and time, and is
-//! drained of bytes.
+//! The DSP's side of the protocol (`docs/protocol.md` sections 5 … 8): a pure value that is given bytes and time, and
+//! is drained of bytes.
 //!
 //! It was written from that page alone. Where the page leaves a choice:
 //!
-//! * *Stray* bytes and *truncated* messages are only counted: nobody can say what they were, and error 102 is kept for a
+//! * *Stray* bytes and *truncated* messages are only counted: what they were cannot be known, and error 102 is kept
+//!   for a
 //!   checksum that is wrong.
 //! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
 //! * The first status and the first flow control come one period after they were switched on; a shorter period takes
@@ -12,12 +13,14 @@
 //! * A reboot in flight lets a take-off or landing go on, because nothing here models a crash; otherwise the helicopter
 //!   hovers on the spot.
 //! * A copy of a command is acknowledged as the command was, a read with the value of the first time.
-//! * While the pilot's switch stands on manual, flow control asks for no waypoint, waypoints are still taken, and an order
+//! * While the pilot's switch stands on manual, flow control asks for no waypoint, waypoints are still taken, and an
+//!   order
 //!   to take off or to land is refused with error 30.
 //! * An acknowledgement that finds its queue full is dropped with error 5.
 //!
 //! Time is simulated: a [`Duration`] since the start of the simulator. The DSP's own clock starts when it boots.
 
+mod command;
 pub mod copies;
 pub mod errors;
 pub mod firmware;
@@ -30,8 +33,8 @@ use std::time::Duration;
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{
-    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Group, Profile, Refusal,
-    Sequence, Status, StatusMask, Uplink, Waypoint, port,
+    Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Group, Profile, Refusal, Sequence,
+    Status, StatusMask, Uplink, Waypoint, port,
 };
 
 use crate::helicopter::pilot::PilotSwitch;
@@ -44,12 +47,12 @@ use movement::TakeOff;
 use output::Output;
 use ports::Ports;
 
-/// Free places of the path buffer without which flow control says stop: the second is for a waypoint on its way.
+/// Free places of the path buffer without which flow control is 0: the second is for a waypoint on its way.
 const PLACES_TO_SEND: usize = 2;
-/// "Write to sci_a with a full queue": the line to the PC hangs at the first serial interface.
+/// "Write to sci_a with a full queue": the serial link to the PC hangs at the first serial interface.
 const WRITE_QUEUE_FULL: DspErrorCode = DspErrorCode(5);
 
-/// Least time between two errors that tell of the other profile (section 11).
+/// Least time between two errors that report the other profile (section 11).
 const OTHER_PROFILE_PERIOD: Duration = Duration::from_secs(1);
 
 /// What the DSP counted since it booted.
@@ -73,7 +76,7 @@ pub struct Counters {
     pub refusals: [u64; Refusal::ALL.len()],
     /// Status messages that were queued.
     pub statuses: u64,
-    /// Status messages that were left out because the line was too slow.
+    /// Status messages that were left out because the serial link was too slow.
     pub statuses_left_out: u64,
 }
 
@@ -97,16 +100,16 @@ pub struct Dsp {
     started_up: bool,
     take_off: TakeOff,
     copies: Copies,
-    /// When the PC was told that it speaks the other profile.
-    other_profile_told: Option<Duration>,
+    /// When it was last reported that the PC speaks the other profile.
+    other_profile_reported: Option<Duration>,
     /// How far a fault has moved the clock.
     clock_shift_ms: i64,
     counters: Counters,
 }
 
 impl Dsp {
-    /// A DSP with `firmware` that speaks `profile`. It boots at `now`, and queues `boot_errors` while it does so, now and at
-    /// every reboot.
+    /// A DSP with `firmware` that speaks `profile`. It boots at `now`, and queues `boot_errors` while it does so, now
+    /// and at every reboot.
     pub fn boot(
         now: Duration,
         profile: Profile,
@@ -129,7 +132,7 @@ impl Dsp {
             started_up: false,
             take_off: TakeOff::default(),
             copies: Copies::default(),
-            other_profile_told: None,
+            other_profile_reported: None,
             clock_shift_ms: 0,
             counters: Counters::default(),
         }
@@ -147,7 +150,7 @@ impl Dsp {
         helicopter.reboot(self.ports.settings());
     }
 
-    /// Takes bytes that the line delivers at `now`.
+    /// Takes bytes that the serial link delivers at `now`.
     pub fn receive(&mut self, now: Duration, mut bytes: &[u8], helicopter: &mut Helicopter) {
         self.advance(now, helicopter);
         helicopter.advance(now);
@@ -222,7 +225,7 @@ impl Dsp {
         &self.counters
     }
 
-    /// Errors that wait to be told.
+    /// Errors that wait to be sent.
     pub fn errors(&self) -> &ErrorQueue {
         &self.errors
     }
@@ -242,142 +245,11 @@ impl Dsp {
         self.started_up
     }
 
-    /// Acknowledges a command, then carries it out or refuses it, unless it is a copy.
-    fn serve(
-        &mut self,
-        now: Duration,
-        command: Command,
-        sequence: Option<Sequence>,
-        helicopter: &mut Helicopter,
-    ) {
-        if let Some(count) = self.counters.commands.get_mut(usize::from(command.code())) {
-            *count += 1;
-        }
-        if let Some(answer) = self.copies.answer(sequence, command) {
-            self.counters.command_copies += 1;
-            self.acknowledge(answer, sequence);
-            return;
-        }
-        let code = command.code();
-        let (answer, is_known) = match command {
-            Command::Read16 { port } => {
-                let value = self.read_16(port, helicopter);
-                let answer = Downlink::Ack16 {
-                    command: code,
-                    value: value.unwrap_or(0),
-                };
-                (answer, value.is_some())
-            }
-            Command::Read32 { port } => {
-                let value = self.ports.read_32(port);
-                let answer = Downlink::Ack32 {
-                    command: code,
-                    value: value.unwrap_or(0.0),
-                };
-                (answer, value.is_some())
-            }
-            _ => (Downlink::Ack { command: code }, true),
-        };
-        self.acknowledge(answer, sequence);
-        self.copies.executed(sequence, command, answer);
-        if !(is_known && self.carry_out(now, command, helicopter)) {
-            self.errors.push(DspErrorCode::INVALID_COMMAND);
-        }
-    }
-
-    /// The value of a 16-bit port. Take-off and landing tell whether one is under way.
-    fn read_16(&self, number: u16, helicopter: &Helicopter) -> Option<u16> {
-        match number {
-            _ if !self.has_port(number) => None,
-            port::TAKE_OFF => Some(self.is_taking_off(helicopter).into()),
-            port::LAND => Some(self.is_landing(helicopter).into()),
-            // Bit 15 tells it from an unknown port, which reads 0.
-            port::WAYPOINT_COUNT => Some(0x8000 | (self.counters.waypoints & 0x7FFF) as u16),
-            _ => self.ports.read_16(number),
-        }
-    }
-
-    /// Whether the firmware has this 16-bit port, if the protocol has it.
-    fn has_port(&self, number: u16) -> bool {
-        match number {
-            port::PC_TIMEOUT_MS => self.firmware.has_pc_timeout,
-            port::WAYPOINT_COUNT => self.firmware.has_waypoint_count,
-            _ => true,
-        }
-    }
-
-    /// Does what a command says once it is acknowledged, which for a read is nothing; false when it is refused.
-    fn carry_out(&mut self, now: Duration, command: Command, helicopter: &mut Helicopter) -> bool {
-        match command {
-            Command::Read16 { .. } | Command::Read32 { .. } => true,
-            Command::Write16 { port, value } => self.write_16(now, port, value, helicopter),
-            Command::Write32 { port, value } => {
-                let written = self.ports.write_32(port, value).is_ok();
-                helicopter.set_settings(self.ports.settings());
-                written
-            }
-            Command::ClearErrors => {
-                self.errors.clear();
-                self.output.forget_error();
-                true
-            }
-            Command::ActivateStatus => {
-                let first = now + self.status_period();
-                self.status_due.get_or_insert(first);
-                true
-            }
-            Command::InvalidatePath => {
-                self.invalidate_path(helicopter);
-                true
-            }
-            Command::Following { on: true } => {
-                self.started_up = true;
-                let first = now + self.flow_control_period();
-                self.flow_control_due.get_or_insert(first);
-                true
-            }
-            Command::Following { on: false } => {
-                self.flow_control_due = None;
-                self.take_off.awaits_flow_control = false;
-                self.invalidate_path(helicopter);
-                true
-            }
-        }
-    }
-
-    fn invalidate_path(&mut self, helicopter: &mut Helicopter) {
-        helicopter.clear_path();
-        self.copies.forget_waypoint();
-    }
-
     /// The PC has been silent for the time of port 10004: waypoints that it may no longer watch over are not flown.
     fn miss_pc(&mut self, helicopter: &mut Helicopter) {
         if helicopter.held_waypoints() > 0 {
             self.counters.pc_timeouts += 1;
             self.invalidate_path(helicopter);
-        }
-    }
-
-    fn write_16(
-        &mut self,
-        now: Duration,
-        number: u16,
-        bits: u16,
-        helicopter: &mut Helicopter,
-    ) -> bool {
-        match number {
-            port::TAKE_OFF => bits == 1 && self.order_take_off(now, helicopter),
-            port::LAND => bits == 1 && self.order_landing(helicopter),
-            _ if !self.has_port(number) => false,
-            _ => {
-                let written = self.ports.write_16(number, bits).is_ok();
-                helicopter.set_settings(self.ports.settings());
-                // What is due later than a new, shorter period allows is due then.
-                let (status, flow) = (self.status_period(), self.flow_control_period());
-                self.status_due = self.status_due.map(|due| due.min(now + status));
-                self.flow_control_due = self.flow_control_due.map(|due| due.min(now + flow));
-                written
-            }
         }
     }
 
@@ -417,14 +289,14 @@ impl Dsp {
         self.errors.push(error);
     }
 
-    /// Counts bytes that were refused, and tells the PC about those that can be told.
+    /// Counts bytes that were refused, and queues an error for those that have one.
     fn refuse(&mut self, now: Duration, refusal: Refusal) {
         if let Some(count) = self.counters.refusals.get_mut(refusal as usize) {
             *count += 1;
         }
         self.errors.push(match refusal {
             Refusal::Stray | Refusal::Truncated => return,
-            Refusal::OtherProfile => return self.tell_other_profile(now),
+            Refusal::OtherProfile => return self.report_other_profile(now),
             Refusal::UnknownHeader => DspErrorCode::UNKNOWN_HEADER,
             Refusal::Checksum => DspErrorCode::PC_CHECKSUM,
             Refusal::Padding | Refusal::Value | Refusal::UnknownCommand => {
@@ -433,12 +305,12 @@ impl Dsp {
         });
     }
 
-    /// Tells the PC at once that it speaks the other profile. It may not have switched the status on, and the errors that
-    /// wait for one would never be told.
-    fn tell_other_profile(&mut self, now: Duration) {
-        let told = self.other_profile_told;
-        if told.is_none_or(|told| now >= told + OTHER_PROFILE_PERIOD) {
-            self.other_profile_told = Some(now);
+    /// Reports at once that the PC speaks the other profile. The PC may not have activated the status, and the errors
+    /// that wait for a status would never be sent.
+    fn report_other_profile(&mut self, now: Duration) {
+        let reported = self.other_profile_reported;
+        if reported.is_none_or(|reported| now >= reported + OTHER_PROFILE_PERIOD) {
+            self.other_profile_reported = Some(now);
             self.output.push_alarm(DspErrorCode::UNKNOWN_HEADER);
         }
     }

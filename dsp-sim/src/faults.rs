@@ -2,22 +2,23 @@
 //!
 //! ```text
 //!            ┌────────────────────── injector ──────────────────────┐
-//! DSP ─▶ line ─▶ messages (dropped …) ─▶ bytes (flipped, late …) ─▶ PC
-//! DSP ◀───────── messages ◀─────────────── bytes ◀─────────── line ◀─ PC
+//! DSP ─▶ serial link ─▶ messages (dropped …) ─▶ bytes (flipped, late …) ─▶ PC
+//! DSP ◀───────── messages ◀─────────────── bytes ◀─────────── serial link ◀─ PC
 //!  ▲
 //!  └──────────── events (errors, reboots, hangs, jumps of the clock)  ─▶ port (hang-up)
 //! ```
 //!
-//! The [`Injector`] is a pure value: it is given bytes with the simulated time at which they went through the line, and
-//! is drained of bytes and events. It knows no clock, thread or file, and never acts on the DSP or the port itself: the
-//! simulator does what its events say, and the process behind the simulator hangs up a real pseudo-terminal.
+//! The [`Injector`] is a pure value: it is given bytes with the simulated time at which they went through the serial
+//! link, and is drained of bytes and events. It knows no clock, thread or file, and never acts on the DSP or the port
+//! itself: the simulator does what its events describe, and the process behind the simulator hangs up a real
+//! pseudo-terminal.
 //!
 //! The same script, bytes and times give the same faults, byte for byte, however the clock steps. All that is held is
 //! bounded; what does not fit is dropped and counted ([`FaultCounters`]).
 //!
 //! # Example
 //!
-//! A DSP that reboots after a second, behind a line that loses one byte in ten:
+//! A DSP that reboots after a second, behind a serial link that loses one byte in ten:
 //!
 //! ```
 //! use std::time::Duration;
@@ -78,8 +79,8 @@ use bytes::ByteStage;
 use messages::{MessageFault, MessageStage};
 use timetable::{Event, Timetable};
 
-/// Number of the first stream of random numbers that faults draw from: those of wind and noise lie far below, so that one
-/// seed for both repeats nothing.
+/// Number of the first stream of random numbers that faults draw from: those of wind and noise lie far below, so that
+/// one seed for both repeats nothing.
 const FIRST_STREAM: u64 = 1 << 16;
 
 /// Whether the serial port of the PC is there.
@@ -106,7 +107,7 @@ pub struct Injector {
     counters: FaultCounters,
 }
 
-/// What the DSP says: it first loses messages, then the line damages them.
+/// From the DSP to the PC: faults first drop messages, then the serial link damages them.
 #[derive(Clone, Debug)]
 struct ToPc {
     messages: MessageStage<Downlink>,
@@ -115,7 +116,7 @@ struct ToPc {
     left: u64,
 }
 
-/// What the PC says: the line damages it, then what is left of the messages goes astray.
+/// From the PC to the DSP: the serial link damages bytes, then faults drop what is left of the messages.
 #[derive(Clone, Debug)]
 struct ToDsp {
     bytes: ByteStage,
@@ -127,7 +128,7 @@ struct ToDsp {
 }
 
 impl Injector {
-    /// Begins a script on a line that speaks `profile`.
+    /// Begins a script on a serial link of `profile`.
     pub fn new(script: &Script, profile: Profile) -> Injector {
         let mut injector = Injector {
             to_pc: ToPc {
@@ -157,7 +158,8 @@ impl Injector {
         injector
     }
 
-    /// Takes a byte that went through the line at `at`, which is no earlier than that of the byte before on the same way.
+    /// Takes a byte that went through the serial link at `at`, which is no earlier than that of the byte before on
+    /// the same way.
     pub fn enter(&mut self, direction: Direction, at: Duration, byte: u8) {
         match direction {
             Direction::ToPc => self.to_pc.enter(at, byte),
@@ -165,8 +167,8 @@ impl Injector {
         }
     }
 
-    /// Gives the next byte that comes out by `now`. To be asked only when every byte that went through the line by `now`
-    /// has entered.
+    /// Gives the next byte that comes out by `now`. Call it only when every byte that went through the serial link by
+    /// `now` has entered.
     pub fn leave(&mut self, direction: Direction, now: Duration) -> Option<u8> {
         match direction {
             Direction::ToPc => self.to_pc.leave(now),
@@ -189,8 +191,8 @@ impl Injector {
         .min()
     }
 
-    /// Does what is due by `now` to the port, and gives the next thing that is due to happen to the DSP or the helicopter;
-    /// call it until there is nothing.
+    /// Does what is due by `now` to the port, and gives the next thing that is due to happen to the DSP or the
+    /// helicopter; call it until there is nothing.
     pub fn next_event(&mut self, now: Duration) -> Option<Happening> {
         while let Some((due, event)) = self.timetable.take(now) {
             match event {
@@ -214,8 +216,8 @@ impl Injector {
     }
 
     /// Counts bytes from the PC that came out while the DSP hung.
-    pub fn count_unheard(&mut self, count: u64) {
-        self.counters.unheard_bytes += count;
+    pub fn count_missed(&mut self, count: u64) {
+        self.counters.missed_bytes += count;
     }
 
     /// Counts bytes to the PC that came out while the port was gone.
@@ -259,7 +261,7 @@ impl Injector {
         }
     }
 
-    /// Puts a fault in its place; `random` makes the dice for a direction.
+    /// Puts a fault in its place; `random` makes the random numbers for a direction.
     fn add(&mut self, fault: &Fault, random: impl Fn(Direction) -> Random) {
         match *fault {
             Fault::Bytes {

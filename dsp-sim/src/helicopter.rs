@@ -20,9 +20,9 @@
 //!
 //! The nose follows the course on a path, and stays where it is otherwise.
 //!
-//! While the pilot's switch stands on manual, the DSP flies no waypoints: the helicopter comes to rest straight ahead and
-//! holds its position, as if the pilot did so, and the path buffer stays as it is. A take-off or landing goes on; none
-//! begins.
+//! While the pilot's switch stands on manual, the DSP flies no waypoints: the helicopter comes to rest straight ahead
+//! and holds its position, as if the pilot did so, and the path buffer stays as it is. A take-off or landing goes on;
+//! none begins.
 
 pub mod body;
 pub mod control;
@@ -35,6 +35,7 @@ pub mod path;
 pub mod pilot;
 pub mod sensors;
 pub mod smoother;
+mod tamper;
 pub mod vector;
 pub mod wind;
 
@@ -64,7 +65,8 @@ use wind::{Wind, WindModel};
 pub const STEP_S: f64 = 0.005;
 /// The same in nanoseconds.
 const STEP_NS: u64 = 5_000_000;
-/// Arrivals that are remembered; the oldest is forgotten first. Twice the waypoints of the longest test of this project.
+/// Arrivals that are remembered; the oldest is forgotten first. Twice the waypoints of the longest test of this
+/// project.
 const ARRIVALS: usize = 256;
 /// How far from the take-off altitude, m, and how fast, m/s, a take-off still counts as at its end.
 const TAKE_OFF_ERROR_M: f64 = 0.2;
@@ -73,7 +75,7 @@ const TAKE_OFF_SPEED_MPS: f64 = 0.3;
 const REST_SPEED_MPS: f64 = 0.05;
 /// The rotor has its speed when it is this near, rpm.
 const ROTOR_ERROR_RPM: f64 = 5.0;
-/// Longest time that is simulated at one go when nobody asks for the state of a flying helicopter.
+/// Longest time that is simulated at one go when no caller asks for the state of a flying helicopter.
 const CATCH_UP: Duration = Duration::from_secs(1);
 
 /// What never changes while the helicopter is simulated.
@@ -284,7 +286,8 @@ impl Helicopter {
         Ok(())
     }
 
-    /// Forgets the path; in flight the helicopter comes to rest straight ahead and hovers, a take-off or landing goes on.
+    /// Forgets the path; in flight the helicopter comes to rest straight ahead and hovers, a take-off or landing goes
+    /// on.
     pub fn clear_path(&mut self) {
         self.path.clear();
         if self.phase == Phase::FollowingPath {
@@ -292,8 +295,8 @@ impl Helicopter {
         }
     }
 
-    /// What happens when the DSP reboots: it forgets path and settings, and the helicopter hovers. A take-off or landing
-    /// goes on, because nothing here models a crash.
+    /// What happens when the DSP reboots: it forgets path and settings, and the helicopter hovers. A take-off or
+    /// landing goes on, because nothing here models a crash.
     pub fn reboot(&mut self, settings: Settings) {
         self.settings = settings;
         self.sensors.reboot();
@@ -303,38 +306,6 @@ impl Helicopter {
     /// Position of the pilot's switch.
     pub fn switch(&self) -> PilotSwitch {
         self.pilot.switch()
-    }
-
-    /// Moves the pilot's switch and leaves it there.
-    pub fn set_switch(&mut self, switch: PilotSwitch) {
-        self.pilot.set(switch);
-        self.stop_for_pilot();
-    }
-
-    /// Moves the pilot's switch to manual for `length`.
-    pub fn take_over(&mut self, length: Duration) {
-        self.pilot.take_over(self.now().saturating_add(length));
-        self.stop_for_pilot();
-    }
-
-    /// Sets the voltage of the battery at rest; in a hover it reads 0.4 V less.
-    pub fn set_battery_v(&mut self, volts: f64) {
-        self.energy.set_battery_v(volts);
-    }
-
-    /// Sets what is left of the fuel, %.
-    pub fn set_fuel_percent(&mut self, percent: f64) {
-        self.energy.set_fuel_percent(percent);
-    }
-
-    /// Takes the fix from the GPS for `length`.
-    pub fn lose_gps_fix(&mut self, length: Duration) {
-        self.gps.lose_fix(self.now().saturating_add(length));
-    }
-
-    /// Lets the altitude of the GPS drift at `rate_mps` for `length`; the error that it has reached then stays.
-    pub fn drift_gps_altitude(&mut self, rate_mps: f64, length: Duration) {
-        self.gps.drift(self.now(), rate_mps, length);
     }
 
     /// Replaces the settings.
@@ -378,8 +349,8 @@ impl Helicopter {
         matches!(self.phase, Phase::Hovering | Phase::FollowingPath)
     }
 
-    /// Waypoints in the path buffer: those that the DSP has taken and not yet reached, the one that it flies to included.
-    /// A helicopter that has reached its last waypoint and hovers there holds none.
+    /// Waypoints in the path buffer: those that the DSP has taken and not yet reached, the one that it flies to
+    /// included. A helicopter that has reached its last waypoint and hovers there holds none.
     pub fn held_waypoints(&self) -> usize {
         PATH_PLACES - self.path.free_places()
     }
@@ -449,13 +420,6 @@ impl Helicopter {
         self.energy.step(load, self.body.rotor_rpm > 0.0, STEP_S);
         self.check_arrival();
         self.check_phase();
-    }
-
-    /// Leaves the path when the pilot has taken over. The waypoints stay in the buffer.
-    fn stop_for_pilot(&mut self) {
-        if self.switch() == PilotSwitch::Manual && self.phase == Phase::FollowingPath {
-            self.guidance.brake();
-        }
     }
 
     /// Whether the skids carry the helicopter.

@@ -2,18 +2,18 @@
 //!
 //! It speaks the DSP's side of `docs/protocol.md`, from which it was written without a look at the bridge: what the two
 //! agree on is the page, not a shared piece of code. On one machine it opens a pseudo-terminal, so that no hardware is
-//! needed; in a test it is a value that is given bytes and the time.
+//! needed; on a bench it takes a serial port; in a test it is a value that is given bytes and the time.
 //!
 //! ```text
 //!        ┌────────────────────── simulator (pure) ──────────────────────┐
-//! pty ─▶ line ─▶ faults ─▶ device ─▶ orders ─▶ helicopter
-//! pty ◀─ faults ◀─ line ◀─ device ◀─ sensors ◀─ (guidance, control, body, wind)
+//! port ─▶ serial link ─▶ faults ─▶ device ─▶ orders ─▶ helicopter
+//! port ◀─ faults ◀─ serial link ◀─ device ◀─ sensors ◀─ (guidance, control, body, wind)
 //! ```
 //!
 //! * [`simulator`]: all of it behind one facade; [`device`]: the protocol, ports, errors; [`helicopter`]: the flight;
-//!   [`mod@line`]: the pace of the bytes; [`faults`]: what goes wrong on purpose, by a script; [`random`]: seeded numbers.
-//!   None of them knows a file, a thread or a clock.
-//! * [`pty`], [`plug`], [`shell`], [`cli`], [`config`]: the process around it.
+//!   [`serial_link`]: the pace of the bytes; [`faults`]: what goes wrong on purpose, by a script; [`random`]: seeded
+//!   numbers. None of them knows a file, a thread or a clock.
+//! * [`port`], [`pty`], [`pty_port`], [`serial_port`], [`shell`], [`cli`], [`config`]: the process around it.
 //!
 //! Time is simulated, a `Duration` since the start that the caller holds. The same seed and the same bytes at the same
 //! times give the same flight, the same answers and the same faults, bit for bit.
@@ -57,9 +57,11 @@ pub mod config;
 pub mod device;
 pub mod faults;
 pub mod helicopter;
-pub mod line;
-pub mod plug;
+pub mod port;
 pub mod pty;
+pub mod pty_port;
 pub mod random;
+pub mod serial_link;
+pub mod serial_port;
 pub mod shell;
 pub mod simulator;

@@ -1,11 +1,11 @@
 //! A pseudo-terminal that stands in for the serial port, and the symbolic link under which the PC finds it.
 //!
-//! The PC's end may be opened and closed as often as somebody likes. This end keeps the other open too, so that the
-//! kernel neither hangs it up nor wakes it for nothing while nobody is there; a watch tells when somebody comes or goes.
+//! A PC may open and close its end at any time. This end keeps the PC's end open too, so that the kernel neither
+//! hangs it up nor wakes it without a reason while no PC is there. A watch reports when a PC opens or closes its end.
 //!
-//! Nothing here blocks. A PC that reads late finds what was said meanwhile, as far as the queues reach: the kernel's and
-//! then the simulator's, as in the receive queue of a serial port. When somebody comes or goes, what lies unread is
-//! discarded, so that a newcomer reads what the DSP says now.
+//! Nothing here blocks. A PC that reads late finds the bytes that were sent in the meantime, as far as the queues
+//! reach: the kernel's and then the simulator's, as in the receive queue of a serial port. When a PC opens or closes
+//! its end, unread bytes are discarded, so that the next PC reads only what the DSP sends from then on.
 
 use std::ffi::OsString;
 use std::fs;
@@ -19,6 +19,9 @@ use rustix::fs::inotify;
 use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::{self, OptionalActions, QueueSelector};
+
+use crate::faults::PortState;
+use crate::port::{Port, Terminal};
 
 /// Room for a few hundred events of the watch, bytes; more are read at the next wake.
 const EVENTS_LEN: usize = 4_096;
@@ -83,8 +86,8 @@ impl Pty {
         self.watch.as_fd()
     }
 
-    /// Looks whether somebody opened or closed the PC's end, and says so. Then what lies unread is discarded. When
-    /// somebody closed it, the next one finds the port as it was at first: raw, and not held exclusively by a process that
+    /// Returns whether a PC opened or closed its end. If so, unread bytes are discarded. After a PC
+    /// closed its end, the next one finds the port as it was at first: raw, and not held exclusively by a process that
     /// was killed.
     ///
     /// # Errors
@@ -128,7 +131,7 @@ impl Pty {
         }
     }
 
-    /// Writes to the PC what the kernel's queue takes, and says how much that is.
+    /// Writes to the PC what the kernel's queue takes, and returns how much that is.
     ///
     /// # Errors
     /// The terminal is gone.
@@ -146,6 +149,39 @@ impl Pty {
     /// Discards what the PC has not read.
     fn discard(&self) -> io::Result<()> {
         termios::tcflush(&self.slave, QueueSelector::IFlush).map_err(Into::into)
+    }
+}
+
+/// A bare terminal stays where it is: while a script lets it be gone, it is silent.
+impl Port for Pty {
+    fn follow(&mut self, _state: PortState) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn terminal(&mut self) -> Option<&mut dyn Terminal> {
+        Some(self)
+    }
+}
+
+impl Terminal for Pty {
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.as_fd()
+    }
+
+    fn peer_watch(&self) -> Option<BorrowedFd<'_>> {
+        Some(self.watch())
+    }
+
+    fn check_peer(&mut self) -> io::Result<bool> {
+        Pty::check_peer(self)
+    }
+
+    fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        Pty::read(self, buffer)
+    }
+
+    fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        Pty::write(self, bytes)
     }
 }
 

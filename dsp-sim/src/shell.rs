@@ -1,10 +1,10 @@
-//! The loop of the simulator's process: it ferries bytes between the pseudo-terminal and the pure [`Simulator`], and
+//! The loop of the simulator's process: it carries bytes between the port and the pure [`Simulator`], and
 //! sleeps until there is something to do. It decides nothing.
 //!
-//! A script of faults may pull the terminal out for a time; then there is nothing to ferry.
+//! The port may be gone for a time; then the DSP's bytes are lost, as on a cable without an end.
 //!
-//! One `poll(2)` waits for bytes, for somebody who opens or closes the port, for the wish to end, and for the simulator's
-//! next deadline.
+//! One `poll(2)` waits for bytes, for a PC that opens or closes the port, for the request to end, and for the
+//! simulator's next deadline.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -15,8 +15,7 @@ use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::plug::Port;
-use crate::pty::Pty;
+use crate::port::{Port, Terminal};
 use crate::simulator::{INPUT_PLACES, Simulator};
 
 /// How late a wake may be, in real time, before the simulated clock is held back: a process that was stopped, or a
@@ -38,10 +37,10 @@ pub struct Summary {
 /// where `simulator` stands.
 ///
 /// # Errors
-/// The pseudo-terminal is gone, or cannot be put in again after it was pulled out on purpose, or waiting failed.
+/// The port is gone and cannot come back, or waiting failed.
 pub fn run(
     simulator: &mut Simulator,
-    port: &mut impl Port,
+    port: &mut dyn Port,
     speed: f64,
     termination: &Termination,
     supervisor: &Notifier,
@@ -54,44 +53,53 @@ pub fn run(
         let now = clock.now(simulator.next_deadline());
         simulator.advance(now);
         port.follow(simulator.port())?;
-        if let Some(pty) = port.pty() {
-            ferry(simulator, pty, now, &mut buffer, &mut summary)?;
+        match port.terminal() {
+            Some(terminal) => {
+                if let Err(error) = ferry(simulator, terminal, now, &mut buffer, &mut summary) {
+                    port.lose(error)?;
+                }
+            }
+            None => simulator.discard_output(),
         }
         watchdog.feed(supervisor);
         let deadline = simulator.next_deadline();
         let timeout = deadline.map(|deadline| clock.real(deadline.saturating_sub(now)));
-        let timeout = timeout.into_iter().chain(watchdog.left()).min();
-        sleep(port.pty(), interest(simulator), termination, timeout)?;
+        let timeout = timeout
+            .into_iter()
+            .chain(watchdog.left())
+            .chain(port.retry_in())
+            .min();
+        sleep(port.terminal(), interest(simulator), termination, timeout)?;
         summary.wakes += 1;
     }
     Ok(summary)
 }
 
-/// Takes the PC's bytes, and gives it those that have come through the line.
+/// Takes the PC's bytes, and sends the PC those that have passed the serial link.
 fn ferry(
     simulator: &mut Simulator,
-    pty: &mut Pty,
+    terminal: &mut dyn Terminal,
     now: Duration,
     buffer: &mut [u8; INPUT_PLACES],
     summary: &mut Summary,
 ) -> io::Result<()> {
-    if pty.check_peer()? {
+    if terminal.check_peer()? {
         simulator.discard_output();
     }
     // What does not fit stays in the kernel's queue, which makes the PC wait, as a slow port would.
     let room = simulator.input_room();
-    let count = pty.read(&mut buffer[..room])?;
+    let count = terminal.read(&mut buffer[..room])?;
     simulator.receive(now, &buffer[..count]);
     summary.received += count as u64;
-    summary.sent += transmit(simulator, pty)?;
+    summary.sent += transmit(simulator, terminal)?;
     Ok(())
 }
 
-/// Writes what has come through the line, as far as the PC's queue takes it; gives its length.
-fn transmit(simulator: &mut Simulator, pty: &Pty) -> io::Result<u64> {
+/// Writes what has passed the serial link, as far as the PC's queue takes it; returns its length.
+fn transmit(simulator: &mut Simulator, terminal: &dyn Terminal) -> io::Result<u64> {
     let mut sent = 0;
     let mut outcome = Ok(());
-    simulator.transmit(|bytes| match pty.write(bytes) {
+    simulator.transmit(|bytes| match terminal.write(bytes) {
         Ok(count) => {
             sent += count as u64;
             count
@@ -114,25 +122,20 @@ fn interest(simulator: &Simulator) -> PollFlags {
 
 /// Sleeps until the terminal is ready for `interest`, there is a peer, the wish to end, or the timeout is over.
 fn sleep(
-    pty: Option<&mut Pty>,
+    terminal: Option<&mut dyn Terminal>,
     interest: PollFlags,
     termination: &Termination,
     timeout: Option<Duration>,
 ) -> io::Result<()> {
     let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
     let ending = PollFd::from_borrowed_fd(termination.as_fd(), PollFlags::IN);
-    let outcome = match pty {
-        Some(pty) => {
-            let mut sources = [
-                PollFd::from_borrowed_fd(pty.as_fd(), interest),
-                PollFd::from_borrowed_fd(pty.watch(), PollFlags::IN),
-                ending,
-            ];
-            poll(&mut sources, timeout.as_ref())
-        }
-        None => poll(&mut [ending], timeout.as_ref()),
-    };
-    match outcome {
+    let mut sources = vec![ending];
+    if let Some(terminal) = &terminal {
+        sources.push(PollFd::from_borrowed_fd(terminal.descriptor(), interest));
+        let watch = terminal.peer_watch();
+        sources.extend(watch.map(|watch| PollFd::from_borrowed_fd(watch, PollFlags::IN)));
+    }
+    match poll(&mut sources, timeout.as_ref()) {
         // A signal interrupted the wait; the loop looks at everything anyway.
         Ok(_) | Err(Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
@@ -175,7 +178,7 @@ impl Clock {
     }
 }
 
-/// When the supervisor is to be told that this process is alive.
+/// When to report to the supervisor that this process is alive.
 struct Watchdog {
     period: Option<Duration>,
     fed: Instant,
@@ -196,7 +199,7 @@ impl Watchdog {
         }
     }
 
-    /// Time left until it is due; nothing when nobody watches.
+    /// Time left until it is due; nothing without a supervisor that watches.
     fn left(&self) -> Option<Duration> {
         Some(self.period?.saturating_sub(self.fed.elapsed()))
     }
@@ -211,6 +214,7 @@ mod tests {
     use dsp_protocol::{Command, Downlink, Status, Uplink, port};
 
     use super::*;
+    use crate::pty::Pty;
     use crate::simulator::Setup;
 
     /// Runs the loop in a thread while `pc` uses the port that it opens.
@@ -266,7 +270,7 @@ mod tests {
             expect(&mut port, Downlink::Status(Status::default()));
         });
         assert_eq!(simulator.dsp().counters().commands[4], 10);
-        // Each command costs a handful: the peer comes, its bytes come and go through the line, the answer, the peer goes.
+        // Each command costs a handful: the peer comes, its bytes pass the serial link, the answer, the peer goes.
         assert!(summary.wakes < 200, "{summary:?}");
         assert!(summary.sent >= 10 * 3 + 3 + 3 + 6, "{summary:?}");
     }

@@ -1,5 +1,5 @@
-//! The whole simulator as a pure value: DSP, helicopter, the line to the PC and what goes wrong on it by a script of
-//! faults, on a clock that the caller holds.
+//! The whole simulator as a pure value: DSP, helicopter, the serial link to the PC and what goes wrong on it by a
+//! script of faults, on a clock that the caller holds.
 //!
 //! It is given bytes and the time, and is drained of bytes. The time is simulated: a [`Duration`] since the simulator
 //! started, which never goes back. A test jumps from deadline to deadline; a shell maps a real clock onto it.
@@ -18,13 +18,14 @@ use crate::faults::{
 };
 use crate::helicopter::pilot::PilotSwitch;
 use crate::helicopter::{Helicopter, Model};
-use crate::line::Lane;
+use crate::serial_link::Lane;
 
-/// Bytes from the PC that are on the line, in bytes: sixty waypoints, of which a PC that minds flow control sends one.
-/// More are left with the caller, as a full transmit queue of a serial port leaves them.
+/// Bytes from the PC that are on the serial link, in bytes: sixty waypoints, of which a PC that obeys flow control
+/// sends one. More are left with the caller, as a full transmit queue of a serial port leaves them.
 pub const INPUT_PLACES: usize = 1_024;
-/// Bytes to the PC that have gone through the line and that nobody has fetched: 5 s of the usual line, more than any
-/// reader of a serial port may be late. Further ones are dropped and counted, as by a receiver that overruns.
+/// Bytes to the PC that have passed the serial link and that the caller has not fetched: 5 s of a serial link of
+/// 115200 baud, more than any reader of a serial port may be late. Further ones are dropped and counted, as by a
+/// receiver that overruns.
 pub const OUTPUT_PLACES: usize = 65_536;
 
 /// What is simulated.
@@ -32,8 +33,12 @@ pub const OUTPUT_PLACES: usize = 65_536;
 pub struct Setup {
     /// The helicopter and its world.
     pub model: Model,
-    /// Speed of the line, bits a second; without a figure, bytes take no time.
+    /// Speed of the serial link, bits per second; without a figure, bytes take no time.
     pub baud: Option<NonZeroU32>,
+    /// Whether bytes from the PC reach the DSP at once, because a real port has already given them their time. Those
+    /// to the PC are always sent at the speed of the link: a port that got them sooner would queue them, and what
+    /// waits in its queue can be neither left out nor overtaken (`docs/protocol.md` section 8.3).
+    pub receives_at_once: bool,
     /// What the DSP speaks.
     pub profile: Profile,
     /// Errors that the DSP queues while it boots.
@@ -44,7 +49,7 @@ pub struct Setup {
     pub faults: Option<Script>,
 }
 
-/// DSP, helicopter and line.
+/// DSP, helicopter and serial link.
 #[derive(Clone, Debug)]
 pub struct Simulator {
     now: Duration,
@@ -73,7 +78,7 @@ impl Simulator {
                 setup.firmware,
             ),
             helicopter: Helicopter::new(setup.model, Ports::default().settings()),
-            to_dsp: Lane::new(setup.baud),
+            to_dsp: Lane::new(setup.baud.filter(|_| !setup.receives_at_once)),
             from_dsp: Lane::new(setup.baud),
             input: VecDeque::new(),
             output: VecDeque::new(),
@@ -85,14 +90,15 @@ impl Simulator {
         }
     }
 
-    /// Puts bytes from the PC on the line at `now`. Returns how many it took: the line holds [`INPUT_PLACES`].
+    /// Puts bytes from the PC on the serial link at `now`. Returns how many it took: the serial link holds
+    /// [`INPUT_PLACES`].
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) -> usize {
         self.advance(now);
         let taken = bytes.len().min(self.input_room());
         if taken > 0 {
             self.to_dsp.begin(self.now);
             self.input.extend(&bytes[..taken]);
-            // A line without a speed delivers at once.
+            // A serial link without a speed delivers at once.
             self.advance(now);
         }
         taken
@@ -127,7 +133,8 @@ impl Simulator {
             .min()
     }
 
-    /// Gives `sink` the bytes for the PC that have gone through the line; it returns how many it took. The others stay.
+    /// Gives `sink` the bytes for the PC that have passed the serial link; it returns how many it took. The others
+    /// stay.
     pub fn transmit(&mut self, mut sink: impl FnMut(&[u8]) -> usize) {
         while !self.output.is_empty() {
             let (front, _) = self.output.as_slices();
@@ -144,12 +151,12 @@ impl Simulator {
         !self.output.is_empty()
     }
 
-    /// Drops the bytes that wait to be fetched: whoever they were for has gone.
+    /// Drops the bytes that wait to be fetched, because the PC that they were for has gone.
     pub fn discard_output(&mut self) {
         self.output.clear();
     }
 
-    /// Lets the DSP boot again; the helicopter stays in the air. What is on the line stays there.
+    /// Lets the DSP boot again; the helicopter stays in the air. What is on the serial link stays there.
     pub fn reboot(&mut self) {
         self.hangs_until = None;
         self.dsp.reboot(self.now, &mut self.helicopter);
@@ -170,8 +177,8 @@ impl Simulator {
         &self.helicopter
     }
 
-    /// Waypoints that the DSP would still fly: see [`Helicopter::held_waypoints`]. After *invalidate path*, and after the
-    /// last waypoint of a path was reached, it is 0.
+    /// Waypoints that the DSP would still fly: see [`Helicopter::held_waypoints`]. After *invalidate path*, and after
+    /// the last waypoint of a path was reached, it is 0.
     pub fn held_waypoints(&self) -> usize {
         self.helicopter.held_waypoints()
     }
@@ -186,7 +193,7 @@ impl Simulator {
         self.dsp.is_landing(&self.helicopter)
     }
 
-    /// Bytes to the PC that were dropped because nobody fetched them.
+    /// Bytes to the PC that were dropped because the caller did not fetch them.
     pub fn overrun(&self) -> u64 {
         self.overrun
     }
@@ -196,14 +203,14 @@ impl Simulator {
         Some(self.faults.as_ref()?.counters())
     }
 
-    /// Whether the serial port of the PC is there, which a script of faults decides. While it is gone, bytes to the PC are
-    /// lost; whoever holds the PC's end hangs it up and lets it come back.
+    /// Whether the serial port of the PC is there, which a script of faults decides. While it is gone, bytes to the
+    /// PC are lost; the process hangs the PC's end up and lets it come back.
     pub fn port(&self) -> PortState {
         let faults = self.faults.as_ref();
         faults.map(|faults| faults.port()).unwrap_or_default()
     }
 
-    /// When DSP, line or faults have something to do next.
+    /// When DSP, serial link or faults have something to do next.
     fn inner_deadline(&self) -> Option<Duration> {
         let input = self.to_dsp.next_deadline(self.input.len());
         let output = self.from_dsp.next_deadline(self.dsp.output().front().len());
@@ -220,7 +227,7 @@ impl Simulator {
         .min()
     }
 
-    /// Hands the DSP the bytes from the PC that have gone through the line, and what faults leave of them.
+    /// Hands the DSP the bytes from the PC that have passed the serial link, and what faults leave of them.
     fn deliver(&mut self) {
         let count = self.to_dsp.through(self.now).min(self.input.len());
         match &mut self.faults {
@@ -230,11 +237,11 @@ impl Simulator {
                     faults.enter(Direction::ToDsp, at, byte);
                 }
                 let leave = || faults.leave(Direction::ToDsp, self.now);
-                let heard: Vec<u8> = std::iter::from_fn(leave).collect();
+                let arrived: Vec<u8> = std::iter::from_fn(leave).collect();
                 if self.hangs_until.is_some() {
-                    faults.count_unheard(heard.len() as u64);
-                } else if !heard.is_empty() {
-                    self.dsp.receive(self.now, &heard, &mut self.helicopter);
+                    faults.count_missed(arrived.len() as u64);
+                } else if !arrived.is_empty() {
+                    self.dsp.receive(self.now, &arrived, &mut self.helicopter);
                 }
             }
             None => {
@@ -255,7 +262,7 @@ impl Simulator {
         }
     }
 
-    /// Moves what the DSP has to say onto the line, and what has gone through off it.
+    /// Moves the DSP's output onto the serial link, and takes off what has passed it.
     fn ferry(&mut self) {
         while self.hangs_until.is_none() {
             let front = self.dsp.output().front();
@@ -289,7 +296,7 @@ impl Simulator {
         self.collect();
     }
 
-    /// Lets the PC have what faults leave of the bytes that have gone through the line.
+    /// Lets the PC have what faults leave of the bytes that have passed the serial link.
     fn collect(&mut self) {
         let Some(faults) = &mut self.faults else {
             return;
@@ -318,7 +325,7 @@ impl Simulator {
         if let Some(faults) = &mut self.faults
             && faults.port().is_gone
         {
-            // What nobody has fetched goes with the port.
+            // Bytes that were not fetched go with the port.
             faults.count_unplugged(self.output.len() as u64);
             self.output.clear();
         }

@@ -24,7 +24,7 @@ impl Sim {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        // The line on standard output says that the port is there.
+        // The line on standard output means that the port is there.
         let mut line = String::new();
         let output = child.stdout.take().unwrap();
         BufReader::new(output).read_line(&mut line).unwrap();
@@ -125,7 +125,7 @@ fn ask_extended(port: &mut File, sequence: Sequence, command: Command) -> Receiv
 }
 
 #[test]
-fn the_profile_is_chosen_on_the_command_line_and_the_other_is_told() {
+fn the_profile_is_chosen_on_the_command_line_and_the_other_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let sim = Sim::start(
         &folder.path().join("port"),
@@ -145,8 +145,11 @@ fn the_profile_is_chosen_on_the_command_line_and_the_other_is_told() {
     // A classic frame first: the error comes before the acknowledgement.
     let classic = Uplink::Command(Command::ClearErrors).encode();
     port.write_all(classic.as_bytes()).unwrap();
-    let told = ask_extended(&mut port, sequence.next(), Command::ClearErrors);
-    assert_eq!(told.message, Downlink::Error(DspErrorCode::UNKNOWN_HEADER));
+    let reported = ask_extended(&mut port, sequence.next(), Command::ClearErrors);
+    assert_eq!(
+        reported.message,
+        Downlink::Error(DspErrorCode::UNKNOWN_HEADER)
+    );
 }
 
 #[test]
@@ -165,7 +168,7 @@ fn the_pc_comes_and_goes_and_the_dsp_stays_the_same() {
     );
     drop(port);
     for _ in 0..3 {
-        // Nobody started anything again: the DSP talks on, and only of the present.
+        // No PC started it up again: the DSP goes on sending, and only of the present.
         let mut port = sim.open();
         read_until(&mut port, |message| matches!(message, Downlink::Status(_)));
     }
@@ -190,7 +193,7 @@ fn a_simulator_that_was_killed_is_replaced_under_its_old_link() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_exit_code() {
+fn what_is_wrong_is_reported_with_its_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let precious = folder.path().join("precious");
     fs::write(&precious, "data").unwrap();
@@ -199,7 +202,7 @@ fn what_is_wrong_is_told_with_its_exit_code() {
     let faults = folder.path().join("faults.toml");
     fs::write(&faults, "[[fault]]\nkind = 'drop_bytes'\nrate = 2\n").unwrap();
     let [precious, wrong, faults] = [&precious, &wrong, &faults].map(|path| path.to_str().unwrap());
-    for (arguments, code, told) in [
+    for (arguments, code, reported) in [
         (vec!["--link", precious], 2, "not a symbolic link"),
         (vec!["--link", "/nowhere/port"], 2, "--link"),
         (
@@ -224,7 +227,7 @@ fn what_is_wrong_is_told_with_its_exit_code() {
         let output = process(&arguments).output().unwrap();
         let error = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
-        assert!(error.contains(told), "{arguments:?}: {error}");
+        assert!(error.contains(reported), "{arguments:?}: {error}");
         assert!(output.stdout.is_empty());
     }
     assert_eq!(fs::read_to_string(precious).unwrap(), "data");
@@ -247,10 +250,10 @@ fn the_port_is_hung_up_by_script_and_comes_back_as_another_device() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut told = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut reported = BufReader::new(child.stderr.take().unwrap()).lines();
     let mut sim = Sim { child, link };
     let mut wait_for = |what: &str| {
-        let mut lines = told.by_ref().map(Result::unwrap);
+        let mut lines = reported.by_ref().map(Result::unwrap);
         lines.find(|line| line.contains(what)).expect(what)
     };
     assert!(wait_for("faults on purpose").contains("seed=4711"));

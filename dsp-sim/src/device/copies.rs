@@ -1,6 +1,6 @@
 //! Which messages of the PC are copies of one that has been served (`docs/protocol.md` section 11).
 //!
-//! Only the extended profile has numbers to tell by; in the classic one nothing is a copy here.
+//! Only the extended profile numbers messages; in the classic profile nothing is a copy here.
 
 use dsp_protocol::{Command, Downlink, Frame, Sequence, Uplink};
 
@@ -14,7 +14,7 @@ pub struct Copies {
 #[derive(Clone, Debug)]
 struct Served {
     sequence: Sequence,
-    /// Its bytes, which tell even values apart that are equal, or not equal to themselves.
+    /// Its bytes, which differ even where float values are equal, and are equal where a float is not equal to itself.
     bytes: Frame,
     answer: Downlink,
 }

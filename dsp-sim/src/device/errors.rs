@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 
 use dsp_protocol::DspErrorCode;
 
-/// Places of the queue, as section 8.6 says. An error that finds it full is dropped: the first ones tell what began it.
+/// Places of the queue, see section 8.6. An error that finds it full is dropped: the first ones show the cause.
 const PLACES: usize = 16;
 
-/// Errors that wait to be told, oldest first.
+/// Errors that wait to be sent, oldest first.
 #[derive(Clone, Debug, Default)]
 pub struct ErrorQueue {
     errors: VecDeque<DspErrorCode>,

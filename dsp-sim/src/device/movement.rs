@@ -16,8 +16,8 @@ pub(super) struct TakeOff {
 }
 
 impl Dsp {
-    /// Whether port 10121 reads 1: from the order until the first flow control with 1, which says that the take-off is
-    /// over. With following off no flow control comes, and the end of the climb is the end.
+    /// Whether port 10121 reads 1: from the order until the first flow control with 1, which ends the
+    /// take-off. With following off no flow control comes, and the end of the climb is the end.
     pub fn is_taking_off(&self, helicopter: &Helicopter) -> bool {
         let climbs = matches!(helicopter.phase(), Phase::SpinningUp | Phase::TakingOff);
         climbs || (self.take_off.awaits_flow_control && self.is_following())

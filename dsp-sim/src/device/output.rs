@@ -1,16 +1,16 @@
 //! What waits to be sent to the PC: whole messages, never a part of one.
 //!
-//! A message becomes a frame when it is its turn, so that the numbers of the extended profile run in the order of the line.
-//! Acknowledgements overtake a status that waits, so that they are in time even on a slow line; nothing overtakes a
-//! frame that has begun, nor the error that belongs to a status.
+//! A message becomes a frame when it is its turn, so that the numbers of the extended profile run in the order of
+//! sending. Acknowledgements overtake a status that waits, so that they are in time even on a slow serial link;
+//! nothing overtakes a frame that has begun, nor the error that belongs to a status.
 
 use std::collections::VecDeque;
 
 use dsp_protocol::{Downlink, DspErrorCode, FlowControl, Frame, Profile, Sequence, Status};
 
-/// Acknowledgements that may wait. The PC has at most one command outstanding, so that more than one is a babbling PC;
-/// 32 is what it can have acknowledged while the longest status is on the line: 128 bytes at the commands' 4. One that
-/// does not fit is dropped whole, as if the line had lost it.
+/// Acknowledgements that may wait. The PC has at most one command outstanding, so that more than one means a faulty
+/// PC; 32 is what it can have acknowledged while the longest status is on the serial link: 128 bytes at the commands'
+/// 4. One that does not fit is dropped whole, as if the serial link had lost it.
 const MAX_ACKS: usize = 32;
 
 /// Messages that wait, and the frame that is being sent.
@@ -56,7 +56,7 @@ impl Output {
         true
     }
 
-    /// Tells an error without waiting for a status, in place of one that still waits to be told so.
+    /// Sends an error without waiting for a status, in place of one that still waits.
     pub fn push_alarm(&mut self, error: DspErrorCode) {
         self.alarm = Some(error);
         self.next();

@@ -1,5 +1,5 @@
-//! The values of the virtual ports (`docs/protocol.md` section 6). Take-off and landing live elsewhere: what they read as
-//! is what the helicopter does.
+//! The values of the virtual ports (`docs/protocol.md` section 6). Take-off and landing live elsewhere: what they
+//! read as is what the helicopter does.
 
 use dsp_protocol::port::{self, PORTS_16, PORTS_32};
 

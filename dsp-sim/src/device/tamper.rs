@@ -17,7 +17,7 @@ impl Dsp {
         self.status_due = None;
     }
 
-    /// Lets the clock jump, as a status tells it. It never reads less than zero; a reboot sets it right.
+    /// Lets the clock jump, as a status carries it. It never reads less than zero; a reboot sets it right.
     pub fn shift_clock(&mut self, milliseconds: i64) {
         self.clock_shift_ms = self.clock_shift_ms.saturating_add(milliseconds);
     }

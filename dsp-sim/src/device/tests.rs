@@ -4,15 +4,15 @@ mod extended;
 mod firmware;
 mod in_flight;
 
-use dsp_protocol::{Group, Received};
+use dsp_protocol::{Command, Group, Received};
 use proptest::prelude::*;
 
 use super::*;
 use crate::helicopter::Phase;
 use crate::simulator::Setup;
 
-/// A DSP on a desk, with a helicopter and a PC that takes every byte at once.
-struct Desk {
+/// A DSP with a helicopter, and a PC that takes every byte at once.
+struct Harness {
     dsp: Dsp,
     helicopter: Helicopter,
     decoder: Decoder<Downlink>,
@@ -41,22 +41,22 @@ fn frame(body: &[u8]) -> Vec<u8> {
     frame
 }
 
-impl Desk {
+impl Harness {
     /// A DSP that has just booted.
-    fn new() -> Desk {
-        Desk::with_boot_errors(&[])
+    fn new() -> Harness {
+        Harness::with_boot_errors(&[])
     }
 
-    fn with_boot_errors(errors: &[u16]) -> Desk {
-        Desk::in_profile(Profile::Classic, errors)
+    fn with_boot_errors(errors: &[u16]) -> Harness {
+        Harness::in_profile(Profile::Classic, errors)
     }
 
-    fn in_profile(profile: Profile, errors: &[u16]) -> Desk {
-        Desk::with_firmware(profile, errors, Firmware::default())
+    fn in_profile(profile: Profile, errors: &[u16]) -> Harness {
+        Harness::with_firmware(profile, errors, Firmware::default())
     }
 
-    fn with_firmware(profile: Profile, errors: &[u16], firmware: Firmware) -> Desk {
-        Desk {
+    fn with_firmware(profile: Profile, errors: &[u16], firmware: Firmware) -> Harness {
+        Harness {
             dsp: Dsp::boot(
                 Duration::ZERO,
                 profile,
@@ -72,12 +72,12 @@ impl Desk {
     }
 
     /// A DSP after the start-up of section 8.1, with time alone in its mask.
-    fn started() -> Desk {
-        Desk::new().start_up()
+    fn started() -> Harness {
+        Harness::new().start_up()
     }
 
     /// The start-up of section 8.1.
-    fn start_up(mut self) -> Desk {
+    fn start_up(mut self) -> Harness {
         for command in [
             write_16(port::STATUS_MASK, StatusMask::NONE.with(Group::Time).0),
             Command::ActivateStatus,
@@ -92,11 +92,11 @@ impl Desk {
     }
 
     /// The same, hovering.
-    fn hovering() -> Desk {
-        Desk::started().take_off()
+    fn hovering() -> Harness {
+        Harness::started().take_off()
     }
 
-    fn take_off(mut self) -> Desk {
+    fn take_off(mut self) -> Harness {
         self.command(write_16(port::TAKE_OFF, 1));
         self.finish_take_off();
         assert_eq!(self.errors(), [0_u16; 0]);
@@ -118,24 +118,26 @@ impl Desk {
         }
     }
 
-    /// What the DSP has to say at this moment.
+    /// What the DSP sends at this moment.
     fn drain(&mut self) -> Vec<Downlink> {
-        let said = self.drain_received().into_iter();
-        said.map(|received| received.message).collect()
+        let messages = self.drain_received().into_iter();
+        messages.map(|received| received.message).collect()
     }
 
     /// The same with the numbers of the extended profile.
     fn drain_received(&mut self) -> Vec<Received<Downlink>> {
-        let mut said = Vec::new();
+        let mut messages = Vec::new();
         loop {
             let bytes = self.dsp.output().front().to_vec();
             if bytes.is_empty() {
-                return said;
+                return messages;
             }
             self.dsp.sent(bytes.len());
             match self.decoder.receive(&bytes) {
-                (taken, Decoded::Message(received)) if taken == bytes.len() => said.push(received),
-                other => panic!("the DSP said {other:?}"),
+                (taken, Decoded::Message(received)) if taken == bytes.len() => {
+                    messages.push(received)
+                }
+                other => panic!("the DSP sent {other:?}"),
             }
         }
     }
@@ -170,21 +172,21 @@ impl Desk {
             longitude_deg: position.longitude_deg,
             altitude_m: position.altitude_m,
         });
-        let said = self.numbered(sequence, waypoint);
-        assert_eq!(said, [], "a waypoint is never acknowledged");
+        let messages = self.numbered(sequence, waypoint);
+        assert_eq!(messages, [], "a waypoint is never acknowledged");
     }
 
-    /// Lets time pass and gives what the DSP said, with the time of each.
+    /// Lets time pass and returns what the DSP sent, with the time of each.
     fn wait(&mut self, time: Duration) -> Vec<(Duration, Downlink)> {
         let end = self.now + time;
-        let mut said = Vec::new();
+        let mut messages = Vec::new();
         while let Some(due) = self.dsp.next_deadline().filter(|due| *due <= end) {
             self.now = due;
             self.dsp.advance(due, &mut self.helicopter);
-            said.extend(self.drain().into_iter().map(|message| (due, message)));
+            messages.extend(self.drain().into_iter().map(|message| (due, message)));
         }
         self.now = end;
-        said
+        messages
     }
 
     fn fly_until(&mut self, phase: Phase) {
@@ -198,7 +200,7 @@ impl Desk {
         panic!("never {phase:?}");
     }
 
-    /// The codes of all errors that wait, told one after each status.
+    /// The codes of all errors that wait, reported one after each status.
     fn errors(&mut self) -> Vec<u16> {
         let mut codes = Vec::new();
         let mut after_status = false;
@@ -214,16 +216,16 @@ impl Desk {
         codes
     }
 
-    fn statuses(said: &[(Duration, Downlink)]) -> Vec<(Duration, Status)> {
-        let statuses = said.iter().filter_map(|(time, message)| match message {
+    fn statuses(messages: &[(Duration, Downlink)]) -> Vec<(Duration, Status)> {
+        let statuses = messages.iter().filter_map(|(time, message)| match message {
             Downlink::Status(status) => Some((*time, *status)),
             _ => None,
         });
         statuses.collect()
     }
 
-    fn flow(said: &[(Duration, Downlink)]) -> Vec<FlowControl> {
-        let requests = said.iter().filter_map(|(_, message)| match message {
+    fn flow(messages: &[(Duration, Downlink)]) -> Vec<FlowControl> {
+        let requests = messages.iter().filter_map(|(_, message)| match message {
             Downlink::FlowControl(request) => Some(*request),
             _ => None,
         });
@@ -233,12 +235,12 @@ impl Desk {
 
 #[test]
 fn a_dsp_that_has_booted_is_silent() {
-    let mut desk = Desk::with_boot_errors(&[18, 45]);
-    assert_eq!(desk.dsp.next_deadline(), None);
-    assert_eq!(desk.wait(ms(60_000)), []);
-    // Its boot errors are told with the first statuses.
-    desk.command(Command::ActivateStatus);
-    assert_eq!(desk.errors(), [18, 45]);
+    let mut harness = Harness::with_boot_errors(&[18, 45]);
+    assert_eq!(harness.dsp.next_deadline(), None);
+    assert_eq!(harness.wait(ms(60_000)), []);
+    // Its boot errors are reported with the first statuses.
+    harness.command(Command::ActivateStatus);
+    assert_eq!(harness.errors(), [18, 45]);
 }
 
 #[test]
@@ -284,12 +286,18 @@ fn every_command_is_acknowledged_at_once_and_what_it_cannot_do_is_error_30() {
         (Command::Following { on: true }, ack(7), 0),
         (Command::Following { on: false }, ack(7), 0),
     ] {
-        let mut desk = Desk::new();
-        assert_eq!(desk.command(command), [answer], "{command:?}");
-        assert_eq!(desk.dsp.errors().len(), errors, "{command:?}");
-        assert_eq!(desk.dsp.counters().commands[usize::from(command.code())], 1);
-        desk.command(Command::ActivateStatus);
-        assert!(desk.errors().iter().all(|code| *code == 30), "{command:?}");
+        let mut harness = Harness::new();
+        assert_eq!(harness.command(command), [answer], "{command:?}");
+        assert_eq!(harness.dsp.errors().len(), errors, "{command:?}");
+        assert_eq!(
+            harness.dsp.counters().commands[usize::from(command.code())],
+            1
+        );
+        harness.command(Command::ActivateStatus);
+        assert!(
+            harness.errors().iter().all(|code| *code == 30),
+            "{command:?}"
+        );
     }
 }
 
@@ -306,21 +314,25 @@ fn a_command_that_arrives_twice_has_the_effect_of_one() {
         Command::Following { on: false },
     ] {
         let run = |times| {
-            let mut desk = Desk::started();
+            let mut harness = Harness::started();
             for _ in 0..times {
-                desk.command(command);
+                harness.command(command);
             }
-            desk.wait(ms(30));
-            desk.command(command);
-            let said = desk.wait(ms(2_000));
-            (said, desk.dsp.ports().clone(), desk.helicopter.phase())
+            harness.wait(ms(30));
+            harness.command(command);
+            let messages = harness.wait(ms(2_000));
+            (
+                messages,
+                harness.dsp.ports().clone(),
+                harness.helicopter.phase(),
+            )
         };
         assert_eq!(run(1), run(2), "{command:?}");
     }
 }
 
 #[test]
-fn what_the_decoder_refuses_is_told_by_its_code() {
+fn what_the_decoder_refuses_is_reported_by_its_code() {
     let good = Uplink::Command(Command::ClearErrors).encode();
     let mut wrong_sum = good.as_bytes().to_vec();
     wrong_sum[2] ^= 1;
@@ -339,23 +351,23 @@ fn what_the_decoder_refuses_is_told_by_its_code() {
             vec![30],
         ),
     ] {
-        let mut desk = Desk::started();
-        let said = desk.bytes(&bytes);
-        assert_eq!(said, [], "{name} is not acknowledged");
+        let mut harness = Harness::started();
+        let messages = harness.bytes(&bytes);
+        assert_eq!(messages, [], "{name} is not acknowledged");
         // In step again at the next header, whatever happened.
-        let next = desk.command(Command::InvalidatePath);
+        let next = harness.command(Command::InvalidatePath);
         assert_eq!(next, [Downlink::Ack { command: 6 }], "{name}");
-        assert_eq!(desk.errors(), errors, "{name}");
+        assert_eq!(harness.errors(), errors, "{name}");
     }
 }
 
 #[test]
 fn a_status_comes_every_period_with_the_groups_of_the_mask() {
     for mask in [0, 1, 0x0402, 0xFFFF] {
-        let mut desk = Desk::new();
-        desk.command(write_16(port::STATUS_MASK, mask));
-        desk.command(Command::ActivateStatus);
-        let statuses = Desk::statuses(&desk.wait(ms(100)));
+        let mut harness = Harness::new();
+        harness.command(write_16(port::STATUS_MASK, mask));
+        harness.command(Command::ActivateStatus);
+        let statuses = Harness::statuses(&harness.wait(ms(100)));
         let times: Vec<Duration> = statuses.iter().map(|(time, _)| *time).collect();
         assert_eq!(times, [20, 40, 60, 80, 100].map(ms));
         for (time, status) in statuses {
@@ -369,12 +381,12 @@ fn a_status_comes_every_period_with_the_groups_of_the_mask() {
 
 #[test]
 fn a_new_period_takes_effect_at_once() {
-    let mut desk = Desk::new();
-    desk.command(write_16(port::STATUS_PERIOD_MS, 10_000));
-    desk.command(Command::ActivateStatus);
-    assert_eq!(desk.wait(ms(1_000)).len(), 0);
-    desk.command(write_16(port::STATUS_PERIOD_MS, 100));
-    let times: Vec<Duration> = desk
+    let mut harness = Harness::new();
+    harness.command(write_16(port::STATUS_PERIOD_MS, 10_000));
+    harness.command(Command::ActivateStatus);
+    assert_eq!(harness.wait(ms(1_000)).len(), 0);
+    harness.command(write_16(port::STATUS_PERIOD_MS, 100));
+    let times: Vec<Duration> = harness
         .wait(ms(300))
         .into_iter()
         .map(|(time, _)| time)
@@ -384,53 +396,54 @@ fn a_new_period_takes_effect_at_once() {
 
 #[test]
 fn never_more_than_one_status_waits() {
-    let mut desk = Desk::new();
-    desk.command(Command::ActivateStatus);
-    // The line takes nothing for a second; then one status is there, and the next is a fresh one.
-    let blocked = desk.now + ms(1_000);
-    desk.dsp.advance(blocked, &mut desk.helicopter);
-    desk.now = blocked;
-    assert_eq!(desk.dsp.counters().statuses_left_out, 49);
-    assert_eq!(desk.drain().len(), 1);
-    let next = desk.wait(ms(20));
+    let mut harness = Harness::new();
+    harness.command(Command::ActivateStatus);
+    // The serial link takes nothing for a second; then one status is there, and the next is a fresh one.
+    let blocked = harness.now + ms(1_000);
+    harness.dsp.advance(blocked, &mut harness.helicopter);
+    harness.now = blocked;
+    assert_eq!(harness.dsp.counters().statuses_left_out, 49);
+    assert_eq!(harness.drain().len(), 1);
+    let next = harness.wait(ms(20));
     assert_eq!(next.len(), 1);
     assert_eq!(next[0].0, ms(1_020));
 }
 
 #[test]
-fn errors_are_told_one_after_each_status_oldest_first_and_cleared_all_at_once() {
-    let mut desk = Desk::started();
-    desk.bytes(&frame(&[0xE9, 0]));
-    desk.command(Command::Read16 { port: 1 });
-    desk.waypoint((1.0, 1.0, 10.0));
-    assert_eq!(desk.errors(), [100, 30, 30]);
+fn errors_are_reported_one_after_each_status_oldest_first_and_cleared_all_at_once() {
+    let mut harness = Harness::started();
+    harness.bytes(&frame(&[0xE9, 0]));
+    harness.command(Command::Read16 { port: 1 });
+    harness.waypoint((1.0, 1.0, 10.0));
+    assert_eq!(harness.errors(), [100, 30, 30]);
 
     for _ in 0..20 {
-        desk.command(Command::Read16 { port: 1 });
+        harness.command(Command::Read16 { port: 1 });
     }
-    assert_eq!(desk.dsp.errors().len(), 16);
-    assert_eq!(desk.dsp.errors().dropped(), 4);
-    desk.command(Command::ClearErrors);
-    let said = desk.wait(ms(200));
-    let told = said
+    assert_eq!(harness.dsp.errors().len(), 16);
+    assert_eq!(harness.dsp.errors().dropped(), 4);
+    harness.command(Command::ClearErrors);
+    let messages = harness.wait(ms(200));
+    let reported = messages
         .iter()
         .filter(|(_, message)| matches!(message, Downlink::Error(_)));
-    assert_eq!(told.count(), 0);
+    assert_eq!(reported.count(), 0);
 }
 
 #[test]
 fn more_acks_than_the_queue_holds_are_dropped_with_error_5() {
-    let mut desk = Desk::started();
+    let mut harness = Harness::started();
     let command = Uplink::Command(Command::InvalidatePath).encode();
     for _ in 0..60 {
-        let now = desk.now;
-        desk.dsp
-            .receive(now, command.as_bytes(), &mut desk.helicopter);
+        let now = harness.now;
+        harness
+            .dsp
+            .receive(now, command.as_bytes(), &mut harness.helicopter);
     }
-    let acks = desk.drain().len();
+    let acks = harness.drain().len();
     assert!((32..60).contains(&acks), "{acks}");
-    assert_eq!(desk.errors(), vec![5; 16.min(60 - acks)]);
-    assert_eq!(desk.command(Command::ClearErrors).len(), 1);
+    assert_eq!(harness.errors(), vec![5; 16.min(60 - acks)]);
+    assert_eq!(harness.command(Command::ClearErrors).len(), 1);
 }
 
 proptest! {
@@ -439,15 +452,15 @@ proptest! {
     /// Noise of any kind is survived, and the first command after it is understood.
     #[test]
     fn noise_never_ends_the_dsp(noise in prop::collection::vec(any::<u8>(), 0..2_000), piece in 1_usize..64) {
-        let mut desk = Desk::started();
+        let mut harness = Harness::started();
         for bytes in noise.chunks(piece) {
-            let now = desk.now;
-            desk.dsp.receive(now, bytes, &mut desk.helicopter);
-            desk.wait(ms(1));
-            prop_assert!(desk.dsp.errors().len() <= 16);
+            let now = harness.now;
+            harness.dsp.receive(now, bytes, &mut harness.helicopter);
+            harness.wait(ms(1));
+            prop_assert!(harness.dsp.errors().len() <= 16);
         }
-        desk.drain();
-        prop_assert_eq!(desk.command(Command::ActivateStatus), [Downlink::Ack { command: 5 }]);
+        harness.drain();
+        prop_assert_eq!(harness.command(Command::ActivateStatus), [Downlink::Ack { command: 5 }]);
     }
 
     /// How the bytes are cut makes no difference.
@@ -462,11 +475,11 @@ proptest! {
         .iter()
         .flat_map(|message| message.encode().as_bytes().to_vec())
         .collect();
-        let mut whole = Desk::new();
+        let mut whole = Harness::new();
         let expected = whole.bytes(&bytes);
-        let mut desk = Desk::new();
-        let said: Vec<Downlink> = bytes.chunks(cut).flat_map(|piece| desk.bytes(piece)).collect();
-        prop_assert_eq!(said, expected);
-        prop_assert_eq!(desk.dsp.errors().len(), 1);
+        let mut harness = Harness::new();
+        let messages: Vec<Downlink> = bytes.chunks(cut).flat_map(|piece| harness.bytes(piece)).collect();
+        prop_assert_eq!(messages, expected);
+        prop_assert_eq!(harness.dsp.errors().len(), 1);
     }
 }

@@ -1,7 +1,7 @@
-//! What the line does to single bytes of one direction.
+//! What the serial link does to single bytes of one direction.
 //!
-//! A byte is damaged when it enters, by the faults that are active then; delays, pauses and stalls say when it leaves.
-//! Bytes never overtake each other. It knows nothing of messages.
+//! A byte is damaged when it enters, by the faults that are active then; delays, pauses and stalls decide when it
+//! leaves. Bytes never overtake each other. It knows nothing of messages.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,15 +11,15 @@ use crate::random::Random;
 use super::counters::ByteCounters;
 use super::script::{AfterStall, Damage, Window};
 
-/// Bytes that may be under way, in bytes: 5 s of the usual line. Those that enter beyond it are lost and counted, as by
-/// a receiver that overruns.
+/// Bytes that may be under way, in bytes: 5 s of a serial link of 115200 baud. Those that enter beyond it are lost
+/// and counted, as by a receiver that overruns.
 pub const QUEUE_PLACES: usize = 65_536;
 
 /// Bytes that may become of one. It bounds what many faults that duplicate and insert make together; beyond it nothing
 /// more is added.
 const MAX_FROM_ONE: usize = 16;
 
-/// A line of one direction that damages bytes.
+/// A serial link of one direction that damages bytes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ByteStage {
     faults: Vec<ByteFault>,
@@ -55,7 +55,7 @@ impl ByteStage {
         });
     }
 
-    /// Takes a byte that went through the line at `at`, which is no earlier than that of the byte before.
+    /// Takes a byte that went through the serial link at `at`, which is no earlier than that of the byte before.
     pub(super) fn enter(&mut self, at: Duration, byte: u8) {
         self.entering.clear();
         self.entering.push(byte);
@@ -125,7 +125,8 @@ impl ByteStage {
         self.after_stalls(at, due)
     }
 
-    /// When a byte leaves that entered at `at` and would leave at `due` if nothing stalled; nothing when a stall loses it.
+    /// When a byte leaves that entered at `at` and would leave at `due` if nothing stalled; nothing when a stall
+    /// loses it.
     fn after_stalls(&mut self, at: Duration, mut due: Duration) -> Option<Duration> {
         for fault in &self.faults {
             let Damage::Stall { then } = fault.damage else {
@@ -190,7 +191,7 @@ impl ByteFault {
         }
     }
 
-    /// Puts a byte that `make` makes before each one that the dice choose; gives how many.
+    /// Puts a byte that `make` makes before each one that is drawn; returns how many.
     fn add(&mut self, rate: f64, bytes: &mut Vec<u8>, make: fn(&mut Random, u8) -> u8) -> u64 {
         let mut added = 0;
         let mut index = 0;

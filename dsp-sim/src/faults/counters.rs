@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::script::{DspEvent, Happening, HelicopterEvent};
 
-/// What was done to one direction of the line.
+/// What was done to one direction of the serial link.
 ///
 /// No byte is lost uncounted: [`gained`](Self::gained) equals [`lost`](Self::lost), those that `left`, and those that
 /// still wait.
@@ -36,7 +36,7 @@ impl DirectionCounters {
             + self.messages.dropped_bytes
     }
 
-    /// All counters with their names, in the order in which they are told.
+    /// All counters with their names, in the order of the summary.
     fn named(&self) -> impl Iterator<Item = (u64, &'static str)> {
         [(self.entered, "bytes in"), (self.left, "bytes out")]
             .into_iter()
@@ -76,7 +76,7 @@ pub struct ByteCounters {
 
 impl ByteCounters {
     fn named(&self) -> [(u64, &'static str); 12] {
-        // Without `..`: a new counter does not compile until it is told.
+        // Without `..`: a new counter does not compile until it is in the summary.
         let ByteCounters {
             flipped_bits,
             dropped,
@@ -149,9 +149,9 @@ impl MessageCounters {
 /// What a script did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultCounters {
-    /// To what the DSP says.
+    /// To what the DSP sends.
     pub to_pc: DirectionCounters,
-    /// To what the PC says.
+    /// To what the PC sends.
     pub to_dsp: DirectionCounters,
     /// Errors that were raised.
     pub errors_raised: u64,
@@ -161,8 +161,8 @@ pub struct FaultCounters {
     pub status_stops: u64,
     /// How often the DSP hung.
     pub hangs: u64,
-    /// Bytes from the PC that a hanging DSP did not hear.
-    pub unheard_bytes: u64,
+    /// Bytes from the PC that arrived while the DSP hung.
+    pub missed_bytes: u64,
     /// How often the DSP's clock jumped.
     pub clock_jumps: u64,
     /// How often the status mask changed on the DSP.
@@ -206,7 +206,7 @@ impl FaultCounters {
         *counter += 1;
     }
 
-    /// What was done elsewhere than on the line.
+    /// What was done elsewhere than on the serial link.
     fn events(&self) -> [(u64, &'static str); 14] {
         let FaultCounters {
             to_pc: _,
@@ -215,7 +215,7 @@ impl FaultCounters {
             reboots,
             status_stops,
             hangs,
-            unheard_bytes,
+            missed_bytes,
             clock_jumps,
             mask_changes,
             pilot_takeovers,
@@ -231,7 +231,7 @@ impl FaultCounters {
             (reboots, "reboots"),
             (status_stops, "status stops"),
             (hangs, "hangs"),
-            (unheard_bytes, "bytes not heard"),
+            (missed_bytes, "bytes missed by a DSP that hung"),
             (clock_jumps, "clock jumps"),
             (mask_changes, "mask changes"),
             (pilot_takeovers, "pilot takeovers"),
@@ -249,9 +249,9 @@ impl fmt::Display for FaultCounters {
     /// The counters that are not zero.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parts: Vec<String> = [
-            told("to the PC", self.to_pc.named()),
-            told("to the DSP", self.to_dsp.named()),
-            told("events", self.events()),
+            summary("to the PC", self.to_pc.named()),
+            summary("to the DSP", self.to_dsp.named()),
+            summary("events", self.events()),
         ]
         .into_iter()
         .flatten()
@@ -264,7 +264,7 @@ impl fmt::Display for FaultCounters {
 }
 
 /// The counters that are not zero; nothing when all are.
-fn told(what: &str, counters: impl IntoIterator<Item = (u64, &'static str)>) -> Option<String> {
+fn summary(what: &str, counters: impl IntoIterator<Item = (u64, &'static str)>) -> Option<String> {
     let counters: Vec<String> = counters
         .into_iter()
         .filter(|(count, _)| *count > 0)

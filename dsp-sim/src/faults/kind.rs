@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// What a `[[fault]]` table may say as its `kind`.
+/// The values of `kind` in a `[[fault]]` table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -20,7 +20,7 @@ pub enum Kind {
     SplitBytes,
     /// Runs of bytes are replaced by random ones.
     Burst,
-    /// Nothing comes out of the line for a time.
+    /// Nothing comes out of the serial link for a time.
     Stall,
     /// Everything is lost.
     Outage,

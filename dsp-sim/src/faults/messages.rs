@@ -1,8 +1,9 @@
 //! What happens to whole messages of one direction.
 //!
-//! Bytes are held until they make a message or cannot make one: a decoder of `dsp-protocol` says which. So a message is
-//! dropped, repeated or moved as a whole, and never put into the middle of another. Bytes that are no message pass
-//! untouched, for the receiver to refuse. Nobody notices the holding: a receiver acts on the last byte of a message.
+//! Bytes are held until they make a message or cannot make one: a decoder of `dsp-protocol` decides which. So a
+//! message is dropped, repeated or moved as a whole, and never put into the middle of another. Bytes that are no
+//! message pass untouched, for the receiver to refuse. Holding them changes nothing for a receiver, which acts on the
+//! last byte of a message.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -20,7 +21,7 @@ pub(super) const MAX_LATE: usize = 64;
 /// Where bytes go that come out at a time.
 pub(super) type Sink<'a> = &'a mut dyn FnMut(Duration, &[u8]);
 
-/// Messages of one direction that go astray.
+/// Messages of one direction, some of which faults drop, repeat or move.
 #[derive(Clone, Debug)]
 pub(super) struct MessageStage<M> {
     faults: Vec<MessageFault>,
@@ -179,7 +180,7 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
         }
     }
 
-    /// Rolls the dice of every fault that a message of this kind meets at `at`.
+    /// Draws the random numbers of every fault that a message of this kind meets at `at`.
     fn fate(&mut self, at: Duration, kind: Option<MessageKind>, has_waited: bool) -> Fate {
         let mut fate = Fate {
             copies: 1,

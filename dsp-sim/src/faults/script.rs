@@ -14,8 +14,8 @@ pub const MIN_PERIOD: Duration = Duration::from_millis(1);
 /// A seeded, timed script of faults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Script {
-    /// Seed of everything that is left to chance. Each fault draws from a stream of its own, chosen by its place: a fault
-    /// that is appended changes nothing of those before it.
+    /// Seed of everything that is left to chance. Each fault draws from a stream of its own, chosen by its place: a
+    /// fault that is appended changes nothing of those before it.
     pub seed: u64,
     /// The faults. Those of one kind that are active together all apply, one after the other in this order.
     pub faults: Vec<Fault>,
@@ -34,7 +34,7 @@ impl Default for Script {
 /// One fault of a script.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The line damages bytes.
+    /// The serial link damages bytes.
     Bytes {
         /// Of which direction.
         direction: Directions,
@@ -43,7 +43,7 @@ pub enum Fault {
         /// How.
         damage: Damage,
     },
-    /// Whole messages go astray.
+    /// Whole messages are lost, repeated or moved.
     Messages {
         /// Which ones.
         message: MessageKind,
@@ -79,15 +79,15 @@ pub enum Fault {
     },
 }
 
-/// One way of the line, or both.
+/// One direction of the serial link, or both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Directions {
-    /// What the DSP says.
+    /// From the DSP to the PC.
     ToPc,
-    /// What the PC says.
+    /// From the PC to the DSP.
     ToDsp,
-    /// Both, each with dice of its own.
+    /// Both, each with random numbers of its own.
     #[default]
     Both,
 }
@@ -103,12 +103,12 @@ impl Directions {
     }
 }
 
-/// One way of the line.
+/// One direction of the serial link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// What the DSP says.
+    /// From the DSP to the PC.
     ToPc,
-    /// What the PC says.
+    /// From the PC to the DSP.
     ToDsp,
 }
 
@@ -142,7 +142,8 @@ pub enum Damage {
         /// What it takes longer at the most beyond that; all values are equally likely.
         jitter: Duration,
     },
-    /// Bytes come in pieces with a pause before each. The line then carries no more than `chunk_bytes` each `gap`.
+    /// Bytes come in pieces with a pause before each. The serial link then carries no more than `chunk_bytes` each
+    /// `gap`.
     Split {
         /// The longest piece; all lengths from 1 on are equally likely.
         chunk_bytes: usize,
@@ -156,12 +157,12 @@ pub enum Damage {
         /// How long it is.
         length_bytes: u32,
     },
-    /// Nothing comes out of the line.
+    /// Nothing comes out of the serial link.
     Stall {
         /// What becomes of the bytes that should have.
         then: AfterStall,
     },
-    /// Everything that is put on the line is lost.
+    /// Everything that is put on the serial link is lost.
     Outage,
 }
 
@@ -236,9 +237,10 @@ pub enum DspEvent {
     RaiseError(DspErrorCode),
     /// It boots again.
     Reboot,
-    /// It sends no status until it is told to.
+    /// It sends no status until the PC activates it.
     StopStatus,
-    /// It neither hears nor says anything for this time, and then goes on as if nothing had been. The helicopter flies on.
+    /// It neither receives nor sends for this time, and then goes on as if nothing had happened. The helicopter flies
+    /// on.
     Hang(Duration),
     /// Its clock, as a status carries it, jumps by so many milliseconds, but not below zero.
     ClockJump(i64),

@@ -1,8 +1,8 @@
-//! A script as a TOML file: `seed` and an array of `[[fault]]` tables. The annotated example `dsp-sim/faults.toml` shows
-//! every kind.
+//! A script as a TOML file: `seed` and an array of `[[fault]]` tables. The annotated example `dsp-sim/faults.toml`
+//! shows every kind.
 //!
-//! A table is read with all keys that any kind has, each within its range; then the kind takes its own, and a key that is
-//! left over or missing refuses the table.
+//! A table is read with all keys that any kind has, each within its range; then the kind takes its own, and a key
+//! that is left over or missing refuses the table.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use super::script::{
     Times, Window,
 };
 
-/// Faults that a file may hold: every byte asks each of them, and nobody writes more by hand.
+/// Faults that a file may hold: each byte is checked against each of them, and no person writes more by hand.
 pub const MAX_FAULTS: usize = 256;
 
 impl<'de> Deserialize<'de> for Script {
@@ -91,7 +91,7 @@ struct Table {
 
 /// What is wrong with a table as a whole.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-enum Misfit {
+enum TableError {
     #[error("a fault of kind `{kind}` needs `{key}`")]
     Missing {
         kind: &'static str,
@@ -115,7 +115,7 @@ impl<'de> Deserialize<'de> for Fault {
         let mut table = Table::deserialize(deserializer)?;
         let fault = table.fault().map_err(D::Error::custom)?;
         match table.left_over() {
-            Some(key) => Err(D::Error::custom(Misfit::LeftOver {
+            Some(key) => Err(D::Error::custom(TableError::LeftOver {
                 kind: table.kind.name(),
                 key,
             })),
@@ -126,7 +126,7 @@ impl<'de> Deserialize<'de> for Fault {
 
 impl Table {
     /// Takes out the keys of this kind.
-    fn fault(&mut self) -> Result<Fault, Misfit> {
+    fn fault(&mut self) -> Result<Fault, TableError> {
         match self.kind {
             Kind::FlipBits => {
                 let bit_error_rate =
@@ -221,7 +221,7 @@ impl Table {
     }
 
     /// A fault of bytes; without a direction it meets both.
-    fn bytes(&mut self, damage: Damage) -> Result<Fault, Misfit> {
+    fn bytes(&mut self, damage: Damage) -> Result<Fault, TableError> {
         Ok(Fault::Bytes {
             direction: self.direction.take().unwrap_or_default(),
             window: self.window()?,
@@ -230,7 +230,7 @@ impl Table {
     }
 
     /// A fault of messages; without a rate it meets all of them.
-    fn messages(&mut self, act: Act) -> Result<Fault, Misfit> {
+    fn messages(&mut self, act: Act) -> Result<Fault, TableError> {
         Ok(Fault::Messages {
             message: self.need(|table| &mut table.message, "message")?,
             window: self.window()?,
@@ -239,48 +239,48 @@ impl Table {
         })
     }
 
-    fn dsp(&mut self, event: DspEvent) -> Result<Fault, Misfit> {
+    fn dsp(&mut self, event: DspEvent) -> Result<Fault, TableError> {
         Ok(Fault::Dsp {
             times: self.times()?,
             event,
         })
     }
 
-    fn helicopter(&mut self, event: HelicopterEvent) -> Result<Fault, Misfit> {
+    fn helicopter(&mut self, event: HelicopterEvent) -> Result<Fault, TableError> {
         Ok(Fault::Helicopter {
             times: self.times()?,
             event,
         })
     }
 
-    fn window(&mut self) -> Result<Window, Misfit> {
+    fn window(&mut self) -> Result<Window, TableError> {
         let from = self.from_s.take().unwrap_or_default();
         let until = self.until_s.take();
         match (until, self.every_s.take()) {
             (None, None) => Ok(Window::since(from)),
-            (None, Some(_)) => Err(Misfit::ForEver),
-            (Some(until), _) if until <= from => Err(Misfit::Backwards),
+            (None, Some(_)) => Err(TableError::ForEver),
+            (Some(until), _) if until <= from => Err(TableError::Backwards),
             (Some(until), None) => Ok(Window::between(from, until)),
-            (Some(until), Some(every)) if every <= until - from => Err(Misfit::TooOften),
+            (Some(until), Some(every)) if every <= until - from => Err(TableError::TooOften),
             (Some(until), Some(every)) => Ok(Window::between(from, until).every(every)),
         }
     }
 
-    fn times(&mut self) -> Result<Times, Misfit> {
+    fn times(&mut self) -> Result<Times, TableError> {
         let at = self.need(|table| &mut table.at_s, "at_s")?;
         let every = self.every_s.take();
         Ok(every.map_or(Times::once(at), |every| Times::every(at, every)))
     }
 
-    fn rate(&mut self) -> Result<f64, Misfit> {
+    fn rate(&mut self) -> Result<f64, TableError> {
         self.need(|table| &mut table.rate, "rate")
     }
 
-    fn delay(&mut self) -> Result<Duration, Misfit> {
+    fn delay(&mut self) -> Result<Duration, TableError> {
         self.need(|table| &mut table.delay_ms, "delay_ms")
     }
 
-    fn length(&mut self) -> Result<Duration, Misfit> {
+    fn length(&mut self) -> Result<Duration, TableError> {
         self.need(|table| &mut table.for_s, "for_s")
     }
 
@@ -289,12 +289,12 @@ impl Table {
         &mut self,
         place: impl FnOnce(&mut Table) -> &mut Option<T>,
         key: &'static str,
-    ) -> Result<T, Misfit> {
+    ) -> Result<T, TableError> {
         place(self).take().ok_or_else(|| self.missing(key))
     }
 
-    fn missing(&self, key: &'static str) -> Misfit {
-        Misfit::Missing {
+    fn missing(&self, key: &'static str) -> TableError {
+        TableError::Missing {
             kind: self.kind.name(),
             key,
         }
@@ -381,7 +381,7 @@ optional! {
     fn probability(f64 => f64) in 0.0..=1.0, |rate| rate;
     fn length_bytes(u32 => u32) in 1..=100_000, |bytes| bytes;
     fn chunk_bytes(usize => usize) in 1..=1_024, |bytes| bytes;
-    // What the queue of delayed bytes holds of the usual line.
+    // What the queue of delayed bytes holds of a serial link of 115200 baud.
     fn delay(f64 => Duration) in 0.0..=5_000.0, milliseconds;
     fn gap(f64 => Duration) in 0.01..=1_000.0, milliseconds;
     // A day to and fro.

@@ -29,8 +29,8 @@ fn drain(injector: &mut Injector, direction: Direction, now: Duration) -> Vec<u8
     std::iter::from_fn(|| injector.leave(direction, now)).collect()
 }
 
-/// What both sides say in turn, and some garbage, byte by byte.
-fn talk(direction: Direction) -> Vec<u8> {
+/// Messages of one direction and some garbage, as bytes.
+fn exchange(direction: Direction) -> Vec<u8> {
     let messages: Vec<Vec<u8>> = match direction {
         Direction::ToPc => [
             Downlink::Status(Status::default()),
@@ -258,12 +258,12 @@ fn faults() -> impl Strategy<Value = Fault> {
     ]
 }
 
-/// Two seconds of talk, one byte each two milliseconds, looked at every `step`; gives what came out in each direction,
-/// and when.
+/// Two seconds of exchange, one byte each two milliseconds, looked at every `step`; gives what came out in each
+/// direction, and when.
 fn run(script: &Script, step: Duration) -> (Injector, [Vec<(Duration, u8)>; 2]) {
     const DIRECTIONS: [Direction; 2] = [Direction::ToPc, Direction::ToDsp];
     let mut injector = Injector::new(script, Profile::Classic);
-    let talks = DIRECTIONS.map(talk);
+    let exchanges = DIRECTIONS.map(exchange);
     let mut sent = 0;
     let mut out = [Vec::new(), Vec::new()];
     let (mut now, end) = (Duration::ZERO, ms(4_000));
@@ -271,8 +271,8 @@ fn run(script: &Script, step: Duration) -> (Injector, [Vec<(Duration, u8)>; 2]) 
         let deadline = injector.next_deadline().unwrap_or(end);
         now = deadline.min(now + step).min(end);
         while sent < 1_000 && ms(2 * sent) <= now {
-            for (direction, talk) in DIRECTIONS.into_iter().zip(&talks) {
-                let byte = talk[sent as usize % talk.len()];
+            for (direction, exchange) in DIRECTIONS.into_iter().zip(&exchanges) {
+                let byte = exchange[sent as usize % exchange.len()];
                 injector.enter(direction, ms(2 * sent), byte);
             }
             sent += 1;

@@ -66,7 +66,8 @@ impl Timetable {
         self.next
     }
 
-    /// Takes out the earliest event that is due by `now`, and its moment; of those of one moment the first of the script.
+    /// Takes out the earliest event that is due by `now`, and its moment; of those of one moment the first of the
+    /// script.
     pub(super) fn take(&mut self, now: Duration) -> Option<(Duration, Event)> {
         let due = self.next.filter(|due| *due <= now)?;
         let mut entries = self.entries.iter_mut();

@@ -1,8 +1,8 @@
 //! The machine that flies: a rigid body under a rotor, in wind, over flat ground.
 //!
-//! It obeys controls within what it can do, and knows nothing of where it should go. The rotor pushes along the body's
-//! vertical axis alone, so that the only way to accelerate forward is to lower the nose: what the instruments say about
-//! attitude, acceleration and velocity belongs together because it comes from one state.
+//! It obeys controls within what it can do, and knows nothing of where it should go. The rotor pushes along the
+//! body's vertical axis alone, so that the only way to accelerate forward is to lower the nose: what the instruments
+//! report about attitude, acceleration and velocity belongs together because it comes from one state.
 
 use super::vector::Vector;
 
@@ -212,7 +212,7 @@ impl Angles {
         }
     }
 
-    /// The rates about the body axes at which the angles change as told: the inverse of [`change`](Self::change).
+    /// The rates about the body axes at which the angles change, as given: the inverse of [`change`](Self::change).
     pub fn rates(&self, change: &Angles) -> BodyAxes {
         let (roll_sin, roll_cos) = self.roll.sin_cos();
         let (pitch_sin, pitch_cos) = self.pitch.sin_cos();

@@ -4,7 +4,7 @@
 //! future: velocity, acceleration, and the rate at which the wanted attitude changes. Wind is met by an observer that
 //! compares what the machine does with what the rotor should do, so that no error is needed to hold against it.
 //!
-//! The controllers see the true state. The noise of the sensors is only in what is told to the PC.
+//! The controllers see the true state. The noise of the sensors is only in what the status reports.
 
 use super::body::{
     Angles, Body, Controls, GRAVITY_MPS2, MAX_THRUST_MPS2, MAX_TILT_RATE_RADPS, MAX_YAW_RATE_RADPS,
@@ -129,7 +129,7 @@ impl Controller {
         self.controls(body, gains, ahead, push.z / upright)
     }
 
-    /// Controls that bring the body's attitude to the aims, which change as `ahead` says.
+    /// Controls that bring the body's attitude to the aims, which change as `ahead` gives.
     fn controls(&self, body: &Body, gains: &Gains, ahead: Angles, thrust_mps2: f64) -> Controls {
         let (aim, is) = (&self.aims.angles, &body.angles);
         let yaw_rate = gains.yaw_per_s * wrap_radians(aim.yaw - is.yaw);

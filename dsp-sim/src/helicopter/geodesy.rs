@@ -1,7 +1,7 @@
 //! Between geographic positions and the flat world: east, north and up of a point, in metres.
 //!
-//! The map is linear with the ellipsoid's two radii of curvature at the origin. Within 10 km it is right to about one in
-//! a thousand, and it is exactly invertible, which matters more here: the world of this simulator *is* flat.
+//! The map is linear with the ellipsoid's two radii of curvature at the origin. Within 10 km it is right to about one
+//! in a thousand, and it is exactly invertible, which matters more here: the world of this simulator *is* flat.
 
 use dsp_protocol::downlink::Geographic;
 

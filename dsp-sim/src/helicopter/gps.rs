@@ -35,8 +35,8 @@ impl GpsErrors {
         self.fix_at = self.fix_at.max(end);
     }
 
-    /// Lets the altitude drift at `rate_mps` for `length`, in place of a drift that is under way. The error that was there
-    /// stays.
+    /// Lets the altitude drift at `rate_mps` for `length`, in place of a drift that is under way. The error that was
+    /// there stays.
     pub(super) fn drift(&mut self, now: Duration, rate_mps: f64, length: Duration) {
         self.drift = Drift {
             error_m: self.altitude_error_m(now),

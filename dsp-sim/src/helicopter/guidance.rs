@@ -1,9 +1,10 @@
 //! Where the helicopter should be at each moment: straight lines between waypoints, rounded where they meet.
 //!
-//! Guidance moves a point. On a line the point speeds up, cruises and brakes with one acceleration; where two lines meet
-//! it leaves the first before the corner and joins the second after it, with a constant acceleration between (a *blend*,
-//! a piece of parabola). The speed at a corner is chosen so that the parabola passes the waypoint well within its
-//! acceptance radius and needs no more acceleration than the helicopter has. At the last waypoint the point stops.
+//! Guidance moves a point. On a line the point speeds up, cruises and brakes with one acceleration; where two lines
+//! meet it leaves the first before the corner and joins the second after it, with a constant acceleration between (a
+//! *blend*, a piece of parabola). The speed at a corner is chosen so that the parabola passes the waypoint well
+//! within its acceptance radius and needs no more acceleration than the helicopter has. At the last waypoint the
+//! point stops.
 //!
 //! Guidance does not look at the helicopter: it learns only which waypoints are left in the buffer. It runs at most one
 //! corner ahead of them, and goes back to a waypoint that the helicopter missed.

@@ -1,4 +1,4 @@
-//! What the instruments say: the true state in the units of the wire, with seeded noise.
+//! What the instruments measure: the true state in the units of the wire, with seeded noise.
 //!
 //! Every reading is fresh: a GPS that answers five times a second, or late, is not modelled.
 
@@ -165,7 +165,7 @@ impl Sensors {
         }
     }
 
-    /// Position, flat position, velocity and quality. Without a fix they are zero, and the quality says so.
+    /// Position, flat position, velocity and quality. Without a fix they are zero, and the quality shows it.
     fn gps(&mut self, truth: &Truth<'_>) -> (Geographic, Xy, GpsVelocity, u8) {
         if !truth.gps_fix {
             let nothing = (Geographic::default(), Xy::default(), GpsVelocity::default());
@@ -258,7 +258,7 @@ impl Sensors {
     }
 }
 
-/// What the servos are told: a part of their way for what is asked of them, and the trim.
+/// What is sent to the servos: a part of their way for what is asked of them, and the trim.
 fn actuation(truth: &Truth<'_>) -> ServoPulses {
     let pulse = |part: f64, trim_us: i16| {
         let pulse_us = PULSE_CENTRE_US + PULSE_WAY_US * part.clamp(-1.0, 1.0) + f64::from(trim_us);

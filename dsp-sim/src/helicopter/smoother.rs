@@ -1,8 +1,8 @@
 //! The moving average that makes a reference soft enough for a helicopter to follow.
 //!
-//! Guidance changes its acceleration from one step to the next, which no helicopter can. The mean of its last positions
-//! changes acceleration gradually, and is as good otherwise: a mean of velocities is never faster than they were, a mean
-//! of accelerations never stronger, and a point at rest stays where it is.
+//! Guidance changes its acceleration from one step to the next, which no helicopter can. The mean of its last
+//! positions changes acceleration gradually, and is as good otherwise: a mean of velocities is never faster than they
+//! were, a mean of accelerations never stronger, and a point at rest stays where it is.
 
 use super::vector::Vector;
 

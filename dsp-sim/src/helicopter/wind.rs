@@ -1,7 +1,7 @@
 //! The wind: a steady one, and seeded gusts on top of it.
 //!
-//! Each component of the gusts is an Ornstein-Uhlenbeck process: noise that remembers itself for a few seconds and keeps
-//! its standard deviation whatever the step.
+//! Each component of the gusts is an Ornstein-Uhlenbeck process: noise that remembers itself for a few seconds and
+//! keeps its standard deviation whatever the step.
 
 use crate::random::Random;
 

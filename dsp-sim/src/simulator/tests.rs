@@ -47,7 +47,7 @@ impl Pc {
     fn jump(&mut self) -> Vec<Downlink> {
         let next = self.simulator.next_deadline().expect("something goes on");
         self.simulator.advance(next);
-        let mut said = Vec::new();
+        let mut messages = Vec::new();
         let decoder = &mut self.decoder;
         self.simulator.transmit(|bytes| {
             let mut rest = bytes;
@@ -55,14 +55,14 @@ impl Pc {
                 let (taken, decoded) = decoder.decode(rest);
                 rest = &rest[taken..];
                 match decoded {
-                    Decoded::Message(message) => said.push(message),
+                    Decoded::Message(message) => messages.push(message),
                     Decoded::Incomplete => {}
                     Decoded::Refused(refusal) => panic!("{refusal:?}"),
                 }
             }
             bytes.len()
         });
-        said
+        messages
     }
 
     /// Sends a command and waits for its acknowledgement; gives how long that took.
@@ -280,14 +280,14 @@ fn a_reboot_in_flight_is_silent_until_it_is_started_up_again() {
     // A frame may have been cut in the middle.
     pc.decoder = Decoder::new();
     for _ in 0..5 {
-        let said = pc.jump();
-        assert_eq!(said, []);
+        let messages = pc.jump();
+        assert_eq!(messages, []);
     }
     assert!(pc.simulator.helicopter().is_flying());
     pc.start_up();
     let first = loop {
-        let said = pc.jump();
-        if let Some(Downlink::Status(status)) = said.first() {
+        let messages = pc.jump();
+        if let Some(Downlink::Status(status)) = messages.first() {
             break *status;
         }
     };
@@ -327,7 +327,7 @@ fn bytes_by_steps(mut step: impl FnMut(&Simulator) -> Duration) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// However late or early somebody looks, the DSP says the same: a wake that comes late costs nothing but time.
+    /// However late or early the caller advances the clock, the DSP sends the same: a late wake costs nothing but time.
     #[test]
     fn the_steps_of_the_clock_make_no_difference(steps_us in prop::collection::vec(50_u64..200_000, 1..40)) {
         let expected = bytes_by_steps(|simulator| simulator.next_deadline().unwrap());

@@ -63,7 +63,7 @@ struct Heard {
 /// When no telemetry comes any more, when a process does not start, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     // So fast that a frame is over long before the next one.
-    site.write("dsp-sim.toml", "[line]\nbaud_rate = 1000000\n");
+    site.write("dsp-sim.toml", "[serial]\nbaud_rate = 1000000\n");
     site.write(
         "bridge.toml",
         &format!("[parameters]\nstatus_period_ms = {}\n", plan.period_ms),

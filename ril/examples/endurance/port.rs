@@ -9,8 +9,8 @@ use std::thread;
 use std::time::Duration;
 
 use dsp_sim::faults::{Fault, PortState, Script, Times};
-use dsp_sim::plug::{Plug, Port};
-use dsp_sim::pty::Pty;
+use dsp_sim::port::{Port, Terminal};
+use dsp_sim::pty_port::PtyPort;
 use dsp_sim::random::Random;
 use dsp_sim::simulator::{Setup, Simulator};
 use ipc_types::MonotonicNs;
@@ -74,8 +74,8 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         |fault: &&Fault| matches!(fault, Fault::HangUp { elsewhere, .. } if *elsewhere);
     let elsewhere = script.faults.iter().filter(is_elsewhere).count() as u32;
     let (sender, returns) = mpsc::channel();
-    let mut port = NotedPlug {
-        plug: Plug::new(&site.path("dsp")).expect("a pseudo-terminal under a link"),
+    let mut port = NotedPort {
+        port: PtyPort::new(&site.path("dsp")).expect("a pseudo-terminal under a link"),
         seen: PortState::default(),
         returns: sender,
     };
@@ -155,15 +155,15 @@ fn script(plan: &Plan, chance: &mut Random) -> Script {
 }
 
 /// The simulator's port, and a note of when it came back.
-struct NotedPlug {
-    plug: Plug,
+struct NotedPort {
+    port: PtyPort,
     seen: PortState,
     returns: Sender<MonotonicNs>,
 }
 
-impl Port for NotedPlug {
+impl Port for NotedPort {
     fn follow(&mut self, state: PortState) -> io::Result<()> {
-        self.plug.follow(state)?;
+        self.port.follow(state)?;
         if state != self.seen && !state.is_gone {
             // Who has heard enough does not listen any more.
             let _ = self.returns.send(MonotonicNs::now());
@@ -172,7 +172,7 @@ impl Port for NotedPlug {
         Ok(())
     }
 
-    fn pty(&mut self) -> Option<&mut Pty> {
-        self.plug.pty()
+    fn terminal(&mut self) -> Option<&mut dyn Terminal> {
+        self.port.terminal()
     }
 }

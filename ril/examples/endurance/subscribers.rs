@@ -109,7 +109,7 @@ impl fmt::Display for Outcome {
 ///
 /// When a process ends or does not start, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
-    let line = "[line]\nbaud_rate = 4000000\nprofile = \"extended\"\n";
+    let line = "[serial]\nbaud_rate = 4000000\nprofile = \"extended\"\n";
     site.write("dsp-sim.toml", line);
     let (profile, period_ms) = ("profile = \"extended\"", plan.period_ms);
     let text = format!("[link]\n{profile}\n[parameters]\nstatus_period_ms = {period_ms}\n");

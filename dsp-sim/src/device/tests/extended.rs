@@ -2,27 +2,27 @@
 
 use super::*;
 
-fn extended() -> Desk {
-    Desk::in_profile(Profile::Extended, &[])
+fn extended() -> Harness {
+    Harness::in_profile(Profile::Extended, &[])
 }
 
 fn sequence(number: u8) -> Sequence {
     Sequence::new(number)
 }
 
-/// Everything that the ports, the helicopter and the errors tell.
-fn state(desk: &Desk) -> (Ports, Phase, usize) {
-    let dsp = &desk.dsp;
+/// The state of the ports, the helicopter and the errors.
+fn state(harness: &Harness) -> (Ports, Phase, usize) {
+    let dsp = &harness.dsp;
     (
         dsp.ports().clone(),
-        desk.helicopter.phase(),
+        harness.helicopter.phase(),
         dsp.errors().len(),
     )
 }
 
 #[test]
 fn every_answer_names_its_command_and_the_dsps_own_numbers_have_no_gap() {
-    let mut desk = extended().start_up();
+    let mut harness = extended().start_up();
     let mut expected = None;
     for (number, command) in [
         (9, Command::Read16 { port: 10_000 }),
@@ -31,12 +31,13 @@ fn every_answer_names_its_command_and_the_dsps_own_numbers_have_no_gap() {
         (5, Command::ClearErrors),
     ] {
         let frame = Uplink::Command(command).encode_in(Profile::Extended, sequence(number));
-        let now = desk.now;
-        desk.dsp
-            .receive(now, frame.as_bytes(), &mut desk.helicopter);
-        let said = desk.drain_received();
-        let [received] = said[..] else {
-            panic!("{said:?}");
+        let now = harness.now;
+        harness
+            .dsp
+            .receive(now, frame.as_bytes(), &mut harness.helicopter);
+        let messages = harness.drain_received();
+        let [received] = messages[..] else {
+            panic!("{messages:?}");
         };
         assert_eq!(received.acknowledges, Some(sequence(number)), "{command:?}");
         let own = received.sequence.unwrap();
@@ -48,15 +49,15 @@ fn every_answer_names_its_command_and_the_dsps_own_numbers_have_no_gap() {
 #[test]
 fn a_whole_flight_is_as_in_the_classic_profile() {
     let fly = |profile| {
-        let mut desk = Desk::in_profile(profile, &[18]).start_up().take_off();
-        desk.waypoint((20.0, 0.0, 10.0));
-        desk.waypoint((20.0, 5.0, 12.0));
-        let mut said = desk.wait(ms(20_000));
-        desk.command(write_16(port::LAND, 1));
-        said.extend(desk.wait(ms(20_000)));
-        assert_eq!(desk.helicopter.arrived(), 2);
-        assert_eq!(desk.helicopter.phase(), Phase::OnGround);
-        said
+        let mut harness = Harness::in_profile(profile, &[18]).start_up().take_off();
+        harness.waypoint((20.0, 0.0, 10.0));
+        harness.waypoint((20.0, 5.0, 12.0));
+        let mut messages = harness.wait(ms(20_000));
+        harness.command(write_16(port::LAND, 1));
+        messages.extend(harness.wait(ms(20_000)));
+        assert_eq!(harness.helicopter.arrived(), 2);
+        assert_eq!(harness.helicopter.phase(), Phase::OnGround);
+        messages
     };
     assert_eq!(fly(Profile::Extended), fly(Profile::Classic));
 }
@@ -72,35 +73,43 @@ fn a_copy_of_a_command_is_acknowledged_and_not_executed() {
         write_32(port::YAW_GAIN, f32::NAN),
         Command::InvalidatePath,
     ] {
-        let mut desk = extended().start_up();
+        let mut harness = extended().start_up();
         let message = Uplink::Command(command);
-        let first = desk.numbered(sequence(77), message);
-        let once = state(&desk);
+        let first = harness.numbered(sequence(77), message);
+        let once = state(&harness);
         for _ in 0..3 {
-            assert_eq!(desk.numbered(sequence(77), message), first, "{command:?}");
+            assert_eq!(
+                harness.numbered(sequence(77), message),
+                first,
+                "{command:?}"
+            );
         }
-        assert_eq!(state(&desk), once, "{command:?}");
-        assert_eq!(desk.dsp.counters().command_copies, 3);
+        assert_eq!(state(&harness), once, "{command:?}");
+        assert_eq!(harness.dsp.counters().command_copies, 3);
         // Under a number of its own it is another command.
-        assert_eq!(desk.numbered(sequence(78), message), first, "{command:?}");
-        assert_eq!(desk.dsp.counters().command_copies, 3);
+        assert_eq!(
+            harness.numbered(sequence(78), message),
+            first,
+            "{command:?}"
+        );
+        assert_eq!(harness.dsp.counters().command_copies, 3);
     }
 }
 
 #[test]
 fn the_same_number_with_other_bytes_is_another_command() {
-    let mut desk = extended().start_up();
+    let mut harness = extended().start_up();
     for period_ms in [50, 60] {
         let command = Uplink::Command(write_16(port::STATUS_PERIOD_MS, period_ms));
-        desk.numbered(sequence(1), command);
-        let read = desk.dsp.ports().read_16(port::STATUS_PERIOD_MS);
+        harness.numbered(sequence(1), command);
+        let read = harness.dsp.ports().read_16(port::STATUS_PERIOD_MS);
         assert_eq!(read, Some(period_ms));
     }
 }
 
 #[test]
 fn a_waypoint_is_taken_once_under_its_number_and_again_after_the_path_was_invalidated() {
-    let mut desk = extended().start_up().take_off();
+    let mut harness = extended().start_up().take_off();
     let (here, there) = ((10.0, 0.0, 10.0), (10.0, 10.0, 10.0));
     for (number, point, taken) in [
         (0, here, 1),
@@ -109,36 +118,40 @@ fn a_waypoint_is_taken_once_under_its_number_and_again_after_the_path_was_invali
         (1, there, 2),
         (0, here, 3),
     ] {
-        desk.numbered_waypoint(sequence(number), point);
-        assert_eq!(desk.dsp.counters().waypoints, taken, "{number}, {point:?}");
+        harness.numbered_waypoint(sequence(number), point);
+        assert_eq!(
+            harness.dsp.counters().waypoints,
+            taken,
+            "{number}, {point:?}"
+        );
     }
-    assert_eq!(desk.dsp.counters().waypoint_copies, 2);
-    desk.command(Command::InvalidatePath);
-    desk.numbered_waypoint(sequence(0), here);
-    assert_eq!(desk.dsp.counters().waypoints, 4);
-    assert_eq!(desk.errors(), [0_u16; 0]);
+    assert_eq!(harness.dsp.counters().waypoint_copies, 2);
+    harness.command(Command::InvalidatePath);
+    harness.numbered_waypoint(sequence(0), here);
+    assert_eq!(harness.dsp.counters().waypoints, 4);
+    assert_eq!(harness.errors(), [0_u16; 0]);
 }
 
 #[test]
 fn a_waypoint_that_was_discarded_may_be_sent_again_under_its_number() {
-    let mut desk = extended().start_up();
+    let mut harness = extended().start_up();
     let point = (10.0, 0.0, 10.0);
-    desk.numbered_waypoint(sequence(3), point);
-    assert_eq!(desk.errors(), [30], "on the ground");
-    let mut desk = desk.take_off();
-    desk.numbered_waypoint(sequence(3), point);
-    assert_eq!(desk.dsp.counters().waypoints, 1);
+    harness.numbered_waypoint(sequence(3), point);
+    assert_eq!(harness.errors(), [30], "on the ground");
+    let mut harness = harness.take_off();
+    harness.numbered_waypoint(sequence(3), point);
+    assert_eq!(harness.dsp.counters().waypoints, 1);
 }
 
 #[test]
 fn a_dsp_that_has_booted_again_knows_no_copies() {
-    let mut desk = extended().start_up();
+    let mut harness = extended().start_up();
     let command = Uplink::Command(write_16(port::STATUS_PERIOD_MS, 50));
-    desk.numbered(sequence(4), command);
-    desk.dsp.reboot(desk.now, &mut desk.helicopter);
-    assert_eq!(desk.numbered(sequence(4), command).len(), 1);
-    assert_eq!(desk.dsp.counters().command_copies, 0);
-    let read = desk.dsp.ports().read_16(port::STATUS_PERIOD_MS);
+    harness.numbered(sequence(4), command);
+    harness.dsp.reboot(harness.now, &mut harness.helicopter);
+    assert_eq!(harness.numbered(sequence(4), command).len(), 1);
+    assert_eq!(harness.dsp.counters().command_copies, 0);
+    let read = harness.dsp.ports().read_16(port::STATUS_PERIOD_MS);
     assert_eq!(read, Some(50));
 }
 
@@ -149,42 +162,42 @@ fn told_by_the_other(profile: Profile) {
         Profile::Extended => Profile::Classic,
     };
     let error = [Downlink::Error(DspErrorCode::UNKNOWN_HEADER)];
-    let mut desk = Desk::in_profile(profile, &[]);
+    let mut harness = Harness::in_profile(profile, &[]);
     let frame = Uplink::Command(Command::ActivateStatus).encode_in(other, sequence(8));
     assert_eq!(
-        desk.bytes(frame.as_bytes()),
+        harness.bytes(frame.as_bytes()),
         error,
         "at once, without a status"
     );
     for _ in 0..9 {
-        desk.wait(ms(100));
-        assert_eq!(desk.bytes(frame.as_bytes()), [], "once a second");
+        harness.wait(ms(100));
+        assert_eq!(harness.bytes(frame.as_bytes()), [], "once a second");
     }
-    desk.wait(ms(100));
-    assert_eq!(desk.bytes(frame.as_bytes()), error);
-    let refusals = desk.dsp.counters().refusals;
+    harness.wait(ms(100));
+    assert_eq!(harness.bytes(frame.as_bytes()), error);
+    let refusals = harness.dsp.counters().refusals;
     assert_eq!(refusals[Refusal::OtherProfile as usize], 11);
-    assert_eq!(desk.dsp.errors().len(), 0, "it is not told twice");
-    assert_eq!(desk.command(Command::ActivateStatus).len(), 1);
+    assert_eq!(harness.dsp.errors().len(), 0, "it is not reported twice");
+    assert_eq!(harness.command(Command::ActivateStatus).len(), 1);
 }
 
 #[test]
-fn a_pc_with_the_other_profile_is_told_so_at_once_and_once_a_second() {
+fn a_pc_with_the_other_profile_is_reported_so_at_once_and_once_a_second() {
     told_by_the_other(Profile::Classic);
     told_by_the_other(Profile::Extended);
 }
 
 #[test]
-fn a_wrong_crc_is_told_as_a_wrong_checksum_and_padding_as_an_invalid_command() {
-    let mut desk = extended().start_up();
+fn a_wrong_crc_is_reported_as_a_wrong_checksum_and_padding_as_an_invalid_command() {
+    let mut harness = extended().start_up();
     let good = Uplink::Command(Command::ClearErrors).encode_in(Profile::Extended, sequence(60));
     let mut wrong = good.as_bytes().to_vec();
     wrong[1] ^= 1;
-    assert_eq!(desk.bytes(&wrong), []);
+    assert_eq!(harness.bytes(&wrong), []);
     // A read with an unused bit of its port set.
     let mut padded = vec![0xB3, 61, 0x70, 0, 0x7F, 0, 0];
     let crc = dsp_protocol::crc32(&padded);
     padded.extend([28, 21, 14, 7, 0].map(|shift| (crc >> shift) as u8 & 0x7F));
-    assert_eq!(desk.bytes(&padded), []);
-    assert_eq!(desk.errors(), [102, 30]);
+    assert_eq!(harness.bytes(&padded), []);
+    assert_eq!(harness.errors(), [102, 30]);
 }

@@ -4,15 +4,15 @@ use super::*;
 
 #[test]
 fn reading_a_port_never_consumes_it() {
-    let mut desk = Desk::hovering();
-    desk.command(write_16(port::LAND, 1));
+    let mut harness = Harness::hovering();
+    harness.command(write_16(port::LAND, 1));
     for _ in 0..3 {
         for (port, value) in [(port::LAND, 1), (port::TAKE_OFF, 0), (port::STATUS_MASK, 1)] {
-            let answer = desk.command(Command::Read16 { port });
+            let answer = harness.command(Command::Read16 { port });
             assert_eq!(answer, [Downlink::Ack16 { command: 0, value }]);
         }
         let port = port::TAKE_OFF_ALTITUDE_M;
-        let answer = desk.command(Command::Read32 { port });
+        let answer = harness.command(Command::Read32 { port });
         assert_eq!(
             answer,
             [Downlink::Ack32 {
@@ -25,58 +25,59 @@ fn reading_a_port_never_consumes_it() {
 
 #[test]
 fn take_off_and_landing_read_1_while_they_last() {
-    let mut desk = Desk::started();
-    let read = |desk: &mut Desk| [port::TAKE_OFF, port::LAND].map(|port| desk.read_16(port));
-    assert_eq!(read(&mut desk), [0, 0]);
-    desk.command(write_16(port::TAKE_OFF, 1));
+    let mut harness = Harness::started();
+    let read =
+        |harness: &mut Harness| [port::TAKE_OFF, port::LAND].map(|port| harness.read_16(port));
+    assert_eq!(read(&mut harness), [0, 0]);
+    harness.command(write_16(port::TAKE_OFF, 1));
     for phase in [Phase::SpinningUp, Phase::TakingOff] {
-        desk.fly_until(phase);
-        assert_eq!(read(&mut desk), [1, 0], "{phase:?}");
+        harness.fly_until(phase);
+        assert_eq!(read(&mut harness), [1, 0], "{phase:?}");
     }
-    desk.finish_take_off();
-    assert_eq!(read(&mut desk), [0, 0]);
-    desk.command(write_16(port::LAND, 1));
+    harness.finish_take_off();
+    assert_eq!(read(&mut harness), [0, 0]);
+    harness.command(write_16(port::LAND, 1));
     for phase in [Phase::Landing, Phase::SpinningDown] {
-        desk.fly_until(phase);
-        assert_eq!(read(&mut desk), [0, 1], "{phase:?}");
+        harness.fly_until(phase);
+        assert_eq!(read(&mut harness), [0, 1], "{phase:?}");
     }
-    desk.fly_until(Phase::OnGround);
-    assert_eq!(read(&mut desk), [0, 0]);
-    assert_eq!(desk.errors(), [0_u16; 0]);
+    harness.fly_until(Phase::OnGround);
+    assert_eq!(read(&mut harness), [0, 0]);
+    assert_eq!(harness.errors(), [0_u16; 0]);
 }
 
 #[test]
 fn movements_that_contradict_each_other_are_error_30_and_change_nothing() {
     let (take_off, land) = (write_16(port::TAKE_OFF, 1), write_16(port::LAND, 1));
-    let mut desk = Desk::started();
-    desk.command(take_off);
-    desk.command(land);
-    assert_eq!(desk.errors(), [30], "landing during take-off");
-    desk.finish_take_off();
-    desk.command(take_off);
-    assert_eq!(desk.errors(), [30], "take-off in flight");
-    desk.command(land);
-    desk.command(take_off);
-    assert_eq!(desk.errors(), [30], "take-off during landing");
-    desk.fly_until(Phase::OnGround);
-    desk.command(land);
-    assert_eq!(desk.errors(), [30], "landing on the ground");
+    let mut harness = Harness::started();
+    harness.command(take_off);
+    harness.command(land);
+    assert_eq!(harness.errors(), [30], "landing during take-off");
+    harness.finish_take_off();
+    harness.command(take_off);
+    assert_eq!(harness.errors(), [30], "take-off in flight");
+    harness.command(land);
+    harness.command(take_off);
+    assert_eq!(harness.errors(), [30], "take-off during landing");
+    harness.fly_until(Phase::OnGround);
+    harness.command(land);
+    assert_eq!(harness.errors(), [30], "landing on the ground");
 }
 
 #[test]
 fn the_take_off_goes_to_the_altitude_of_its_port() {
-    let mut desk = Desk::started();
-    desk.command(write_32(port::TAKE_OFF_ALTITUDE_M, 3.0));
-    desk.command(write_16(port::TAKE_OFF, 1));
+    let mut harness = Harness::started();
+    harness.command(write_32(port::TAKE_OFF_ALTITUDE_M, 3.0));
+    harness.command(write_16(port::TAKE_OFF, 1));
     // Too late for the take-off that is under way.
-    desk.command(write_32(port::TAKE_OFF_ALTITUDE_M, 50.0));
-    desk.fly_until(Phase::Hovering);
-    assert!((desk.helicopter.body().position_m.z - 3.0).abs() < 0.3);
+    harness.command(write_32(port::TAKE_OFF_ALTITUDE_M, 50.0));
+    harness.fly_until(Phase::Hovering);
+    assert!((harness.helicopter.body().position_m.z - 3.0).abs() < 0.3);
 }
 
 #[test]
 fn flow_control_comes_while_following_is_on_and_asks_while_two_places_are_free() {
-    let mut desk = Desk::hovering();
+    let mut harness = Harness::hovering();
     // On the spot of the first one the helicopter would reach it at once.
     let point = |number: u32| (50.0, 10.0 * f64::from(number), 20.0);
     for number in 0..16_usize {
@@ -85,43 +86,43 @@ fn flow_control_comes_while_following_is_on_and_asks_while_two_places_are_free()
         } else {
             FlowControl::Stop
         };
-        let asked = Desk::flow(&desk.wait(ms(100)));
+        let asked = Harness::flow(&harness.wait(ms(100)));
         assert_eq!(asked, [expected], "with {number} waypoints");
-        desk.waypoint(point(number as u32));
+        harness.waypoint(point(number as u32));
     }
-    assert_eq!(Desk::flow(&desk.wait(ms(100))), [FlowControl::Stop]);
-    desk.waypoint(point(16));
-    assert_eq!(desk.errors(), [15]);
-    assert_eq!(desk.dsp.counters().waypoints, 16);
-    assert_eq!(desk.dsp.counters().waypoints_discarded, 1);
+    assert_eq!(Harness::flow(&harness.wait(ms(100))), [FlowControl::Stop]);
+    harness.waypoint(point(16));
+    assert_eq!(harness.errors(), [15]);
+    assert_eq!(harness.dsp.counters().waypoints, 16);
+    assert_eq!(harness.dsp.counters().waypoints_discarded, 1);
 
     // The first two that are reached make room again.
-    while desk.helicopter.arrived() < 1 {
-        desk.wait(ms(100));
+    while harness.helicopter.arrived() < 1 {
+        harness.wait(ms(100));
     }
-    assert_eq!(Desk::flow(&desk.wait(ms(100))), [FlowControl::Stop]);
-    while desk.helicopter.arrived() < 2 {
-        desk.wait(ms(100));
+    assert_eq!(Harness::flow(&harness.wait(ms(100))), [FlowControl::Stop]);
+    while harness.helicopter.arrived() < 2 {
+        harness.wait(ms(100));
     }
-    assert_eq!(Desk::flow(&desk.wait(ms(100))), [FlowControl::Send]);
+    assert_eq!(Harness::flow(&harness.wait(ms(100))), [FlowControl::Send]);
 
-    desk.command(Command::InvalidatePath);
-    assert_eq!(desk.helicopter.free_places(), 16);
-    desk.command(write_16(port::FLOW_CONTROL_PERIOD_MS, 10));
-    assert_eq!(Desk::flow(&desk.wait(ms(100))).len(), 10);
-    desk.command(Command::Following { on: false });
-    assert_eq!(Desk::flow(&desk.wait(ms(500))), []);
+    harness.command(Command::InvalidatePath);
+    assert_eq!(harness.helicopter.free_places(), 16);
+    harness.command(write_16(port::FLOW_CONTROL_PERIOD_MS, 10));
+    assert_eq!(Harness::flow(&harness.wait(ms(100))).len(), 10);
+    harness.command(Command::Following { on: false });
+    assert_eq!(Harness::flow(&harness.wait(ms(500))), []);
 }
 
 #[test]
 fn waypoints_that_cannot_be_flown_are_error_30() {
-    let mut desk = Desk::started();
-    desk.waypoint((5.0, 0.0, 10.0));
-    assert_eq!(desk.errors(), [30], "on the ground");
-    desk.command(write_16(port::TAKE_OFF, 1));
-    desk.waypoint((5.0, 0.0, 10.0));
-    assert_eq!(desk.errors(), [30], "during take-off");
-    desk.finish_take_off();
+    let mut harness = Harness::started();
+    harness.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(harness.errors(), [30], "on the ground");
+    harness.command(write_16(port::TAKE_OFF, 1));
+    harness.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(harness.errors(), [30], "during take-off");
+    harness.finish_take_off();
     for (latitude_deg, longitude_deg, altitude_m) in [
         (90.1, 0.0, 50.0),
         (37.0, -180.1, 50.0),
@@ -134,74 +135,74 @@ fn waypoints_that_cannot_be_flown_are_error_30() {
             longitude_deg,
             altitude_m,
         };
-        desk.bytes(Uplink::Waypoint(waypoint).encode().as_bytes());
-        assert_eq!(desk.errors(), [30], "{waypoint:?}");
+        harness.bytes(Uplink::Waypoint(waypoint).encode().as_bytes());
+        assert_eq!(harness.errors(), [30], "{waypoint:?}");
     }
-    desk.waypoint((30.0, 0.0, 10.0));
-    desk.command(Command::Following { on: false });
+    harness.waypoint((30.0, 0.0, 10.0));
+    harness.command(Command::Following { on: false });
     assert_eq!(
-        desk.helicopter.free_places(),
+        harness.helicopter.free_places(),
         16,
         "following off forgets the path"
     );
-    desk.waypoint((5.0, 0.0, 10.0));
-    assert_eq!(desk.errors(), [30], "with following off");
-    desk.command(Command::Following { on: true });
-    desk.command(write_16(port::LAND, 1));
-    desk.waypoint((5.0, 0.0, 10.0));
-    assert_eq!(desk.errors(), [30], "during landing");
-    assert_eq!(desk.dsp.counters().waypoints, 1);
+    harness.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(harness.errors(), [30], "with following off");
+    harness.command(Command::Following { on: true });
+    harness.command(write_16(port::LAND, 1));
+    harness.waypoint((5.0, 0.0, 10.0));
+    assert_eq!(harness.errors(), [30], "during landing");
+    assert_eq!(harness.dsp.counters().waypoints, 1);
 }
 
 #[test]
 fn invalidating_the_path_during_a_take_off_or_landing_lets_it_go_on() {
-    let mut desk = Desk::started();
-    desk.command(write_16(port::TAKE_OFF, 1));
-    desk.fly_until(Phase::TakingOff);
-    desk.command(Command::InvalidatePath);
-    desk.finish_take_off();
-    assert!((desk.helicopter.body().position_m.z - 10.0).abs() < 0.3);
-    desk.command(write_16(port::LAND, 1));
-    desk.command(Command::InvalidatePath);
-    desk.fly_until(Phase::OnGround);
-    assert_eq!(desk.errors(), [0_u16; 0]);
+    let mut harness = Harness::started();
+    harness.command(write_16(port::TAKE_OFF, 1));
+    harness.fly_until(Phase::TakingOff);
+    harness.command(Command::InvalidatePath);
+    harness.finish_take_off();
+    assert!((harness.helicopter.body().position_m.z - 10.0).abs() < 0.3);
+    harness.command(write_16(port::LAND, 1));
+    harness.command(Command::InvalidatePath);
+    harness.fly_until(Phase::OnGround);
+    assert_eq!(harness.errors(), [0_u16; 0]);
 }
 
 #[test]
 fn a_reboot_forgets_all_but_the_flight() {
-    let mut desk = Desk::with_boot_errors(&[40]);
-    desk.command(Command::Following { on: true });
-    desk.command(write_32(port::CRUISE_SPEED_MPS, 12.0));
-    desk.command(write_16(port::TAKE_OFF, 1));
-    desk.finish_take_off();
-    desk.command(write_16(port::STATUS_MASK, 1));
-    desk.command(Command::ActivateStatus);
-    desk.waypoint((60.0, 0.0, 12.0));
-    desk.wait(ms(2_000));
-    let booted = desk.now;
-    desk.dsp.reboot(booted, &mut desk.helicopter);
+    let mut harness = Harness::with_boot_errors(&[40]);
+    harness.command(Command::Following { on: true });
+    harness.command(write_32(port::CRUISE_SPEED_MPS, 12.0));
+    harness.command(write_16(port::TAKE_OFF, 1));
+    harness.finish_take_off();
+    harness.command(write_16(port::STATUS_MASK, 1));
+    harness.command(Command::ActivateStatus);
+    harness.waypoint((60.0, 0.0, 12.0));
+    harness.wait(ms(2_000));
+    let booted = harness.now;
+    harness.dsp.reboot(booted, &mut harness.helicopter);
 
-    assert_eq!(desk.dsp.next_deadline(), None, "silent");
-    assert_eq!(desk.drain(), []);
-    assert_eq!(*desk.dsp.ports(), Ports::default());
-    assert_eq!(*desk.dsp.counters(), Counters::default());
-    assert_eq!(desk.helicopter.free_places(), 16);
-    assert!(desk.helicopter.is_flying());
+    assert_eq!(harness.dsp.next_deadline(), None, "silent");
+    assert_eq!(harness.drain(), []);
+    assert_eq!(*harness.dsp.ports(), Ports::default());
+    assert_eq!(*harness.dsp.counters(), Counters::default());
+    assert_eq!(harness.helicopter.free_places(), 16);
+    assert!(harness.helicopter.is_flying());
 
-    desk.command(write_16(port::STATUS_MASK, 1));
-    desk.command(Command::ActivateStatus);
-    let said = desk.wait(ms(20));
-    let statuses = Desk::statuses(&said);
+    harness.command(write_16(port::STATUS_MASK, 1));
+    harness.command(Command::ActivateStatus);
+    let messages = harness.wait(ms(20));
+    let statuses = Harness::statuses(&messages);
     assert_eq!(statuses[0].1.time_ms, Some(20), "its clock starts at zero");
     assert!(statuses[0].1.flying);
-    assert_eq!(said[1].1, Downlink::Error(DspErrorCode(40)));
+    assert_eq!(messages[1].1, Downlink::Error(DspErrorCode(40)));
 }
 
 #[test]
 fn waypoints_are_counted_and_a_copy_of_the_newest_is_not_taken() {
-    let mut desk = Desk::hovering();
-    let count = |desk: &mut Desk| desk.read_16(port::WAYPOINT_COUNT);
-    assert_eq!(count(&mut desk), 0x8000);
+    let mut harness = Harness::hovering();
+    let count = |harness: &mut Harness| harness.read_16(port::WAYPOINT_COUNT);
+    assert_eq!(count(&mut harness), 0x8000);
     let (here, there) = ((10.0, 0.0, 10.0), (10.0, 10.0, 10.0));
     for (point, expected) in [
         (here, 0x8001),
@@ -209,11 +210,11 @@ fn waypoints_are_counted_and_a_copy_of_the_newest_is_not_taken() {
         (there, 0x8002),
         (here, 0x8003),
     ] {
-        desk.waypoint(point);
-        assert_eq!(count(&mut desk), expected, "{point:?}");
+        harness.waypoint(point);
+        assert_eq!(count(&mut harness), expected, "{point:?}");
     }
-    assert_eq!(desk.dsp.counters().waypoint_copies, 1);
-    desk.command(write_16(port::WAYPOINT_COUNT, 0));
-    assert_eq!(desk.errors(), [30], "it cannot be written");
-    assert_eq!(count(&mut desk), 0x8003);
+    assert_eq!(harness.dsp.counters().waypoint_copies, 1);
+    harness.command(write_16(port::WAYPOINT_COUNT, 0));
+    assert_eq!(harness.errors(), [30], "it cannot be written");
+    assert_eq!(count(&mut harness), 0x8003);
 }

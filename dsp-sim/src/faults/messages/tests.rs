@@ -114,10 +114,10 @@ fn every_kind_of_message_is_known_in_either_profile() {
             let fault = || vec![fault(dropped, Act::Drop)];
             let mut downlink = stage_of::<Downlink>(profile, fault());
             let mut uplink = stage_of::<Uplink>(profile, fault());
-            for (kind, said) in kinds() {
-                let frame = said.frame(profile, 5);
+            for (kind, example) in kinds() {
+                let frame = example.frame(profile, 5);
                 let pieces = [(0, frame.clone())];
-                let out = match said {
+                let out = match example {
                     Said::Dsp(_) => pass(&mut downlink, &pieces),
                     Said::Pc(_) => pass(&mut uplink, &pieces),
                 };
@@ -209,7 +209,7 @@ fn a_late_message_is_overtaken_and_never_put_into_another() {
             (10, ack(1)),
             (11, ack(2)),
             (20, status(1)),
-            // While this one is on the line, the first ack becomes due.
+            // While this one is on the serial link, the first ack becomes due.
             (75, front.to_vec()),
             (80, back.to_vec()),
             (90, status(2)),

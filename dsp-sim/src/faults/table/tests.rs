@@ -1,4 +1,4 @@
-//! What a file says, and what is wrong with it.
+//! What a file means, and what is wrong with it.
 
 use super::*;
 use crate::faults::Direction;
@@ -70,8 +70,8 @@ fn the_annotated_example_has_every_kind_and_every_key() {
                 delay_ms jitter_ms gap_ms then code jump_ms elsewhere mask volts percent drift_mps seed";
     for key in keys.split_whitespace() {
         let shown = example.lines().any(|line| {
-            let said = line.split('=').next().unwrap_or_default();
-            said.trim() == key
+            let written = line.split('=').next().unwrap_or_default();
+            written.trim() == key
         });
         assert!(shown, "{key} is not in the example");
     }
@@ -202,7 +202,7 @@ fn each_table_becomes_what_it_says() {
 }
 
 #[test]
-fn every_mistake_is_told_with_its_line() {
+fn every_mistake_is_reported_with_its_line() {
     #[rustfmt::skip]
     let cases = [
         // Unknown words and values out of range: the line of the key.
@@ -255,8 +255,8 @@ fn every_kind_says_what_it_needs() {
             Kind::Outage => assert!(outcome.is_ok()),
             _ => {
                 let error = outcome.unwrap_err();
-                let told = format!("a fault of kind `{}` needs `", kind.name());
-                assert!(error.contains(&told), "{error}");
+                let needed = format!("a fault of kind `{}` needs `", kind.name());
+                assert!(error.contains(&needed), "{error}");
             }
         }
     }

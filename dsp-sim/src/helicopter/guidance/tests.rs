@@ -11,7 +11,7 @@ const LIMITS: Limits = Limits {
     acceptance_radius_m: 0.5,
 };
 
-/// Steps until the point rests and tells how near it came to each of `points`, and checks speed and acceleration on
+/// Steps until the point rests and returns how near it came to each of `points`, and checks speed and acceleration on
 /// the way. Waypoints count as reached when the point has passed on to the next line.
 fn fly(guidance: &mut Guidance, path: &mut PathBuffer, points: &[Vector]) -> Vec<f64> {
     let mut nearest_m = vec![f64::INFINITY; points.len()];

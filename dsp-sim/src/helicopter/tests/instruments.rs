@@ -1,4 +1,4 @@
-//! What the instruments say, and that it belongs together.
+//! What the instruments measure, and that the values fit together.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! A script of faults in the whole simulator: what the PC hears, and when.
+//! A script of faults in the whole simulator: what the PC receives, and when.
 
 use super::*;
 use crate::faults::{Act, AfterStall, Damage, Directions, Fault, MessageKind, Times, Window};
@@ -21,7 +21,7 @@ fn with_faults(faults: Vec<Fault>) -> Setup {
     }
 }
 
-/// A PC whose line may be noisy: it skips what is refused.
+/// A PC whose serial link may be noisy: it skips what is refused.
 struct Listener {
     simulator: Simulator,
     decoder: Decoder<Downlink>,
@@ -51,7 +51,7 @@ impl Listener {
 
     /// Listens until `end`; gives the messages and when they came.
     fn listen(&mut self, end: Duration) -> Vec<(Duration, Downlink)> {
-        let mut said = Vec::new();
+        let mut messages = Vec::new();
         while let Some(next) = self.simulator.next_deadline().filter(|next| *next <= end) {
             self.simulator.advance(next);
             let (decoder, refusals) = (&mut self.decoder, &mut self.refusals);
@@ -61,7 +61,7 @@ impl Listener {
                     let (taken, decoded) = decoder.decode(rest);
                     rest = &rest[taken..];
                     match decoded {
-                        Decoded::Message(message) => said.push((next, message)),
+                        Decoded::Message(message) => messages.push((next, message)),
                         Decoded::Incomplete => {}
                         Decoded::Refused(_) => *refusals += 1,
                     }
@@ -70,7 +70,7 @@ impl Listener {
             });
         }
         self.simulator.advance(end);
-        said
+        messages
     }
 
     fn done(&self) -> FaultCounters {
@@ -79,16 +79,16 @@ impl Listener {
 }
 
 /// When each status came, and what the DSP's clock read in it.
-fn statuses(said: &[(Duration, Downlink)]) -> Vec<(u64, u64)> {
-    let statuses = said.iter().filter_map(|(at, message)| match message {
+fn statuses(messages: &[(Duration, Downlink)]) -> Vec<(u64, u64)> {
+    let statuses = messages.iter().filter_map(|(at, message)| match message {
         Downlink::Status(status) => Some((at.as_millis() as u64, status.time_ms?.into())),
         _ => None,
     });
     statuses.collect()
 }
 
-fn acks(said: &[(Duration, Downlink)]) -> Vec<u64> {
-    let acks = said
+fn acks(messages: &[(Duration, Downlink)]) -> Vec<u64> {
+    let acks = messages
         .iter()
         .filter(|(_, message)| matches!(message, Downlink::Ack { .. }));
     acks.map(|(at, _)| at.as_millis() as u64).collect()
@@ -106,28 +106,31 @@ fn an_empty_script_changes_nothing() {
 }
 
 #[test]
-fn a_raised_error_is_told_after_the_next_status() {
+fn a_raised_error_is_reported_after_the_next_status() {
     let error = DspErrorCode(45);
     let fault = dsp(ms(100), DspEvent::RaiseError(error));
     let mut listener = Listener::new(with_faults(vec![fault]));
-    let said = listener.listen(ms(200));
-    let told: Vec<&Duration> = said
+    let messages = listener.listen(ms(200));
+    let reported: Vec<&Duration> = messages
         .iter()
         .filter(|(_, message)| *message == Downlink::Error(error))
         .map(|(at, _)| at)
         .collect();
-    assert_eq!(told.len(), 1);
-    assert!((ms(100)..ms(125)).contains(told[0]), "{told:?}");
+    assert_eq!(reported.len(), 1);
+    assert!((ms(100)..ms(125)).contains(reported[0]), "{reported:?}");
 }
 
 #[test]
 fn a_reboot_by_script_is_a_reboot() {
     let mut listener = Listener::new(with_faults(vec![dsp(ms(100), DspEvent::Reboot)]));
-    let said = listener.listen(ms(500));
-    assert!(said.iter().all(|(at, _)| *at <= ms(101)), "then silence");
+    let messages = listener.listen(ms(500));
+    assert!(
+        messages.iter().all(|(at, _)| *at <= ms(101)),
+        "then silence"
+    );
     listener.send(Command::ActivateStatus);
-    let said = listener.listen(ms(600));
-    assert_eq!(acks(&said).len(), 1);
+    let messages = listener.listen(ms(600));
+    assert_eq!(acks(&messages).len(), 1);
     assert_eq!(listener.done().reboots, 1);
 }
 
@@ -176,10 +179,10 @@ fn a_dsp_that_hangs_neither_hears_nor_speaks_and_then_goes_on() {
     let mut listener = Listener::new(with_faults(vec![hang]));
     assert!(!listener.listen(ms(200)).is_empty());
     listener.send(Command::ClearErrors);
-    let said = listener.listen(ms(1_000));
-    assert_eq!(acks(&said), [0_u64; 0], "it did not hear");
-    assert_eq!(listener.done().unheard_bytes, 3);
-    let statuses = statuses(&said);
+    let messages = listener.listen(ms(1_000));
+    assert_eq!(acks(&messages), [0_u64; 0], "it received nothing");
+    assert_eq!(listener.done().missed_bytes, 3);
+    let statuses = statuses(&messages);
     for (at, clock) in &statuses {
         assert!(*at >= 501, "{at}");
         assert!(at - clock <= 2, "no status is old: {clock} at {at} ms");
@@ -199,8 +202,8 @@ fn a_frame_that_a_hang_cuts_goes_on_after_it() {
         port: port::STATUS_MASK,
         value: u16::MAX,
     });
-    let said = listener.listen(ms(400));
-    let first = statuses(&said)[0];
+    let messages = listener.listen(ms(400));
+    let first = statuses(&messages)[0];
     assert!((325..335).contains(&first.0) && first.1 < 25, "{first:?}");
     assert_eq!(listener.refusals, 0);
 }
@@ -227,11 +230,11 @@ fn acknowledgements_are_late_by_what_the_script_says() {
     let mut listener = Listener::new(with_faults(vec![late]));
     listener.listen(ms(200));
     listener.send(Command::ClearErrors);
-    let said = listener.listen(ms(400));
-    let [at] = acks(&said)[..] else {
+    let messages = listener.listen(ms(400));
+    let [at] = acks(&messages)[..] else {
         panic!("one acknowledgement");
     };
-    // 3 bytes there and 3 back take half a millisecond, and a status may be on the line.
+    // 3 bytes there and 3 back take half a millisecond, and a status may be on the serial link.
     assert!((270..273).contains(&at), "{at}");
     assert_eq!(listener.refusals, 0, "it is not put into a frame");
 }
@@ -352,8 +355,8 @@ fn storm(seed: u64) -> Script {
     Script { seed, faults }
 }
 
-/// What a busy PC hears in three seconds, when it looks every `step` at the latest.
-fn heard(seed: u64, step: Duration) -> (Vec<u8>, FaultCounters) {
+/// What a busy PC receives in three seconds, when it advances every `step` at the latest.
+fn received(seed: u64, step: Duration) -> (Vec<u8>, FaultCounters) {
     let mut simulator = Simulator::new(Setup {
         faults: Some(storm(seed)),
         ..setup(115_200)
@@ -389,14 +392,14 @@ fn heard(seed: u64, step: Duration) -> (Vec<u8>, FaultCounters) {
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_however_the_clock_steps() {
-    let first = heard(5, Duration::ZERO);
-    assert_eq!(heard(5, Duration::ZERO), first);
+    let first = received(5, Duration::ZERO);
+    assert_eq!(received(5, Duration::ZERO), first);
     for step_us in [100, 1_700, 9_000, 50_000] {
-        let (bytes, counters) = heard(5, Duration::from_micros(step_us));
+        let (bytes, counters) = received(5, Duration::from_micros(step_us));
         assert_eq!(counters, first.1, "{step_us}");
         assert!(bytes == first.0, "{step_us}");
     }
-    assert_ne!(heard(6, Duration::ZERO).0, first.0);
+    assert_ne!(received(6, Duration::ZERO).0, first.0);
     let done = first.1;
     assert!(done.to_pc.bytes.flipped_bits > 10, "{done}");
     assert!(done.to_dsp.messages.repeated > 3, "{done}");

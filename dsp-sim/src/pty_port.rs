@@ -1,41 +1,19 @@
-//! The serial port as the PC finds it: a pseudo-terminal under a symbolic link, which a script of faults may pull out and
-//! put in again.
+//! A pseudo-terminal under a symbolic link, in place of a serial port. A script of faults may unplug it and plug it in
+//! again.
 //!
-//! While it is out, the terminal is closed, so that the PC's end is hung up, and the link is removed: its target may
-//! become somebody else's terminal meanwhile.
+//! While it is unplugged, the terminal is closed, so that the PC's end is hung up. The link is removed too, because the
+//! terminal that it names may become another process's meanwhile.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::faults::PortState;
+use crate::port::{Port, Terminal};
 use crate::pty::{Link, LinkError, Pty, PtyError};
 
-/// What the loop of the process serves.
-pub trait Port {
-    /// Does to the port what happened to it in the simulation.
-    ///
-    /// # Errors
-    /// It comes back and cannot be put in.
-    fn follow(&mut self, state: PortState) -> io::Result<()>;
-
-    /// The terminal; nothing while it is out.
-    fn pty(&mut self) -> Option<&mut Pty>;
-}
-
-/// A bare terminal stays where it is: while it should be gone, it is silent.
-impl Port for Pty {
-    fn follow(&mut self, _state: PortState) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn pty(&mut self) -> Option<&mut Pty> {
-        Some(self)
-    }
-}
-
-/// The port, there or not.
+/// The pseudo-terminal and its link, there or not.
 #[derive(Debug)]
-pub struct Plug {
+pub struct PtyPort {
     link_path: PathBuf,
     /// Removed before the terminal is closed, which is why it stands before it.
     link: Option<Link>,
@@ -47,9 +25,9 @@ pub struct Plug {
     seen: PortState,
 }
 
-/// The port cannot be put in.
+/// The port cannot be plugged in.
 #[derive(Debug, thiserror::Error)]
-pub enum PlugError {
+pub enum PtyPortError {
     /// There is no terminal for it.
     #[error(transparent)]
     Pty(#[from] PtyError),
@@ -58,21 +36,21 @@ pub enum PlugError {
     Link(#[from] LinkError),
 }
 
-impl Plug {
+impl PtyPort {
     /// Opens a terminal and makes `link_path` lead to it.
     ///
     /// # Errors
     /// There is no terminal, or the link cannot be made.
-    pub fn new(link_path: &Path) -> Result<Plug, PlugError> {
-        let mut plug = Plug {
+    pub fn new(link_path: &Path) -> Result<PtyPort, PtyPortError> {
+        let mut port = PtyPort {
             link_path: link_path.to_owned(),
             link: None,
             pty: None,
             next: None,
             seen: PortState::default(),
         };
-        plug.put_in()?;
-        Ok(plug)
+        port.plug_in()?;
+        Ok(port)
     }
 
     /// Where the link is, or will be again.
@@ -80,7 +58,7 @@ impl Plug {
         self.link.as_ref().map_or(&self.link_path, Link::path)
     }
 
-    fn pull_out(&mut self, elsewhere: bool) -> Result<(), PlugError> {
+    fn unplug(&mut self, elsewhere: bool) -> Result<(), PtyPortError> {
         if elsewhere && self.pty.is_some() {
             self.next = Some(Pty::open()?);
         }
@@ -91,7 +69,7 @@ impl Plug {
         Ok(())
     }
 
-    fn put_in(&mut self) -> Result<(), PlugError> {
+    fn plug_in(&mut self) -> Result<(), PtyPortError> {
         let pty = match self.next.take() {
             Some(pty) => pty,
             None => Pty::open()?,
@@ -104,24 +82,24 @@ impl Plug {
     }
 }
 
-impl Port for Plug {
+impl Port for PtyPort {
     fn follow(&mut self, state: PortState) -> io::Result<()> {
         if state == self.seen {
             return Ok(());
         }
         // A hang-up whose end has passed already is one all the same.
         if state.hang_ups != self.seen.hang_ups {
-            self.pull_out(state.elsewhere).map_err(io::Error::other)?;
+            self.unplug(state.elsewhere).map_err(io::Error::other)?;
         }
         if !state.is_gone {
-            self.put_in().map_err(io::Error::other)?;
+            self.plug_in().map_err(io::Error::other)?;
         }
         self.seen = state;
         Ok(())
     }
 
-    fn pty(&mut self) -> Option<&mut Pty> {
-        self.pty.as_mut()
+    fn terminal(&mut self) -> Option<&mut dyn Terminal> {
+        self.pty.as_mut().map(|pty| pty as &mut dyn Terminal)
     }
 }
 
@@ -154,25 +132,25 @@ mod tests {
     }
 
     /// The PC's end is hung up: it reads an end, or an error.
-    fn assert_hung_up(mut port: File) {
+    fn assert_hung_up(mut pc: File) {
         let mut byte = [0];
-        assert!(!matches!(port.read(&mut byte), Ok(1..)));
+        assert!(!matches!(pc.read(&mut byte), Ok(1..)));
     }
 
     #[test]
     fn the_port_goes_and_comes_back_under_its_link() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let mut plug = Plug::new(&path).unwrap();
+        let mut port = PtyPort::new(&path).unwrap();
         for hang_ups in 1..=3 {
-            let port = open(&path);
-            plug.follow(gone(hang_ups, false)).unwrap();
-            assert!(plug.pty().is_none());
+            let pc = open(&path);
+            port.follow(gone(hang_ups, false)).unwrap();
+            assert!(port.terminal().is_none());
             assert!(fs::symlink_metadata(&path).is_err(), "the link is there");
-            assert_hung_up(port);
-            plug.follow(gone(hang_ups, false)).unwrap();
-            plug.follow(back(hang_ups)).unwrap();
-            assert_eq!(plug.pty().unwrap().write(b"here").unwrap(), 4);
+            assert_hung_up(pc);
+            port.follow(gone(hang_ups, false)).unwrap();
+            port.follow(back(hang_ups)).unwrap();
+            assert_eq!(port.terminal().unwrap().write(b"here").unwrap(), 4);
             let mut read = [0; 4];
             open(&path).read_exact(&mut read).unwrap();
             assert_eq!(&read, b"here");
@@ -183,12 +161,12 @@ mod tests {
     fn it_comes_back_as_another_device() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let mut plug = Plug::new(&path).unwrap();
+        let mut port = PtyPort::new(&path).unwrap();
         let first = fs::read_link(&path).unwrap();
-        plug.follow(gone(1, true)).unwrap();
+        port.follow(gone(1, true)).unwrap();
         // Hung up again while it is gone: nothing more to do.
-        plug.follow(gone(2, true)).unwrap();
-        plug.follow(back(2)).unwrap();
+        port.follow(gone(2, true)).unwrap();
+        port.follow(back(2)).unwrap();
         assert_ne!(fs::read_link(&path).unwrap(), first);
         open(&path);
     }
@@ -197,13 +175,13 @@ mod tests {
     fn a_hang_up_that_has_passed_is_one_all_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let mut plug = Plug::new(&path).unwrap();
-        let port = open(&path);
-        plug.follow(back(1)).unwrap();
-        assert_hung_up(port);
+        let mut port = PtyPort::new(&path).unwrap();
+        let pc = open(&path);
+        port.follow(back(1)).unwrap();
+        assert_hung_up(pc);
         assert_eq!(
             fs::read_link(&path).unwrap(),
-            plug.pty().unwrap().path(),
+            port.pty.as_ref().unwrap().path(),
             "and it is there again"
         );
     }
@@ -212,13 +190,13 @@ mod tests {
     fn the_link_goes_with_its_owner_also_while_the_port_is_out() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let plug = Plug::new(&path).unwrap();
-        assert_eq!(plug.link(), path);
-        drop(plug);
+        let port = PtyPort::new(&path).unwrap();
+        assert_eq!(port.link(), path);
+        drop(port);
         assert!(fs::symlink_metadata(&path).is_err());
-        let mut plug = Plug::new(&path).unwrap();
-        plug.follow(gone(1, false)).unwrap();
-        drop(plug);
+        let mut port = PtyPort::new(&path).unwrap();
+        port.follow(gone(1, false)).unwrap();
+        drop(port);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -1,18 +1,18 @@
-//! The serial line's pace: which bytes have gone through at a given time.
+//! The serial link's pace: which bytes have gone through at a given time.
 //!
-//! Pure arithmetic on simulated time; it holds no bytes. What damages them on purpose ([`crate::faults`]) gets them at the
-//! far end of a [`Lane`].
+//! Pure arithmetic on simulated time; it holds no bytes. What damages them on purpose ([`crate::faults`]) gets them
+//! at the far end of a [`Lane`].
 
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-/// Bits on the line for each byte: start, eight data, stop.
+/// Bits on the serial link for each byte: start, eight data, stop.
 const BITS_PER_BYTE: u128 = 10;
 /// Bytes that are delivered together when more are on the way: the trigger level of a usual UART's receive queue. The
 /// last byte of a burst is on time; those before it come up to 15 bytes late, as they do from the real thing.
 const BURST: usize = 16;
 
-/// One direction of the line.
+/// One direction of the serial link.
 ///
 /// Whoever has bytes for it calls [`begin`](Self::begin), then [`through`](Self::through) and [`take`](Self::take) as
 /// time goes on, and [`rest`](Self::rest) when it has no more.
