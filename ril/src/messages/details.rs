@@ -10,7 +10,7 @@ use ipc_types::payload::{PortInfo, RequestReport};
 /// Unit of the amount by which a rule is broken; nothing for a rule without an amount.
 pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
     match rule {
-        SafetyRule::PilotSwitch => None,
+        SafetyRule::PilotSwitch | SafetyRule::FenceUnjudgeable => None,
         SafetyRule::FenceInclusion
         | SafetyRule::FenceExclusion
         | SafetyRule::FenceFloor
