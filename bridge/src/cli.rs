@@ -49,7 +49,20 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let ipc = Ipc::join(&domain, robot, "bridge").map_err(Failure::internal)?;
-    shell::run(&config, &ipc, &termination, &Notifier::from_env()).map_err(|error| match error {
+    let explicit = args.common.config.as_deref();
+    let read_fence = || {
+        runtime::config::load::<BridgeConfig>(explicit, Path::new(DEFAULT_CONFIG_FILE))
+            .map(|loaded| loaded.value.fence)
+            .map_err(|error| error.to_string())
+    };
+    shell::run(
+        &config,
+        &read_fence,
+        &ipc,
+        &termination,
+        &Notifier::from_env(),
+    )
+    .map_err(|error| match error {
         ShellError::NotAPort(_) => Failure::new(ExitCode::Configuration, error),
         ShellError::Services(_) | ShellError::Wait(_) => Failure::internal(error),
     })

@@ -8,13 +8,16 @@ use std::time::Duration;
 
 use dsp_protocol::port::{self, Access, Port, Port16};
 use dsp_protocol::{Command, Group, Profile, StatusMask};
+use ipc_types::code::SafetyAction;
 use runtime::config::in_range;
 use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use crate::errors::ErrorTable;
 use crate::flight::arrival::Tolerance;
-use crate::line::coherence::Rule;
+use crate::link::coherence::Rule;
+use crate::link::commands::ATTEMPTS;
+use crate::safety::fence::Fence;
 
 /// All of `bridge.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -28,8 +31,14 @@ pub struct BridgeConfig {
     pub status: StatusConfig,
     /// When a path has been flown.
     pub arrival: ArrivalConfig,
+    /// What goes to the DSP for a path.
+    pub trajectory: TrajectoryConfig,
     /// Limits of movements.
     pub movement: MovementLimits,
+    /// Rules of flight safety.
+    pub safety: SafetyConfig,
+    /// Where the helicopter may fly.
+    pub fence: Fence,
     /// Which DSP errors end the functionality.
     pub errors: ErrorTable,
     /// The published state.
@@ -41,6 +50,9 @@ pub struct BridgeConfig {
 runtime::ranged! {
     fn baud_rate(u32) in 50..=4_000_000;
     fn milliseconds(u64) in 1..=600_000;
+    fn pc_timeout_ms(u16) in 0..=60_000;
+    fn speed_mps(f64) in 0.01..=100.0;
+    fn spacing_m(f64) in 0.1..=10_000.0;
     fn state_period_ms(u64) in 10..=1000;
     fn tolerance_deg(f64) in 1e-7..=1.0;
     fn tolerance_m(f64) in 0.01..=1000.0;
@@ -84,17 +96,39 @@ impl SerialConfig {
     }
 }
 
+/// Implements `Deserialize` for types that derive it as `#[serde(remote = "Self")]`: fields that are right each by itself
+/// are then checked together.
+macro_rules! checked {
+    ($($config:ident),+) => {
+        $(
+            impl<'de> Deserialize<'de> for $config {
+                fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                    let config = $config::deserialize(deserializer)?;
+                    config.check().map_err(D::Error::custom)?;
+                    Ok(config)
+                }
+            }
+        )+
+    };
+}
+
+checked!(LinkConfig, MovementLimits, SupplyLimits);
+
 /// `[link]`
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(remote = "Self", deny_unknown_fields, default)]
 pub struct LinkConfig {
     /// How messages are framed: the same as at the DSP.
     #[serde(deserialize_with = "profile")]
     pub profile: Profile,
+    /// After how long without a message from the bridge the DSP stops by itself; 0 never, and then the port is not touched.
+    #[serde(deserialize_with = "pc_timeout_ms")]
+    pub pc_timeout_ms: u16,
     /// How long one attempt of a command waits for its acknowledgement.
     #[serde(deserialize_with = "milliseconds")]
     pub ack_timeout_ms: u64,
-    /// After how long without a valid message the link is silent; also how long an observation counts as known.
+    /// After how long without a valid message the link is silent, and after how long an observation is not known any more:
+    /// at least this, and three observed periods.
     #[serde(deserialize_with = "milliseconds")]
     pub silent_after_ms: u64,
     /// First pause after a start-up that was not answered; doubled up to `start_up_retry_max_ms`.
@@ -109,6 +143,7 @@ impl Default for LinkConfig {
     fn default() -> Self {
         LinkConfig {
             profile: Profile::Classic,
+            pc_timeout_ms: 2000,
             ack_timeout_ms: 200,
             silent_after_ms: 1000,
             start_up_retry_min_ms: 100,
@@ -118,9 +153,27 @@ impl Default for LinkConfig {
 }
 
 impl LinkConfig {
+    /// The DSP must not take a PC for gone that is still repeating its sign of life.
+    fn check(&self) -> Result<(), String> {
+        let shortest = (self.ack_timeout_ms * u64::from(ATTEMPTS)).saturating_mul(3) / 2;
+        let timeout = u64::from(self.pc_timeout_ms);
+        if timeout > 0 && timeout < shortest {
+            return Err(format!(
+                "pc_timeout_ms = {timeout} is too short for ack_timeout_ms = {}: 0, or at least {shortest}",
+                self.ack_timeout_ms
+            ));
+        }
+        Ok(())
+    }
+
     /// How long one attempt waits for its acknowledgement.
     pub fn ack_timeout(&self) -> Duration {
         Duration::from_millis(self.ack_timeout_ms)
+    }
+
+    /// After how long without a message from the bridge the DSP stops by itself.
+    pub fn pc_timeout(&self) -> Duration {
+        Duration::from_millis(self.pc_timeout_ms.into())
     }
 
     /// After how long without a valid message the link is silent.
@@ -214,6 +267,9 @@ pub struct ArrivalConfig {
     /// the DSP ever rests before it goes on.
     #[serde(deserialize_with = "seconds")]
     pub dwell_s: f64,
+    /// How long the helicopter may take from the box to the last waypoint itself before the path is ended.
+    #[serde(deserialize_with = "seconds")]
+    pub settle_s: f64,
 }
 
 impl Default for ArrivalConfig {
@@ -225,6 +281,7 @@ impl Default for ArrivalConfig {
             altitude_m: 1.0,
             // Twice the longest rest of a DSP between two waypoints of a path (`docs/protocol.md` section 8.4).
             dwell_s: 6.0,
+            settle_s: 2.0,
         }
     }
 }
@@ -239,6 +296,11 @@ impl ArrivalConfig {
         }
     }
 
+    /// How long the helicopter may take from the box to the last waypoint itself.
+    pub fn settle(&self) -> Duration {
+        Duration::from_secs_f64(self.settle_s)
+    }
+
     /// How long a stay at the last waypoint counts as arrival.
     pub fn dwell(&self) -> Duration {
         Duration::from_secs_f64(self.dwell_s)
@@ -247,14 +309,17 @@ impl ArrivalConfig {
 
 /// `[movement]`
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(remote = "Self", deny_unknown_fields, default)]
 pub struct MovementLimits {
     /// Within what time a movement must have begun on the DSP, when its request does not say.
     #[serde(deserialize_with = "milliseconds")]
     pub begin_within_ms: u64,
-    /// After what time a movement that has begun is given up.
+    /// After what time a movement that has begun is given up, besides the time for its length.
     #[serde(deserialize_with = "seconds")]
     pub time_limit_s: f64,
+    /// Slowest average speed over a movement: its length divided by this is added to `time_limit_s`.
+    #[serde(deserialize_with = "speed_mps")]
+    pub min_speed_mps: f64,
     /// A waypoint farther than this from the helicopter is refused.
     #[serde(deserialize_with = "distance_m")]
     pub max_distance_m: f64,
@@ -271,6 +336,7 @@ impl Default for MovementLimits {
         MovementLimits {
             begin_within_ms: 5000,
             time_limit_s: 600.0,
+            min_speed_mps: 1.0,
             max_distance_m: 10_000.0,
             min_altitude_m: -1000.0,
             max_altitude_m: 20_000.0,
@@ -279,14 +345,148 @@ impl Default for MovementLimits {
 }
 
 impl MovementLimits {
+    fn check(&self) -> Result<(), String> {
+        let (min, max) = (self.min_altitude_m, self.max_altitude_m);
+        if min > max {
+            return Err(format!(
+                "min_altitude_m = {min} is greater than max_altitude_m = {max}: no waypoint could be flown to"
+            ));
+        }
+        Ok(())
+    }
+
     /// Within what time a movement must have begun when its request does not say.
     pub fn begin_within(&self) -> Duration {
         Duration::from_millis(self.begin_within_ms)
     }
 
-    /// After what time a movement that has begun is given up.
-    pub fn time_limit(&self) -> Duration {
-        Duration::from_secs_f64(self.time_limit_s)
+    /// After what time a movement of `length_m` that has begun is given up.
+    pub fn time_limit(&self, length_m: f64) -> Duration {
+        // A path of 1024 waypoints, each half the Earth away, still fits.
+        let seconds = self.time_limit_s + length_m / self.min_speed_mps;
+        Duration::from_secs_f64(seconds.clamp(0.0, 1e12))
+    }
+}
+
+/// `[trajectory]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrajectoryConfig {
+    /// Which generator stands between the waypoints of a path and the DSP.
+    pub kind: TrajectoryKind,
+    /// `divide_legs`: longest distance between two points.
+    #[serde(deserialize_with = "spacing_m")]
+    pub spacing_m: f64,
+}
+
+/// The trajectory generators that are built in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrajectoryKind {
+    /// The waypoints themselves.
+    #[default]
+    PassThrough,
+    /// Points between them, so that no leg is longer than `spacing_m`.
+    DivideLegs,
+}
+
+impl Default for TrajectoryConfig {
+    fn default() -> Self {
+        TrajectoryConfig {
+            kind: TrajectoryKind::PassThrough,
+            spacing_m: 50.0,
+        }
+    }
+}
+
+/// `[safety]`: the rules that the bridge enforces in flight (`docs/safety.md`).
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyConfig {
+    /// Whether the pilot's switch on manual refuses movements and ends the one under way.
+    pub pilot_switch: bool,
+    /// What happens when the helicopter itself is outside the geofence.
+    pub fence_breach: BreachAction,
+    /// What happens when the link comes back after it was lost in flight.
+    pub link_loss: BreachAction,
+    /// How long a supply must be below a limit before the rule acts.
+    #[serde(deserialize_with = "seconds")]
+    pub supply_for_s: f64,
+    /// Battery limits, V.
+    pub battery_v: SupplyLimits,
+    /// Fuel limits, %.
+    pub fuel_percent: SupplyLimits,
+}
+
+impl Default for SafetyConfig {
+    fn default() -> Self {
+        SafetyConfig {
+            pilot_switch: true,
+            fence_breach: BreachAction::Hold,
+            link_loss: BreachAction::Hold,
+            supply_for_s: 2.0,
+            battery_v: SupplyLimits::default(),
+            fuel_percent: SupplyLimits::default(),
+        }
+    }
+}
+
+/// What is done about a breach in flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BreachAction {
+    /// It is shown and logged.
+    Warn,
+    /// A path is ended; the helicopter hovers.
+    Hold,
+    /// A path is ended, and the helicopter is told to land.
+    Land,
+}
+
+/// Limits of a supply; one that is not given is not watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(remote = "Self", deny_unknown_fields, default)]
+pub struct SupplyLimits {
+    /// Below this it is shown and logged.
+    pub warn: Option<f64>,
+    /// Below this no movement begins but landing.
+    pub refuse: Option<f64>,
+    /// Below this a path is ended; the helicopter hovers.
+    pub hold: Option<f64>,
+    /// Below this a path is ended, and the helicopter is told to land.
+    pub land: Option<f64>,
+}
+
+impl SupplyLimits {
+    /// The limits from mild to severe, those that are given.
+    pub fn steps(&self) -> impl Iterator<Item = (SafetyAction, f64)> {
+        [
+            (SafetyAction::Warn, self.warn),
+            (SafetyAction::Refuse, self.refuse),
+            (SafetyAction::Hold, self.hold),
+            (SafetyAction::Land, self.land),
+        ]
+        .into_iter()
+        .filter_map(|(action, limit)| limit.map(|limit| (action, limit)))
+    }
+
+    /// A milder action comes first, so its limit is the higher one.
+    fn check(&self) -> Result<(), String> {
+        if let Some((_, limit)) = self
+            .steps()
+            .find(|(_, limit)| !(0.0..=100.0).contains(limit))
+        {
+            return Err(format!("{limit} is out of range: 0 to 100"));
+        }
+        let falls = self
+            .steps()
+            .zip(self.steps().skip(1))
+            .all(|((_, mild), (_, severe))| mild >= severe);
+        if falls {
+            Ok(())
+        } else {
+            Err("the limits must fall in the order warn, refuse, hold, land".to_owned())
+        }
     }
 }
 
@@ -318,9 +518,60 @@ impl StateConfig {
 pub struct Parameters(Vec<Command>);
 
 impl Parameters {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The command that writes the parameter of this index, which must be below [`Parameters::len`].
+    pub fn write(&self, index: usize) -> Command {
+        self.0[index]
+    }
+
     /// The commands that write the parameters.
     pub fn writes(&self) -> impl Iterator<Item = Command> + '_ {
         self.0.iter().copied()
+    }
+
+    /// The radius in which the DSP takes a waypoint for reached: the one that was written, or that of its boot.
+    pub fn acceptance_radius_m(&self) -> f64 {
+        let written = self.0.iter().find_map(|write| match write {
+            Command::Write32 {
+                port: port::ACCEPTANCE_RADIUS_M,
+                value,
+            } => Some(*value),
+            _ => None,
+        });
+        let at_boot = port::port32(port::ACCEPTANCE_RADIUS_M).map(|port| port.boot);
+        f64::from(written.or(at_boot).unwrap_or_default())
+    }
+
+    /// Writes `write` as well from now on; one to the same port is replaced. There is one for each port at most.
+    pub fn set(&mut self, write: Command) {
+        match self
+            .0
+            .iter_mut()
+            .find(|other| port_of(other) == port_of(&write))
+        {
+            Some(other) => *other = write,
+            None => self.0.push(write),
+        }
+    }
+}
+
+/// The port that a command writes or reads.
+fn port_of(command: &Command) -> Option<u16> {
+    match command {
+        Command::Read16 { port }
+        | Command::Write16 { port, .. }
+        | Command::Read32 { port }
+        | Command::Write32 { port, .. } => Some(*port),
+        _ => None,
     }
 }
 

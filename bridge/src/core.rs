@@ -5,71 +5,80 @@
 //! ([`Bridge::deadline`]). That is all a driver needs to know, be it the shell or a simulation in virtual time.
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{LinkState, ModuleId};
-use ipc_types::payload::{DspErrorCounters, ModuleControl, ModuleState, MovementData};
+use ipc_types::code::{ImiError, LinkState, ModuleId, Reason};
+use ipc_types::payload::{
+    DspErrorCounters, ModuleControl, ModuleState, MovementData, ParameterRequest,
+};
 
 use crate::config::{BridgeConfig, MovementLimits};
-use crate::flight::request::{RequestKey, parse_control, parse_movement};
-use crate::flight::trajectory::{PassThrough, Trajectory};
+use crate::flight::request::{RequestKey, parse_control, parse_movement, parse_parameter};
+use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
-use crate::line::{Line, LineEvent};
+use crate::link::dsp_path::DspPath;
+use crate::link::{Link, LinkEvent};
 use crate::outputs::Outputs;
+use crate::safety::fence::Fence;
 use crate::{errors, translate};
 
-/// The part of its period by which a state may be early, so that a bridge that is awake shortly before need not wake again.
+/// A state may be published early by this part of its period, if the bridge is awake anyway.
 const EARLY: u32 = 5;
 
 /// See the module's documentation.
 #[derive(Debug)]
-pub struct Bridge<T = PassThrough> {
+pub struct Bridge {
     limits: MovementLimits,
     state_period: std::time::Duration,
-    line: Line,
-    flight: Flight<T>,
+    link: Link,
+    flight: Flight,
     dsp_errors: DspErrorCounters,
     published: ModuleState,
     next_state: MonotonicNs,
+    /// Something changed that the published state shows at once.
+    is_changed: bool,
+    /// The port was closed because the bridge ends, which is no trouble.
+    is_closed: bool,
 }
 
 impl Bridge {
-    /// A bridge without a port that waits for its start and passes waypoints through.
+    /// A bridge without a port that waits for its start, with the trajectory generator of the configuration.
     pub fn new(config: &BridgeConfig) -> Self {
-        Bridge::with_trajectory(config, PassThrough::new())
+        Bridge::with_trajectory(config, generator(&config.trajectory))
     }
-}
 
-impl<T: Trajectory> Bridge<T> {
-    /// A bridge with a trajectory generator between the waypoints and the DSP.
-    pub fn with_trajectory(config: &BridgeConfig, trajectory: T) -> Self {
+    /// A bridge with another trajectory generator between the waypoints and the DSP.
+    pub fn with_trajectory(config: &BridgeConfig, trajectory: Box<dyn Trajectory>) -> Self {
         Bridge {
             limits: config.movement.clone(),
             state_period: config.state.period(),
-            line: Line::new(config),
+            link: Link::new(config),
             flight: Flight::new(config, trajectory),
             dsp_errors: DspErrorCounters::default(),
             published: ModuleState::default(),
             next_state: MonotonicNs(0),
+            is_changed: true,
+            is_closed: false,
         }
     }
 
     /// The serial port was opened.
     pub fn port_opened<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        self.line.opened(now);
-        self.settle(now, out);
+        self.link.opened(now);
+        self.publish_if_due(now, out);
     }
 
     /// The serial port is gone.
     pub fn port_closed<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        self.line.closed(now);
-        self.settle(now, out);
+        self.link.closed(now);
+        self.publish_if_due(now, out);
     }
 
     /// Bytes arrived from the DSP. All of them are handled.
     pub fn receive<O: Outputs>(&mut self, now: MonotonicNs, mut bytes: &[u8], out: &mut O) {
-        while let Some(event) = self.line.receive(now, &mut bytes) {
-            self.line_event(now, &event, out);
+        while !bytes.is_empty() {
+            self.link.receive(now, &mut bytes);
+            self.handle_events(now, out);
         }
-        self.settle(now, out);
+        self.publish_if_due(now, out);
     }
 
     /// A control request arrived.
@@ -80,11 +89,27 @@ impl<T: Trajectory> Bridge<T> {
         control: &ModuleControl,
         out: &mut O,
     ) {
-        let (envelope, command) = parse_control(key, control, &self.limits);
-        let line = &mut self.line;
+        let (header, command) = parse_control(key, control, &self.limits);
+        let link = &mut self.link;
         self.flight
-            .control_request(&envelope, command, &mut Context { now, line, out });
-        self.settle(now, out);
+            .control_request(&header, command, &mut Context { now, link, out });
+        self.publish_if_due(now, out);
+    }
+
+    /// A control request to reload the geofence arrived; `fence` is what the configuration says now.
+    pub fn new_fence<O: Outputs>(
+        &mut self,
+        now: MonotonicNs,
+        key: RequestKey,
+        control: &ModuleControl,
+        fence: Result<Fence, Reason>,
+        out: &mut O,
+    ) {
+        let (header, _) = parse_control(key, control, &self.limits);
+        let link = &mut self.link;
+        self.flight
+            .new_fence(&header, fence, &mut Context { now, link, out });
+        self.publish_if_due(now, out);
     }
 
     /// A movement request arrived.
@@ -95,59 +120,93 @@ impl<T: Trajectory> Bridge<T> {
         data: &MovementData,
         out: &mut O,
     ) {
-        let (envelope, movement) = parse_movement(key, data, &self.limits);
-        let line = &mut self.line;
+        let (header, movement) = parse_movement(key, data, &self.limits);
+        let link = &mut self.link;
         self.flight
-            .movement_request(&envelope, movement, &mut Context { now, line, out });
-        self.settle(now, out);
+            .movement_request(&header, movement, &mut Context { now, link, out });
+        self.publish_if_due(now, out);
+    }
+
+    /// A parameter request arrived.
+    pub fn parameter<O: Outputs>(
+        &mut self,
+        now: MonotonicNs,
+        key: RequestKey,
+        request: &ParameterRequest,
+        out: &mut O,
+    ) {
+        let (header, operation) = parse_parameter(key, request, &self.limits);
+        let link = &mut self.link;
+        let cx = &mut Context { now, link, out };
+        self.flight
+            .parameter_request(&header, operation, request, cx);
+        self.publish_if_due(now, out);
     }
 
     /// The sender of a request is gone; reports to it would reach nobody.
     pub fn sender_gone<O: Outputs>(&mut self, now: MonotonicNs, key: RequestKey, out: &mut O) {
-        let line = &mut self.line;
+        let link = &mut self.link;
         self.flight
-            .sender_gone(key, &mut Context { now, line, out });
-        self.settle(now, out);
+            .sender_gone(key, &mut Context { now, link, out });
+        self.publish_if_due(now, out);
     }
 
     /// Time has passed: handles every deadline up to `now`. Cheap when there is none.
     pub fn advance<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        while let Some(event) = self.line.expire(now) {
-            self.line_event(now, &event, out);
+        loop {
+            let link_expired = self.link.expire(now);
+            self.handle_events(now, out);
+            let link = &mut self.link;
+            let flight_expired = self.flight.expire(&mut Context { now, link, out });
+            if !link_expired && !flight_expired {
+                break;
+            }
         }
-        let line = &mut self.line;
-        self.flight.expire(&mut Context { now, line, out });
-        self.settle(now, out);
+        self.publish_if_due(now, out);
     }
 
-    /// The bridge is ending: every open request gets its final word, and the state is published once more.
+    /// The bridge is about to end: a path ends, no request is taken any more, and the DSP's path buffer is emptied. The driver goes
+    /// on until [`Bridge::has_wound_down`], for a bounded time, and then calls [`Bridge::close`].
+    pub fn wind_down<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+        let link = &mut self.link;
+        self.flight.wind_down(&mut Context { now, link, out });
+        self.publish_if_due(now, out);
+    }
+
+    /// Whether the DSP holds nothing that would be flown without the bridge, as far as it can be reached.
+    pub fn has_wound_down(&self) -> bool {
+        self.link.path() == DspPath::Empty || !self.link.is_up()
+    }
+
+    /// The bridge is ending: every open request gets its final report, and the state is published once more.
     pub fn close<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        let line = &mut self.line;
-        self.flight.close(&mut Context { now, line, out });
-        self.line.closed(now);
+        let link = &mut self.link;
+        self.flight.close(&mut Context { now, link, out });
+        self.is_closed = true;
+        self.link.closed(now);
         self.next_state = now;
-        self.settle(now, out);
+        self.publish_if_due(now, out);
     }
 
     /// The bytes to write to the port now; [`Bridge::transmitted`] says how many of them were.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
-        self.line.transmit(now)
+        self.link.transmit(now)
     }
 
     /// The first `count` bytes of [`Bridge::transmit`] have been written.
     pub fn transmitted(&mut self, count: usize) {
-        self.line.transmitted(count);
+        self.link.transmitted(count);
     }
 
     /// Whether bytes that the kernel has not sent yet should be discarded, because what they say was given up. Asking
     /// resets the answer.
     pub fn take_discard_unsent(&mut self) -> bool {
-        self.line.take_discard_unsent()
+        self.link.take_discard_unsent()
     }
 
     /// When [`Bridge::advance`] has something to do. There always is a next state to publish.
     pub fn deadline(&self) -> MonotonicNs {
-        [self.line.deadline(), self.flight.deadline()]
+        [self.link.deadline(), self.flight.deadline()]
             .into_iter()
             .flatten()
             .fold(self.next_state, MonotonicNs::min)
@@ -155,7 +214,7 @@ impl<T: Trajectory> Bridge<T> {
 
     /// State of the link.
     pub fn link(&self) -> LinkState {
-        self.line.state()
+        self.link.state()
     }
 
     /// The state as last published.
@@ -163,31 +222,40 @@ impl<T: Trajectory> Bridge<T> {
         &self.published
     }
 
-    fn line_event<O: Outputs>(&mut self, now: MonotonicNs, event: &LineEvent, out: &mut O) {
-        match event {
-            LineEvent::Sample(sample) => {
-                let boots = self.line.health().dsp_boots;
-                out.telemetry(|telemetry| {
-                    translate::dsp_telemetry(sample, boots, &self.dsp_errors, telemetry)
-                });
-                self.line.count_published(sample.received);
+    fn handle_events<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+        while let Some(event) = self.link.poll_event() {
+            match &event {
+                LinkEvent::Sample(sample) => {
+                    let boots = self.link.health().dsp_boots;
+                    out.telemetry(|telemetry| {
+                        translate::dsp_telemetry(sample, boots, &self.dsp_errors, telemetry)
+                    });
+                    self.link.count_published(sample.received);
+                }
+                LinkEvent::DspError { code, .. } => {
+                    errors::count(&mut self.dsp_errors, *code);
+                    self.is_changed = true;
+                }
+                _ => {}
             }
-            LineEvent::DspError { code, .. } => errors::count(&mut self.dsp_errors, *code),
-            _ => {}
+            let link = &mut self.link;
+            self.flight
+                .link_event(&event, &mut Context { now, link, out });
         }
-        let line = &mut self.line;
-        self.flight
-            .line_event(event, &mut Context { now, line, out });
     }
 
-    /// After every input: what the line said without being asked, and the state if it changed or is due.
-    fn settle<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        // A port that closes leaves an event behind, without any byte or deadline.
-        while let Some(event) = self.line.receive(now, &mut [].as_slice()) {
-            self.line_event(now, &event, out);
+    /// After every input: what the link said without a byte or deadline, and the state if it changed or is due.
+    fn publish_if_due<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+        // A port that closes leaves an event behind.
+        self.handle_events(now, out);
+        let is_due = now + self.state_period / EARLY >= self.next_state;
+        let is_changed = std::mem::take(&mut self.is_changed)
+            | self.link.take_changed()
+            | self.flight.take_changed();
+        if !is_due && !is_changed {
+            return;
         }
         let state = self.compose_state(now);
-        let is_due = now + self.state_period / EARLY >= self.next_state;
         if is_due || differs(&state, &self.published) {
             out.state(&state);
             self.published = state;
@@ -197,30 +265,37 @@ impl<T: Trajectory> Bridge<T> {
 
     fn compose_state(&self, now: MonotonicNs) -> ModuleState {
         let flight = &self.flight;
-        let manager = flight.manager();
+        let motion = flight.motion();
         let distance = flight.distance_to_go_m(now);
         let mut state = ModuleState {
             module_id: ModuleId::HeroBridge.code(),
-            status: manager.status().code(),
-            imi_error: manager.error().code(),
-            blocked: u32::from(manager.blocked()),
-            functionality: flight
-                .activity()
-                .functionality(flight.receiving_path())
-                .code(),
-            unable_to_abort: u32::from(flight.activity().unable_to_abort()),
+            status: motion.status().code(),
+            imi_error: self.error().code(),
+            blocked: u32::from(motion.is_blocked()),
+            functionality: motion.functionality(flight.is_receiving_path()).code(),
+            unable_to_abort: u32::from(motion.unable_to_abort()),
             movement: *flight.movement(),
-            link: *self.line.health(),
-            refused: *self.line.refused(),
+            link: self.link.health(),
+            refused: *self.link.rejected(),
             dsp_errors: self.dsp_errors,
+            safety: flight.safety_state(now),
             ..ModuleState::default()
         };
         state.movement.distance_valid = u32::from(distance.is_some());
         state.movement.distance_to_go_m = distance.unwrap_or_default() as f32;
-        state.link.state = self.line.state().code();
         state.refused.requests = flight.refused_requests();
-        state.dsp_errors.escalated = flight.transcended();
+        state.dsp_errors.escalated = flight.escalated();
         state
+    }
+
+    /// The error to publish: that of the module, or that of the link as long as it lasts (requirement H5).
+    fn error(&self) -> ImiError {
+        match self.flight.error() {
+            ImiError::None if self.link.is_in_trouble() && !self.is_closed => {
+                ImiError::CommunicationFatalError
+            }
+            error => error,
+        }
     }
 }
 
@@ -239,7 +314,14 @@ fn differs(a: &ModuleState, b: &ModuleState) -> bool {
                 state.link.state,
                 state.link.dsp_boots,
                 state.link.port_openings,
+                state.link.dsp_path,
                 state.dsp_errors.total,
+            ],
+            [
+                state.safety.rule,
+                state.safety.action,
+                state.safety.pilot_switch,
+                state.safety.fence_areas,
             ],
             [state.movement.request_id, state.movement.path_id],
             [

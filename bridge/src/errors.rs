@@ -1,10 +1,10 @@
-//! DSP errors: how many of which, and which of them end the functionality (requirement D9, `TranslateErrorCode`).
+//! DSP errors: how many of which, and which of them end the functionality (requirements D9, H4, `TranslateErrorCode`).
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{ImiError, Reason};
 use ipc_types::payload::DspErrorCounters;
 
-/// Which DSP errors transcend. The rest are counted and shown.
+/// Which DSP errors are fatal. The rest are counted and shown.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ErrorTable {
@@ -15,18 +15,19 @@ pub struct ErrorTable {
 }
 
 impl Default for ErrorTable {
-    /// The source's mapping.
+    /// The source's mapping but for 102, a checksum error from the PC: a repetition cures it, so it costs a repetition and not
+    /// the flight.
     fn default() -> Self {
         ErrorTable {
             hero_dsp_fatal: vec![8, 18],
-            communication_fatal: vec![102],
+            communication_fatal: vec![],
         }
     }
 }
 
 impl ErrorTable {
-    /// What `code` becomes above the bridge; nothing if it does not transcend.
-    pub fn transcends(&self, code: DspErrorCode) -> Option<ImiError> {
+    /// What `code` becomes above the bridge; nothing if it is not fatal.
+    pub fn escalates(&self, code: DspErrorCode) -> Option<ImiError> {
         if self.hero_dsp_fatal.contains(&code.0) {
             Some(ImiError::HeroDspFatalError)
         } else if self.communication_fatal.contains(&code.0) {
@@ -65,17 +66,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sources_mapping_is_the_default() {
-        let table = ErrorTable::default();
+    fn the_sources_mapping_stays_available() {
+        assert_eq!(ErrorTable::default().communication_fatal, []);
+        let table = ErrorTable {
+            communication_fatal: vec![102],
+            ..ErrorTable::default()
+        };
         for code in DspErrorCode::KNOWN {
             let expected = match code.0 {
                 8 | 18 => Some(ImiError::HeroDspFatalError),
                 102 => Some(ImiError::CommunicationFatalError),
                 _ => None,
             };
-            assert_eq!(table.transcends(code), expected, "{code:?}");
+            assert_eq!(table.escalates(code), expected, "{code:?}");
         }
-        assert_eq!(table.transcends(DspErrorCode(999)), None);
+        assert_eq!(table.escalates(DspErrorCode(999)), None);
     }
 
     #[test]

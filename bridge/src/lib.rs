@@ -3,17 +3,18 @@
 //! A pure core and a thin shell. The core, [`Bridge`], is two state machines side by side:
 //!
 //! ```text
-//!              bytes                LineEvent               reports, state, telemetry
-//! serial port ──────▶ line::Line ───────────▶ flight::Flight ───────────▶ Outputs
+//!              bytes                LinkEvent               reports, state, telemetry
+//! serial port ──────▶ link::Link ───────────▶ flight::Flight ───────────▶ Outputs
 //!             ◀──────            ◀───────────       ▲
-//!              bytes       commands, waypoints      └── requests, manager::Manager
+//!              bytes       commands, waypoints      └── requests
 //! ```
 //!
-//! [`mod@line`] knows bytes, acknowledgements, start-up and liveness; [`flight`] knows movements, paths and arrival;
-//! [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the shared-memory ports, the
+//! [`link`] knows bytes, acknowledgements, start-up, liveness, and what the DSP's path buffer may hold; [`flight`] knows
+//! movements, paths, arrival and parameters; [`safety`] judges legs against the geofence; [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the shared-memory ports, the
 //! clock and the one wait.
 //!
 //! ```
+//! use bridge::outputs::Notice;
 //! use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
 //! use ipc_types::MonotonicNs;
 //! use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
@@ -23,6 +24,7 @@
 //!     fn telemetry(&mut self, _fill: impl FnOnce(&mut DspTelemetry)) {}
 //!     fn state(&mut self, _state: &ModuleState) {}
 //!     fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
+//!     fn notice(&mut self, _notice: &Notice) {}
 //! }
 //!
 //! let mut bridge = Bridge::new(&BridgeConfig::default());
@@ -36,10 +38,12 @@ pub mod config;
 mod core;
 pub mod errors;
 pub mod flight;
-pub mod line;
-pub mod manager;
+pub mod link;
+
 pub mod outputs;
+pub mod safety;
 pub mod shell;
+mod timers;
 pub mod translate;
 
 pub use config::BridgeConfig;

@@ -3,17 +3,17 @@
 //! Every struct of the wire is taken apart without `..`, so that a new field does not compile until it is translated
 //! here. A group that was not transmitted, or was withdrawn as implausible, is zero and its validity bit is not set.
 
+use dsp_protocol::Status;
 use dsp_protocol::downlink::{
     Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, PanTilt, References, ServoPulses,
     Supply, Xy,
 };
-use dsp_protocol::{Group, Status, StatusMask};
 use ipc_types::payload::{
     DspAcceleration, DspAngularRate, DspAttitude, DspErrorCounters, DspGeographic, DspGpsVelocity,
     DspPanTilt, DspReferences, DspServoPulses, DspSupply, DspTelemetry, DspXy,
 };
 
-use crate::line::Sample;
+use crate::link::Sample;
 
 /// Writes `sample` into `out`: everything but `sequence` and `epoch_ns`, which belong to the publisher.
 pub fn dsp_telemetry(
@@ -41,195 +41,85 @@ pub fn dsp_telemetry(
         barometer_adc,
         actuation,
         references,
-    } = status;
-    let mut valid = StatusMask::NONE;
+    } = *status;
     *out = DspTelemetry {
         sequence: out.sequence,
         epoch_ns: out.epoch_ns,
         received_ns: received.0,
-        dsp_time_ms: take(&mut valid, Group::Time, time_ms, |time_ms| *time_ms),
-        flying: u8::from(*flying),
-        gps_quality: take(&mut valid, Group::GpsQuality, gps_quality, |quality| {
-            *quality
-        }),
+        dsp_time_ms: time_ms.unwrap_or_default(),
+        // A group is valid when it is there.
+        valid_groups: status.mask().0,
+        flying: flying.into(),
+        gps_quality: gps_quality.unwrap_or_default(),
         dsp_boots,
         dsp_errors: errors.total,
         last_dsp_error_code: errors.last_code,
-        rotor_rpm: take(&mut valid, Group::RotorSpeed, rotor_rpm, |rpm| {
-            u32::from(*rpm)
-        }),
-        geographic: take(&mut valid, Group::Geographic, geographic, position),
-        xy: take(&mut valid, Group::Xy, xy, flat_position),
-        gps_velocity: take(&mut valid, Group::GpsVelocity, gps_velocity, velocity),
-        attitude: take(&mut valid, Group::Attitude, attitude, attitude_of),
-        acceleration: take(
-            &mut valid,
-            Group::Acceleration,
-            acceleration,
-            acceleration_of,
-        ),
-        angular_rate: take(&mut valid, Group::AngularRate, angular_rate, rate),
-        pilot_pwm: take(&mut valid, Group::PilotPwm, pilot_pwm, pulses),
-        actuation: take(&mut valid, Group::Actuation, actuation, pulses),
-        sonar_adc: take(&mut valid, Group::Sonar, sonar_adc, |adc| u32::from(*adc)),
-        barometer_adc: take(&mut valid, Group::Barometer, barometer_adc, |adc| {
-            u32::from(*adc)
-        }),
-        supply: take(&mut valid, Group::Supply, supply, supply_of),
-        pan_tilt: take(&mut valid, Group::PanTilt, pan_tilt, pan_tilt_of),
-        references: take(&mut valid, Group::References, references, references_of),
-        valid_groups: 0,
+        rotor_rpm: rotor_rpm.unwrap_or_default().into(),
+        geographic: stored(geographic),
+        xy: stored(xy),
+        gps_velocity: stored(gps_velocity),
+        attitude: stored(attitude),
+        acceleration: stored(acceleration),
+        angular_rate: stored(angular_rate),
+        pilot_pwm: stored(pilot_pwm),
+        actuation: stored(actuation),
+        sonar_adc: sonar_adc.unwrap_or_default().into(),
+        barometer_adc: barometer_adc.unwrap_or_default().into(),
+        supply: stored(supply),
+        pan_tilt: stored(pan_tilt),
+        references: stored(references),
     };
-    out.valid_groups = valid.0;
 }
 
-/// Translates a group if it is there, and marks it valid.
-fn take<W, S: Default>(
-    valid: &mut StatusMask,
-    group: Group,
-    wire: &Option<W>,
-    translate: impl FnOnce(&W) -> S,
-) -> S {
-    match wire {
-        Some(wire) => {
-            *valid = valid.with(group);
-            translate(wire)
+/// A struct of the wire that has its counterpart in shared memory.
+trait Stored {
+    type Memory: Default;
+    fn stored(self) -> Self::Memory;
+}
+
+/// A group as it stands in shared memory; zero when it was not transmitted.
+fn stored<W: Stored>(group: Option<W>) -> W::Memory {
+    group.map(W::stored).unwrap_or_default()
+}
+
+/// Structs whose fields have the same names on both sides. A field that either side has and the list has not does not
+/// compile; `as` narrows, and what stands behind the `;` only the memory has.
+macro_rules! same_fields {
+    ($($wire:ident => $memory:ident {
+        $($field:ident $(as $narrowed:ty)?),+ $(; $own:ident: $value:expr)?
+    })+) => {$(
+        impl Stored for $wire {
+            type Memory = $memory;
+
+            fn stored(self) -> $memory {
+                let $wire { $($field),+ } = self;
+                $memory {
+                    $($field: ($field $(as $narrowed)?).into(),)+
+                    $($own: $value,)?
+                }
+            }
         }
-        None => S::default(),
-    }
+    )+};
 }
 
-fn position(wire: &Geographic) -> DspGeographic {
-    let Geographic {
-        latitude_deg,
-        longitude_deg,
-        altitude_m,
-    } = *wire;
-    DspGeographic {
-        latitude_deg,
-        longitude_deg,
-        altitude_m,
-    }
-}
-
-fn flat_position(wire: &Xy) -> DspXy {
-    let Xy { x_m, y_m } = *wire;
-    DspXy { x_m, y_m }
-}
-
-fn velocity(wire: &GpsVelocity) -> DspGpsVelocity {
-    let GpsVelocity {
-        horizontal_speed_mps,
-        vertical_speed_mps,
-        heading_deg,
-    } = *wire;
-    DspGpsVelocity {
-        horizontal_speed_mps,
-        vertical_speed_mps,
-        heading_deg,
-    }
-}
-
-fn attitude_of(wire: &Attitude) -> DspAttitude {
-    let Attitude {
-        pitch_deg,
-        roll_deg,
-        yaw_deg,
-    } = *wire;
-    DspAttitude {
-        pitch_deg,
-        roll_deg,
-        yaw_deg,
-    }
-}
-
-fn acceleration_of(wire: &Acceleration) -> DspAcceleration {
-    let Acceleration {
-        x_mps2,
-        y_mps2,
-        z_mps2,
-    } = *wire;
-    DspAcceleration {
-        x_mps2,
-        y_mps2,
-        z_mps2,
-    }
-}
-
-fn rate(wire: &AngularRate) -> DspAngularRate {
-    let AngularRate {
-        x_radps,
-        y_radps,
-        z_radps,
-    } = *wire;
-    DspAngularRate {
-        x_radps,
-        y_radps,
-        z_radps,
-    }
-}
-
-fn pulses(wire: &ServoPulses) -> DspServoPulses {
-    let ServoPulses {
-        collective_us,
-        roll_us,
-        pitch_us,
-        tail_us,
-        throttle_us,
-    } = *wire;
-    DspServoPulses {
-        collective_us: collective_us.into(),
-        roll_us: roll_us.into(),
-        pitch_us: pitch_us.into(),
-        tail_us: tail_us.into(),
-        throttle_us: throttle_us.into(),
-    }
-}
-
-fn supply_of(wire: &Supply) -> DspSupply {
-    let Supply {
-        battery_mv,
-        fuel_percent,
-        auto_switch,
-    } = *wire;
-    DspSupply {
-        battery_mv: battery_mv.into(),
-        fuel_percent: fuel_percent.into(),
-        auto_switch: auto_switch.into(),
-    }
-}
-
-fn pan_tilt_of(wire: &PanTilt) -> DspPanTilt {
-    let PanTilt { pan_adc, tilt_adc } = *wire;
-    DspPanTilt {
-        pan_adc: pan_adc.into(),
-        tilt_adc: tilt_adc.into(),
-    }
-}
-
-fn references_of(wire: &References) -> DspReferences {
-    let References {
-        x_speed_mps,
-        y_speed_mps,
-        altitude_m,
-        pitch_deg,
-        roll_deg,
-        yaw_deg,
-    } = *wire;
-    DspReferences {
-        x_speed_mps,
-        y_speed_mps,
-        altitude_m: altitude_m as f32,
-        pitch_deg,
-        roll_deg,
-        yaw_deg,
-        reserved: 0,
+same_fields! {
+    Geographic => DspGeographic { latitude_deg, longitude_deg, altitude_m }
+    Xy => DspXy { x_m, y_m }
+    GpsVelocity => DspGpsVelocity { horizontal_speed_mps, vertical_speed_mps, heading_deg }
+    Attitude => DspAttitude { pitch_deg, roll_deg, yaw_deg }
+    Acceleration => DspAcceleration { x_mps2, y_mps2, z_mps2 }
+    AngularRate => DspAngularRate { x_radps, y_radps, z_radps }
+    ServoPulses => DspServoPulses { collective_us, roll_us, pitch_us, tail_us, throttle_us }
+    Supply => DspSupply { battery_mv, fuel_percent, auto_switch }
+    PanTilt => DspPanTilt { pan_adc, tilt_adc }
+    References => DspReferences {
+        x_speed_mps, y_speed_mps, altitude_m as f32, pitch_deg, roll_deg, yaw_deg; reserved: 0
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use dsp_protocol::DspErrorCode;
+    use dsp_protocol::{DspErrorCode, Group, StatusMask};
     use ipc_types::payload::KNOWN_DSP_ERRORS;
     use ipc_types::{MonotonicNs, TelemetryGroup};
 

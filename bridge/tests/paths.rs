@@ -2,7 +2,7 @@
 
 mod desk;
 
-use bridge::flight::path::MAX_WAYPOINTS;
+use bridge::flight::assembly::MAX_WAYPOINTS;
 use bridge::flight::trajectory::{Trajectory, TrajectoryPoint};
 use bridge::{Bridge, BridgeConfig, RequestKey};
 use desk::{Desk, HOME, STOP, aborted, go_to, north, refused};
@@ -92,8 +92,10 @@ fn a_path_has_at_most_so_many_waypoints() {
         .collect();
     let one_more = desk.waypoint(1, 0, 1, north(5));
     assert_eq!(desk.last(one_more), refused(Reason::PathTooLong));
-    for request in taken {
-        assert_eq!(desk.last(request), aborted(Reason::PathTooLong));
+    let (newest, earlier) = taken.split_last().unwrap();
+    assert_eq!(desk.last(*newest), aborted(Reason::PathTooLong));
+    for request in earlier {
+        assert_eq!(desk.last(*request).0, Stage::Done, "part of the path");
     }
 }
 
@@ -185,7 +187,7 @@ fn a_waypoint_that_repeats_the_one_before_is_with_the_dsp_already() {
 }
 
 /// A generator that puts one point in the middle of each leg.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Midpoints(std::collections::VecDeque<TrajectoryPoint>);
 
 impl Trajectory for Midpoints {
@@ -221,7 +223,7 @@ impl Trajectory for Midpoints {
 
 #[test]
 fn a_trajectory_generator_fits_in_without_any_other_change() {
-    let bridge = Bridge::with_trajectory(&BridgeConfig::default(), Midpoints::default());
+    let bridge = Bridge::with_trajectory(&BridgeConfig::default(), Box::<Midpoints>::default());
     let mut desk = Desk::with(bridge);
     desk.open();
     desk.control(ControlCommand::Start);

@@ -31,7 +31,7 @@ pub(crate) mod sealed {
     use super::{Extent, Refusal};
     use crate::frame::{Reader, Writer};
 
-    /// What a direction's messages are between the bytes that a profile puts around them. Messages are told apart by
+    /// What a direction's messages are between the bytes that a profile puts around them. Messages are distinguished by
     /// their classic header, in either profile.
     pub trait Message: Sized {
         /// The header of all messages of this direction in the extended profile.
@@ -52,7 +52,7 @@ pub(crate) mod sealed {
     }
 }
 
-/// What the first bytes of a message tell about its length.
+/// What is known of a frame's length from its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
     /// The whole frame has this many bytes, at most [`MAX_FRAME_LEN`].
@@ -146,7 +146,7 @@ pub struct Decoder<M> {
     buffer: [u8; MAX_FRAME_LEN],
     /// How many they are; 0 when no message is open.
     held: usize,
-    /// Bytes up to the next header belong to a refusal that has been told.
+    /// Bytes up to the next header belong to a rejection that was already reported.
     skipping: bool,
     direction: PhantomData<M>,
 }
@@ -221,7 +221,7 @@ impl<M: Direction> Decoder<M> {
         if let Some((frame, sum)) = whole_frame::<M>(self.profile, &input[strays..]) {
             return (strays + frame.len(), judge(self.profile, frame, sum));
         }
-        // Cut off by the end of the input or by a header, or unknown: going on piece by piece tells which.
+        // Cut off by the end of the input or by a header, or unknown: going on piece by piece decides which.
         self.buffer[0] = *header;
         self.held = 1;
         self.continue_frame(strays + 1, input)

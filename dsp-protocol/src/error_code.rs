@@ -2,11 +2,6 @@
 
 use std::fmt;
 
-/// What shifts a DSP error into the interval that the IMI error codes keep for the DSP.
-const IMI_OFFSET: u32 = 200;
-/// The last code of that interval.
-const IMI_LAST: u32 = 500;
-
 /// A DSP error code; unknown ones are carried along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct DspErrorCode(pub u16);
@@ -54,14 +49,6 @@ impl DspErrorCode {
     /// The code's place in [`DspErrorCode::KNOWN`]; `None` for an unknown code.
     pub fn counter_index(self) -> Option<usize> {
         Self::KNOWN.binary_search(&self).ok()
-    }
-
-    /// The IMI error code, 201 … 500: the DSP's code shifted by 200.
-    ///
-    /// Every documented code fits. An unknown one that does not, 0 or over 300, saturates at the interval's nearer end;
-    /// whoever needs to tell it apart looks at the DSP's own code, which is always carried beside.
-    pub fn imi_code(self) -> u32 {
-        (u32::from(self.0) + IMI_OFFSET).clamp(IMI_OFFSET + 1, IMI_LAST)
     }
 
     /// The code's meaning in words.
@@ -125,22 +112,6 @@ mod tests {
             let known = DspErrorCode::KNOWN.contains(&code);
             assert_eq!(code.counter_index().is_some(), known, "{}", code.0);
             assert_eq!(code.text() != "unknown DSP error", known, "{}", code.0);
-        }
-    }
-
-    #[test]
-    fn the_imi_code_is_shifted_by_200_and_stays_in_its_interval() {
-        for (code, imi) in [
-            (0, 201),
-            (1, 201),
-            (8, 208),
-            (102, 302),
-            (299, 499),
-            (300, 500),
-            (301, 500),
-            (u16::MAX, 500),
-        ] {
-            assert_eq!(DspErrorCode(code).imi_code(), imi, "code {code}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! Frames: 7-bit packing, header, checksum and CRC (`docs/protocol.md` sections 2, 3 and 11).
 //!
 //! [`Writer`] and [`Reader`] know how a value becomes bytes, never which values a message has. They are public only by
-//! name, for the sealed half of `Direction`: nobody outside this crate can reach them.
+//! name, for the sealed half of `Direction`: no code outside this crate can reach them.
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
@@ -146,8 +146,8 @@ impl Writer {
     }
 }
 
-/// Unpacks the values of a frame. It never fails in the middle: what was wrong is remembered and told by
-/// [`Reader::finish`], so that a parser reads straight on.
+/// Unpacks the values of a frame. It never fails in the middle: [`Reader::finish`] reports what was wrong, so that a parser
+/// reads straight on.
 pub struct Reader<'a> {
     rest: &'a [u8],
     short: bool,
@@ -223,7 +223,7 @@ impl<'a> Reader<'a> {
         f64::from(self.i32()) / steps
     }
 
-    /// Tells whether all that was taken was there and canonical, and whether anything is left over.
+    /// Checks that all values taken were there and canonical, and that nothing is left over.
     ///
     /// # Errors
     /// [`Refusal::Truncated`] when the payload's length is not that of the values taken, [`Refusal::Padding`] when an

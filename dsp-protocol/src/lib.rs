@@ -3,14 +3,14 @@
 //! `docs/protocol.md` is the contract; this crate is its executable form and nothing else: it knows no serial port, no
 //! shared memory and no clock, never allocates and never panics on bytes from the line.
 //!
-//! * [`downlink`]: what the DSP says, [`uplink`]: what the PC says; both encode and parse.
+//! * [`downlink`]: messages of the DSP, [`uplink`]: messages of the PC; both encode and parse.
 //! * [`decoder`]: an incremental, resynchronising decoder for either direction.
 //! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile.
-//! * [`header`]: the first byte of each message; [`mask`]: the groups of a status message; [`port`]: the DSP's virtual
-//!   ports; [`error_code`]: its errors.
-//! * [`plausibility`]: which decoded values cannot be.
+//! * [`group`]: the sixteen groups of a status message, their fields and limits; [`mask`]: sets of them.
+//! * [`header`]: the first byte of each message; [`port`]: the DSP's virtual ports; [`error_code`]: its errors.
+//! * [`plausibility`]: which decoded values are implausible.
 //!
-//! `vectors/` holds frames that were computed by hand from the contract, for whoever implements the other end.
+//! `vectors/` holds frames and whole dialogues that were computed by hand from the contract, for implementers of either end.
 //!
 //! # Example
 //!
@@ -48,9 +48,10 @@
 pub mod decoder;
 pub mod downlink;
 pub mod error_code;
+mod field;
 mod frame;
+pub mod group;
 pub mod header;
-mod layout;
 pub mod mask;
 pub mod plausibility;
 pub mod port;
@@ -61,6 +62,7 @@ pub use decoder::{Decoded, Decoder, Direction, Extent, Framed, Refusal};
 pub use downlink::{Downlink, FlowControl, Status};
 pub use error_code::DspErrorCode;
 pub use frame::{Frame, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, checksum, crc32};
-pub use mask::{Group, StatusMask};
+pub use group::{FieldSpec, Group};
+pub use mask::StatusMask;
 pub use profile::{Profile, Received, Sequence};
 pub use uplink::{Command, Uplink, Waypoint};

@@ -1,6 +1,6 @@
 //! The DSP's virtual ports (`docs/protocol.md` section 6).
 //!
-//! The tables say what may be written; what a port does is the DSP's business. All ports of the tables can be read and
+//! The tables list what may be written; what a port does is up to the DSP. All ports of the tables can be read and
 //! written; [`WAYPOINT_COUNT`] can only be read and stands in neither.
 
 use Access::{Always, Bridge, OnGround};

@@ -1,15 +1,16 @@
 //! Messages from the PC to the DSP (`docs/protocol.md` section 5).
 
 use crate::decoder::{Direction, Extent, Refusal, sealed};
+use crate::field::{Layout, Steps, record};
 use crate::frame::{Frame, Reader, Writer};
+use crate::group::{ALTITUDE, LATITUDE, LONGITUDE};
 use crate::header;
-use crate::layout::Layout;
 use crate::profile::{Profile, Sequence};
 
 /// Lengths of the commands' payloads, by code.
 const COMMAND_PAYLOAD_LEN: [usize; 8] = [4, 7, 4, 9, 1, 1, 1, 2];
 /// Length of a waypoint's payload.
-const WAYPOINT_PAYLOAD_LEN: usize = 15;
+const WAYPOINT_PAYLOAD_LEN: usize = <Waypoint as Layout>::LEN;
 
 /// One message from the PC.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +49,7 @@ impl sealed::Message for Uplink {
     fn write(&self, writer: &mut Writer) {
         match self {
             Uplink::Command(command) => command.write(writer),
-            Uplink::Waypoint(waypoint) => waypoint.write(writer),
+            Uplink::Waypoint(waypoint) => Waypoint::write(waypoint, writer),
         }
     }
 
@@ -180,13 +181,21 @@ impl Command {
     }
 }
 
-/// A point to fly to. Wire step: 10⁻⁷ ° and 1 mm.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Waypoint {
-    /// Latitude, degrees, north positive.
-    pub latitude_deg: f64,
-    /// Longitude, degrees, east positive.
-    pub longitude_deg: f64,
-    /// Altitude, metres, up positive, same zero as the status' altitude.
-    pub altitude_m: f64,
+record! {
+    /// A point to fly to. Wire step: 10⁻⁷ ° and 1 mm.
+    Waypoint {
+        /// Latitude, degrees, north positive.
+        latitude_deg: f64 = Steps<i32, 10_000_000>, "°", LATITUDE;
+        /// Longitude, degrees, east positive.
+        longitude_deg: f64 = Steps<i32, 10_000_000>, "°", LONGITUDE;
+        /// Altitude, metres, up positive, same zero as the status' altitude.
+        altitude_m: f64 = Steps<i32, 1000>, "m", ALTITUDE;
+    }
+}
+
+impl Waypoint {
+    /// Whether the waypoint lies within the limits of a geographic position (`docs/protocol.md` section 9).
+    pub fn is_plausible(&self) -> bool {
+        <Waypoint as Layout>::is_plausible(self)
+    }
 }

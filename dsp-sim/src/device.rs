@@ -261,7 +261,7 @@ impl Dsp {
     ) {
         let outcome = if self.copies.has_waypoint(sequence) {
             Err(Refused::Copy)
-        } else if self.is_following() && !self.is_taking_off(helicopter) && is_plausible(&waypoint)
+        } else if self.is_following() && !self.is_taking_off(helicopter) && waypoint.is_plausible()
         {
             helicopter.push_waypoint(Geographic {
                 latitude_deg: waypoint.latitude_deg,
@@ -380,37 +380,14 @@ impl Dsp {
     }
 }
 
-/// Whether a waypoint lies within the limits of section 9.
-fn is_plausible(waypoint: &Waypoint) -> bool {
-    waypoint.latitude_deg.abs() <= 90.0
-        && waypoint.longitude_deg.abs() <= 180.0
-        && (-1_000.0..=20_000.0).contains(&waypoint.altitude_m)
-}
-
-/// The groups of `sensed` that the mask chooses.
+/// The groups of `sensed` that the mask chooses, and the DSP's time.
 fn chosen(sensed: Status, time_ms: u32, mask: StatusMask) -> Status {
-    fn keep<T>(value: Option<T>, mask: StatusMask, group: Group) -> Option<T> {
-        value.filter(|_| mask.contains(group))
-    }
-    Status {
-        flying: sensed.flying,
-        time_ms: keep(Some(time_ms), mask, Group::Time),
-        geographic: keep(sensed.geographic, mask, Group::Geographic),
-        xy: keep(sensed.xy, mask, Group::Xy),
-        gps_velocity: keep(sensed.gps_velocity, mask, Group::GpsVelocity),
-        gps_quality: keep(sensed.gps_quality, mask, Group::GpsQuality),
-        attitude: keep(sensed.attitude, mask, Group::Attitude),
-        acceleration: keep(sensed.acceleration, mask, Group::Acceleration),
-        angular_rate: keep(sensed.angular_rate, mask, Group::AngularRate),
-        pilot_pwm: keep(sensed.pilot_pwm, mask, Group::PilotPwm),
-        sonar_adc: keep(sensed.sonar_adc, mask, Group::Sonar),
-        supply: keep(sensed.supply, mask, Group::Supply),
-        pan_tilt: keep(sensed.pan_tilt, mask, Group::PanTilt),
-        rotor_rpm: keep(sensed.rotor_rpm, mask, Group::RotorSpeed),
-        barometer_adc: keep(sensed.barometer_adc, mask, Group::Barometer),
-        actuation: keep(sensed.actuation, mask, Group::Actuation),
-        references: keep(sensed.references, mask, Group::References),
-    }
+    let mut status = Status {
+        time_ms: Some(time_ms),
+        ..sensed
+    };
+    status.retain(mask);
+    status
 }
 
 #[cfg(test)]

@@ -88,6 +88,7 @@ enum hero_safety_rule {
     HERO_SAFETY_RULE_BATTERY = 6,
     HERO_SAFETY_RULE_FUEL = 7,
     HERO_SAFETY_RULE_LINK_LOSS = 8,
+    HERO_SAFETY_RULE_FENCE_UNJUDGEABLE = 9,
 };
 
 enum hero_safety_action {

@@ -79,6 +79,7 @@ class SafetyRule(enum.IntEnum):
     BATTERY = 6
     FUEL = 7
     LINK_LOSS = 8
+    FENCE_UNJUDGEABLE = 9
 
 
 class SafetyAction(enum.IntEnum):

@@ -37,6 +37,7 @@ use crate::domain::lock::is_ours;
 use crate::domain::management::OTHERS;
 use crate::domain::{Domain, SHM_DIR};
 use crate::event::Channel;
+use crate::files;
 use crate::robot::RobotId;
 use crate::service::{SERVICES, ServiceId};
 use crate::time::MonotonicNs;
@@ -105,15 +106,16 @@ impl Bell {
     ///
     /// When another user was there first, who then has nothing of it; or when shared memory is full.
     pub(crate) fn open(domain: &Domain, robot: RobotId) -> io::Result<Bell> {
-        let file = OpenOptions::new()
+        let mut options = OpenOptions::new();
+        options
             .read(true)
             .write(true)
             .create(true)
             .truncate(false)
             .mode(0o600)
             // A link or a pipe that a stranger put there neither leads anywhere nor holds anybody up.
-            .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32)
-            .open(Bell::path(domain, robot))?;
+            .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
+        let file = files::while_no_port_opens(|| options.open(Bell::path(domain, robot)))?;
         let metadata = file.metadata()?;
         if !metadata.is_file() || !is_ours(&metadata) || metadata.mode() & OTHERS != 0 {
             let reason = "it belongs to another user, or is open to others";

@@ -182,6 +182,8 @@ codes! {
         Fuel = 7 => "fuel",
         /// The link was lost in flight, s.
         LinkLoss = 8 => "link-loss",
+        /// A leg that the geofence cannot judge: too long, too near to a pole, or no number; 0 m.
+        FenceUnjudgeable = 9 => "fence-unjudgeable",
     }
 }
 

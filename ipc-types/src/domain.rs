@@ -37,6 +37,7 @@ pub use owner::Provider;
 pub(crate) use owner::{OwnerLock, ProviderWatch};
 pub use repair::Repair;
 
+use crate::files;
 use crate::time::MonotonicNs;
 
 /// Environment variable with the prefix of the domain's shared-memory names.
@@ -305,7 +306,7 @@ impl Domain {
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let draft = format!("{CONFIG_FILE}.{}-{count}", std::process::id());
         let draft = self.root.join(draft);
-        std::fs::write(&draft, settings)
+        files::while_no_port_opens(|| std::fs::write(&draft, settings))
             .and_then(|()| std::fs::rename(&draft, &path))
             .map_err(|error| DomainError::io("write", &path, error))?;
         Ok(path)
@@ -457,7 +458,7 @@ mod tests {
     fn settings_are_written_once_and_replace_whatever_stands_in_their_place() {
         use rustix::fs::{CWD, Mode, mkfifoat};
         use std::os::unix::fs::MetadataExt;
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = files::test_folder();
         let domain = Domain::new("lab_", folder.path()).unwrap();
         let path = folder.path().join(CONFIG_FILE);
         // Nobody writes into the pipe: whoever reads it would wait without end.

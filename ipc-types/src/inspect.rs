@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, LogLevel, NodeState, set_log_level_from_env_or};
 
+use crate::domain::owner::OWNERS_DIR;
 use crate::domain::{
     Domain, DomainError, Provider, ProviderWatch, SHM_DIR, dead, management, remains,
 };
@@ -165,6 +166,40 @@ impl Domain {
         ProviderWatch::new(self, robot, service.spec().key).look()
     }
 
+    /// The robots whose `service` a live process provides, in ascending order.
+    ///
+    /// # Errors
+    ///
+    /// When the domain's folder cannot be read.
+    pub fn robots(&self, service: ServiceId) -> Result<Vec<RobotId>, DomainError> {
+        let is_ours = |root: &Entry| root.is_folder && root.is_ours();
+        if !Entry::of(self.root()).as_ref().is_some_and(is_ours) {
+            return Ok(Vec::new());
+        }
+        let folder = self.root().join(OWNERS_DIR);
+        let files = match fs::read_dir(&folder) {
+            Ok(files) => files,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(DomainError::io("read", &folder, error)),
+        };
+        let mut robots = Vec::new();
+        for file in files {
+            let file = file.map_err(|error| DomainError::io("read", &folder, error))?;
+            // The file of a service that was provided once stays; its lock says whether the provider lives.
+            let robot = file.file_name().to_str().and_then(|name| {
+                let (robot, key) = name.split_once('.')?;
+                (key == service.spec().key).then(|| robot.parse().ok())?
+            });
+            if let Some(robot) = robot
+                && self.provider(robot, service)?.is_some()
+            {
+                robots.push(robot);
+            }
+        }
+        robots.sort_unstable();
+        Ok(robots)
+    }
+
     fn nodes(&self) -> Vec<(u128, NodeFacts)> {
         let mut nodes = Vec::new();
         let Ok(config) = self.config() else {
@@ -220,6 +255,7 @@ mod tests {
 
     use super::*;
     use crate::Ipc;
+    use crate::files::{test_folder, while_no_port_opens};
     use crate::payload::DspTelemetry;
 
     #[test]
@@ -270,8 +306,32 @@ mod tests {
     }
 
     #[test]
+    fn the_robots_whose_provider_lives_are_listed() {
+        let domain = Domain::isolated();
+        let robots = || domain.robots(ServiceId::DspTelemetry).unwrap();
+        assert_eq!(robots(), []);
+        let [one, ten] = [1, 10].map(|id| RobotId::new(id).unwrap());
+        let join = |robot| Ipc::join(&domain, robot, "bridge").unwrap();
+        let (first, second) = (join(ten), join(one));
+        assert_eq!(robots(), []);
+        let publisher = first.publisher::<DspTelemetry>().unwrap();
+        let other = second.publisher::<DspTelemetry>().unwrap();
+        assert_eq!(robots(), [one, ten]);
+        assert_eq!(domain.robots(ServiceId::Movement).unwrap(), []);
+        // Whatever else lies in the folder is no robot.
+        let owners = domain.root().join(OWNERS_DIR);
+        for name in ["x.dsp_telemetry", "0.dsp_telemetry", "2", "3.dsp_telemetry"] {
+            fs::write(owners.join(name), "").unwrap();
+        }
+        drop(other);
+        assert_eq!(robots(), [ten]);
+        drop((publisher, first, second));
+        assert_eq!(robots(), []);
+    }
+
+    #[test]
     fn a_root_that_cannot_be_trusted_is_described() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = test_folder();
         fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o1777)).unwrap();
         let domain = Domain::new("seen_", folder.path()).unwrap();
         let root = domain.inspect().root.unwrap();
@@ -285,7 +345,7 @@ mod tests {
 
     #[test]
     fn what_lies_behind_a_link_is_not_looked_at() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = test_folder();
         fs::write(folder.path().join("letter.txt"), "dear").unwrap();
         let link = folder.path().join("link");
         std::os::unix::fs::symlink(folder.path(), &link).unwrap();
@@ -300,7 +360,7 @@ mod tests {
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
         let entries = domain.inspect().entries;
         let letters = domain.root().join("letters");
-        fs::create_dir(&letters).unwrap();
+        while_no_port_opens(|| fs::create_dir(&letters)).unwrap();
         fs::write(letters.join("letter.txt"), "dear").unwrap();
         let seen = domain.inspect();
         assert_eq!(
@@ -319,7 +379,7 @@ mod tests {
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
         let owners = domain.root().join("owners");
-        fs::create_dir_all(&owners).unwrap();
+        while_no_port_opens(|| fs::create_dir_all(&owners)).unwrap();
         let service = ServiceId::Movement;
         let name = format!("{}.{}", RobotId::DEFAULT, service.spec().key);
         mkfifoat(CWD, owners.join(name), Mode::RUSR | Mode::WUSR).unwrap();

@@ -11,7 +11,8 @@
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
-//! * [`scheduling`]: how a thread that waits comes to run sooner.
+//! * [`scheduling`]: how a thread that waits comes to run sooner;
+//! * [`files`]: creating files in a process with threads that open ports.
 //!
 //! It is the only crate that knows iceoryx2; no type of it appears here.
 //!
@@ -42,6 +43,7 @@ pub mod continuity;
 pub mod domain;
 mod ear;
 mod event;
+pub mod files;
 pub mod group;
 pub mod inspect;
 mod iox;

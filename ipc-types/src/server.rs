@@ -7,6 +7,7 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::{BackpressureAction, LoanError, SendError as IoxSendError};
 use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::server::ServerCreateError;
+use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 
 use crate::code::{Reason, Stage};
 use crate::domain::OwnerLock;
@@ -274,6 +275,12 @@ impl<R: Request> Server<R> {
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
         self.waiter.wait(&[&*self], Some(timeout))
+    }
+
+    /// The process that sent a request which is open, by its id in the sender's own PID namespace.
+    pub fn sender(&self, ticket: Ticket) -> Option<u32> {
+        let id = self.tickets.get(ticket)?.active.origin().value();
+        u32::try_from(UniqueSystemId::from(id).pid().value()).ok()
     }
 
     /// Requests that are open.

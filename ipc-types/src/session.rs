@@ -21,6 +21,7 @@ use crate::domain::{
     Cleaning, Domain, DomainError, DomainLock, MakingLock, OwnerLock, Provider, ProviderWatch,
     management,
 };
+use crate::files;
 use crate::inspect;
 use crate::iox::{Node, NodeBuilder, Svc};
 use crate::open::OpenError;
@@ -137,7 +138,9 @@ impl Ipc {
         let making = MakingLock::share(domain);
         // Before, so that nobody else's segment is opened; afterwards, because the first node makes it.
         management::mend(domain)?;
-        session.node = Some(make_node(domain, &session.config, process_name)?);
+        // Held here, not by the thread that makes the node: that one may be given up while it hangs.
+        let node = files::while_no_port_opens(|| make_node(domain, &session.config, process_name))?;
+        session.node = Some(node);
         management::mend(domain)?;
         drop(making);
         session.bell = open_bell(domain, robot);
@@ -239,10 +242,11 @@ impl Session {
         dead::clean(&self.domain, &self.config, Scope::Everything)
     }
 
-    /// Makes a service or a port, and says meanwhile that it does.
+    /// Makes a service or a port, one at a time in this process (see [`files`]), and says meanwhile that it does.
     pub(crate) fn make<T>(&self, make: impl FnOnce() -> T) -> T {
+        // First, because it may wait for another process.
         let _making = MakingLock::share(&self.domain);
-        make()
+        files::while_no_port_opens(make)
     }
 
     /// Becomes the one provider of `service`.

@@ -1,12 +1,14 @@
 //! The command line of `ril`: what can be asked for, and the reading of coordinates and times.
 //!
-//! Everything is checked here, once; the commands get typed values. Nothing here talks to another process.
+//! Everything is checked here, once; the commands get typed values. [`waypoints`] reads a whole file of coordinates. Nothing
+//! here talks to another process.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use ipc_types::payload::WaypointPosition;
 use runtime::args::CommonArgs;
 
@@ -17,14 +19,14 @@ use crate::demo;
 pub const EXIT_CODES: &str = "\
 Exit codes:
    0  done
-   1  internal trouble
-   2  the command line makes no sense
-   3  the process that should answer is not there
+   1  internal error
+   2  usage error
+   3  the process that should answer does not run
    4  no answer in time, or the DSP did not acknowledge
-   5  refused, or ended early; the reason is told
-   6  the line to the DSP is down
+   5  refused, or ended early; the reason is printed
+   6  the link to the DSP is down
    7  the outcome cannot be known
-   8  something is not in order; the findings were told
+   8  something is not in order; the findings are printed
   78  the configuration is wrong";
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
@@ -38,54 +40,97 @@ pub struct Cli {
     pub command: Command,
 }
 
+/// Whether the operator said which robot is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RobotChoice {
+    /// By `--robot` or `RIL_ROBOT`.
+    Explicit,
+    /// No: the robot is the built-in default.
+    Default,
+}
+
+impl RobotChoice {
+    /// How the robot of the innermost command came about.
+    fn of(matches: &ArgMatches) -> RobotChoice {
+        let mut innermost = matches;
+        while let Some((_, inner)) = innermost.subcommand() {
+            innermost = inner;
+        }
+        // A command without this option has no robot to choose.
+        let is_known = innermost.try_contains_id("robot").unwrap_or(false);
+        match is_known.then(|| innermost.value_source("robot")).flatten() {
+            Some(ValueSource::DefaultValue) => RobotChoice::Default,
+            _ => RobotChoice::Explicit,
+        }
+    }
+}
+
+impl Cli {
+    /// Reads the command line, of which the first argument is the program's name.
+    ///
+    /// # Errors
+    ///
+    /// A usage error, or a text that was asked for, such as the help.
+    pub fn read(
+        args: impl IntoIterator<Item = OsString>,
+    ) -> Result<(Cli, RobotChoice), clap::Error> {
+        let mut command = Cli::command();
+        let matches = command.try_get_matches_from_mut(protect_coordinates(args))?;
+        let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        Ok((cli, RobotChoice::of(&matches)))
+    }
+}
+
 /// What to do.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
-    /// Flies a whole simulated mission, with nothing else running, and checks it
+    /// Fly a whole simulated mission, with nothing else running, and check it
     Demo(demo::Args),
-    /// Runs the bridge between shared memory and the DSP's serial port, in the foreground
+    /// Run the bridge between shared memory and the DSP's serial port, in the foreground
     Bridge(bridge::cli::Args),
-    /// Runs the process that turns raw telemetry into SI units and writes logs, in the foreground
+    /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
     Status(status::cli::Args),
-    /// Runs the simulator of DSP and helicopter behind a pseudo-terminal, in the foreground
+    /// Run the simulator of DSP and helicopter, in the foreground
     Sim(dsp_sim::cli::Args),
-    /// Starts the module, so that it takes movements
+    /// Start the module, so that it takes movements
     Start(RequestArgs),
-    /// Stops the module: the helicopter hovers, and everything that was planned is discarded
+    /// Stop the module: the helicopter hovers, and everything that was planned is discarded
     Stop(RequestArgs),
-    /// Takes off and climbs to an altitude over the point of take-off
+    /// Take off and climb to an altitude over the point of take-off
     Takeoff(TakeoffArgs),
-    /// Lands on the spot
-    Land(RequestArgs),
-    /// Flies a path of one or more waypoints
+    /// Land on the spot
+    Land(LandArgs),
+    /// Hover on the spot and stay started; replaces a path that is under way
+    Hold(RequestArgs),
+    /// Fly a path of one or more waypoints
     Goto(GotoArgs),
-    /// Shows how the module, the line, the DSP and telemetry are
+    /// List, read or write the DSP's parameters (virtual ports)
+    Param(ParamArgs),
+    /// Manage the geofence
+    Fence(FenceArgs),
+    /// Show the state of the module, the link, the DSP, the safety rules and telemetry
     State(StateArgs),
-    /// Prints samples as they come
+    /// Print samples as they come
     Echo(EchoArgs),
-    /// Measures how often samples come and how often they are published, and counts the lost ones
+    /// Measure how often samples come and how often they are published, and count the lost ones
     Hz(MeasureArgs),
-    /// Measures how old samples are when they come
+    /// Measure how old samples are when they come
     Delay(MeasureArgs),
-    /// Measures how many bytes the samples make
+    /// Measure how many bytes the samples make
     Bw(MeasureArgs),
-    /// Says what is wrong with shared memory, configuration and serial port, and what to do
+    /// Find what is wrong with shared memory, configuration and serial port, and what to do
     Doctor(DoctorArgs),
 }
 
-/// What every request takes.
+/// What every command takes that asks the bridge for something.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
-pub struct RequestArgs {
+pub struct AskArgs {
     /// What every process takes.
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// Returns once the request was accepted, instead of following it to its end
-    #[arg(long)]
-    pub no_wait: bool,
-
-    /// How long the bridge has for its first answer, in seconds [default: 2, or ril.toml]
+    /// How long to wait for the bridge's first answer, in seconds [default: 2, or ril.toml]
     #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
     pub timeout: Option<Duration>,
 
@@ -94,9 +139,22 @@ pub struct RequestArgs {
         value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_DEADLINE_MS)))]
     pub deadline: Option<u32>,
 
-    /// Prints each report as a JSON object on a line
+    /// Print each report as a JSON object on a line
     #[arg(long)]
     pub json: bool,
+}
+
+/// What every command takes whose request goes on for a while.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct RequestArgs {
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+
+    /// Return once the request was accepted, instead of following it to its end
+    #[arg(long)]
+    pub no_wait: bool,
 }
 
 /// `ril takeoff`
@@ -111,20 +169,111 @@ pub struct TakeoffArgs {
     pub request: RequestArgs,
 }
 
-/// `ril goto`
+/// `ril land`
 #[derive(Args, Clone, Debug)]
-pub struct GotoArgs {
-    /// Waypoints: latitude and longitude in degrees, altitude in metres with the zero of telemetry, such as
-    /// -37.5,-6.25,20
-    #[arg(required = true, value_name = "LAT,LON,ALT", value_parser = waypoint)]
-    pub waypoints: Vec<WaypointPosition>,
+pub struct LandArgs {
+    /// Replace a path that is under way instead of being refused as busy
+    #[arg(long)]
+    pub preempt: bool,
 
     /// What every request takes.
     #[command(flatten)]
     pub request: RequestArgs,
 }
 
-/// What commands that watch take.
+/// `ril goto`
+#[derive(Args, Clone, Debug)]
+pub struct GotoArgs {
+    /// Waypoints: latitude and longitude in degrees, altitude in metres with the zero of telemetry, such as
+    /// -37.5,-6.25,20
+    #[arg(required_unless_present = "file", value_name = "LAT,LON,ALT", value_parser = waypoint)]
+    pub waypoints: Vec<WaypointPosition>,
+
+    /// Read the waypoints from a file, one LAT,LON,ALT a line; `#` begins a comment, - is standard input
+    #[arg(long, value_name = "FILE", conflicts_with = "waypoints")]
+    pub file: Option<PathBuf>,
+
+    /// Replace a path that is under way instead of being refused as busy
+    #[arg(long)]
+    pub preempt: bool,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril param`
+#[derive(Args, Clone, Debug)]
+pub struct ParamArgs {
+    /// What to do with the parameters.
+    #[command(subcommand)]
+    pub command: ParamCommand,
+}
+
+/// `ril param …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum ParamCommand {
+    /// List all parameters with number, kind, range and whether a request may write them
+    List(AskArgs),
+    /// Read a parameter from the DSP
+    Get(ParamGetArgs),
+    /// Write a parameter, and print the value that the DSP then has
+    Set(ParamSetArgs),
+}
+
+/// `ril param get`
+#[derive(Args, Clone, Debug)]
+pub struct ParamGetArgs {
+    /// Name of the parameter, as `ril param list` shows it, or number of its port
+    #[arg(value_name = "NAME", value_parser = port_key)]
+    pub port: PortKey,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+}
+
+/// `ril param set`
+#[derive(Args, Clone, Debug)]
+pub struct ParamSetArgs {
+    /// Name of the parameter, as `ril param list` shows it, or number of its port
+    #[arg(value_name = "NAME", value_parser = port_key)]
+    pub port: PortKey,
+
+    /// Value to write
+    #[arg(value_name = "VALUE", allow_negative_numbers = true, value_parser = value)]
+    pub value: f64,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+}
+
+/// How a command names a port of the DSP.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PortKey {
+    /// By the number of the port.
+    Number(u16),
+    /// By the name that the bridge gives it.
+    Name(String),
+}
+
+/// `ril fence`
+#[derive(Args, Clone, Debug)]
+pub struct FenceArgs {
+    /// What to do with the geofence.
+    #[command(subcommand)]
+    pub command: FenceCommand,
+}
+
+/// `ril fence …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum FenceCommand {
+    /// Read the geofence in bridge.toml again; the bridge checks a path that is under way against it
+    Reload(RequestArgs),
+}
+
+/// `ril state`
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct StateArgs {
@@ -136,7 +285,7 @@ pub struct StateArgs {
     #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
     pub timeout: Option<Duration>,
 
-    /// Prints one JSON object
+    /// Print one JSON object
     #[arg(long)]
     pub json: bool,
 }
@@ -153,11 +302,11 @@ pub struct EchoArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// Ends after so many samples
+    /// End after so many samples
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
 
-    /// Ends after so many seconds
+    /// End after so many seconds
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub duration: Option<Duration>,
 
@@ -165,11 +314,11 @@ pub struct EchoArgs {
     #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
     pub timeout: Option<Duration>,
 
-    /// Prints only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated
+    /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated
     #[arg(long = "field", value_name = "NAME")]
     pub fields: Vec<String>,
 
-    /// Prints each sample as a JSON object on a line
+    /// Print each sample as a JSON object on a line
     #[arg(long)]
     pub json: bool,
 }
@@ -200,11 +349,11 @@ pub struct DoctorArgs {
     #[arg(long, value_name = "PATH", env = "RIL_PORT")]
     pub port: Option<PathBuf>,
 
-    /// Mends what is provably dead, and looks then
+    /// Repair what is provably dead, then examine
     #[arg(long)]
     pub repair: bool,
 
-    /// Prints one JSON object
+    /// Print one JSON object
     #[arg(long)]
     pub json: bool,
 }
@@ -224,11 +373,11 @@ pub struct MeasureArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// Ends after so many samples, of which a rate needs two
+    /// End after so many samples, of which a rate needs two
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
     pub count: Option<u64>,
 
-    /// Ends after so many seconds
+    /// End after so many seconds
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub duration: Option<Duration>,
 
@@ -236,7 +385,7 @@ pub struct MeasureArgs {
     #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
     pub timeout: Option<Duration>,
 
-    /// Prints one JSON object at the end; needs --count, --duration or both
+    /// Print one JSON object at the end; needs --count, --duration or both
     #[arg(long, requires = "end")]
     pub json: bool,
 }
@@ -269,6 +418,42 @@ fn is_negative_coordinate(text: &str) -> bool {
     text.strip_prefix('-')
         .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
         && text.contains(',')
+}
+
+/// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
+///
+/// # Errors
+///
+/// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
+pub fn waypoints(text: &str) -> Result<Vec<WaypointPosition>, String> {
+    let mut waypoints = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if !line.is_empty() {
+            let read = waypoint(line).map_err(|reason| format!("line {}: {reason}", index + 1));
+            waypoints.push(read?);
+        }
+    }
+    match waypoints.is_empty() {
+        true => Err("there is no waypoint".to_owned()),
+        false => Ok(waypoints),
+    }
+}
+
+/// Reads the name or the number of a port.
+fn port_key(text: &str) -> Result<PortKey, String> {
+    match text.bytes().all(|byte| byte.is_ascii_digit()) {
+        true => text
+            .parse()
+            .map(PortKey::Number)
+            .map_err(|_| "the number of a port is from 0 to 65535".to_owned()),
+        false => Ok(PortKey::Name(text.to_owned())),
+    }
+}
+
+/// Reads the value of a parameter. Its range is the port's, which the bridge knows.
+fn value(text: &str) -> Result<f64, String> {
+    number("value", text, f64::MAX)
 }
 
 /// Reads `LAT,LON,ALT`.
@@ -328,8 +513,11 @@ mod tests {
     use super::*;
 
     fn parse(arguments: &[&str]) -> Result<Command, clap::Error> {
-        let arguments = std::iter::once(&"ril").chain(arguments).map(OsString::from);
-        Cli::try_parse_from(protect_coordinates(arguments)).map(|cli| cli.command)
+        read(arguments).map(|(cli, _)| cli.command)
+    }
+
+    fn read(arguments: &[&str]) -> Result<(Cli, RobotChoice), clap::Error> {
+        Cli::read(std::iter::once(&"ril").chain(arguments).map(OsString::from))
     }
 
     #[test]
@@ -374,8 +562,8 @@ mod tests {
         ];
         assert_eq!(goto.waypoints, expected);
         assert!(goto.request.no_wait);
-        assert_eq!(goto.request.common.robot.get(), 7);
-        assert_eq!(goto.request.deadline, Some(50));
+        assert_eq!(goto.request.ask.common.robot.get(), 7);
+        assert_eq!(goto.request.ask.deadline, Some(50));
     }
 
     #[test]
@@ -387,8 +575,64 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_is_chosen_by_the_option_of_the_innermost_command() {
+        for (arguments, expected) in [
+            (&["start"][..], RobotChoice::Default),
+            (&["start", "--robot", "1"], RobotChoice::Explicit),
+            (&["param", "list"], RobotChoice::Default),
+            (&["param", "list", "--robot=2"], RobotChoice::Explicit),
+            (&["fence", "reload"], RobotChoice::Default),
+        ] {
+            // The environment of whoever runs the tests may name a robot as well.
+            let expected = match std::env::var_os("RIL_ROBOT") {
+                Some(_) => RobotChoice::Explicit,
+                None => expected,
+            };
+            assert_eq!(read(arguments).unwrap().1, expected, "{arguments:?}");
+        }
+    }
+
+    #[test]
+    fn parameters_are_named_or_numbered_and_take_negative_values() {
+        let set = |arguments: &[&str]| match parse(arguments) {
+            Ok(Command::Param(ParamArgs {
+                command: ParamCommand::Set(args),
+            })) => (args.port, args.value),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(
+            set(&["param", "set", "trim_tail_us", "-40"]),
+            (PortKey::Name("trim_tail_us".to_owned()), -40.0)
+        );
+        assert_eq!(
+            set(&["param", "set", "20000", "5.5"]),
+            (PortKey::Number(20_000), 5.5)
+        );
+    }
+
+    #[test]
+    fn a_file_has_a_waypoint_a_line_and_comments() {
+        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,1e1 # the corner\n";
+        let read = waypoints(text).unwrap();
+        let altitudes: Vec<f64> = read.iter().map(|waypoint| waypoint.altitude_m).collect();
+        assert_eq!(altitudes, [20.0, 10.0]);
+        for (text, expected) in [
+            (
+                "37,-6,20\n\n91,0,0\n",
+                "line 3: the latitude 91 is out of range",
+            ),
+            ("37,-6\n", "line 1: 2 numbers, three are needed"),
+            ("# nothing\n", "there is no waypoint"),
+            ("", "there is no waypoint"),
+        ] {
+            let error = waypoints(text).unwrap_err();
+            assert!(error.contains(expected), "{text:?}: {error}");
+        }
+    }
+
+    #[test]
     fn what_makes_no_sense_is_a_usage_error_that_says_why() {
-        let cases: [(&[&str], &str); 24] = [
+        let cases: [(&[&str], &str); 31] = [
             (&["goto"], "LAT,LON,ALT"),
             (&["goto", "37,-6"], "2 numbers, three are needed"),
             (&["goto", "37,-6,20,1"], "4 numbers"),
@@ -412,7 +656,20 @@ mod tests {
             ),
             (&["goto", "-nan,6,20"], "unexpected argument"),
             (&["goto", "37,6,20", "-37,6"], "2 numbers"),
+            (
+                &["goto", "37,6,20", "--file", "path"],
+                "cannot be used with",
+            ),
             (&["takeoff"], "--altitude"),
+            (&["takeoff", "--altitude", "5", "--preempt"], "--preempt"),
+            (&["param"], "Usage: ril param"),
+            (&["param", "set", "yaw_gain"], "<VALUE>"),
+            (
+                &["param", "set", "yaw_gain", "nan"],
+                "the value `nan` is not finite",
+            ),
+            (&["param", "get", "70000"], "from 0 to 65535"),
+            (&["fence", "relaod"], "reload"),
             (&["takeoff", "--altitude", "-5"], "greater than 0"),
             (
                 &["takeoff", "--altitude", "high"],

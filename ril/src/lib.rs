@@ -6,7 +6,7 @@
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * [`live`]: a block of lines that a terminal shows anew;
-//! * [`words`]: reports in words, as JSON and as exit codes;
+//! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
 //! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines. Nothing here decides what the helicopter
@@ -17,12 +17,12 @@
 //! ```
 //! use ipc_types::code::{Reason, Stage};
 //! use ipc_types::payload::RequestReport;
-//! use ril::words::{self, FinalWord, Verb};
+//! use ril::messages::{self, FinalReport, Verb};
 //!
 //! let report = RequestReport::new(Stage::Refused, Reason::LinkDown);
-//! assert_eq!(words::line(Verb::Start, 0, 1, &report).as_deref(), Some("start: refused (link-down)"));
-//! let word = FinalWord::of(&report).expect("a refusal is a final word");
-//! assert_eq!(word.exit_code().code(), 6);
+//! assert_eq!(messages::line(Verb::Start, 0, 1, &report).as_deref(), Some("start: refused (link-down)"));
+//! let end = FinalReport::of(&report).expect("a refusal is final");
+//! assert_eq!(end.exit_code().code(), 6);
 //! ```
 
 pub mod cli;
@@ -32,39 +32,41 @@ pub mod demo;
 pub mod fields;
 pub mod live;
 pub mod measure;
-pub mod words;
+pub mod messages;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::Parser;
-
-use commands::{doctor, echo, request, state};
+use cli::RobotChoice;
+use commands::{doctor, echo, param, request, state};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
 /// Programs that start the processes of the RIL may be one of them themselves with this.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let cli = cli::Cli::parse_from(cli::protect_coordinates(args));
+    let (cli, choice) = cli::Cli::read(args).unwrap_or_else(|error| error.exit());
     exit::main_with(|| {
         demo::end_with_parent().map_err(Failure::internal)?;
-        run(cli.command)
+        run(cli.command, choice)
     })
 }
 
-fn run(command: cli::Command) -> Result<(), Failure> {
+fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
     use cli::Command;
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Bridge(args) => bridge::cli::run(args),
         Command::Status(args) => status::cli::run(args),
         Command::Sim(args) => dsp_sim::cli::run(args),
-        Command::Start(args) => request::start(&args),
-        Command::Stop(args) => request::stop(&args),
-        Command::Takeoff(args) => request::take_off(&args),
-        Command::Land(args) => request::land(&args),
-        Command::Goto(args) => request::go_to(&args),
+        Command::Start(args) => request::start(&args, choice),
+        Command::Stop(args) => request::stop(&args, choice),
+        Command::Takeoff(args) => request::take_off(&args, choice),
+        Command::Land(args) => request::land(&args, choice),
+        Command::Hold(args) => request::hold(&args, choice),
+        Command::Goto(args) => request::go_to(&args, choice),
+        Command::Param(args) => param::param(&args.command, choice),
+        Command::Fence(args) => request::fence(&args.command, choice),
         Command::State(args) => state::state(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Doctor(args) => doctor::doctor(&args),

@@ -70,14 +70,12 @@ fn a_whole_mission_by_hand() {
 
     assert_eq!(rig.run("start", 0).stdout, ["start: done"]);
     let take_off = rig.run("takeoff --altitude 5", 0);
-    assert_eq!(
-        take_off.stdout,
-        [
-            "takeoff: accepted",
-            "takeoff: begun on the DSP",
-            "takeoff: done"
-        ]
-    );
+    let [accepted, begun, done] = &take_off.stdout[..] else {
+        panic!("{take_off:#?}");
+    };
+    assert_eq!(accepted, "takeoff: accepted");
+    assert_eq!(begun, "takeoff: begun on the DSP");
+    assert!(done.starts_with("takeoff: done"), "{take_off:#?}");
     crew.watch.until("the take-off has ended", |state| {
         state.status() == Some(ModuleStatus::Ended)
     });

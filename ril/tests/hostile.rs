@@ -14,13 +14,13 @@ use ipc_types::payload::{
 use ipc_types::service::Request;
 use ipc_types::{Client, Losses, MonotonicNs, RobotId, SendError, Wake, fresh_request_id};
 use ril::commands::exchange::{Exchange, Next, Until};
-use ril::commands::overview::{Overview, Sample};
+use ril::commands::state_report::{Sample, StateReport};
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 use ril::measure::bandwidth::BandwidthMeter;
 use ril::measure::delay::DelayMeter;
 use ril::measure::rate::RateMeter;
 use ril::measure::{Measured, Meter, Of};
-use ril::words::{self, FinalWord, ReportObject, Verb};
+use ril::messages::{self, FinalReport, ReportObject, Verb};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge, StandInStatus};
 use serde_json::Value;
@@ -63,15 +63,15 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
         show(seed, &state);
 
         let shown = |sequence, time| Some(Sample::new(sequence, MonotonicNs(time), NOW));
-        let overview = Overview::new(
+        let report = StateReport::new(
             1,
             &state,
             shown(dsp.sequence, dsp.received_ns),
             shown(hero.sequence, hero.published_ns),
             NOW,
         );
-        check_text(seed, &overview.to_string());
-        let shown = serde_json::to_value(&overview).unwrap();
+        check_text(seed, &report.to_string());
+        let shown = serde_json::to_value(&report).unwrap();
         let age = &shown["dsp"]["age_s"];
         match dsp.received_ns <= NOW.0 {
             true => assert!(age.is_number(), "seed {seed}"),
@@ -123,14 +123,7 @@ fn samples_of_any_bits_are_measured() {
 }
 
 #[test]
-fn reports_of_any_bits_are_told_and_end_nothing_before_its_time() {
-    const VERBS: [Verb; 5] = [
-        Verb::Start,
-        Verb::Stop,
-        Verb::TakeOff,
-        Verb::Land,
-        Verb::GoTo,
-    ];
+fn reports_of_any_bits_are_shown_and_end_nothing_before_its_time() {
     for seed in 0..SEEDS {
         let mut garbage = Garbage::new(seed);
         let mut exchange = Exchange::new([1, 2, 3], Until::Final, WAIT_LIMIT);
@@ -138,13 +131,13 @@ fn reports_of_any_bits_are_told_and_end_nothing_before_its_time() {
         exchange.sent(NOW);
         for _ in 0..20 {
             let report: RequestReport = garbage.payload();
-            for verb in VERBS {
-                if let Some(line) = words::line(verb, 2, 3, &report) {
+            for verb in Verb::ALL {
+                if let Some(line) = messages::line(verb, 2, 3, &report) {
                     check_text(seed, &line);
                 }
                 serde_json::to_string(&ReportObject::new(verb, &report)).unwrap();
-                if let Some(word) = FinalWord::of(&report) {
-                    check_text(seed, &words::ending(verb, word));
+                if let Some(end) = FinalReport::of(&report) {
+                    check_text(seed, &messages::ending(verb, &end));
                 }
             }
             is_answered |= exchange.take(&report, NOW).is_some();
@@ -180,7 +173,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         bridge.publish_state(&state);
         if number % 100 == 0 {
             let shown = json(&rig.run("state --json --timeout 10", 0).stdout[0]);
-            assert_eq!(shown["schema"], "ril.State.v1");
+            assert_eq!(shown["schema"], "ril.State.v2");
             rig.run("state", 0);
         }
     }
@@ -218,7 +211,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
             );
         }
     }
-    status.wait_for_text("values that cannot be were published");
+    status.wait_for_text("implausible values were published");
     let finished = end(status, Signal::TERM);
     assert!(
         !finished.stderr.iter().any(|line| line.contains("panicked")),

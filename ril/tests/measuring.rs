@@ -8,7 +8,7 @@ use std::process::Stdio;
 
 use common::{Rig, end, json, says};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, TelemetryGroup};
+use ipc_types::{MonotonicNs, TelemetryGroup, files};
 use ril_tests::process::Signal;
 use ril_tests::{Process, StandInBridge, StandInStatus};
 use rustix::process::{Pid, kill_process};
@@ -220,7 +220,7 @@ fn a_terminal_sees_the_figures_anew_and_keeps_the_last() {
     let mut command = rig.command(["hz", "hero", "-v"]);
     command.envs(rig.domain.environment());
     command.stdout(slave.unwrap()).stderr(Stdio::piped());
-    let mut hz = command.spawn().unwrap();
+    let mut hz = files::while_no_port_opens(|| command.spawn()).unwrap();
     // The command holds the terminal as well.
     drop(command);
     let mut log = BufReader::new(hz.stderr.take().unwrap()).lines();

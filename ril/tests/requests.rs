@@ -11,14 +11,14 @@ use ril_tests::{Answer, Process, Received, StandInBridge};
 fn movement(received: Received) -> MovementData {
     match received {
         Received::Movement(movement) => movement,
-        Received::Control(control) => panic!("a movement was expected: {control:?}"),
+        other => panic!("a movement was expected: {other:?}"),
     }
 }
 
 fn control(received: Received) -> ModuleControl {
     match received {
         Received::Control(control) => control,
-        Received::Movement(movement) => panic!("a control was expected: {movement:?}"),
+        other => panic!("a control was expected: {other:?}"),
     }
 }
 
@@ -109,7 +109,11 @@ fn the_first_refusal_ends_a_path() {
     let finished = rig.run("goto 37,-6,20 38,-6,20 37,-6,20", 5);
     assert_eq!(
         finished.stdout,
-        ["goto: waypoint 1 of 3 accepted", "goto: refused (too-far)"]
+        [
+            "goto: waypoint 1 of 3 accepted",
+            "goto: aborted (path-broken)",
+            "goto: refused (too-far)"
+        ]
     );
     assert!(
         says(&finished.stderr, "goto was refused (too-far)"),
@@ -123,7 +127,7 @@ fn the_first_refusal_ends_a_path() {
 }
 
 #[test]
-fn final_words_become_exit_codes() {
+fn final_reports_become_exit_codes() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     let unknown = |reason| Answer::Reports(vec![RequestReport::new(Stage::Unknown, reason)]);
@@ -222,7 +226,7 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
 }
 
 #[test]
-fn who_does_not_wait_returns_once_it_is_accepted() {
+fn a_command_that_does_not_wait_returns_once_it_is_accepted() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
@@ -270,7 +274,7 @@ fn a_bridge_that_dies_leaves_the_outcome_unknown() {
 }
 
 #[test]
-fn whoever_interrupts_is_told_what_goes_on() {
+fn an_interrupted_command_says_what_goes_on() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     for (args, signal, expected) in [
@@ -287,7 +291,7 @@ fn whoever_interrupts_is_told_what_goes_on() {
         (
             "goto 37,-6,20",
             Signal::INT,
-            "`ril stop` makes the helicopter hover at once",
+            "`ril hold` makes the helicopter hover at once",
         ),
         ("stop", Signal::INT, "the bridge goes on with it"),
     ] {

@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use common::{Rig, end, json, says};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{MonotonicNs, TelemetryGroup};
+use ipc_types::{MonotonicNs, TelemetryGroup, files};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::{StandInBridge, StandInStatus};
 
@@ -180,11 +180,8 @@ fn a_reader_that_has_gone_is_a_quiet_end() {
     bridge.publish(&position(0.0));
     let mut command = rig.command(["echo", "dsp", "--json"]);
     command.envs(rig.domain.environment());
-    let mut echo = command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut echo = files::while_no_port_opens(|| command.spawn()).unwrap();
     let mut line = String::new();
     BufReader::new(echo.stdout.take().unwrap())
         .read_line(&mut line)
@@ -218,7 +215,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
         ..position(1.0)
     });
     let shown = json(&rig.run("state --json", 0).stdout[0]);
-    assert_eq!(shown["schema"], "ril.State.v1");
+    assert_eq!(shown["schema"], "ril.State.v2");
     assert_eq!(shown["robot"], 1);
     assert_eq!(shown["module"]["status"], "running");
     assert_eq!(shown["link"]["state"], "up");
@@ -230,6 +227,13 @@ fn the_state_shows_names_ages_and_what_is_stale() {
     let text = rig.run("state", 0).stdout;
     assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
     assert!(says(&text, "s old, STALE"), "{text:#?}");
+    assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
+    assert!(
+        says(&text, "link        up since an unknown time"),
+        "{text:#?}"
+    );
+    assert!(says(&text, "DSP path    empty; "), "{text:#?}");
+    assert!(says(&text, "safety      no rule violated"), "{text:#?}");
     assert!(says(&text, "hero        no sample"), "{text:#?}");
 
     let status = StandInStatus::start(&rig.domain);

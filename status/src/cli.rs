@@ -15,7 +15,7 @@ use signal_hook::consts::SIGXFSZ;
 
 use crate::config::{Config, DEFAULT_FILE};
 use crate::core::Summary;
-use crate::log::{LogSummary, Written};
+use crate::log::event::{LogSummary, WriterEnd, Written};
 use crate::shell::Shell;
 
 /// Translates the DSP's raw telemetry into SI units, publishes it, and writes logs.
@@ -52,20 +52,20 @@ pub fn run(args: Args) -> Result<(), Failure> {
         .ok_or_else(|| Failure::usage("a robot id is greater than 0"))?;
     let shell = Shell::open(&domain, robot, &loaded.value, Notifier::from_env())?;
     let summary = shell.run(&termination)?;
-    tell(&summary);
+    log_summary(&summary);
     Ok(())
 }
 
 /// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be an error that a log can deal with: by default its
 /// signal ends the process, and telemetry with it.
 fn survive_file_size_limits() -> io::Result<()> {
-    // The flag is of no use; setting it is the least that a handler can do.
+    // A handler must do something; the flag is read by no one.
     let flag = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(SIGXFSZ, flag).map(|_handler| ())
 }
 
-/// Says in one line what the process did, and what became of each log.
-fn tell(summary: &Summary) {
+/// Logs in one line what the process did, and what became of each log.
+fn log_summary(summary: &Summary) {
     let logs: Vec<_> = summary.logs.iter().map(outcome).collect();
     tracing::info!(
         received = summary.received,
@@ -78,27 +78,42 @@ fn tell(summary: &Summary) {
 
 /// What became of a log, in words; losses only if there are some.
 fn outcome(log: &LogSummary) -> String {
-    let name = &log.log;
-    let dropped = log.dropped;
-    let Some(written) = log.written else {
-        let taken = log.taken;
-        return format!(
-            "{name}: the disk does not answer, what became of {taken} rows is unknown, {dropped} rows lost"
-        );
-    };
-    let Written { files, rows, .. } = written;
-    let files = match files {
-        1 => "1 file".to_owned(),
-        _ => format!("{files} files"),
-    };
-    let mut text = format!("{name}: {rows} rows in {files}");
-    let mut add = |count: u64, what: &str| {
-        if count > 0 {
-            text += &format!(", {count} rows {what}");
+    let LogSummary {
+        log: name,
+        offered,
+        refused,
+        end,
+    } = log;
+    let lost = log.lost();
+    let unknown = offered.saturating_sub(*refused);
+    let mut text = match end {
+        WriterEnd::Finished(Written { files: 1, rows, .. }) => {
+            format!("{name}: {rows} rows in 1 file")
+        }
+        WriterEnd::Finished(Written { files, rows, .. }) => {
+            format!("{name}: {rows} rows in {files} files")
+        }
+        WriterEnd::DiskHangs => {
+            format!(
+                "{name}: the disk does not answer, it is unknown which of {unknown} rows it has"
+            )
+        }
+        WriterEnd::ThreadFailed => {
+            format!(
+                "{name}: the log's thread failed, it is unknown which of {unknown} rows the disk has"
+            )
         }
     };
-    add(written.lost.saturating_add(dropped), "lost");
-    add(written.unsure, "perhaps not on the disk");
+    if lost > 0 {
+        text += &format!(", {lost} rows lost");
+    }
+    if let WriterEnd::Finished(Written {
+        unsynced: rows @ 1..,
+        ..
+    }) = end
+    {
+        text += &format!(", {rows} rows perhaps not on the disk");
+    }
     text
 }
 
@@ -108,28 +123,31 @@ mod tests {
 
     #[test]
     fn the_outcome_of_a_log_in_words() {
-        let summary = |dropped, written| LogSummary {
+        let summary = |offered, refused, end| LogSummary {
             log: "log/x.tsv".to_owned(),
-            taken: 90,
-            dropped,
-            written,
+            offered,
+            refused,
+            end,
         };
-        let written = |files, lost, unsure| {
-            Some(Written {
+        let written = |files, unsynced| {
+            WriterEnd::Finished(Written {
                 files,
                 rows: 50,
-                unsure,
-                lost,
+                unsynced,
             })
         };
         #[rustfmt::skip]
         let cases = [
-            (summary(0, written(1, 0, 0)), "log/x.tsv: 50 rows in 1 file"),
-            (summary(7, written(2, 40, 0)), "log/x.tsv: 50 rows in 2 files, 47 rows lost"),
-            (summary(0, written(2, 0, 5)), "log/x.tsv: 50 rows in 2 files, 5 rows perhaps not on the disk"),
+            (summary(50, 0, written(1, 0)), "log/x.tsv: 50 rows in 1 file"),
+            (summary(97, 40, written(2, 0)), "log/x.tsv: 50 rows in 2 files, 47 rows lost"),
+            (summary(50, 0, written(2, 5)), "log/x.tsv: 50 rows in 2 files, 5 rows perhaps not on the disk"),
             (
-                summary(7, None),
-                "log/x.tsv: the disk does not answer, what became of 90 rows is unknown, 7 rows lost",
+                summary(97, 7, WriterEnd::DiskHangs),
+                "log/x.tsv: the disk does not answer, it is unknown which of 90 rows it has, 7 rows lost",
+            ),
+            (
+                summary(97, 7, WriterEnd::ThreadFailed),
+                "log/x.tsv: the log's thread failed, it is unknown which of 90 rows the disk has, 7 rows lost",
             ),
         ];
         for (summary, expected) in cases {

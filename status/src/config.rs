@@ -1,32 +1,17 @@
 //! The configuration of the process, with complete defaults; `status.toml` shows and explains each value.
 
-use std::fmt;
-use std::path::PathBuf;
-use std::str::FromStr;
-
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use crate::calibration::Calibration;
-use crate::group::GroupSet;
-use crate::log::Limits;
+use crate::estimator::config::EstimatorConfig;
+use crate::log::config::LogConfig;
 
 /// Most logs at once: each field group in one of its own. More are refused.
 pub const MAX_LOGS: usize = 16;
 
-/// Longest name of a log, characters; a file name has room for it ten times over.
-const MAX_NAME_CHARS: usize = 24;
-
 /// The file that is read when none is named; it may be absent.
 pub const DEFAULT_FILE: &str = "status.toml";
-
-const MIB: u64 = 1024 * 1024;
-
-runtime::ranged! {
-    fn max_file_mib(u64) in 1..=4095;
-    fn max_total_mib(u64) in 2..=1_048_576;
-    fn min_free_mib(u64) in 0..=1_048_576;
-}
 
 /// All of it.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -34,102 +19,14 @@ runtime::ranged! {
 pub struct Config {
     /// From raw numbers to SI units.
     pub calibration: Calibration,
+    /// What estimates values that no single sensor measures well.
+    pub estimator: EstimatorConfig,
     /// Logs, none by default.
     #[serde(deserialize_with = "logs")]
     pub log: Vec<LogConfig>,
 }
 
-/// One log.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LogConfig {
-    /// Distinguishes the file from those of other logs.
-    pub name: LogName,
-    /// Where the file goes; created when it is absent. A relative path starts at the working directory.
-    pub directory: PathBuf,
-    /// What is logged; nothing is created when this is empty.
-    pub groups: GroupSet,
-    /// Longest file, MiB; the next one follows. Less than the 4 GiB that memory cards' file systems can hold.
-    #[serde(deserialize_with = "max_file_mib")]
-    pub max_file_mib: u64,
-    /// Most for all files of this log, MiB, at least two files' worth; beyond it the oldest are removed.
-    #[serde(deserialize_with = "max_total_mib")]
-    pub max_total_mib: u64,
-    /// Room on the disk that is left to others, MiB; if less is free, nothing is written.
-    #[serde(deserialize_with = "min_free_mib")]
-    pub min_free_mib: u64,
-}
-
-impl LogConfig {
-    /// The limits in bytes.
-    pub fn limits(&self) -> Limits {
-        Limits {
-            max_file_bytes: self.max_file_mib * MIB,
-            max_total_bytes: self.max_total_mib * MIB,
-            min_free_bytes: self.min_free_mib * MIB,
-        }
-    }
-}
-
-impl Default for LogConfig {
-    fn default() -> Self {
-        LogConfig {
-            name: LogName::default(),
-            directory: PathBuf::from("log"),
-            groups: GroupSet::default(),
-            max_file_mib: 64,
-            max_total_mib: 1024,
-            min_free_mib: 256,
-        }
-    }
-}
-
-/// A piece of a file name: up to 24 letters, digits, dashes and underscores.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LogName(String);
-
-impl LogName {
-    /// The name; empty when the log has none.
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-/// The text cannot be part of a file name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is not a name for a log: it must be up to {MAX_NAME_CHARS} letters, digits, `-` and `_`"
-)]
-pub struct InvalidLogName(String);
-
-impl FromStr for LogName {
-    type Err = InvalidLogName;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if text.len() <= MAX_NAME_CHARS && text.chars().all(plain) {
-            Ok(LogName(text.to_owned()))
-        } else {
-            Err(InvalidLogName(text.to_owned()))
-        }
-    }
-}
-
-impl fmt::Display for LogName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&self.0)
-    }
-}
-
-impl<'de> Deserialize<'de> for LogName {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        String::deserialize(deserializer)?
-            .parse()
-            .map_err(D::Error::custom)
-    }
-}
-
-/// Reads the logs, at most [`MAX_LOGS`], and what no single value of theirs can say.
+/// Reads the logs, at most [`MAX_LOGS`], and checks what concerns more than one value.
 fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D::Error> {
     let logs = Vec::<LogConfig>::deserialize(deserializer)?;
     let count = logs.len();
@@ -140,7 +37,8 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
     }
     for (index, log) in logs.iter().enumerate() {
         let name = &log.name;
-        // Each log removes its own old files, and knows them by their names, in whatever way the directory is written.
+        // Each log recognises its old files by their names. Two paths may lead to the same directory, so names must differ
+        // even in different ones.
         if logs[..index].iter().any(|other| other.name == *name) {
             return Err(D::Error::custom(format_args!(
                 "two logs have the name `{name}`: give each a `name` of its own"
@@ -162,6 +60,8 @@ mod tests {
     use runtime::config::{ConfigError, parse};
 
     use super::*;
+    use crate::group::GroupSet;
+    use crate::log::groups::LogGroups;
 
     const EXAMPLE: &str = include_str!("../status.toml");
 
@@ -184,7 +84,7 @@ mod tests {
         assert_eq!(config.log.len(), 2);
         // Everything is at its default but the groups.
         let all = LogConfig {
-            groups: GroupSet::ALL,
+            groups: LogGroups::ALL,
             ..LogConfig::default()
         };
         assert_eq!(config.log[0], all);
@@ -195,11 +95,11 @@ mod tests {
             Group::Acceleration,
             Group::AngularRate,
         ];
-        assert_eq!(config.log[1].groups, imu.into_iter().collect());
+        assert_eq!(config.log[1].groups, GroupSet::from_iter(imu).into());
     }
 
     #[test]
-    fn mistakes_are_told_with_line_and_reason() {
+    fn mistakes_are_reported_with_line_and_reason() {
         let too_many = "[[log]]\n".repeat(MAX_LOGS + 1);
         #[rustfmt::skip]
         let cases = [
@@ -208,6 +108,8 @@ mod tests {
             ("[calibration.servo]\n\nhalf_travel_us = 0", 3, "must be from 1.0 to 2000.0"),
             ("[calibration.pan]\ndeg_per_step = nan", 2, "NaN is out of range"),
             ("[calibration.barometer]\nzero_adc = '500'", 2, "invalid type: string"),
+            ("[estimator]\nkind = 'altitud'", 2, "did you mean `altitude`?"),
+            ("[estimator.altitude]\nsonar_m = 0", 2, "must be from 0.001 to 100"),
             ("[[log]]\ngroups = ['time']\n[[log]]\ngroups = ['altitude']", 4, "did you mean `attitude`?"),
             ("[[log]]\ngroups = 'time'", 2, "invalid type: string"),
             ("[[log]]\nmax_file_mib = 0", 2, "must be from 1 to 4095"),

@@ -1,7 +1,7 @@
-//! What the process decides: a value that is given samples and the time, and asked what to publish, what happened, and
+//! What the process decides: a value that is given samples and the time, and gives what to publish, what happened, and
 //! when it wants to be woken next.
 //!
-//! It knows no port, no clock and no thread. It never holds a sample back: publishing comes before logging.
+//! It knows no port, no clock and no thread. It never delays a sample: publishing comes before logging.
 
 use std::time::Duration;
 
@@ -9,25 +9,27 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 
 use crate::calibration::Calibration;
+use crate::estimator::Estimator;
 use crate::group::GroupSet;
-use crate::log::{LogEvent, LogSummary, Logs};
-use crate::possible::believable;
-use crate::tally::Tally;
+use crate::log::Logs;
+use crate::log::event::{LogEvent, LogSummary};
+use crate::plausible::plausible;
+use crate::rate_limited::RateLimitedCounter;
 use crate::translate::translate;
 
-/// How long no sample must come until the input counts as silent: the bridge's default is 50 samples a second, so fifty
-/// in a row are missing.
+/// Without a sample for this long the input counts as silent. At the bridge's default of 50 samples a second, 50 in a row
+/// are missing.
 pub const SILENT_AFTER: Duration = Duration::from_secs(1);
 
-/// How often losses are told while they go on. Each telling has the sum of those since the last.
+/// How often losses are reported while they go on, with increment and total.
 pub const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(5);
 
 /// What a subscriber counted since it began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InputCounts {
-    /// Samples that came.
+    /// Samples that were received.
     pub received: u64,
-    /// Samples that were published and never came.
+    /// Samples that were published and not received.
     pub lost: u64,
     /// How often another bridge took over.
     pub publisher_changes: u64,
@@ -36,30 +38,30 @@ pub struct InputCounts {
 /// Something that the operator should know.
 #[derive(Debug)]
 pub enum Event {
-    /// Telemetry arrives: for the first time, or after a silence.
-    InputBegan,
+    /// Telemetry is received: for the first time, or after a silence.
+    InputStarted,
     /// No telemetry for [`SILENT_AFTER`].
     InputSilent,
-    /// Another bridge publishes now, as after a restart of it.
-    PublisherChanged,
-    /// Samples were lost since the last such event.
-    InputLost {
+    /// Another bridge publishes now: the former one was restarted.
+    PublisherRestarted,
+    /// Samples were lost. At onset and once a [`LOSS_REPORT_PERIOD`].
+    SamplesLost {
         /// How many since the last such event.
         lost: u64,
-        /// How many in all.
-        lost_in_all: u64,
+        /// How many since the start.
+        total: u64,
     },
-    /// Groups are said to be valid and hold values that cannot be, for the first time: they are left out.
-    InputImpossible {
+    /// Groups are marked as valid and hold implausible values, for the first time: they are left out.
+    GroupsImplausible {
         /// Which.
         groups: GroupSet,
     },
-    /// A sample could not be published; told at the first of a row.
+    /// A sample could not be published; once for each series of failures.
     OutputFailed {
         /// Why.
         reason: String,
     },
-    /// A log loses samples.
+    /// Something about a log.
     Log(LogEvent),
 }
 
@@ -79,6 +81,7 @@ pub struct Summary {
 /// The process without its surroundings.
 pub struct Status {
     calibration: Calibration,
+    estimator: Option<Box<dyn Estimator + Send>>,
     logs: Logs,
     input: Input,
     output: Output,
@@ -91,9 +94,9 @@ struct Input {
     counts: InputCounts,
     /// When the last sample came, while the input is not silent.
     flowing_since: Option<MonotonicNs>,
-    lost: Tally,
-    /// The groups that were told of as impossible.
-    impossible: GroupSet,
+    lost: RateLimitedCounter,
+    /// The groups that were reported as implausible.
+    implausible: GroupSet,
 }
 
 /// The state of the output.
@@ -105,32 +108,44 @@ struct Output {
 }
 
 impl Status {
-    /// The process with `calibration`, which gives what comes to `logs`.
+    /// The process with `calibration` and without an estimator, which gives what comes to `logs`.
     pub fn new(calibration: Calibration, logs: Logs) -> Status {
         Status {
             calibration,
+            estimator: None,
             logs,
             input: Input {
                 counts: InputCounts::default(),
                 flowing_since: None,
-                lost: Tally::every(LOSS_REPORT_PERIOD),
-                impossible: GroupSet::default(),
+                lost: RateLimitedCounter::every(LOSS_REPORT_PERIOD),
+                implausible: GroupSet::default(),
             },
             output: Output::default(),
             events: Vec::new(),
         }
     }
 
-    /// What to publish for `dsp` at `now`.
-    pub fn translate(&self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
-        let (dsp, _) = believable(dsp);
-        translate(&dsp, &self.calibration, now)
+    /// The same with `estimator`, which is fed with every sample.
+    #[must_use]
+    pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Status {
+        self.estimator = Some(estimator);
+        self
+    }
+
+    /// What to publish for `dsp` at `now`. To be called once for each sample: the estimator goes on with it.
+    pub fn translate(&mut self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
+        let (dsp, _) = plausible(dsp);
+        let mut hero = translate(&dsp, &self.calibration, now);
+        if let Some(estimator) = &mut self.estimator {
+            hero.estimate = estimator.update(&dsp, &hero);
+        }
+        hero
     }
 
     /// Takes note of `dsp` at `now`, after what [`translate`](Self::translate) gave was published or could not be.
     pub fn record(&mut self, dsp: &DspTelemetry, outcome: Result<(), String>, now: MonotonicNs) {
         if self.input.flowing_since.replace(now).is_none() {
-            self.events.push(Event::InputBegan);
+            self.events.push(Event::InputStarted);
         }
         match outcome {
             Ok(()) => {
@@ -143,11 +158,11 @@ impl Status {
                 }
             }
         }
-        let (dsp, impossible) = believable(dsp);
-        let groups = impossible.without(self.input.impossible);
+        let (dsp, implausible) = plausible(dsp);
+        let groups = implausible.without(self.input.implausible);
         if !groups.is_empty() {
-            self.input.impossible = self.input.impossible.union(groups);
-            self.events.push(Event::InputImpossible { groups });
+            self.input.implausible = self.input.implausible.union(groups);
+            self.events.push(Event::GroupsImplausible { groups });
         }
         self.logs.record(&dsp);
     }
@@ -155,18 +170,18 @@ impl Status {
     /// Takes note of what the subscriber has counted by `now`.
     pub fn count(&mut self, counts: InputCounts, now: MonotonicNs) {
         if counts.publisher_changes > self.input.counts.publisher_changes {
-            self.events.push(Event::PublisherChanged);
+            self.events.push(Event::PublisherRestarted);
         }
         self.input.counts = counts;
         self.input.lost.set(counts.lost);
-        self.tell_losses(now);
+        self.report_losses(now);
     }
 
     /// Does what is due at `now`.
     pub fn on_time(&mut self, now: MonotonicNs) {
         let log_events = self.logs.on_time(now);
         self.events.extend(log_events.into_iter().map(Event::Log));
-        self.tell_losses(now);
+        self.report_losses(now);
         if self.input.silent_at().is_some_and(|at| at <= now) {
             self.input.flowing_since = None;
             self.events.push(Event::InputSilent);
@@ -175,8 +190,8 @@ impl Status {
 
     /// When [`on_time`](Self::on_time) wants to be called next; nothing means not before the next sample.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let tell_losses = self.input.lost.deadline();
-        [self.logs.deadline(), self.input.silent_at(), tell_losses]
+        let report_losses = self.input.lost.deadline();
+        [self.logs.deadline(), self.input.silent_at(), report_losses]
             .into_iter()
             .flatten()
             .min()
@@ -187,7 +202,7 @@ impl Status {
         std::mem::take(&mut self.events)
     }
 
-    /// Lets the logs end; the last thing to do. What their writers made of the samples is not known here.
+    /// Closes the logs; the last thing to do. How their writers end is not known here.
     pub fn finish(&mut self) -> Summary {
         self.logs.close();
         Summary {
@@ -198,10 +213,10 @@ impl Status {
         }
     }
 
-    fn tell_losses(&mut self, now: MonotonicNs) {
+    fn report_losses(&mut self, now: MonotonicNs) {
         if let Some(lost) = self.input.lost.due(now) {
-            let lost_in_all = self.input.lost.total();
-            self.events.push(Event::InputLost { lost, lost_in_all });
+            let total = self.input.lost.total();
+            self.events.push(Event::SamplesLost { lost, total });
         }
     }
 }
@@ -216,6 +231,7 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use ipc_types::TelemetryGroup;
+    use ipc_types::payload::HeroEstimate;
 
     use super::*;
     use crate::log::queue::QUEUE_SAMPLES;
@@ -232,11 +248,11 @@ mod tests {
     }
 
     /// Names of the events since the last call.
-    fn told(status: &mut Status) -> Vec<String> {
+    fn events(status: &mut Status) -> Vec<String> {
         let events = status.take_events();
         let name = |event: &Event| match event {
-            Event::InputLost { lost, lost_in_all } => format!("lost {lost} of {lost_in_all}"),
-            Event::Log(LogEvent::QueueFull { lost, .. }) => format!("log lost {lost}"),
+            Event::SamplesLost { lost, total } => format!("lost {lost} of {total}"),
+            Event::Log(LogEvent::RowsLost { lost, .. }) => format!("log lost {lost}"),
             Event::OutputFailed { reason } => reason.clone(),
             other => format!("{other:?}"),
         };
@@ -244,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn input_that_begins_stops_and_comes_back_is_told_once_each() {
+    fn input_that_starts_stops_and_comes_back_is_reported_once_each() {
         let mut status = without_logs();
         assert_eq!(
             status.deadline(),
@@ -252,23 +268,23 @@ mod tests {
             "before the first sample nothing is due"
         );
         status.on_time(after_ms(60_000));
-        assert!(told(&mut status).is_empty());
+        assert!(events(&mut status).is_empty());
 
         status.record(&sample(1, 1), Ok(()), START);
         status.record(&sample(1, 2), Ok(()), after_ms(20));
-        assert_eq!(told(&mut status), ["InputBegan"]);
+        assert_eq!(events(&mut status), ["InputStarted"]);
         assert_eq!(status.deadline(), Some(after_ms(1020)));
         status.on_time(after_ms(1019));
-        assert!(told(&mut status).is_empty());
+        assert!(events(&mut status).is_empty());
         status.on_time(after_ms(1020));
-        assert_eq!(told(&mut status), ["InputSilent"]);
+        assert_eq!(events(&mut status), ["InputSilent"]);
         assert_eq!(status.deadline(), None);
         status.record(&sample(1, 3), Ok(()), after_ms(5000));
-        assert_eq!(told(&mut status), ["InputBegan"]);
+        assert_eq!(events(&mut status), ["InputStarted"]);
     }
 
     #[test]
-    fn what_cannot_be_is_left_out_and_told_once() {
+    fn implausible_groups_are_left_out_and_reported_once() {
         let mut status = without_logs();
         let mut dsp = sample(1, 1);
         dsp.geographic.latitude_deg = f64::NAN;
@@ -282,16 +298,51 @@ mod tests {
         }
         dsp.gps_quality = 99;
         status.record(&dsp, Ok(()), START);
-        let refused = |event: &Event| match event {
-            Event::InputImpossible { groups } => Some(groups.to_string()),
+        let implausible = |event: &Event| match event {
+            Event::GroupsImplausible { groups } => Some(groups.to_string()),
             _ => None,
         };
-        let told: Vec<_> = status.take_events().iter().filter_map(refused).collect();
-        assert_eq!(told, ["geographic", "gps_quality"]);
+        let events = status.take_events();
+        let implausible: Vec<_> = events.iter().filter_map(implausible).collect();
+        assert_eq!(implausible, ["geographic", "gps_quality"]);
+    }
+
+    /// Counts the samples that it is fed with, and the groups that they have.
+    #[derive(Default)]
+    struct Counting(f64);
+
+    impl Estimator for Counting {
+        fn update(&mut self, raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate {
+            assert_eq!(u32::from(raw.valid_groups), hero.valid_groups);
+            self.0 += 1.0;
+            HeroEstimate {
+                altitude_m: self.0,
+                inputs: raw.valid_groups.into(),
+                valid: 1,
+                ..HeroEstimate::default()
+            }
+        }
     }
 
     #[test]
-    fn losses_are_told_at_once_and_then_summed_up() {
+    fn an_estimator_is_fed_with_every_plausible_sample_and_published() {
+        let mut dsp = sample(1, 1);
+        dsp.geographic.latitude_deg = f64::NAN;
+        let plausible = u32::from(!TelemetryGroup::Geographic.bit());
+        let mut status = without_logs().with_estimator(Box::new(Counting::default()));
+        for expected in [1.0, 2.0, 3.0] {
+            let estimate = status.translate(&dsp, START).estimate;
+            assert_eq!(
+                (estimate.altitude_m, estimate.inputs),
+                (expected, plausible)
+            );
+        }
+        let none = without_logs().translate(&dsp, START).estimate;
+        assert_eq!(none, HeroEstimate::default());
+    }
+
+    #[test]
+    fn losses_are_reported_at_once_and_then_summed_up() {
         let mut status = without_logs();
         let counts = |received, lost| InputCounts {
             received,
@@ -299,20 +350,20 @@ mod tests {
             publisher_changes: 0,
         };
         status.count(counts(1, 0), START);
-        assert!(told(&mut status).is_empty());
+        assert!(events(&mut status).is_empty());
         status.count(counts(2, 3), after_ms(10));
-        assert_eq!(told(&mut status), ["lost 3 of 3"]);
+        assert_eq!(events(&mut status), ["lost 3 of 3"]);
         status.count(counts(3, 4), after_ms(20));
         status.count(counts(4, 9), after_ms(30));
-        assert!(told(&mut status).is_empty());
+        assert!(events(&mut status).is_empty());
         assert_eq!(status.deadline(), Some(after_ms(5010)));
         status.on_time(after_ms(5010));
-        assert_eq!(told(&mut status), ["lost 6 of 9"]);
+        assert_eq!(events(&mut status), ["lost 6 of 9"]);
         assert_eq!(status.deadline(), None);
     }
 
     #[test]
-    fn another_bridge_is_told() {
+    fn another_bridge_is_reported() {
         let mut status = without_logs();
         let counts = InputCounts {
             publisher_changes: 1,
@@ -320,25 +371,25 @@ mod tests {
         };
         status.count(counts, START);
         status.count(counts, START);
-        assert_eq!(told(&mut status), ["PublisherChanged"]);
+        assert_eq!(events(&mut status), ["PublisherRestarted"]);
     }
 
     #[test]
-    fn an_output_that_fails_is_told_once_until_it_works_again() {
+    fn an_output_that_fails_is_reported_once_until_it_works_again() {
         let mut status = without_logs();
         let failed = || Err("no room".to_owned());
         let outcomes = [failed(), failed(), Ok(()), failed()];
         for (sequence, outcome) in (1..).zip(outcomes) {
             status.record(&sample(1, sequence), outcome, START);
         }
-        assert_eq!(told(&mut status), ["InputBegan", "no room", "no room"]);
+        assert_eq!(events(&mut status), ["InputStarted", "no room", "no room"]);
         assert_eq!(status.finish().published, 1);
     }
 
     #[test]
     fn a_log_whose_disk_hangs_never_stops_the_telemetry() {
         let mut logs = Logs::default();
-        // Nobody takes anything out.
+        // Its thread takes nothing out.
         let hanging = logs.add("log/x.tsv".to_owned());
         let mut status = Status::new(Calibration::default(), logs);
         let bound = QUEUE_SAMPLES as u64;
@@ -349,11 +400,11 @@ mod tests {
             assert_eq!(status.translate(&dsp, now).source_sequence, sequence);
             status.record(&dsp, Ok(()), now);
         }
-        assert_eq!(told(&mut status), ["InputBegan", "log lost 1"]);
+        assert_eq!(events(&mut status), ["InputStarted", "log lost 1"]);
         let summary = status.finish();
         assert_eq!(summary.published, bound + 100);
-        assert_eq!(summary.logs[0].taken, bound);
-        assert_eq!(summary.logs[0].dropped, 100);
-        assert_eq!(hanging.iter().count() as u64, bound);
+        assert_eq!(summary.logs[0].offered, bound + 100);
+        assert_eq!(summary.logs[0].refused, 100);
+        assert_eq!(hanging.waiting().count() as u64, bound);
     }
 }

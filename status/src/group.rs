@@ -3,8 +3,6 @@
 use std::fmt;
 
 use ipc_types::TelemetryGroup;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
 
 /// A set of [`TelemetryGroup`]s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -59,61 +57,9 @@ impl fmt::Display for GroupSet {
     }
 }
 
-/// A list of names, as in `groups = ["time", "attitude"]`; a name that is there twice counts once.
-impl<'de> Deserialize<'de> for GroupSet {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let named = Vec::<Named>::deserialize(deserializer)?;
-        Ok(named.into_iter().map(|Named(group)| group).collect())
-    }
-}
-
-/// A group by its name.
-struct Named(TelemetryGroup);
-
-/// All names, for errors.
-const NAMES: [&str; TelemetryGroup::ALL.len()] = {
-    let mut names = [""; TelemetryGroup::ALL.len()];
-    let mut index = 0;
-    while index < names.len() {
-        names[index] = TelemetryGroup::ALL[index].name();
-        index += 1;
-    }
-    names
-};
-
-impl<'de> Deserialize<'de> for Named {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let name = String::deserialize(deserializer)?;
-        TelemetryGroup::from_name(&name)
-            .map(Named)
-            .ok_or_else(|| D::Error::unknown_variant(&name, &NAMES))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_set_is_a_list_of_names() {
-        #[derive(Deserialize)]
-        struct Example {
-            groups: GroupSet,
-        }
-        let parse = |list: &str| {
-            let text = format!("groups = {list}");
-            runtime::config::parse::<Example>(&text, "x.toml").map(|example| example.groups)
-        };
-        for group in TelemetryGroup::ALL {
-            let groups = parse(&format!("['{}']", group.name())).unwrap();
-            assert_eq!(groups, GroupSet(group.bit()), "{group}");
-        }
-        assert_eq!(parse("[]").unwrap(), GroupSet::default());
-        let repeated = parse("['time', 'barometer', 'time']").unwrap();
-        assert_eq!(repeated, GroupSet(0x2001));
-        let error = parse("['sonnar']").unwrap_err().to_string();
-        assert!(error.contains("did you mean `sonar`?"), "{error}");
-    }
 
     #[test]
     fn sets_are_combined_and_shown() {

@@ -2,15 +2,16 @@
 //! telemetry in SI units out, and logs of chosen groups.
 //!
 //! ```text
-//! DspTelemetry ═▶ shell ─▶ core::Status ─┬▶ translate ─▶ shell ═▶ HeroTelemetry
-//!                                        └▶ log::Logs ─▶ queue ─▶ log::LogWriter ─▶ files
+//! DspTelemetry ═▶ shell ─▶ core::Status ─┬▶ translate, estimator ─▶ shell ═▶ HeroTelemetry
+//!                                        └▶ log::Logs ─▶ queue ─▶ log::writer ─▶ files
 //!                                                 (one of each for each log, in a thread of its own)
 //! ```
 //!
 //! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
-//! * [`possible`] tells which values can be: a faulty neighbour may have published any;
-//! * [`log`] writes tab-separated values, several logs at once, none of which can disturb the telemetry: neither a full
-//!   disk nor one that hangs, and every row is in a file or in the counts;
+//! * [`plausible`] finds implausible values, which a faulty neighbour may have published; [`fields`] names all values;
+//! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
+//! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a full
+//!   disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
 //! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
 //! * [`shell`] owns ports, clock, threads and the one wait; [`cli`] is the command line, [`config`] the file.
 //!
@@ -48,11 +49,13 @@ pub mod calibration;
 pub mod cli;
 pub mod config;
 pub mod core;
+pub mod estimator;
+pub mod fields;
 pub mod group;
 pub mod log;
-pub mod possible;
+pub mod plausible;
+pub mod rate_limited;
 pub mod shell;
-pub mod tally;
 #[cfg(test)]
 mod test_samples;
 #[cfg(test)]

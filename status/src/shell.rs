@@ -1,9 +1,10 @@
 //! The process around the core: ports, clock, and the one wait. It decides nothing.
 //!
-//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it, and then drains
-//! everything, whatever it was that woke it. It never touches a file: each log has a thread of its own for that.
+//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it. Then it services every
+//! source that may have woken it. It never touches a file: each log has a thread of its own for that.
 
 mod log_thread;
+mod messages;
 #[cfg(test)]
 mod tests;
 
@@ -19,12 +20,13 @@ use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
 use crate::config::Config;
-use crate::core::{Event, InputCounts, Status, Summary};
+use crate::core::{InputCounts, Status, Summary};
+use crate::estimator::Estimator;
 use crate::log::store::{FileStore, Store};
-use log_thread::{END_PATIENCE, LogThreads, tell_event};
+use log_thread::{END_TIMEOUT, LogThreads};
 
-/// How often the remains of dead processes are cleaned up, so that a bridge that was killed is noticed and its place
-/// is free for the next.
+/// How often the resources of dead processes are removed, so that a bridge that was killed is noticed and its place is
+/// free for the next.
 const CLEANING_PERIOD: Duration = Duration::from_secs(1);
 
 /// The process with its surroundings.
@@ -32,14 +34,14 @@ pub struct Shell {
     status: Status,
     log_threads: LogThreads,
     /// How long the end waits for the disks.
-    end_patience: Duration,
+    end_timeout: Duration,
     input: Subscriber<DspTelemetry>,
     output: Publisher<HeroTelemetry>,
     ipc: Ipc,
     notifier: Notifier,
     next_cleaning: MonotonicNs,
     next_watchdog: Option<MonotonicNs>,
-    /// Whether the last attempt to receive failed, so that a row of failures is told once.
+    /// Whether the last attempt to receive failed, so that a series of failures is logged once.
     input_failing: bool,
 }
 
@@ -48,7 +50,7 @@ impl Shell {
     ///
     /// # Errors
     /// Shared memory cannot be used, or another process is the status of this robot. Logs that cannot be created are
-    /// no reason: telemetry matters more.
+    /// no error: telemetry matters more.
     pub fn open(
         domain: &Domain,
         robot: RobotId,
@@ -56,6 +58,13 @@ impl Shell {
         notifier: Notifier,
     ) -> Result<Shell, Failure> {
         Shell::open_with(domain, robot, config, notifier, || FileStore)
+    }
+
+    /// The same with `estimator` in the place of the configured one.
+    #[must_use]
+    pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Shell {
+        self.status = self.status.with_estimator(estimator);
+        self
     }
 
     /// The same with another place for the files.
@@ -81,10 +90,14 @@ impl Shell {
         // Last, so that a process that cannot start leaves no files.
         let (logs, log_threads) = LogThreads::start(&config.log, robot, store);
         let now = MonotonicNs::now();
+        let mut status = Status::new(config.calibration.clone(), logs);
+        if let Some(estimator) = config.estimator.build() {
+            status = status.with_estimator(estimator);
+        }
         Ok(Shell {
-            status: Status::new(config.calibration.clone(), logs),
+            status,
             log_threads,
-            end_patience: END_PATIENCE,
+            end_timeout: END_TIMEOUT,
             input,
             output,
             ipc,
@@ -104,10 +117,10 @@ impl Shell {
         let result = self.work(termination);
         self.notifier.stopping();
         let mut summary = self.status.finish();
-        self.tell();
-        // The place in shared memory is free before the disks have answered.
+        self.log_events();
+        // Frees the place in shared memory before the disks have answered.
         drop((self.input, self.output, self.ipc));
-        self.log_threads.end(&mut summary.logs, self.end_patience);
+        self.log_threads.end(&mut summary.logs, self.end_timeout);
         result.map(|()| summary)
     }
 
@@ -120,8 +133,7 @@ impl Shell {
         while !termination.requested() {
             self.step();
             let timeout = self.deadline().since(MonotonicNs::now());
-            // Without a descriptor it sleeps on the bell. A signal ends that sleep, unless it comes just before; then
-            // the bound does, at which the waiter wakes in any case.
+            // A signal ends the wait, unless it comes just before it begins; then the safety bound ends it.
             waiter
                 .wait(
                     &[&self.input, &self.output],
@@ -134,7 +146,7 @@ impl Shell {
         Ok(())
     }
 
-    /// Drains everything and does what is due.
+    /// Services every source that may have woken us, and does what is due.
     fn step(&mut self) {
         self.output.welcome();
         self.drain();
@@ -147,7 +159,7 @@ impl Shell {
         };
         self.status.count(counts, now);
         self.status.on_time(now);
-        self.tell();
+        self.log_events();
         if self.next_cleaning <= now {
             self.next_cleaning = now + CLEANING_PERIOD;
             self.ipc.clean_dead();
@@ -158,7 +170,7 @@ impl Shell {
         }
     }
 
-    /// Publishes every sample that is there, each before it is logged.
+    /// Publishes every sample that has been received, each before it is logged.
     fn drain(&mut self) {
         let (status, output) = (&mut self.status, &mut self.output);
         let result = self.input.drain(|dsp| {
@@ -184,33 +196,9 @@ impl Shell {
             .fold(self.next_cleaning, MonotonicNs::min)
     }
 
-    fn tell(&mut self) {
+    fn log_events(&mut self) {
         for event in self.status.take_events() {
-            tell(&event);
+            messages::log(&event);
         }
-    }
-}
-
-/// Logs what happened.
-fn tell(event: &Event) {
-    match event {
-        Event::InputBegan => tracing::info!("telemetry arrives"),
-        Event::InputSilent => {
-            tracing::warn!("no telemetry: is the bridge running, and does the DSP talk?")
-        }
-        Event::PublisherChanged => tracing::info!("telemetry comes from another bridge now"),
-        Event::InputLost { lost, lost_in_all } => {
-            tracing::warn!(
-                lost,
-                lost_in_all,
-                "samples were lost on the way to this process"
-            );
-        }
-        Event::InputImpossible { groups } => tracing::warn!(
-            %groups,
-            "values that cannot be were published: these groups are left out; the bridge publishes none such"
-        ),
-        Event::OutputFailed { reason } => tracing::error!(reason, "telemetry cannot be published"),
-        Event::Log(event) => tell_event(event),
     }
 }

@@ -1,4 +1,4 @@
-//! A file system in memory that fails as it is told to, for the tests of this crate.
+//! A file system in memory that fails as a test asks for, for the tests of this crate.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,9 +7,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use crate::log::file_name::{Utc, file_name};
-use crate::log::gathered::whole_rows;
+use ipc_types::MonotonicNs;
+
+use crate::log::clock::ClockAnchor;
+use crate::log::file_name::file_name;
 use crate::log::store::{LogFile, Store};
+use crate::log::tsv::whole_rows;
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +23,7 @@ pub(crate) enum Fault {
     HalfFull,
     /// The disk is broken: nothing works.
     Broken,
-    /// The disk breaks in the middle of a write, which takes half of its bytes, and nothing can be cut off any more.
+    /// The disk breaks in the middle of a write, which takes half of its bytes, and nothing can be truncated any more.
     BreaksHalfway,
 }
 
@@ -52,10 +55,10 @@ pub(crate) enum Act {
     Prepare,
     List,
     Remove,
-    Mend,
+    TruncatePartialRow,
     Create,
     Write,
-    Cut,
+    Truncate,
     Sync,
 }
 
@@ -72,10 +75,12 @@ pub(crate) struct Disk {
     pub(crate) fault: Option<(Range<usize>, Fault)>,
     pub(crate) free_bytes: u64,
     pub(crate) unix_s: u64,
+    /// What the monotonic clock shows.
+    pub(crate) monotonic: MonotonicNs,
 }
 
 impl Disk {
-    /// Takes note of an act; says which fault it meets.
+    /// Takes note of an act; gives the fault that it meets.
     fn act(&mut self, act: Act) -> Option<Fault> {
         let index = self.acts.len();
         self.acts.push(act);
@@ -124,6 +129,7 @@ impl Default for MemoryStore {
             fault: None,
             free_bytes: u64::MAX,
             unix_s: 1_156_797_566,
+            monotonic: MonotonicNs::default(),
         })))
     }
 }
@@ -131,8 +137,12 @@ impl Default for MemoryStore {
 impl Store for MemoryStore {
     type File = MemoryFile;
 
-    fn utc(&self) -> Utc {
-        Utc::from_unix(self.0.borrow().unix_s)
+    fn clock(&self) -> ClockAnchor {
+        let disk = self.0.borrow();
+        ClockAnchor {
+            unix_ns: disk.unix_s * 1_000_000_000,
+            monotonic: disk.monotonic,
+        }
     }
 
     fn prepare(&mut self, _directory: &Path) -> io::Result<()> {
@@ -172,9 +182,9 @@ impl Store for MemoryStore {
         Ok(())
     }
 
-    fn mend(&mut self, file: &Path) -> io::Result<u64> {
+    fn truncate_partial_row(&mut self, file: &Path) -> io::Result<u64> {
         let mut disk = self.0.borrow_mut();
-        disk.check(Act::Mend)?;
+        disk.check(Act::TruncatePartialRow)?;
         let bytes = disk.files.get_mut(file).unwrap();
         let before = bytes.len();
         match whole_rows(bytes) {
@@ -213,7 +223,7 @@ impl Write for MemoryFile {
         let fault = disk.act(Act::Write);
         let taken = match fault {
             None => bytes.len(),
-            // The next write tells why.
+            // The next write fails and gives the reason.
             Some(Fault::HalfFull | Fault::BreaksHalfway) if bytes.len() > 1 => bytes.len() / 2,
             Some(fault) => return Err(fault.error()),
         };
@@ -228,9 +238,9 @@ impl Write for MemoryFile {
 }
 
 impl LogFile for MemoryFile {
-    fn cut(&mut self, bytes: u64) -> io::Result<()> {
+    fn truncate(&mut self, bytes: u64) -> io::Result<()> {
         let mut disk = self.store.0.borrow_mut();
-        disk.check(Act::Cut)?;
+        disk.check(Act::Truncate)?;
         let file = disk.files.get_mut(&self.path).unwrap();
         file.truncate(usize::try_from(bytes).unwrap());
         Ok(())

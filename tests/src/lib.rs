@@ -79,5 +79,5 @@ pub use process::Process;
 pub use pty::PtyFolder;
 pub use recording::Recording;
 pub use script::Script;
-pub use stand_in::{Answer, Received, StandInBridge, StandInStatus};
+pub use stand_in::{Answer, PortTable, Received, StandInBridge, StandInPort, StandInStatus};
 pub use watchdog::Watchdog;

@@ -14,7 +14,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use ipc_types::Domain;
+use ipc_types::{Domain, files};
 use rustix::io::Errno;
 use rustix::process::{Pid, WaitId, WaitIdOptions, kill_process, kill_process_group, waitid};
 
@@ -122,7 +122,8 @@ impl Process {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .process_group(0);
-        let mut child = match command.spawn() {
+        // It inherits the umask.
+        let mut child = match files::while_no_port_opens(|| command.spawn()) {
             Ok(child) => child,
             Err(error) => panic!("`{name}` cannot be started: {error}"),
         };

@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use ipc_types::files;
 use tempfile::TempDir;
 
 /// A folder that is removed with everything in it when this is dropped.
@@ -20,10 +21,9 @@ impl PtyFolder {
     ///
     /// When the temporary folder of the machine cannot be written.
     pub fn new() -> PtyFolder {
-        let folder = tempfile::Builder::new()
-            .prefix("ril-pty-")
-            .tempdir()
-            .expect("a temporary folder");
+        let mut builder = tempfile::Builder::new();
+        builder.prefix("ril-pty-");
+        let folder = files::while_no_port_opens(|| builder.tempdir()).expect("a temporary folder");
         PtyFolder { folder }
     }
 

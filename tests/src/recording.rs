@@ -115,7 +115,7 @@ macro_rules! columns {
     };
 }
 
-/// What every log has. Number and time of then are those of another publisher: they are not taken over.
+/// Columns of no group. Number and time of then are those of another publisher: they are not taken over.
 const ALWAYS: &[Column] = &[
     Column {
         name: "flying",
@@ -131,6 +131,22 @@ const ALWAYS: &[Column] = &[
         name: "received_ns",
         group: None,
         set: |_, text| text.parse::<u64>().is_ok(),
+    },
+    Column {
+        name: "utc",
+        group: None,
+        set: |_, _| true,
+    },
+    Column {
+        name: "dsp_errors",
+        group: None,
+        set: |sample, text| set(&mut sample.dsp_errors, text),
+    },
+    // Empty before the first error.
+    Column {
+        name: "last_dsp_error_code",
+        group: None,
+        set: |sample, text| text.is_empty() || set(&mut sample.last_dsp_error_code, text),
     },
 ];
 
@@ -214,13 +230,14 @@ fn row(columns: &[&Column], number: u32, line: &str) -> Result<DspTelemetry, Rec
 #[cfg(test)]
 mod tests {
     use status::group::GroupSet;
+    use status::log::groups::LogGroups;
     use status::log::tsv::Table;
 
     use super::*;
     use crate::Script;
 
     /// The log that status writes of `samples`.
-    fn log(groups: GroupSet, samples: &[DspTelemetry]) -> String {
+    fn log(groups: impl Into<LogGroups>, samples: &[DspTelemetry]) -> String {
         let (table, mut text) = (Table::new(groups), Vec::new());
         table.header(&mut text);
         samples
@@ -245,7 +262,7 @@ mod tests {
     #[test]
     fn every_field_of_a_log_is_read() {
         // A different number in each field, so that none can be taken for another.
-        let header = log(GroupSet::ALL, &[]);
+        let header = log(LogGroups::ALL, &[]);
         let names = header.trim_end().split('\t');
         let row: Vec<String> = (1..)
             .zip(names)
@@ -253,7 +270,7 @@ mod tests {
             .collect();
         let text = format!("{header}{}\n", row.join("\t"));
         let recording = Recording::parse(&text).unwrap();
-        let again = log(GroupSet::ALL, recording.dsp());
+        let again = log(LogGroups::ALL, recording.dsp());
         let again: Vec<&str> = again.lines().nth(1).unwrap().split('\t').collect();
         assert_eq!(again[0], row[0]);
         assert_eq!(

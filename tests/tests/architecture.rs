@@ -17,7 +17,7 @@ const ARROWS: [(&str, &[&str]); 8] = [
     ("ipc-types", &[]),
     ("runtime", &[]),
     ("bridge", &["dsp-protocol", "ipc-types", "runtime"]),
-    ("status", &["ipc-types", "runtime"]),
+    ("status", &["dsp-protocol", "ipc-types", "runtime"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
     (
         "ril",

@@ -95,8 +95,15 @@ fn bridge(domain: &Domain, port: PathBuf) -> Running {
             runtime::config::parse(BRIDGE_CONFIG, "the test's").expect("a configuration");
         config.serial.port = port;
         let ipc = join(&domain, "bridge");
-        bridge::shell::run(&config, &ipc, termination, &Notifier::from_env())
-            .expect("the bridge's loop");
+        let read_fence = || Ok(config.fence.clone());
+        bridge::shell::run(
+            &config,
+            &read_fence,
+            &ipc,
+            termination,
+            &Notifier::from_env(),
+        )
+        .expect("the bridge's loop");
     })
 }
 

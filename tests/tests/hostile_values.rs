@@ -1,7 +1,7 @@
 //! Whatever lies in shared memory, status and what it publishes stay sane, and status believes exactly what the bridge
 //! publishes. Every failure names the seed that repeats it.
 
-use bridge::line::Sample;
+use bridge::link::Sample;
 use bridge::translate::dsp_telemetry;
 use dsp_protocol::Status as DspStatus;
 use dsp_protocol::downlink::{
@@ -15,7 +15,7 @@ use ril_tests::Garbage;
 use status::calibration::Calibration;
 use status::core::{InputCounts, Status};
 use status::log::Logs;
-use status::possible::believable;
+use status::plausible::plausible;
 
 const SEEDS: u64 = 20_000;
 
@@ -219,7 +219,7 @@ fn status_believes_exactly_what_the_bridge_publishes() {
         let mut dsp = DspTelemetry::default();
         dsp_telemetry(&sample, 1, &DspErrorCounters::default(), &mut dsp);
         let refused = implausible_groups(&message).0;
-        let (_, left_out) = believable(&dsp);
+        let (_, left_out) = plausible(&dsp);
         assert_eq!(left_out.0, refused, "seed {seed}: {message:#?}");
         for group in TelemetryGroup::ALL {
             let index = group.bit().trailing_zeros() as usize;

@@ -49,6 +49,8 @@ struct Behind {
 }
 
 impl Outputs for Behind {
+    fn notice(&mut self, _: &bridge::outputs::Notice) {}
+
     fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);

@@ -11,7 +11,7 @@ use std::time::Duration;
 use dsp_protocol::{Waypoint, downlink::Geographic};
 use ipc_types::MonotonicNs;
 
-use crate::flight::path::MAX_WAYPOINTS;
+use crate::flight::assembly::MAX_WAYPOINTS;
 
 /// Half the edges of the box around a waypoint (`DELTA_DEG`, `DELTA_M`).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,16 @@ pub fn ground_distance_m(a: &Geographic, b: &Waypoint) -> f64 {
     2.0 * EARTH_RADIUS_M * haversine.clamp(0.0, 1.0).sqrt().asin()
 }
 
+/// Metres between two waypoints, along the ground and up or down.
+pub fn distance_m(a: &Waypoint, b: &Waypoint) -> f64 {
+    let from = Geographic {
+        latitude_deg: a.latitude_deg,
+        longitude_deg: a.longitude_deg,
+        altitude_m: a.altitude_m,
+    };
+    ground_distance_m(&from, b).hypot(a.altitude_m - b.altitude_m)
+}
+
 /// Watches one path being flown.
 #[derive(Clone, Debug)]
 pub struct Tracker {
@@ -86,6 +96,16 @@ impl Tracker {
     /// Waypoints seen to be reached, in order.
     pub fn reached(&self) -> usize {
         self.reached
+    }
+
+    /// All waypoints.
+    pub fn path(&self) -> &[Waypoint] {
+        &self.path
+    }
+
+    /// The waypoints that have not been reached.
+    pub fn ahead(&self) -> &[Waypoint] {
+        self.path.get(self.reached..).unwrap_or_default()
     }
 
     /// The last waypoint, the target of the path.

@@ -1,188 +1,314 @@
-//! The functionality of the module: movements from the request to the final word.
+//! The functionality of the module: movements from the request to the final report.
 //!
 //! It owns the path under assembly, the movement under way and what was last seen of the helicopter; it is given
-//! requests, events of the line and the time, and answers through the line's commands and [`Outputs`]. Whether it may
-//! work at all is the [`Manager`]'s decision.
+//! requests, events of the link and the time, and answers through the link's commands and [`Outputs`]. What the module does is
+//! one value, [`Motion`]; the published state follows from it.
 //!
-//! | activity | ends well | ends early |
+//! | motion | ends well | ends early |
 //! |---|---|---|
-//! | taking off | at the altitude, and the DSP asks for waypoints | ack error, deadline, DSP error, link lost, reboot |
-//! | following | arrival at the last waypoint | the same, and stop |
-//! | landing | on the ground | the same as taking off |
-//! | stopping | its commands are acknowledged | ack error, link lost, reboot |
+//! | taking off | the DSP's word: flow control 1, or port 10121 reads 0 in the air | refused by the DSP, ack error, time limit, DSP error, link lost, reboot, pilot |
+//! | following | at the last waypoint, and the DSP's path buffer is known to be empty | the same, stop, pre-emption, safety rule |
+//! | landing | on the ground, and port 10122 reads 0 | as taking off |
+//! | holding, stopping | the DSP's path buffer is known to be empty | ack error, link lost, reboot |
 //!
-//! Every request ends in exactly one final word. Where the DSP may be doing what nobody can see any more, the word is
+//! Every request ends in exactly one final report. Where the DSP may be doing what cannot be seen any more, it is
 //! `unknown`.
 
-pub mod activity;
 pub mod arrival;
-mod feed;
-pub mod ledger;
+pub mod assembly;
+pub mod completed;
+mod dsp_order;
+mod end;
+pub mod motion;
 mod movement;
 pub mod observation;
-pub mod path;
+pub mod parameters;
+pub mod report;
 pub mod request;
-mod stop;
+pub mod route;
+pub mod safety;
 pub mod trajectory;
 pub mod verification;
 
-use dsp_protocol::downlink::Geographic;
-use dsp_protocol::{Command, port};
+use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, Reason, Stage};
-use ipc_types::payload::{MovementState, RequestReport};
+use ipc_types::code::{ControlCommand, ImiError, Reason, Stage};
+use ipc_types::payload::{MovementState, RequestReport, SafetyState};
 
 use crate::config::BridgeConfig;
-use crate::errors::{ErrorTable, reason_of};
-use crate::line::{FlightCommand, Line, LineEvent};
-use crate::manager::{Event, Manager};
-use crate::outputs::Outputs;
-use activity::Activity;
-use arrival::Tracker;
-use ledger::Ledger;
+use crate::errors::reason_of;
+use crate::link::commands::AckData;
+use crate::link::{FlightCommand, Link, LinkEvent, Sample};
+use crate::outputs::{Notice, Outputs};
+use crate::safety::fence::Fence;
+use crate::timers::{TimerTable, timers};
+use assembly::Assembler;
+use completed::Completed;
+use motion::{Motion, PathStep, Rest, StartRefused, StopRefused};
 use observation::{Observation, known_position};
-use path::{Assembler, MAX_WAYPOINTS};
-use request::{Envelope, RequestKey};
+use parameters::ParameterRequests;
+use report::{Refusal, Verdict};
+use request::{RequestHeader, RequestKey};
+use route::Route;
+use safety::Safety;
 use trajectory::Trajectory;
-use verification::Verification;
+
+timers! {
+    /// What the flight waits for.
+    enum FlightTimer {
+        /// The next waypoint of the path under assembly.
+        Assembly,
+        /// The beginning of the movement on the DSP, or the end of a hold or stop.
+        Begin,
+        /// The end of a movement that has begun.
+        Limit,
+        /// The next look at how the movement goes on.
+        Step,
+        /// The answer to the parameter request under way.
+        Parameter,
+    }
+}
 
 /// What a step of the flight works with.
 pub struct Context<'a, O> {
     /// The present moment.
     pub now: MonotonicNs,
-    /// The line to the DSP.
-    pub line: &'a mut Line,
+    /// The link to the DSP.
+    pub link: &'a mut Link,
     /// Where reports go.
     pub out: &'a mut O,
 }
 
 /// See the module's documentation.
 #[derive(Debug)]
-pub struct Flight<T> {
+pub struct Flight {
     config: BridgeConfig,
-    manager: Manager,
-    activity: Activity,
+    motion: Motion,
     assembler: Assembler,
-    /// The requests of the waypoints of the path under assembly, and when the next waypoint must have come.
-    assembling: Vec<Envelope>,
-    assembly_deadline: Option<MonotonicNs>,
-    trajectory: T,
-    verification: Verification,
-    tracker: Tracker,
-    ledger: Ledger,
+    /// The request of the newest waypoint of the path under assembly; those before it are done.
+    newest_waypoint: Option<RequestHeader>,
+    route: Route,
+    completed: Completed,
     observation: Observation,
+    safety: Safety,
+    parameters: ParameterRequests,
     movement: MovementState,
+    timers: TimerTable<FlightTimer>,
+    /// The error of the last control request that was refused, until the module's motion changes or a request is accepted.
+    refusal: ImiError,
     refused_requests: u32,
-    transcended: u32,
+    escalated: u32,
+    /// The bridge is ending: no request is taken any more.
+    is_ending: bool,
+    is_changed: bool,
 }
 
-impl<T: Trajectory> Flight<T> {
+impl Flight {
     /// A module that waits for its start.
-    pub fn new(config: &BridgeConfig, trajectory: T) -> Self {
+    pub fn new(config: &BridgeConfig, trajectory: Box<dyn Trajectory>) -> Self {
         Flight {
             config: config.clone(),
-            manager: Manager::default(),
-            activity: Activity::AtRest,
+            motion: Motion::Idle(Rest::Waiting(ImiError::None)),
             assembler: Assembler::new(),
-            assembling: Vec::with_capacity(MAX_WAYPOINTS),
-            assembly_deadline: None,
-            trajectory,
-            verification: Verification::begin(),
-            ledger: Ledger::new(),
-            tracker: Tracker::new(config.arrival.tolerance(), config.arrival.dwell()),
-            observation: Observation::new(config.link.silent_after()),
+            newest_waypoint: None,
+            route: Route::new(&config.arrival, trajectory),
+            completed: Completed::new(),
+            observation: Observation::default(),
+            safety: Safety::new(config),
+            parameters: ParameterRequests::new(),
             movement: MovementState::default(),
+            timers: TimerTable::new(),
+            refusal: ImiError::None,
             refused_requests: 0,
-            transcended: 0,
+            escalated: 0,
+            is_ending: false,
+            is_changed: true,
         }
     }
 
-    /// Takes an event of the line.
-    pub fn line_event<O: Outputs>(&mut self, event: &LineEvent, cx: &mut Context<'_, O>) {
+    /// Takes an event of the link.
+    pub fn link_event<O: Outputs>(&mut self, event: &LinkEvent, cx: &mut Context<'_, O>) {
         match event {
-            LineEvent::Ready => {}
-            LineEvent::Sample(sample) => {
-                self.observation.take(sample);
-                let position = known_position(&sample.status);
-                self.watch_arrival(position, sample.status.flying, cx);
+            LinkEvent::Ready => {}
+            LinkEvent::Sample(sample) => self.sample(sample, cx),
+            LinkEvent::Grant => self.granted(cx),
+            LinkEvent::PathEmptied => self.path_emptied(cx),
+            LinkEvent::PathNotEmptied => self.path_not_emptied(cx),
+            LinkEvent::Delivered(command, data) => self.delivered(*command, *data, cx),
+            LinkEvent::Undelivered(command) => self.undelivered(*command, cx),
+            LinkEvent::PathDropped => self.path_dropped(cx),
+            LinkEvent::DspError { code, starting } => self.dsp_error(*code, *starting, cx),
+            LinkEvent::Rebooted => {
+                self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx);
             }
-            LineEvent::Grant => self.granted(cx),
-            LineEvent::Delivered(command) => self.delivered(*command, cx),
-            LineEvent::WaypointCount(count) => self.waypoints_counted(*count, cx),
-            LineEvent::MovementConfirmed(true) => {}
-            LineEvent::MovementConfirmed(false) => self.refused_by_dsp(cx),
-            LineEvent::Undelivered(command) => self.undelivered(*command, cx),
-            LineEvent::DspError { code, starting } => {
-                if let (Some(error), false) = (self.errors().transcends(*code), *starting) {
-                    self.fatal(error, reason_of(error), cx);
-                }
+            LinkEvent::Lost => {
+                let error = ImiError::CommunicationFatalError;
+                self.dsp_vanished(error, Reason::CommunicationFatalError, cx);
             }
-            LineEvent::Rebooted => {
-                self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx)
+            LinkEvent::ParameterRefused { written, found } => {
+                cx.out.notice(&Notice::ParameterRefused {
+                    written: *written,
+                    found: *found,
+                });
             }
-            LineEvent::Lost => {
-                self.dsp_vanished(
-                    ImiError::CommunicationFatalError,
-                    Reason::CommunicationFatalError,
-                    cx,
-                );
+            LinkEvent::OddStatus { groups } => {
+                cx.out.notice(&Notice::OddStatus { groups: *groups });
             }
         }
     }
 
-    /// Handles every deadline that has passed.
-    pub fn expire<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        if self
-            .assembly_deadline
-            .is_some_and(|deadline| cx.now >= deadline)
-        {
-            self.break_path(Reason::DeadlineExpired, cx);
+    /// Handles the next deadline that has passed; false when none has.
+    pub fn expire<O: Outputs>(&mut self, cx: &mut Context<'_, O>) -> bool {
+        let Some(timer) = self.timers.expired(cx.now) else {
+            return false;
+        };
+        match timer {
+            FlightTimer::Assembly => self.break_path(Reason::DeadlineExpired, cx),
+            FlightTimer::Begin => self.begin_expired(cx),
+            FlightTimer::Limit => {
+                self.fatal(ImiError::MovementTimeout, Reason::MovementTimeout, cx);
+            }
+            FlightTimer::Step => self.step_due(cx),
+            FlightTimer::Parameter => self.parameter_expired(cx),
         }
-        if let Some(order) = self.activity.order().copied()
-            && cx.now >= order.deadline
-        {
-            let reason = if order.begun {
-                Reason::MovementTimeout
-            } else {
-                Reason::DeadlineExpired
-            };
-            self.fatal(ImiError::MovementTimeout, reason, cx);
-        }
+        true
     }
 
     /// When [`Flight::expire`] has something to do.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let order = self.activity.order().map(|order| order.deadline);
-        [self.assembly_deadline, order].into_iter().flatten().min()
+        self.timers.next()
+    }
+
+    /// Takes a control request, or the reason why it cannot be one.
+    pub fn control_request<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        control: Result<ControlCommand, Reason>,
+        cx: &mut Context<'_, O>,
+    ) {
+        if !self.is_new(header, cx) {
+            return;
+        }
+        let outcome = control
+            .map_err(Refusal::from)
+            .and_then(|control| match control {
+                ControlCommand::Start => self.start(header, cx),
+                ControlCommand::Stop => self.stop(header, cx),
+                // The shell reads the configuration and calls `new_fence`.
+                ControlCommand::ReloadFence => Err(Reason::InvalidFence.into()),
+            });
+        if let Err(refusal) = outcome {
+            self.refuse(header, &refusal, cx);
+        }
+    }
+
+    fn start<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        cx: &mut Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        if !cx.link.is_up() {
+            return Err(Reason::LinkDown.into());
+        }
+        let rest = motion::start(&self.motion).map_err(|refused| match refused {
+            StartRefused::Busy => Refusal::from(Reason::Busy),
+            StartRefused::Running => refusal_of(ImiError::ModuleRunningToRestartStopItBefore),
+        })?;
+        self.change_motion(Motion::Idle(rest));
+        self.report(header, &Verdict::DONE, cx);
+        Ok(())
+    }
+
+    fn stop<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        cx: &mut Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        let then = motion::stop(&self.motion).map_err(|refused| match refused {
+            StopRefused::Busy => Refusal::from(Reason::Busy),
+            StopRefused::UnableToAbort => refusal_of(ImiError::ImpossibleToStopModule),
+        })?;
+        self.break_path(Reason::Stopped, cx);
+        self.give_up_movement(&Verdict::aborted(Reason::Stopped), then, cx);
+        if !cx.link.is_up() {
+            // This side is empty now. The link empties the DSP's path buffer as soon as it can.
+            self.change_motion(Motion::Idle(then));
+            self.report(header, &Verdict::aborted(Reason::LinkDown), cx);
+            return Ok(());
+        }
+        self.change_motion(Motion::Stopping {
+            requester: *header,
+            errors_cleared: false,
+            then,
+        });
+        self.timers
+            .arm(FlightTimer::Begin, cx.now + header.begin_within);
+        self.report(header, &Verdict::ACCEPTED, cx);
+        cx.link.forget_path();
+        if !self.clear_errors(cx) {
+            self.undelivered(FlightCommand::ClearErrors, cx);
+        }
+        Ok(())
     }
 
     /// The sender of a request is gone. A path that it was still sending is broken; a movement goes on to its end,
     /// which is a hover or the ground.
     pub fn sender_gone<O: Outputs>(&mut self, key: RequestKey, cx: &mut Context<'_, O>) {
-        if self.assembling.iter().any(|envelope| envelope.key == key) {
+        if self.newest_waypoint.is_some_and(|newest| newest.key == key) {
             self.break_path(Reason::PathBroken, cx);
         }
     }
 
-    /// The bridge is ending: every open request gets its final word.
+    /// The bridge is about to end: a path is ended, and no request is taken any more. The DSP's path buffer is being emptied.
+    pub fn wind_down<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        self.is_ending = true;
+        self.break_path(Reason::BridgeEnding, cx);
+        if let Motion::Following(_) | Motion::Holding { .. } = self.motion {
+            self.give_up_movement(&Verdict::aborted(Reason::BridgeEnding), Rest::Ready, cx);
+        }
+    }
+
+    /// The bridge is ending: every open request gets its final report.
     pub fn close<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
         // The helicopter goes on with what it was told; nobody will see how it ends.
-        self.finish_activity(Stage::Unknown, Reason::BridgeEnding, ImiError::None, cx);
+        let verdict = Verdict::ended(Stage::Unknown, Reason::BridgeEnding, ImiError::None);
+        match self.motion {
+            Motion::Idle(_) => {}
+            Motion::Stopping { then, .. } => self.finish(&verdict, then, cx),
+            _ => self.finish(&verdict, Rest::Ready, cx),
+        }
+        self.end_parameter_requests(Reason::BridgeEnding, cx);
     }
 
-    /// The module's state machine.
-    pub fn manager(&self) -> &Manager {
-        &self.manager
+    /// The geofence of the configuration was read again, or could not be.
+    pub fn new_fence<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        fence: Result<Fence, Reason>,
+        cx: &mut Context<'_, O>,
+    ) {
+        if !self.is_new(header, cx) {
+            return;
+        }
+        match fence {
+            Ok(fence) => {
+                self.safety.set_fence(fence);
+                self.report(header, &Verdict::DONE, cx);
+                self.check_path_under_way(cx);
+            }
+            Err(reason) => self.refuse(header, &reason.into(), cx),
+        }
     }
 
-    /// What the functionality is doing.
-    pub fn activity(&self) -> &Activity {
-        &self.activity
+    /// What the module does.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
     }
 
     /// Whether a path is under assembly.
-    pub fn receiving_path(&self) -> bool {
+    pub fn is_receiving_path(&self) -> bool {
         self.assembler.open_path().is_some()
     }
 
@@ -191,16 +317,27 @@ impl<T: Trajectory> Flight<T> {
         &self.movement
     }
 
+    /// The error that the state shows: why a control request was refused, or why the module rests.
+    pub fn error(&self) -> ImiError {
+        if self.refusal == ImiError::None {
+            self.motion.error()
+        } else {
+            self.refusal
+        }
+    }
+
+    /// The safety rules as they stand.
+    pub fn safety_state(&self, now: MonotonicNs) -> SafetyState {
+        self.safety.published(&self.observation, now)
+    }
+
     /// Horizontal distance from the last known position to the last waypoint of the path being flown, m.
     pub fn distance_to_go_m(&self, now: MonotonicNs) -> Option<f64> {
-        let Activity::Following { .. } = self.activity else {
+        let Motion::Following(_) = self.motion else {
             return None;
         };
         let position = self.observation.position(now)?;
-        Some(arrival::ground_distance_m(
-            &position,
-            self.tracker.target()?,
-        ))
+        Some(arrival::ground_distance_m(&position, self.route.target()?))
     }
 
     /// Requests refused so far.
@@ -208,230 +345,254 @@ impl<T: Trajectory> Flight<T> {
         self.refused_requests
     }
 
-    /// DSP errors that ended the functionality so far.
-    pub fn transcended(&self) -> u32 {
-        self.transcended
+    /// Errors that ended the functionality so far.
+    pub fn escalated(&self) -> u32 {
+        self.escalated
     }
 
-    fn errors(&self) -> &ErrorTable {
-        &self.config.errors
+    /// Whether the published state changed since the last time; asking resets it.
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.is_changed)
     }
 
-    fn watch_arrival<O: Outputs>(
-        &mut self,
-        position: Option<Geographic>,
-        flying: bool,
-        cx: &mut Context<'_, O>,
-    ) {
-        let arrived = match (&mut self.activity, position) {
-            (Activity::Following { .. }, Some(position)) => {
-                let sent = self.movement.waypoints_sent as usize;
-                let before = self.tracker.reached();
-                let arrived = self.tracker.observe(cx.now, &position, sent);
-                self.movement.waypoints_reached = self.tracker.reached() as u32;
-                if !arrived && self.tracker.reached() != before {
-                    self.progress(cx);
+    fn sample<O: Outputs>(&mut self, sample: &Sample, cx: &mut Context<'_, O>) {
+        self.observation.take(sample, cx.link.status_fresh_for());
+        match self.motion {
+            Motion::Following(_) => {
+                if let Some(position) = known_position(&sample.status) {
+                    self.watch_arrival(&position, cx);
                 }
-                arrived
             }
-            (
-                Activity::TakingOff {
-                    target_altitude_m,
-                    at_altitude,
-                    ..
-                },
-                Some(position),
-            ) => {
-                let tolerance_m = self.config.arrival.altitude_m;
-                *at_altitude =
-                    flying && (position.altitude_m - *target_altitude_m).abs() <= tolerance_m;
-                false
+            Motion::TakingOff(_) | Motion::Landing(_) => {
+                self.watch_dsp_order(sample.status.flying, cx);
             }
-            (Activity::Landing { order }, _) => order.begun && !flying,
-            _ => false,
-        };
-        if arrived {
-            self.movement_ended(cx);
+            Motion::Idle(_) | Motion::Holding { .. } | Motion::Stopping { .. } => {}
         }
+        self.enforce_safety(cx);
     }
 
     /// Flow control: the DSP asks for a waypoint, which it does only when it flies and neither takes off nor lands.
     fn granted<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        match self.activity {
-            Activity::TakingOff {
-                order, at_altitude, ..
-            } if order.begun && at_altitude => {
-                self.movement_ended(cx);
-            }
-            Activity::Following { .. } => self.send_waypoint(cx),
-            _ => {}
+        match self.motion {
+            Motion::TakingOff(_) | Motion::Landing(_) => self.granted_in_dsp_order(cx),
+            Motion::Following(_) => self.send_waypoint(cx),
+            Motion::Idle(_) | Motion::Holding { .. } | Motion::Stopping { .. } => {}
         }
     }
 
-    /// The DSP has the order. That it arrived does not say that it is carried out: the port tells.
-    fn ordered<O: Outputs>(&mut self, port: u16, cx: &mut Context<'_, O>) {
-        self.movement_begun(cx);
-        self.progress(cx);
-        let confirm = Command::Read16 { port };
-        if cx
-            .line
-            .command(confirm, FlightCommand::ConfirmMovement)
-            .is_err()
-        {
-            self.undelivered(FlightCommand::ConfirmMovement, cx);
-        }
-    }
-
-    /// The DSP does not do what it was ordered to. Nothing is under way, so the next order may come.
-    fn refused_by_dsp<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        if self.activity.unable_to_abort() {
-            self.manager.handle(Event::MovementEnded);
-            self.finish_activity(Stage::Aborted, Reason::RefusedByDsp, ImiError::None, cx);
-        }
-    }
-
-    fn movement_ended<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        self.manager.handle(Event::MovementEnded);
-        self.finish_activity(Stage::Done, Reason::None, ImiError::None, cx);
-    }
-
-    /// Gives the final word to whoever waits for the present activity, and rests.
-    fn finish_activity<O: Outputs>(
+    fn delivered<O: Outputs>(
         &mut self,
-        stage: Stage,
-        reason: Reason,
-        error: ImiError,
+        command: FlightCommand,
+        data: AckData,
         cx: &mut Context<'_, O>,
     ) {
-        let activity = std::mem::replace(&mut self.activity, Activity::AtRest);
-        self.trajectory.clear();
-        let envelope = match activity {
-            Activity::Stopping { requester } => requester,
-            _ => activity.order().map(|order| order.envelope),
-        };
-        if let Some(envelope) = envelope {
-            self.report(&envelope, stage, reason, error, cx);
+        match command {
+            FlightCommand::WriteTakeOffAltitude
+            | FlightCommand::ReadTakeOffAltitude
+            | FlightCommand::TakeOff
+            | FlightCommand::Land
+            | FlightCommand::ReadMovement => self.dsp_order_delivered(command, data, cx),
+            FlightCommand::CountWaypoints => {
+                if let AckData::Bits16(count) = data {
+                    self.waypoints_counted(count, cx);
+                }
+            }
+            FlightCommand::ClearErrors => {
+                if let Motion::Stopping { errors_cleared, .. } = &mut self.motion {
+                    *errors_cleared = true;
+                    self.stop_if_done(cx);
+                }
+            }
+            FlightCommand::Parameter => self.parameter_delivered(data, cx),
         }
+    }
+
+    fn dsp_error<O: Outputs>(
+        &mut self,
+        code: DspErrorCode,
+        starting: bool,
+        cx: &mut Context<'_, O>,
+    ) {
+        cx.out.notice(&Notice::DspError { code, starting });
+        if starting {
+            return;
+        }
+        if let Some(error) = self.config.errors.escalates(code) {
+            return self.fatal(error, reason_of(error), cx);
+        }
+        if code == DspErrorCode::INVALID_COMMAND {
+            self.dsp_refused_something(cx);
+        }
+    }
+
+    /// Error 30: the DSP refused a command, a port's value or a waypoint. Which one, the movement under way knows.
+    fn dsp_refused_something<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        match self.motion {
+            Motion::TakingOff(_) | Motion::Landing(_) => self.dsp_order_refused(cx),
+            Motion::Following(_) => self.waypoint_refused(cx),
+            Motion::Idle(_) | Motion::Holding { .. } | Motion::Stopping { .. } => {}
+        }
+    }
+
+    fn path_emptied<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        match self.motion {
+            Motion::Following(following) => match following.step {
+                PathStep::AwaitingEmpty => self.begin_feed(cx),
+                PathStep::Finishing => self.finish(&Verdict::DONE, Rest::Done, cx),
+                PathStep::Ready | PathStep::Flying | PathStep::Settling => {}
+            },
+            Motion::Holding { .. } => self.finish(&Verdict::DONE, Rest::Done, cx),
+            Motion::Stopping { .. } => self.stop_if_done(cx),
+            Motion::Idle(_) | Motion::TakingOff(_) | Motion::Landing(_) => {}
+        }
+    }
+
+    fn stop_if_done<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        let is_empty = cx.link.path() == crate::link::dsp_path::DspPath::Empty;
+        if let Motion::Stopping {
+            errors_cleared: true,
+            then,
+            ..
+        } = self.motion
+            && is_empty
+        {
+            self.finish(&Verdict::DONE, then, cx);
+        }
+    }
+
+    /// Queues the emptying of the DSP's error queue; false when there is no room.
+    fn clear_errors<O>(&self, cx: &mut Context<'_, O>) -> bool {
+        cx.link.has(FlightCommand::ClearErrors)
+            || cx
+                .link
+                .command(Command::ClearErrors, FlightCommand::ClearErrors)
+                .is_ok()
+    }
+
+    /// Gives the final report to the sender of the present motion's request, and rests.
+    fn finish<O: Outputs>(&mut self, verdict: &Verdict, rest: Rest, cx: &mut Context<'_, O>) {
+        let requester = self.motion.requester().copied();
+        let then = match self.motion.order() {
+            Some(order) if verdict.stage == Stage::Done => order.then,
+            _ => rest,
+        };
+        self.route.clear();
+        self.change_motion(Motion::Idle(then));
+        if let Some(requester) = requester {
+            self.report(&requester, verdict, cx);
+        }
+    }
+
+    /// The one place where the motion changes as a whole; its timers go with it.
+    fn change_motion(&mut self, motion: Motion) {
+        self.motion = motion;
+        for timer in [FlightTimer::Begin, FlightTimer::Limit, FlightTimer::Step] {
+            self.timers.stop(timer);
+        }
+        self.refusal = ImiError::None;
+        self.is_changed = true;
     }
 
     fn progress<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        if let Some(order) = self.activity.order().copied() {
-            self.report(
-                &order.envelope,
-                Stage::Progress,
-                Reason::None,
-                ImiError::None,
-                cx,
-            );
+        self.is_changed = true;
+        if let Some(requester) = self.motion.requester().copied() {
+            self.report(&requester, &Verdict::PROGRESS, cx);
         }
     }
 
     fn refuse<O: Outputs>(
         &mut self,
-        envelope: &Envelope,
-        reason: Reason,
-        error: ImiError,
+        header: &RequestHeader,
+        refusal: &Refusal,
         cx: &mut Context<'_, O>,
     ) {
         self.refused_requests = self.refused_requests.saturating_add(1);
-        self.report(envelope, Stage::Refused, reason, error, cx);
+        if refusal.error != ImiError::None {
+            self.refusal = refusal.error;
+        }
+        self.is_changed = true;
+        self.report(header, &refusal.verdict(), cx);
     }
 
     fn report<O: Outputs>(
         &mut self,
-        envelope: &Envelope,
-        stage: Stage,
-        reason: Reason,
-        error: ImiError,
+        header: &RequestHeader,
+        verdict: &Verdict,
         cx: &mut Context<'_, O>,
     ) {
+        if verdict.stage == Stage::Accepted {
+            self.refusal = ImiError::None;
+        }
         // The counts belong to the movement of this request, or to the path that its waypoint lies in.
-        let own = envelope.request_id == self.movement.request_id
-            && envelope.path_id == self.movement.path_id;
+        let own = header.request_id == self.movement.request_id
+            && header.path_id == self.movement.path_id;
         let counts = if own {
             self.movement
         } else {
-            MovementState::default()
+            MovementState {
+                waypoints_total: self.assembler.waypoints().len() as u32,
+                ..MovementState::default()
+            }
         };
-        let total = if own {
-            counts.waypoints_total
-        } else {
-            self.assembler.waypoints().len() as u32
-        };
-        let report = RequestReport {
-            request_id: envelope.request_id,
-            path_id: envelope.path_id,
+        let mut report = RequestReport {
+            request_id: header.request_id,
+            path_id: header.path_id,
             reported_ns: cx.now.0,
-            stage: stage.code(),
-            reason: reason.code(),
-            imi_error: error.code(),
-            waypoints_total: total,
+            waypoints_total: counts.waypoints_total,
             waypoints_sent: counts.waypoints_sent,
             waypoints_reached: counts.waypoints_reached,
             ..RequestReport::default()
         };
-        if stage.is_final() {
-            self.ledger.note(&report);
+        verdict.write(&mut report);
+        if verdict.stage.is_final() {
+            self.completed.note(&report);
         }
-        cx.out.report(envelope.key, &report);
+        cx.out.report(header.key, &report);
     }
 
     /// Whether this request may be executed. One that was asked before is answered here, and never executed twice.
-    fn is_new<O: Outputs>(&mut self, envelope: &Envelope, cx: &mut Context<'_, O>) -> bool {
-        if let Some(report) = self.ledger.final_word(envelope.request_id) {
+    fn is_new<O: Outputs>(&mut self, header: &RequestHeader, cx: &mut Context<'_, O>) -> bool {
+        if let Some(report) = self.completed.report_of(header.request_id) {
             let report = RequestReport {
                 reported_ns: cx.now.0,
                 ..*report
             };
-            cx.out.report(envelope.key, &report);
+            cx.out.report(header.key, &report);
             return false;
         }
-        let refusal = if envelope.request_id == 0 {
+        let refusal = if header.request_id == 0 {
             (Stage::Refused, Reason::InvalidRequest)
-        } else if self.is_open(envelope.request_id) {
+        } else if self.is_open(header.request_id) {
             (Stage::Refused, Reason::Busy)
-        } else if envelope.repeat {
+        } else if header.repeat {
             (Stage::Unknown, Reason::NotRemembered)
+        } else if self.is_ending {
+            (Stage::Refused, Reason::BridgeEnding)
         } else {
             return true;
         };
-        // Not through the ledger: this is not the word for the request that was asked first.
+        // Not remembered: this is not the final report of the request that was asked first.
         let report = RequestReport {
-            request_id: envelope.request_id,
-            path_id: envelope.path_id,
+            request_id: header.request_id,
+            path_id: header.path_id,
             reported_ns: cx.now.0,
             ..RequestReport::new(refusal.0, refusal.1)
         };
         self.refused_requests = self.refused_requests.saturating_add(1);
-        cx.out.report(envelope.key, &report);
+        cx.out.report(header.key, &report);
         false
     }
 
-    /// Whether a request with this id has not had its final word.
+    /// Whether a request with this id has not had its final report.
     fn is_open(&self, request_id: u64) -> bool {
-        let stopping = match &self.activity {
-            Activity::Stopping { requester } => requester.as_ref(),
-            _ => None,
-        };
-        let under_way = self.activity.order().map(|order| &order.envelope);
-        self.assembling
+        self.newest_waypoint
             .iter()
-            .chain(under_way)
-            .chain(stopping)
-            .any(|envelope| envelope.request_id == request_id)
+            .chain(self.motion.requester())
+            .chain(self.parameters.open())
+            .any(|header| header.request_id == request_id)
     }
+}
 
-    fn delivered<O: Outputs>(&mut self, command: FlightCommand, cx: &mut Context<'_, O>) {
-        match command {
-            FlightCommand::TakeOffAltitude
-            | FlightCommand::InvalidatePath
-            | FlightCommand::CountWaypoints
-            | FlightCommand::ConfirmMovement => {}
-            FlightCommand::TakeOff => self.ordered(port::TAKE_OFF, cx),
-            FlightCommand::Land => self.ordered(port::LAND, cx),
-            FlightCommand::ClearErrors => {
-                self.finish_activity(Stage::Done, Reason::None, ImiError::None, cx)
-            }
-        }
-    }
+fn refusal_of(error: ImiError) -> Refusal {
+    Refusal::with_error(reason_of(error), error)
 }

@@ -1,246 +1,240 @@
-//! Movements: take-off, landing, and paths from their waypoints to the DSP.
+//! Movements that the bridge forms: paths from their waypoints to the DSP, holding, and what begins each movement.
 
+use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
-use dsp_protocol::{Command, port};
-use ipc_types::code::{ImiError, MovementKind, Reason, Stage};
+use ipc_types::code::{MovementKind, Reason};
 use ipc_types::payload::MovementState;
 
-use super::activity::{Activity, Order};
 use super::arrival::ground_distance_m;
-use super::path::{Outcome, Segment};
-use super::request::{Envelope, Movement};
-use super::trajectory::Trajectory;
-use super::{Context, Flight};
-use crate::line::FlightCommand;
-use crate::manager::Event;
+use super::assembly::{Outcome, Segment};
+use super::motion::{Following, Motion, Order, PathStep, Rest};
+use super::report::{Refusal, Verdict};
+use super::request::{Movement, RequestHeader};
+use super::{Context, Flight, FlightTimer};
+use crate::link::dsp_path::DspPath;
 use crate::outputs::Outputs;
 
-impl<T: Trajectory> Flight<T> {
+impl Flight {
     /// Takes a movement request, or the reason why it cannot be one.
     pub fn movement_request<O: Outputs>(
         &mut self,
-        envelope: &Envelope,
+        header: &RequestHeader,
         movement: Result<Movement, Reason>,
         cx: &mut Context<'_, O>,
     ) {
-        if !self.is_new(envelope, cx) {
+        if !self.is_new(header, cx) {
             return;
         }
-        let outcome = movement.and_then(|movement| match movement {
-            Movement::TakeOff { altitude_m } => self.take_off(envelope, altitude_m, cx),
-            Movement::Land => self.land(envelope, cx),
-            Movement::Waypoint(segment) => self.waypoint(envelope, &segment, cx),
+        let outcome = movement.map_err(Refusal::from).and_then(|movement| {
+            self.safety
+                .check_movement(&movement, &self.observation, cx.now)?;
+            match movement {
+                Movement::TakeOff { altitude_m } => self.take_off(header, altitude_m, cx),
+                Movement::Land => self.land(header, cx),
+                Movement::Hold => self.hold(header, cx),
+                Movement::Waypoint(segment) => self.waypoint(header, &segment, cx),
+            }
         });
-        if let Err(reason) = outcome {
+        if let Err(refusal) = outcome {
             // A path with a hole is never flown: a refused waypoint takes its open path along.
-            let belongs_to_open_path = self.assembler.open_path() == Some(envelope.path_id);
+            let belongs_to_open_path = self.assembler.open_path() == Some(header.path_id);
             if belongs_to_open_path {
                 self.break_path(Reason::PathBroken, cx);
             }
-            self.refuse(envelope, reason, ImiError::None, cx);
+            self.refuse(header, &refusal, cx);
         }
     }
 
-    /// What every movement needs: a started module at rest, and a DSP that listens.
-    fn ready_to_move<O>(&self, cx: &Context<'_, O>) -> Result<(), Reason> {
-        if self.manager.blocked() {
-            Err(Reason::NotStarted)
-        } else if !cx.line.is_up() {
-            Err(Reason::LinkDown)
-        } else if self.activity != Activity::AtRest {
-            Err(Reason::Busy)
-        } else {
-            Ok(())
-        }
-    }
-
-    fn known_position<O>(&self, cx: &Context<'_, O>) -> Result<Geographic, Reason> {
-        self.observation.position(cx.now).ok_or(Reason::NoPosition)
-    }
-
-    fn known_flying<O>(&self, cx: &Context<'_, O>) -> Result<bool, Reason> {
-        self.observation.flying(cx.now).ok_or(Reason::NoPosition)
-    }
-
-    fn take_off<O: Outputs>(
-        &mut self,
-        envelope: &Envelope,
-        altitude_m: f32,
-        cx: &mut Context<'_, O>,
-    ) -> Result<(), Reason> {
-        self.ready_to_move(cx)?;
-        if self.known_flying(cx)? {
-            return Err(Reason::AlreadyFlying);
-        }
-        let position = self.known_position(cx)?;
-        self.order(
-            cx,
-            &[
-                (
-                    Command::Write32 {
-                        port: port::TAKE_OFF_ALTITUDE_M,
-                        value: altitude_m,
-                    },
-                    FlightCommand::TakeOffAltitude,
-                ),
-                (write_one(port::TAKE_OFF), FlightCommand::TakeOff),
-            ],
-        )?;
-        let target_altitude_m = position.altitude_m + f64::from(altitude_m);
-        self.begin(envelope, MovementKind::TakeOff, 0, cx, |order| {
-            Activity::TakingOff {
-                order,
-                target_altitude_m,
-                at_altitude: false,
-            }
-        });
-        Ok(())
-    }
-
-    fn land<O: Outputs>(
-        &mut self,
-        envelope: &Envelope,
-        cx: &mut Context<'_, O>,
-    ) -> Result<(), Reason> {
-        self.ready_to_move(cx)?;
-        if !self.known_flying(cx)? {
-            return Err(Reason::NotFlying);
-        }
-        self.order(cx, &[(write_one(port::LAND), FlightCommand::Land)])?;
-        self.begin(envelope, MovementKind::Land, 0, cx, |order| {
-            Activity::Landing { order }
-        });
-        Ok(())
-    }
-
-    /// Queues the commands of a movement: all of them, or none.
-    fn order<O>(
+    /// What every movement needs: a started module, a DSP that listens, and no movement under way but one that it may
+    /// pre-empt (requirements D6, H6).
+    pub(super) fn ready_to_move<O>(
         &self,
-        cx: &mut Context<'_, O>,
-        commands: &[(Command, FlightCommand)],
-    ) -> Result<(), Reason> {
-        for (command, purpose) in commands {
-            if cx.line.command(*command, *purpose).is_err() {
-                cx.line.forget_flight();
-                return Err(Reason::TooManyRequests);
-            }
+        preempt: bool,
+        cx: &Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        if self.motion.is_blocked() {
+            return Err(Reason::NotStarted.into());
         }
+        if !cx.link.is_up() {
+            return Err(Reason::LinkDown.into());
+        }
+        match self.motion {
+            Motion::Idle(_) => Ok(()),
+            Motion::Following(_) | Motion::Holding { .. } if preempt => Ok(()),
+            _ => Err(Reason::Busy.into()),
+        }
+    }
+
+    pub(super) fn known_position<O>(&self, cx: &Context<'_, O>) -> Result<Geographic, Refusal> {
+        let position = self.observation.position(cx.now);
+        Ok(position.ok_or(Reason::NoPosition)?)
+    }
+
+    pub(super) fn known_flying<O>(&self, cx: &Context<'_, O>) -> Result<bool, Refusal> {
+        let flying = self.observation.flying(cx.now);
+        Ok(flying.ok_or(Reason::NoPosition)?)
+    }
+
+    /// Ends the path or the hold under way, because another movement takes its place.
+    pub(super) fn pre_empt<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        if let Motion::Following(_) | Motion::Holding { .. } = self.motion {
+            self.give_up_movement(&Verdict::aborted(Reason::Replaced), Rest::Ready, cx);
+        }
+    }
+
+    /// The helicopter hovers where it is, and the module stays started.
+    fn hold<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        cx: &mut Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        if self.motion.unable_to_abort() {
+            return Err(Reason::UnableToAbort.into());
+        }
+        self.ready_to_move(true, cx)?;
+        self.pre_empt(cx);
+        cx.link.forget_path();
+        let motion = Motion::Holding {
+            order: Order::of(*header),
+        };
+        self.begin(Some(header), MovementKind::Hold, 0, motion, cx);
         Ok(())
     }
 
     /// Begins a movement. Another one that was still being sent, waypoint by waypoint, is thereby given up.
-    fn begin<O: Outputs>(
+    pub(super) fn begin<O: Outputs>(
         &mut self,
-        envelope: &Envelope,
+        requester: Option<&RequestHeader>,
         kind: MovementKind,
         waypoints: usize,
+        motion: Motion,
         cx: &mut Context<'_, O>,
-        activity: impl FnOnce(Order) -> Activity,
     ) {
         self.break_path(Reason::PathReplaced, cx);
-        self.activity = activity(Order {
-            envelope: *envelope,
-            begun: false,
-            deadline: cx.now + envelope.begin_within,
-        });
+        self.change_motion(motion);
         self.movement = MovementState {
-            request_id: envelope.request_id,
-            path_id: envelope.path_id,
+            request_id: requester.map_or(0, |header| header.request_id),
+            path_id: requester.map_or(0, |header| header.path_id),
             kind: kind.code(),
             waypoints_total: waypoints as u32,
             ..MovementState::default()
         };
-        self.manager.handle(Event::MovementBegan {
-            unable_to_abort: self.activity.unable_to_abort(),
+        let begin_within = requester.map_or(self.config.movement.begin_within(), |header| {
+            header.begin_within
         });
-        self.report(envelope, Stage::Accepted, Reason::None, ImiError::None, cx);
+        self.timers.arm(FlightTimer::Begin, cx.now + begin_within);
+        if let Some(header) = requester {
+            self.report(header, &Verdict::ACCEPTED, cx);
+        }
     }
 
     fn waypoint<O: Outputs>(
         &mut self,
-        envelope: &Envelope,
+        header: &RequestHeader,
         segment: &Segment,
         cx: &mut Context<'_, O>,
-    ) -> Result<(), Reason> {
-        self.ready_to_move(cx)?;
+    ) -> Result<(), Refusal> {
+        self.ready_to_move(header.preempt, cx)?;
         if !self.known_flying(cx)? {
-            return Err(Reason::NotFlying);
+            return Err(Reason::NotFlying.into());
         }
         let position = self.known_position(cx)?;
         if ground_distance_m(&position, &segment.waypoint) > self.config.movement.max_distance_m {
-            return Err(Reason::TooFar);
+            return Err(Reason::TooFar.into());
         }
         if self.assembler.replaces(segment) {
             self.break_path(Reason::PathReplaced, cx);
         }
+        self.check_leg_to(segment, &position)?;
         match self.assembler.add(segment) {
             Outcome::Open => {
-                self.assembling.push(*envelope);
-                self.assembly_deadline = Some(cx.now + envelope.begin_within);
-                self.report(envelope, Stage::Accepted, Reason::None, ImiError::None, cx);
+                self.answer_newest(&Verdict::DONE, cx);
+                self.newest_waypoint = Some(*header);
+                self.timers
+                    .arm(FlightTimer::Assembly, cx.now + header.begin_within);
+                self.is_changed = true;
+                self.report(header, &Verdict::ACCEPTED, cx);
                 Ok(())
             }
-            Outcome::Closed => {
-                self.follow(envelope, position, cx);
-                Ok(())
-            }
+            Outcome::Closed => self.follow(header, position, cx),
             Outcome::Refused { reason, broken } => {
                 if broken {
                     self.break_path(reason, cx);
                 }
-                Err(reason)
+                Err(reason.into())
             }
         }
     }
 
-    /// The path is closed: it goes to the DSP as a whole, and its waypoints but the last have their final word.
-    fn follow<O: Outputs>(
-        &mut self,
-        closing: &Envelope,
-        position: Geographic,
-        cx: &mut Context<'_, O>,
-    ) {
-        self.answer_assembled(Stage::Done, Reason::None, cx);
-        self.trajectory.begin(position, self.assembler.waypoints());
-        self.tracker.begin(self.assembler.waypoints());
-        let count = self.assembler.waypoints().len();
-        self.begin(closing, MovementKind::GoToWaypoint, count, cx, |order| {
-            Activity::Following { order }
-        });
-        self.begin_feed(cx);
+    /// The leg that ends at this waypoint, against the geofence.
+    fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Refusal> {
+        let is_continued = !segment.first && self.assembler.open_path() == Some(segment.path_id);
+        let waypoints = self.assembler.waypoints();
+        let (from, leg) = match waypoints.last() {
+            Some(last) if is_continued => (*last, waypoints.len() + 1),
+            _ => (here(position), 1),
+        };
+        self.safety.check_leg(&from, &segment.waypoint, leg)
     }
 
-    /// Gives up the path under assembly, if there is one, and tells the senders of its waypoints.
+    /// The path is closed: it goes to the DSP as a whole as soon as the DSP holds nothing else.
+    fn follow<O: Outputs>(
+        &mut self,
+        closing: &RequestHeader,
+        position: Geographic,
+        cx: &mut Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        // The helicopter may have moved since the first waypoint came.
+        let first = self.assembler.waypoints().first().copied();
+        let from = here(&position);
+        if let Some(first) = first
+            && let Err(refusal) = self.safety.check_leg(&from, &first, 1)
+        {
+            self.break_path(Reason::PathBroken, cx);
+            return Err(refusal);
+        }
+        self.answer_newest(&Verdict::DONE, cx);
+        self.pre_empt(cx);
+        self.route.begin(position, self.assembler.waypoints());
+        let count = self.assembler.waypoints().len();
+        let motion = Motion::Following(Following {
+            order: Order::of(*closing),
+            step: PathStep::AwaitingEmpty,
+        });
+        self.begin(Some(closing), MovementKind::GoToWaypoint, count, motion, cx);
+        match cx.link.path() {
+            DspPath::Empty => self.begin_feed(cx),
+            // The link is emptying it.
+            DspPath::Unknown => {}
+            DspPath::Ours { .. } => cx.link.forget_path(),
+        }
+        Ok(())
+    }
+
+    /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were done when
+    /// they became part of it.
     pub(super) fn break_path<O: Outputs>(&mut self, reason: Reason, cx: &mut Context<'_, O>) {
-        self.answer_assembled(Stage::Aborted, reason, cx);
+        self.answer_newest(&Verdict::aborted(reason), cx);
+        if self.assembler.open_path().is_some() {
+            self.is_changed = true;
+        }
         self.assembler.clear();
     }
 
-    /// The final word for the waypoints of the path under assembly. The list keeps its memory.
-    fn answer_assembled<O: Outputs>(
-        &mut self,
-        stage: Stage,
-        reason: Reason,
-        cx: &mut Context<'_, O>,
-    ) {
-        for index in 0..self.assembling.len() {
-            let envelope = self.assembling[index];
-            self.report(&envelope, stage, reason, ImiError::None, cx);
-        }
-        self.assembling.clear();
-        self.assembly_deadline = None;
-    }
-
-    /// The movement has begun on the DSP: from now on it has the time of a movement.
-    pub(super) fn movement_begun<O>(&mut self, cx: &Context<'_, O>) {
-        let limit = self.config.movement.time_limit();
-        if let Some(order) = self.activity.order_mut() {
-            order.begun = true;
-            order.deadline = cx.now + limit;
+    /// The final report for the newest waypoint of the path under assembly.
+    fn answer_newest<O: Outputs>(&mut self, verdict: &Verdict, cx: &mut Context<'_, O>) {
+        self.timers.stop(FlightTimer::Assembly);
+        if let Some(newest) = self.newest_waypoint.take() {
+            self.report(&newest, verdict, cx);
         }
     }
 }
 
-fn write_one(port: u16) -> Command {
-    Command::Write16 { port, value: 1 }
+/// A position as a waypoint.
+pub(super) fn here(position: &Geographic) -> Waypoint {
+    Waypoint {
+        latitude_deg: position.latitude_deg,
+        longitude_deg: position.longitude_deg,
+        altitude_m: position.altitude_m,
+    }
 }

@@ -3,37 +3,36 @@
 use std::time::Duration;
 
 use dsp_protocol::Status;
-use dsp_protocol::downlink::Geographic;
+use dsp_protocol::downlink::{Geographic, Supply};
 use ipc_types::MonotonicNs;
 
-use crate::line::Sample;
+use crate::link::Sample;
 
 /// NMEA fix quality without a fix (`docs/protocol.md` section 4.1).
 const GPS_NO_FIX: u8 = 0;
 
-/// What was last seen. A value that is too old is not known any more.
-#[derive(Clone, Copy, Debug)]
+/// What was last seen. A value that is too old is not known any more; how old that is, the link's observed status period
+/// says ([`Link::status_fresh_for`](crate::link::Link::status_fresh_for)).
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Observation {
     fresh_for: Duration,
     flying: Option<(bool, MonotonicNs)>,
     position: Option<(Geographic, MonotonicNs)>,
+    supply: Option<(Supply, MonotonicNs)>,
 }
 
 impl Observation {
-    /// Nothing seen; what will be seen counts as known for `fresh_for`.
-    pub fn new(fresh_for: Duration) -> Self {
-        Observation {
-            fresh_for,
-            flying: None,
-            position: None,
-        }
-    }
-
-    /// Takes a sample. A sample without a known position leaves the last one to age.
-    pub fn take(&mut self, sample: &Sample) {
-        self.flying = Some((sample.status.flying, sample.received));
+    /// Takes a sample; values count as known for `fresh_for` from now on. A sample without a known position leaves the last
+    /// one to age.
+    pub fn take(&mut self, sample: &Sample, fresh_for: Duration) {
+        let at = sample.received;
+        self.fresh_for = fresh_for;
+        self.flying = Some((sample.status.flying, at));
         if let Some(position) = known_position(&sample.status) {
-            self.position = Some((position, sample.received));
+            self.position = Some((position, at));
+        }
+        if let Some(supply) = sample.status.supply {
+            self.supply = Some((supply, at));
         }
     }
 
@@ -45,6 +44,11 @@ impl Observation {
     /// Where the helicopter is, if that is known.
     pub fn position(&self, now: MonotonicNs) -> Option<Geographic> {
         self.fresh(self.position, now)
+    }
+
+    /// Battery, fuel and the pilot's switch, if they are known.
+    pub fn supply(&self, now: MonotonicNs) -> Option<Supply> {
+        self.fresh(self.supply, now)
     }
 
     fn fresh<T>(&self, value: Option<(T, MonotonicNs)>, now: MonotonicNs) -> Option<T> {

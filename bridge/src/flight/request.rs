@@ -6,11 +6,11 @@
 use std::time::Duration;
 
 use dsp_protocol::{Waypoint, port};
-use ipc_types::code::{ControlCommand, MovementKind, Reason};
-use ipc_types::payload::{ModuleControl, MovementData};
+use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
+use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 
 use crate::config::MovementLimits;
-use crate::flight::path::Segment;
+use crate::flight::assembly::Segment;
 
 /// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
 /// that service has. The core only compares and returns it.
@@ -20,11 +20,13 @@ pub enum RequestKey {
     Control(u64),
     /// A movement request.
     Movement(u64),
+    /// A parameter request.
+    Parameter(u64),
 }
 
 /// What every request carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Envelope {
+pub struct RequestHeader {
     /// To whom the reports go.
     pub key: RequestKey,
     /// The sender's id for the request.
@@ -35,6 +37,20 @@ pub struct Envelope {
     pub begin_within: Duration,
     /// It was sent before, and its outcome is not known to the sender.
     pub repeat: bool,
+    /// It may replace a path that is under way.
+    pub preempt: bool,
+}
+
+#[cfg(test)]
+impl RequestHeader {
+    pub(crate) const TEST: RequestHeader = RequestHeader {
+        key: RequestKey::Control(1),
+        request_id: 1,
+        path_id: 0,
+        begin_within: Duration::from_secs(5),
+        repeat: false,
+        preempt: false,
+    };
 }
 
 /// A movement with values that can be flown.
@@ -47,6 +63,8 @@ pub enum Movement {
     },
     /// Land on the spot.
     Land,
+    /// Hover on the spot.
+    Hold,
     /// One waypoint of a path.
     Waypoint(Segment),
 }
@@ -56,17 +74,18 @@ pub fn parse_control(
     key: RequestKey,
     control: &ModuleControl,
     limits: &MovementLimits,
-) -> (Envelope, Result<ControlCommand, Reason>) {
-    let envelope = Envelope {
+) -> (RequestHeader, Result<ControlCommand, Reason>) {
+    let header = RequestHeader {
         key,
         request_id: control.request_id,
         path_id: 0,
         begin_within: begin_within(control.deadline_ms, limits),
         // To start or stop a module twice is the same as once.
         repeat: false,
+        preempt: false,
     };
     let command = ControlCommand::from_code(control.command).ok_or(Reason::InvalidRequest);
-    (envelope, command)
+    (header, command)
 }
 
 /// Reads a movement request.
@@ -74,21 +93,43 @@ pub fn parse_movement(
     key: RequestKey,
     data: &MovementData,
     limits: &MovementLimits,
-) -> (Envelope, Result<Movement, Reason>) {
-    let envelope = Envelope {
+) -> (RequestHeader, Result<Movement, Reason>) {
+    let header = RequestHeader {
         key,
         request_id: data.request_id,
         path_id: data.path_id,
         begin_within: begin_within(data.deadline_ms, limits),
         repeat: data.repeat != 0,
+        preempt: data.preempt != 0,
     };
     let movement = match MovementKind::from_code(data.kind) {
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),
         Some(MovementKind::Land) => Ok(Movement::Land),
+        Some(MovementKind::Hold) => Ok(Movement::Hold),
         Some(MovementKind::GoToWaypoint) => segment(data, limits).map(Movement::Waypoint),
-        Some(MovementKind::Hold) | None => Err(Reason::InvalidRequest),
+        None => Err(Reason::InvalidRequest),
     };
-    (envelope, movement)
+    (header, movement)
+}
+
+/// Reads a parameter request. Which port it names, and whether that takes the value, is for
+/// [`parameters`](crate::flight::parameters) to say.
+pub fn parse_parameter(
+    key: RequestKey,
+    request: &ParameterRequest,
+    limits: &MovementLimits,
+) -> (RequestHeader, Result<ParameterOperation, Reason>) {
+    let header = RequestHeader {
+        key,
+        request_id: request.request_id,
+        path_id: 0,
+        begin_within: begin_within(request.deadline_ms, limits),
+        // To read or write a port twice is the same as once.
+        repeat: false,
+        preempt: false,
+    };
+    let operation = request.operation().ok_or(Reason::InvalidRequest);
+    (header, operation)
 }
 
 fn begin_within(deadline_ms: u32, limits: &MovementLimits) -> Duration {
@@ -220,14 +261,14 @@ mod tests {
     }
 
     #[test]
-    fn the_envelope_survives_a_refusal() {
+    fn the_header_survives_a_refusal() {
         let mut data = goto();
         data.kind = 77;
         data.deadline_ms = 250;
-        let (envelope, movement) = parse_movement(KEY, &data, &MovementLimits::default());
+        let (header, movement) = parse_movement(KEY, &data, &MovementLimits::default());
         assert_eq!(movement, Err(Reason::InvalidRequest));
-        assert_eq!((envelope.request_id, envelope.path_id), (9, 4));
-        assert_eq!(envelope.begin_within, Duration::from_millis(250));
+        assert_eq!((header.request_id, header.path_id), (9, 4));
+        assert_eq!(header.begin_within, Duration::from_millis(250));
     }
 
     #[test]

@@ -1,12 +1,15 @@
-//! Between the waypoint path and the DSP: where a trajectory generator goes (requirement D12).
+//! Between the waypoint path and the DSP: where a trajectory generator goes (requirements D12, G4).
 //!
-//! Whoever wants points between the waypoints implements [`Trajectory`] and hands it to
-//! [`Bridge::with_trajectory`](crate::Bridge::with_trajectory). Nothing else changes: flow control, arrival and reports
-//! work on what it gives.
+//! A generator is one implementation of [`Trajectory`] and one line in [`generator`]; `[trajectory]` of `bridge.toml`
+//! chooses it. Flow control, arrival and reports work on what it gives.
+
+mod divide_legs;
 
 use dsp_protocol::{Waypoint, downlink::Geographic};
 
-use crate::flight::path::MAX_WAYPOINTS;
+use crate::config::{TrajectoryConfig, TrajectoryKind};
+use crate::flight::assembly::MAX_WAYPOINTS;
+pub use divide_legs::DivideLegs;
 
 /// One point for the DSP.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,12 +21,13 @@ pub struct TrajectoryPoint {
 }
 
 /// Turns a path into the points that go to the DSP, one for each grant of flow control.
-pub trait Trajectory {
+pub trait Trajectory: std::fmt::Debug {
     /// Begins a path of at most [`MAX_WAYPOINTS`] waypoints that the helicopter flies from `start`. Forgets what is left
     /// of the one before.
     fn begin(&mut self, start: Geographic, path: &[Waypoint]);
 
-    /// The point to send next; nothing when all have been given. The last point must be the path's last waypoint.
+    /// The point to send next; nothing when all have been given. The last point must be the path's last waypoint, and all
+    /// points must lie on the legs of the path, which are what the geofence was checked for.
     fn peek(&self) -> Option<TrajectoryPoint>;
 
     /// The point of [`Trajectory::peek`] was sent.
@@ -31,6 +35,14 @@ pub trait Trajectory {
 
     /// Forgets what is left.
     fn clear(&mut self);
+}
+
+/// The generator that the configuration chooses.
+pub fn generator(config: &TrajectoryConfig) -> Box<dyn Trajectory> {
+    match config.kind {
+        TrajectoryKind::PassThrough => Box::new(PassThrough::new()),
+        TrajectoryKind::DivideLegs => Box::new(DivideLegs::new(config.spacing_m)),
+    }
 }
 
 /// The bridge as it is: the waypoints themselves.

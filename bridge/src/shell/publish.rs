@@ -1,17 +1,25 @@
-//! The core's outputs on shared memory.
+//! The core's outputs on shared memory, and in the log.
 
-use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, MovementData, RequestReport};
-use ipc_types::{Ipc, MonotonicNs, OpenError, Publisher, ReportError, Server, Source, Ticket};
+use ipc_types::payload::{
+    DspTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
+};
+use ipc_types::{
+    Ipc, MonotonicNs, OpenError, Publisher, ReportError, Request, ServeError, Server, Source,
+    Ticket,
+};
 
+use super::audit::Audit;
 use crate::flight::request::RequestKey;
-use crate::outputs::Outputs;
+use crate::outputs::{Notice, Outputs};
 
-/// The bridge's four services.
+/// The bridge's five services.
 pub struct Services {
     telemetry: Publisher<DspTelemetry>,
     state: Publisher<ModuleState>,
     control: Server<ModuleControl>,
     movement: Server<MovementData>,
+    parameters: Server<ParameterRequest>,
+    audit: Audit,
 }
 
 /// What came in through the services.
@@ -20,58 +28,103 @@ pub enum Incoming {
     Control(RequestKey, ModuleControl),
     /// A movement request.
     Movement(RequestKey, MovementData),
+    /// A parameter request.
+    Parameter(RequestKey, ParameterRequest),
     /// The sender of a request is gone.
     Gone(RequestKey),
 }
 
 impl Services {
-    /// Opens all four. Fails when another bridge of the same robot lives.
+    /// Opens all five. Fails when another bridge of the same robot lives.
     pub fn open(ipc: &Ipc) -> Result<Services, OpenError> {
         Ok(Services {
             telemetry: ipc.publisher()?,
             state: ipc.publisher()?,
             control: ipc.server()?,
             movement: ipc.server()?,
+            parameters: ipc.server()?,
+            audit: Audit::default(),
         })
     }
 
     /// What to wait for.
-    pub fn sources(&self) -> [&dyn Source; 4] {
-        [&self.telemetry, &self.state, &self.control, &self.movement]
+    pub fn sources(&self) -> [&dyn Source; 5] {
+        [
+            &self.telemetry,
+            &self.state,
+            &self.control,
+            &self.movement,
+            &self.parameters,
+        ]
     }
 
-    /// Wakes the senders of requests that were answered. Their reports are there already; what the DSP is to be told comes
-    /// first.
+    /// Wakes the senders of requests that were answered. Their reports are there already; the bytes for the DSP go out first.
     pub fn wake_senders(&mut self) {
         self.control.wake_clients();
         self.movement.wake_clients();
+        self.parameters.wake_clients();
     }
 
     /// Takes everything that is there into `inbox`, which keeps its memory.
     pub fn drain(&mut self, inbox: &mut Vec<Incoming>) {
         self.telemetry.welcome();
         self.state.welcome();
-        self.control.vanished(|ticket, _| {
-            inbox.push(Incoming::Gone(RequestKey::Control(ticket.to_bits())))
-        });
-        self.movement.vanished(|ticket, _| {
-            inbox.push(Incoming::Gone(RequestKey::Movement(ticket.to_bits())))
-        });
-        let control = self.control.drain(|ticket, request| {
-            inbox.push(Incoming::Control(
-                RequestKey::Control(ticket.to_bits()),
-                *request,
-            ));
-        });
-        let movement = self.movement.drain(|ticket, request| {
-            inbox.push(Incoming::Movement(
-                RequestKey::Movement(ticket.to_bits()),
-                *request,
-            ));
-        });
-        for error in [control.err(), movement.err()].into_iter().flatten() {
-            tracing::warn!(%error, "requests could not be received");
-        }
+        let audit = &self.audit;
+        drain(
+            &mut self.control,
+            inbox,
+            audit,
+            RequestKey::Control,
+            |key, sender, request| {
+                audit.control(sender, &request);
+                Incoming::Control(key, request)
+            },
+        );
+        drain(
+            &mut self.movement,
+            inbox,
+            audit,
+            RequestKey::Movement,
+            |key, sender, request| {
+                audit.movement(sender, &request);
+                Incoming::Movement(key, request)
+            },
+        );
+        drain(
+            &mut self.parameters,
+            inbox,
+            audit,
+            RequestKey::Parameter,
+            |key, sender, request| {
+                audit.parameter(sender, &request);
+                Incoming::Parameter(key, request)
+            },
+        );
+    }
+}
+
+/// Takes the requests of one service, and those whose senders are gone.
+fn drain<R: Request>(
+    server: &mut Server<R>,
+    inbox: &mut Vec<Incoming>,
+    audit: &Audit,
+    key: fn(u64) -> RequestKey,
+    incoming: impl Fn(RequestKey, Option<u32>, R) -> Incoming,
+) {
+    server.vanished(|ticket, request_id| {
+        let key = key(ticket.to_bits());
+        audit.sender_gone(key, request_id);
+        inbox.push(Incoming::Gone(key));
+    });
+    let mut requests = Vec::new();
+    let drained: Result<usize, ServeError> =
+        server.drain(|ticket, request| requests.push((ticket, *request)));
+    for (ticket, request) in requests {
+        let sender = server.sender(ticket);
+        inbox.push(incoming(key(ticket.to_bits()), sender, request));
+    }
+    if let Err(error) = drained {
+        tracing::warn!(%error, "requests could not be received");
     }
 }
 
@@ -83,6 +136,7 @@ impl Outputs for Services {
     }
 
     fn state(&mut self, state: &ModuleState) {
+        self.audit.state(state);
         let published = self.state.publish(|sample| {
             *sample = ModuleState {
                 published_ns: MonotonicNs::now().0,
@@ -95,6 +149,7 @@ impl Outputs for Services {
     }
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
+        self.audit.report(report);
         let result = match to {
             RequestKey::Control(bits) => {
                 self.control.report_quietly(Ticket::from_bits(bits), report)
@@ -102,14 +157,21 @@ impl Outputs for Services {
             RequestKey::Movement(bits) => self
                 .movement
                 .report_quietly(Ticket::from_bits(bits), report),
+            RequestKey::Parameter(bits) => self
+                .parameters
+                .report_quietly(Ticket::from_bits(bits), report),
         };
         match result {
-            // Who does not read loses progress, never the final word; who is gone asked for nothing more.
+            // A sender that does not read loses progress, never the final report; one that is gone asked for nothing more.
             Ok(())
             | Err(ReportError::BufferFull | ReportError::Vanished | ReportError::NotOpen) => {}
             Err(error) => {
                 tracing::warn!(%error, request_id = report.request_id, "a report was not sent")
             }
         }
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.audit.notice(notice, MonotonicNs::now());
     }
 }

@@ -3,7 +3,7 @@
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use ipc_types::code::LinkState;
+use ipc_types::code::{ControlCommand, LinkState, Reason};
 use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{
     Descriptor, Ipc, MonotonicNs, OpenError, Place, Source, WaitError, Waiter, Wake, wake_promptly,
@@ -15,6 +15,8 @@ use super::publish::{Incoming, Services};
 use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
 use crate::core::Bridge;
+use crate::link::commands::ATTEMPTS;
+use crate::safety::fence::Fence;
 
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
@@ -24,7 +26,25 @@ const READ_LEN: usize = 4096;
 const CLEANING_PERIOD: Duration = Duration::from_millis(500);
 
 /// The place of the serial port among the sources of a wait: the last, because it may be absent.
-const LINE: usize = 5;
+const LINE: usize = 6;
+
+/// So many headers of the other profile, without any valid message, are no noise.
+const OTHER_PROFILE_HEADERS: u32 = 3;
+
+/// How long the bridge goes on after it was asked to end, so that the DSP acknowledges that its path buffer is empty: as
+/// long as the attempts for that take, and those of a command that is on its way.
+fn wind_down_time(config: &BridgeConfig) -> Duration {
+    2 * ATTEMPTS * config.link.ack_timeout()
+}
+
+/// How long a pseudo-terminal that has just appeared is left alone. A program that makes one for a login, such as sshd, takes
+/// a few milliseconds until it is the login's controlling terminal. Before that, it looks as one of a simulator does.
+const PTY_SETTLING: Duration = Duration::from_millis(50);
+
+/// An attempt to open the port looks at all processes, unless there is no device: 2 ms for 90 processes and 100 ms for 1600
+/// in a debug build. The pause after an attempt is at least this many times as long as the attempt. So attempts take 5 % of
+/// the time at most.
+const REST_AFTER_ATTEMPT: u32 = 20;
 
 /// Why the bridge process cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -46,6 +66,7 @@ pub enum ShellError {
 /// See [`ShellError`].
 pub fn run(
     config: &BridgeConfig,
+    read_fence: &dyn Fn() -> Result<Fence, String>,
     ipc: &Ipc,
     termination: &Termination,
     supervisor: &Notifier,
@@ -56,7 +77,7 @@ pub fn run(
         port: Port::new(&config.serial),
         inbox: Vec::new(),
         buffer: vec![0; READ_LEN],
-        link: LinkState::Gone,
+        read_fence,
         other_profile: false,
     };
     let waiter = Waiter::new();
@@ -67,38 +88,58 @@ pub fn run(
     tracing::info!(port = %config.serial.port.display(), "ready");
     // Nothing is known yet of what there is.
     let mut wake = Wake::TimedOut;
-    while !termination.requested() {
+    let mut end = None;
+    while !shell.may_end(&mut end, termination.requested(), wind_down_time(config)) {
         shell.drain(wake)?;
         let now = MonotonicNs::now();
         if now >= next_cleaning {
             ipc.clean_dead();
             supervisor.watchdog();
             next_cleaning = now + CLEANING_PERIOD;
-            // Also what nobody wakes for: a sender that has room again for its final word.
+            // Also what nobody wakes for: a sender that has room again for its final report.
             shell.serve(now);
         }
-        wake = shell.sleep(&waiter, termination)?;
+        wake = shell.sleep(&waiter, termination, end)?;
     }
     supervisor.stopping();
     shell.end();
     Ok(())
 }
 
-struct Shell {
+struct Shell<'a> {
     bridge: Bridge,
     services: Services,
     port: Port,
     inbox: Vec<Incoming>,
     buffer: Vec<u8>,
-    /// State of the link as last told in the log.
-    link: LinkState,
-    /// Whether the log was told that the ends speak different profiles.
+    /// Reads the geofence of the configuration again.
+    read_fence: &'a dyn Fn() -> Result<Fence, String>,
+    /// It was logged that the ends speak different profiles.
     other_profile: bool,
 }
 
-impl Shell {
-    /// Everything that a wake can have been for. A wake that was for the line alone leaves the services out, and the other
-    /// way round: the next wait looks at all of them again before it sleeps.
+impl Shell<'_> {
+    /// Whether the loop is over: some time after it was asked to be, when the DSP holds nothing, or cannot be made to hold
+    /// nothing.
+    fn may_end(
+        &mut self,
+        end: &mut Option<MonotonicNs>,
+        is_requested: bool,
+        within: Duration,
+    ) -> bool {
+        if !is_requested {
+            return false;
+        }
+        let now = MonotonicNs::now();
+        let end = *end.get_or_insert_with(|| {
+            self.bridge.wind_down(now, &mut self.services);
+            now + within
+        });
+        self.bridge.has_wound_down() || now >= end
+    }
+
+    /// Services every source that may have woken the bridge. A wake that was for the serial link alone leaves the services out,
+    /// and the other way round: the next wait looks at all of them again before it sleeps.
     fn drain(&mut self, wake: Wake) -> Result<(), ShellError> {
         let is_unknown = !matches!(wake, Wake::Ready(_));
         if !wake.is_only(LINE) {
@@ -112,7 +153,7 @@ impl Shell {
         self.open_port(now)?;
         self.write(now);
         self.services.wake_senders();
-        self.tell();
+        self.log_other_profile();
         Ok(())
     }
 
@@ -121,7 +162,19 @@ impl Shell {
         for incoming in self.inbox.drain(..) {
             let out = &mut self.services;
             match incoming {
+                Incoming::Control(key, request)
+                    if request.command() == Some(ControlCommand::ReloadFence) =>
+                {
+                    let fence = (self.read_fence)().map_err(|error| {
+                        tracing::error!("the geofence stays as it is: {error}");
+                        Reason::InvalidFence
+                    });
+                    self.bridge.new_fence(now, key, &request, fence, out);
+                }
                 Incoming::Control(key, request) => self.bridge.control(now, key, &request, out),
+                Incoming::Parameter(key, request) => {
+                    self.bridge.parameter(now, key, &request, out);
+                }
                 Incoming::Movement(key, request) => self.bridge.movement(now, key, &request, out),
                 Incoming::Gone(key) => self.bridge.sender_gone(now, key, out),
             }
@@ -176,9 +229,17 @@ impl Shell {
             .port_closed(MonotonicNs::now(), &mut self.services);
     }
 
-    fn sleep(&self, waiter: &Waiter, termination: &Termination) -> Result<Wake, ShellError> {
+    fn sleep(
+        &self,
+        waiter: &Waiter,
+        termination: &Termination,
+        end: Option<MonotonicNs>,
+    ) -> Result<Wake, ShellError> {
         let now = MonotonicNs::now();
-        let deadline = self.bridge.deadline();
+        let deadline = self
+            .bridge
+            .deadline()
+            .min(end.unwrap_or(MonotonicNs(u64::MAX)));
         let deadline = self
             .port
             .next_try
@@ -187,9 +248,10 @@ impl Shell {
         let signals = Descriptor::new(termination.as_fd());
         let line = self.port.open.as_ref();
         let line = line.map(|port| Descriptor::new(port.as_fd()));
-        let [telemetry, state, control, movement] = self.services.sources();
-        let mut sources: [&dyn Source; 6] =
-            [&signals, telemetry, state, control, movement, &signals];
+        let [telemetry, state, control, movement, parameters] = self.services.sources();
+        let mut sources: [&dyn Source; LINE + 1] = [
+            &signals, telemetry, state, control, movement, parameters, &signals,
+        ];
         let count = match &line {
             Some(line) => {
                 sources[LINE] = line;
@@ -200,23 +262,21 @@ impl Shell {
         Ok(waiter.wait(&sources[..count], Some(timeout))?)
     }
 
-    /// Says each change once.
-    fn tell(&mut self) {
-        let link = self.bridge.link();
-        if link != self.link {
-            tracing::info!(from = %self.link, to = %link, "link");
-            self.link = link;
-        }
-        let other_profile = self.bridge.state().refused.other_profile > 0;
-        if other_profile && !self.other_profile {
+    /// One damaged byte may look like a header of the other profile; several, and no valid message, are no noise.
+    fn log_other_profile(&mut self) {
+        let state = self.bridge.state();
+        let is_other = state.refused.other_profile >= OTHER_PROFILE_HEADERS
+            && state.link.messages_received == 0
+            && self.bridge.link() == LinkState::Connecting;
+        if is_other && !self.other_profile {
             tracing::error!(
                 "the DSP speaks the other profile: give `link.profile` here and the DSP's setting one value"
             );
         }
-        self.other_profile = other_profile;
+        self.other_profile |= is_other;
     }
 
-    /// Every sender gets its final word before the services go; the port is given back as it was.
+    /// Every sender gets its final report before the services go; the port is given back as it was.
     fn end(mut self) {
         self.bridge.close(MonotonicNs::now(), &mut self.services);
         self.services.wake_senders();
@@ -239,6 +299,8 @@ struct Port {
     /// The last failure that was told.
     told: String,
     ever_open: bool,
+    /// Whether there was no device at the last attempt.
+    was_missing: bool,
 }
 
 impl Port {
@@ -250,12 +312,18 @@ impl Port {
             failures: 0,
             told: String::new(),
             ever_open: false,
+            was_missing: false,
         }
     }
 
     /// Opens the port if it is time to. A failure is told when it is another than the one before; the others are counted.
     fn try_open(&mut self, now: MonotonicNs) -> Result<bool, ShellError> {
         if self.next_try.is_none_or(|next_try| now < next_try) {
+            return Ok(false);
+        }
+        if self.was_missing && SerialPort::is_pty(&self.config) {
+            self.was_missing = false;
+            self.next_try = Some(now + PTY_SETTLING);
             return Ok(false);
         }
         match SerialPort::open(&self.config) {
@@ -272,20 +340,61 @@ impl Port {
                 Err(ShellError::NotAPort(error))
             }
             Err(error) => {
-                let told = error.to_string();
-                if self.told != told {
-                    tracing::error!("{told}; trying again");
-                    self.told = told;
-                }
-                self.failures = self.failures.saturating_add(1);
-                self.next_try = Some(now + self.config.reopen_pause(self.failures));
+                self.failed(now, &error);
                 Ok(false)
             }
         }
     }
 
+    fn failed(&mut self, now: MonotonicNs, error: &serial::OpenError) {
+        self.failures = self.failures.saturating_add(1);
+        let told = error.to_string();
+        if self.told == told {
+            tracing::debug!(tries = self.failures, "still not open");
+        } else {
+            tracing::error!("{told}; trying again");
+            self.told = told;
+        }
+        self.was_missing = matches!(error, serial::OpenError::Missing(_));
+        let ended = MonotonicNs::now();
+        let pause = self.config.reopen_pause(self.failures);
+        self.next_try = Some(ended + pause.max(REST_AFTER_ATTEMPT * ended.since(now)));
+    }
+
     fn close(&mut self) {
         self.open = None;
         self.next_try = Some(MonotonicNs(0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::os::unix::fs::symlink;
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    #[test]
+    fn a_pseudo_terminal_that_appears_is_left_alone_until_a_login_would_have_taken_it() {
+        let link = std::env::temp_dir().join(format!("ril-port-{}", std::process::id()));
+        let mut port = Port::new(&SerialConfig {
+            port: link.clone(),
+            ..SerialConfig::default()
+        });
+        let now = MonotonicNs::now();
+        assert!(!port.try_open(now).unwrap(), "there is none");
+        let now = port.next_try.unwrap();
+
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC);
+        let master = master.unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let slave = ptsname(&master, Vec::new()).unwrap();
+        symlink(slave.to_str().unwrap(), &link).unwrap();
+        assert!(!port.try_open(now).unwrap(), "it has just appeared");
+        assert_eq!(port.next_try, Some(now + PTY_SETTLING));
+        assert!(port.try_open(now + PTY_SETTLING).unwrap());
+        std::fs::remove_file(link).unwrap();
     }
 }

@@ -1,20 +1,26 @@
-//! The serial port: opened and configured by the `serialport` crate, read and written without blocking, and given back
-//! as it was found.
+//! The serial port: opened, configured, read and written without blocking, and given back as it was found.
 //!
-//! Two descriptors of one device: `serialport` owns the exclusive lock and the configuration; ours is opened before it,
-//! so that the settings found can be saved, and is non-blocking, so that one wait serves everything.
+//! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives a
+//! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for [`holders`] before
+//! it opens the device, and again before it changes anything.
+//!
+//! Two descriptors of one device: `serialport` owns the lock and the configuration; ours is opened and checked before, so that
+//! the settings found can be saved, and is non-blocking, so that one wait serves everything.
 
-use std::fs::{File, OpenOptions};
+pub mod holders;
+
+use std::fs::{File, Metadata, OpenOptions};
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::OFlags;
+use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr};
 use serialport::TTYPort;
 
+use self::holders::{Hold, Holder, Holders, Occupant, Terminal};
 use crate::config::SerialConfig;
 
 /// Why a port could not be opened. Each says what the operator can do.
@@ -31,9 +37,14 @@ pub enum OpenError {
         /// How to mend it.
         hint: String,
     },
-    /// Another process holds it.
-    #[error("{} is in use: another process holds it (`fuser {}` names it)", .0.display(), .0.display())]
-    Busy(PathBuf),
+    /// Another process uses it, or the kernel.
+    #[error("{}", in_use(.port, .by))]
+    InUse {
+        /// The port.
+        port: PathBuf,
+        /// Who.
+        by: Occupant,
+    },
     /// It is no terminal device.
     #[error("{} is not a serial port: `serial.port` must name a terminal device, such as /dev/ttyUSB0", .0.display())]
     NotATerminal(PathBuf),
@@ -66,17 +77,21 @@ pub struct Gone(String);
 pub struct SerialPort {
     file: File,
     found: Termios,
-    /// Holds the lock and the configuration; nothing is read or written through it.
+    /// Holds the lock, the exclusive mode and the configuration; nothing is read or written through it. Dropped last.
     _configured: TTYPort,
 }
 
 impl SerialPort {
-    /// Opens and configures the port. A port that cannot be configured is left closed, with the settings it had.
+    /// Opens and configures the port. A port that another process uses is not touched. A port that cannot be configured is
+    /// left closed, with the settings it had.
     ///
     /// # Errors
     /// See [`OpenError`].
     pub fn open(config: &SerialConfig) -> Result<SerialPort, OpenError> {
         let port = config.port.as_path();
+        // Opening raises the lines of a port, on which a DSP may restart: first a look from outside.
+        let metadata = std::fs::metadata(port).map_err(|error| cannot_open(port, error))?;
+        check_free(port, &metadata)?;
         let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
         let file = OpenOptions::new()
             .read(true)
@@ -84,28 +99,44 @@ impl SerialPort {
             .custom_flags(flags.bits() as i32)
             .open(port)
             .map_err(|error| cannot_open(port, error))?;
-        let found = tcgetattr(&file).map_err(|errno| match errno {
+        let file = Locked::new(port, file)?;
+        // The link may have been changed between the check and the opening, and another process may have come.
+        let metadata = file
+            .0
+            .metadata()
+            .map_err(|error| cannot_open(port, error))?;
+        check_free(port, &metadata)?;
+        let found = tcgetattr(&file.0).map_err(|errno| match errno {
             Errno::NOTTY => OpenError::NotATerminal(port.to_owned()),
             errno => cannot_open(port, errno.into()),
         })?;
-        match configure(port, config.baud_rate) {
+        let file = file.unlock();
+        match configure(port, &file, config.baud_rate) {
             Ok(configured) => {
-                let port = SerialPort {
+                // Bytes in the queues were meant for an earlier user of the port.
+                let _ = tcflush(&file, QueueSelector::IOFlush);
+                Ok(SerialPort {
                     file,
                     found,
                     _configured: configured,
-                };
-                // What lay in the queues was said to or by somebody else.
-                let _ = tcflush(&port.file, QueueSelector::IOFlush);
-                Ok(port)
+                })
             }
             Err(error) => {
-                if !matches!(error, OpenError::Busy(_)) {
+                if !matches!(error, OpenError::InUse { .. }) {
                     let _ = tcsetattr(&file, OptionalActions::Now, &found);
                 }
                 Err(error)
             }
         }
+    }
+
+    /// Whether the port leads to a pseudo-terminal, whose number becomes another one's when it is gone.
+    pub fn is_pty(config: &SerialConfig) -> bool {
+        let port = config.port.as_path();
+        let metadata = std::fs::metadata(port);
+        metadata.is_ok_and(|metadata| {
+            Terminal::new(port, &metadata).is_some_and(|terminal| terminal.is_pty())
+        })
     }
 
     /// Reads what is there, up to the length of `buffer`; 0 when nothing is.
@@ -159,18 +190,96 @@ impl Drop for SerialPort {
     }
 }
 
-fn configure(port: &Path, baud_rate: u32) -> Result<TTYPort, OpenError> {
+/// A device of which this process has the lock for the moment: no other bridge or serial tool uses it, whatever its user
+/// or domain.
+#[derive(Debug)]
+struct Locked(File);
+
+impl Locked {
+    fn new(port: &Path, file: File) -> Result<Locked, OpenError> {
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(Locked(file)),
+            Err(Errno::WOULDBLOCK) => Err(refused_by_its_holder(port)),
+            Err(errno) => Err(cannot_open(port, errno.into())),
+        }
+    }
+
+    /// Gives the lock up for `serialport`, which takes it through a descriptor of its own.
+    fn unlock(self) -> File {
+        let _ = flock(&self.0, FlockOperation::Unlock);
+        self.0
+    }
+}
+
+/// Lets `serialport` lock the device, make it exclusive and set it to 8N1. It opens by path: that of our own descriptor
+/// leads to the device that was checked, wherever the port's link leads by now.
+fn configure(port: &Path, file: &File, baud_rate: u32) -> Result<TTYPort, OpenError> {
+    let path = format!("/proc/self/fd/{}", file.as_raw_fd());
     // 8 data bits, no parity, 1 stop bit and exclusive access are the builder's defaults.
-    TTYPort::open(&serialport::new(port.to_string_lossy(), baud_rate)).map_err(|error| match error
-        .kind()
-    {
-        serialport::ErrorKind::NoDevice => OpenError::Busy(port.to_owned()),
+    TTYPort::open(&serialport::new(path, baud_rate)).map_err(|error| match error.kind() {
+        serialport::ErrorKind::NoDevice => refused_by_its_holder(port),
         serialport::ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing(port.to_owned()),
         _ => OpenError::NotConfigurable {
             port: port.to_owned(),
             reason: error.to_string(),
         },
     })
+}
+
+/// Checks that the device at `port`, to which `metadata` belongs, is a terminal that no other process uses.
+fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
+    let terminal =
+        Terminal::new(port, metadata).ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
+    let holders = Holders::find(&terminal).map_err(|error| cannot_open(port, error))?;
+    match holders.occupant(std::process::id()) {
+        Some(by) => Err(OpenError::InUse {
+            port: port.to_owned(),
+            by,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// The error when the system refuses the port because of its holder, who is named if this user can see it.
+fn refused_by_its_holder(port: &Path) -> OpenError {
+    let terminal = std::fs::metadata(port)
+        .ok()
+        .and_then(|metadata| Terminal::new(port, &metadata));
+    let holders = terminal.and_then(|terminal| Holders::find(&terminal).ok());
+    let occupant = holders.and_then(|holders| holders.occupant(std::process::id()));
+    OpenError::InUse {
+        port: port.to_owned(),
+        by: occupant.unwrap_or(Occupant::Unseen),
+    }
+}
+
+/// Whose a port is, and what to do.
+fn in_use(port: &Path, by: &Occupant) -> String {
+    let device = std::fs::canonicalize(port).unwrap_or_else(|_| port.to_owned());
+    let name = match device == port {
+        true => port.display().to_string(),
+        false => format!("{} leads to {}, which", port.display(), device.display()),
+    };
+    let device = device.display();
+    match by {
+        Occupant::Kernel => format!(
+            "{name} is a console of the kernel: take its `console=` off the kernel's command line, or name another port in `serial.port`"
+        ),
+        Occupant::Process(Holder {
+            pid,
+            program,
+            hold: Hold::Controlling,
+            ..
+        }) => format!(
+            "{name} is the terminal of `{program}` (process {pid}), and nothing is written into it: if the simulator is gone, start it again; if a login waits on the port, stop its service; else name another port in `serial.port`"
+        ),
+        Occupant::Process(Holder { pid, program, .. }) => format!(
+            "{name} is in use by `{program}` (process {pid}): end it, or name another port in `serial.port`"
+        ),
+        Occupant::Unseen => format!(
+            "{name} is in use by a process that this user cannot see: `sudo fuser {device}` names it"
+        ),
+    }
 }
 
 fn cannot_open(port: &Path, error: io::Error) -> OpenError {
@@ -182,7 +291,7 @@ fn cannot_open(port: &Path, error: io::Error) -> OpenError {
             port: port.to_owned(),
             hint: permission_hint(port),
         },
-        Some(Errno::BUSY) => OpenError::Busy(port.to_owned()),
+        Some(Errno::BUSY) => refused_by_its_holder(port),
         Some(Errno::ISDIR) => OpenError::NotATerminal(port.to_owned()),
         _ => OpenError::Other {
             port: port.to_owned(),
@@ -246,13 +355,18 @@ mod tests {
         let missing = SerialPort::open(&at("/dev/no-such-port")).unwrap_err();
         assert!(matches!(missing, OpenError::Missing(_)), "{missing}");
         assert!(missing.to_string().contains("plugged in"));
-        for port in ["/dev/null", "/tmp", "/proc/self/status"] {
+        for port in [
+            "/dev/null",
+            "/dev/tty",
+            "/dev/ptmx",
+            "/tmp",
+            "/proc/self/status",
+        ] {
             let error = SerialPort::open(&at(port)).unwrap_err();
-            let expected = matches!(
-                error,
-                OpenError::NotATerminal(_) | OpenError::NotPermitted { .. }
+            assert!(
+                matches!(error, OpenError::NotATerminal(_)),
+                "{port}: {error}"
             );
-            assert!(expected, "{port}: {error}");
         }
         let denied = cannot_open(Path::new("/dev/tty"), Errno::ACCESS.into());
         assert!(denied.to_string().contains("usermod -aG"), "{denied}");
@@ -262,13 +376,11 @@ mod tests {
     fn a_port_in_use_is_busy_and_stays_as_it_is() {
         let (_master, config) = pty();
         let first = SerialPort::open(&config).unwrap();
-        let settings = tcgetattr(&first.file).unwrap();
+        let settings = tcgetattr(&first).unwrap();
         let second = SerialPort::open(&config).unwrap_err();
-        assert!(matches!(second, OpenError::Busy(_)), "{second}");
-        assert_eq!(
-            tcgetattr(&first.file).unwrap().local_modes,
-            settings.local_modes
-        );
+        assert!(matches!(second, OpenError::InUse { .. }), "{second}");
+        assert_eq!(tcgetattr(&first).unwrap().local_modes, settings.local_modes);
+        first.write(b"undisturbed").unwrap();
     }
 
     #[test]

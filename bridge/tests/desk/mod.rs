@@ -3,18 +3,22 @@
 
 #![allow(missing_docs, dead_code)] // Each test binary uses its own part of the desk.
 
-use bridge::flight::trajectory::{PassThrough, Trajectory};
+use std::collections::HashMap;
+
+use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
-use dsp_protocol::downlink::Geographic;
+use dsp_protocol::downlink::{Geographic, ServoPulses, Supply};
 use dsp_protocol::{
     Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile, Refusal,
-    Sequence, Status, Uplink, Waypoint, port,
+    Sequence, Status, StatusMask, Uplink, Waypoint, port,
 };
 use ipc_types::MonotonicNs;
 use ipc_types::code::{
     ControlCommand, Functionality, ImiError, LinkState, ModuleStatus, MovementKind, Reason, Stage,
 };
-use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, MovementData, RequestReport};
+use ipc_types::payload::{
+    DspTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
+};
 
 /// Everything that the core said, in order.
 #[derive(Default)]
@@ -22,6 +26,7 @@ pub struct Recorder {
     pub telemetry: Vec<DspTelemetry>,
     pub states: Vec<ModuleState>,
     pub reports: Vec<RequestReport>,
+    pub notices: Vec<Notice>,
 }
 
 impl Outputs for Recorder {
@@ -36,9 +41,13 @@ impl Outputs for Recorder {
     }
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
-        let (RequestKey::Control(id) | RequestKey::Movement(id)) = to;
+        let (RequestKey::Control(id) | RequestKey::Movement(id) | RequestKey::Parameter(id)) = to;
         assert_eq!(id, report.request_id, "a report must reach its own request");
         self.reports.push(*report);
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.notices.push(*notice);
     }
 }
 
@@ -49,6 +58,8 @@ pub struct ScriptedDsp {
     pub grants: bool,
     /// It sends status; a command switches it on.
     pub sends_status: bool,
+    /// Time between two statuses.
+    pub status_period_ms: u32,
     pub mask: u16,
     /// It has the port that counts waypoints.
     pub counts: bool,
@@ -57,6 +68,19 @@ pub struct ScriptedDsp {
     pub taken: u16,
     /// It carries out take-offs and landings.
     pub obeys: bool,
+    /// Its rotor still runs after a landing.
+    pub lands_until_told: bool,
+    /// It has the time-out for a PC that is gone.
+    pub has_pc_timeout: bool,
+    /// It acknowledges writes to this port, and keeps its own value.
+    pub refuses: Option<u16>,
+    /// It loses so many of the next acknowledgements.
+    pub loses_acks: u32,
+    /// What was written to its ports.
+    pub ports_16: HashMap<u16, u16>,
+    pub ports_32: HashMap<u16, f32>,
+    /// Waypoints in its path buffer.
+    pub held: Vec<Waypoint>,
     pub time_ms: u32,
     pub status: Status,
     pub commands: Vec<Command>,
@@ -74,16 +98,21 @@ impl Default for ScriptedDsp {
             silent: false,
             grants: true,
             sends_status: true,
+            status_period_ms: 20,
             mask: 0,
             counts: true,
             loses: 0,
             taken: 0,
             obeys: true,
+            lands_until_told: false,
+            has_pc_timeout: true,
+            refuses: None,
+            loses_acks: 0,
+            ports_16: HashMap::new(),
+            ports_32: HashMap::new(),
+            held: vec![],
             time_ms: 0,
-            status: Status {
-                geographic: Some(HOME),
-                ..Status::default()
-            },
+            status: all_groups(),
             commands: vec![],
             waypoints: vec![],
             profile: Profile::Classic,
@@ -92,6 +121,40 @@ impl Default for ScriptedDsp {
         }
     }
 }
+
+/// A status with every group, on the ground, with the pilot's switch on auto.
+fn all_groups() -> Status {
+    Status {
+        geographic: Some(HOME),
+        xy: Some(Default::default()),
+        gps_velocity: Some(Default::default()),
+        gps_quality: Some(1),
+        attitude: Some(Default::default()),
+        acceleration: Some(Default::default()),
+        angular_rate: Some(Default::default()),
+        pilot_pwm: Some(PULSES),
+        sonar_adc: Some(0),
+        supply: Some(Supply {
+            battery_mv: 25_000,
+            fuel_percent: 90,
+            auto_switch: 1,
+        }),
+        pan_tilt: Some(Default::default()),
+        rotor_rpm: Some(0),
+        barometer_adc: Some(0),
+        actuation: Some(PULSES),
+        references: Some(Default::default()),
+        ..Status::default()
+    }
+}
+
+const PULSES: ServoPulses = ServoPulses {
+    collective_us: 1500,
+    roll_us: 1500,
+    pitch_us: 1500,
+    tail_us: 1500,
+    throttle_us: 1500,
+};
 
 pub const HOME: Geographic = Geographic {
     latitude_deg: 37.0,
@@ -166,20 +229,29 @@ impl ScriptedDsp {
                 None
             }
             Uplink::Waypoint(waypoint) => {
-                self.waypoints.push(waypoint);
-                self.taken += 1;
+                if self.held.last() != Some(&waypoint) {
+                    self.held.push(waypoint);
+                    self.waypoints.push(waypoint);
+                    self.taken += 1;
+                }
                 None
             }
         }
     }
 
     fn execute(&mut self, command: Command) -> Option<Downlink> {
-        if let Command::Write16 {
-            port: port::STATUS_MASK,
-            value,
-        } = command
-        {
-            self.mask = value;
+        match command {
+            Command::Write16 { port, .. } | Command::Write32 { port, .. }
+                if self.refuses == Some(port) => {}
+            Command::Write16 { port, value } => {
+                if port == port::STATUS_MASK {
+                    self.mask = value;
+                }
+                self.ports_16.insert(port, value);
+            }
+            Command::Write32 { port, value } => _ = self.ports_32.insert(port, value),
+            Command::InvalidatePath => self.held.clear(),
+            _ => {}
         }
         self.sends_status |= command == Command::ActivateStatus && !self.silent;
         let answer = match command {
@@ -187,20 +259,47 @@ impl ScriptedDsp {
                 command: 0,
                 value: self.read(port),
             },
+            Command::Read32 { port } => Downlink::Ack32 {
+                command: 2,
+                value: self.ports_32.get(&port).copied().unwrap_or_default(),
+            },
             _ => Downlink::Ack {
                 command: command.code(),
             },
         };
+        if self.loses_acks > 0 {
+            self.loses_acks -= 1;
+            return None;
+        }
         (self.acknowledges && !self.silent).then_some(answer)
     }
 
     fn read(&self, port: u16) -> u16 {
         match port {
             port::STATUS_MASK => self.mask,
-            port::TAKE_OFF | port::LAND => u16::from(self.obeys),
+            port::TAKE_OFF => u16::from(self.obeys && !(self.status.flying && self.grants)),
+            port::LAND => u16::from(self.lands_until_told || self.obeys && self.status.flying),
             port::WAYPOINT_COUNT if self.counts => 0x8000 | self.taken,
-            _ => 0,
+            port::PC_TIMEOUT_MS if !self.has_pc_timeout => 0,
+            _ => self.ports_16.get(&port).copied().unwrap_or_default(),
         }
+    }
+
+    /// Forgets what a reboot makes a DSP forget.
+    pub fn reboot(&mut self) {
+        (self.mask, self.time_ms, self.sends_status, self.grants) = (0, 0, false, false);
+        self.ports_16.clear();
+        self.ports_32.clear();
+        self.held.clear();
+    }
+
+    /// The commands so far, without the bridge's signs of life.
+    pub fn asked(&self) -> Vec<Command> {
+        let keep_alive = Command::Read16 {
+            port: port::PC_TIMEOUT_MS,
+        };
+        let commands = self.commands.iter().copied();
+        commands.filter(|command| *command != keep_alive).collect()
     }
 
     pub fn at(&mut self, waypoint: Waypoint) {
@@ -213,8 +312,8 @@ impl ScriptedDsp {
 }
 
 /// Bridge, DSP, recorder and clock.
-pub struct Desk<T = PassThrough> {
-    pub bridge: Bridge<T>,
+pub struct Desk {
+    pub bridge: Bridge,
     pub dsp: ScriptedDsp,
     pub out: Recorder,
     pub now: MonotonicNs,
@@ -251,8 +350,8 @@ impl Desk {
     }
 }
 
-impl<T: Trajectory> Desk<T> {
-    pub fn with(bridge: Bridge<T>) -> Desk<T> {
+impl Desk {
+    pub fn with(bridge: Bridge) -> Desk {
         Desk {
             bridge,
             dsp: ScriptedDsp::default(),
@@ -280,12 +379,13 @@ impl<T: Trajectory> Desk<T> {
             self.now = MonotonicNs(self.now.0 + 10_000_000);
             self.dsp.time_ms += 10;
             if !self.dsp.silent && self.bridge.link() != LinkState::Gone {
-                if self.dsp.time_ms.is_multiple_of(20)
+                if self.dsp.time_ms.is_multiple_of(self.dsp.status_period_ms)
                     && self.dsp.mask != 0
                     && self.dsp.sends_status
                 {
                     let mut status = self.dsp.status;
                     status.time_ms = Some(self.dsp.time_ms);
+                    status.withdraw(StatusMask(!self.dsp.mask));
                     self.say(Downlink::Status(status));
                 }
                 if self.dsp.time_ms.is_multiple_of(100) {
@@ -357,6 +457,22 @@ impl<T: Trajectory> Desk<T> {
         request_id
     }
 
+    pub fn parameter(&mut self, request: ParameterRequest) -> u64 {
+        let request_id = self.request_id();
+        let request = ParameterRequest {
+            request_id,
+            ..request
+        };
+        self.bridge.parameter(
+            self.now,
+            RequestKey::Parameter(request_id),
+            &request,
+            &mut self.out,
+        );
+        self.exchange();
+        request_id
+    }
+
     pub fn take_off(&mut self) -> u64 {
         self.movement(MovementData {
             kind: MovementKind::TakeOff.code(),
@@ -370,6 +486,10 @@ impl<T: Trajectory> Desk<T> {
             kind: MovementKind::Land.code(),
             ..MovementData::default()
         })
+    }
+
+    pub fn hold(&mut self) -> u64 {
+        self.movement(MovementData::hold(0))
     }
 
     pub fn waypoint(&mut self, path_id: u64, first: u16, last: u16, point: Waypoint) -> u64 {
@@ -387,6 +507,16 @@ impl<T: Trajectory> Desk<T> {
         (0..=last)
             .map(|i| self.waypoint(path_id, u16::from(i == 0), u16::from(i == last), points[i]))
             .collect()
+    }
+
+    /// A path of one waypoint that may replace another one.
+    pub fn preempting(&mut self, path_id: u64, point: Waypoint) -> u64 {
+        self.movement(MovementData {
+            path_id,
+            first: 1,
+            last: 1,
+            ..go_to(point).preempting()
+        })
     }
 
     /// The last report to a request: stage, reason, IMI error.

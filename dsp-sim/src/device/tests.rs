@@ -4,7 +4,7 @@ mod extended;
 mod firmware;
 mod in_flight;
 
-use dsp_protocol::{Command, Received};
+use dsp_protocol::{Command, Group, Received};
 use proptest::prelude::*;
 
 use super::*;

@@ -256,15 +256,25 @@ pub(crate) fn count_abandoned(domain: &Domain, nodes: &BTreeSet<u128>) -> usize 
 mod tests {
     use std::path::PathBuf;
 
+    use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, utimensat};
+
     use super::super::lock::DomainLock;
     use super::*;
+    use crate::files;
 
     const NODES_DIR: &str = "nodes";
     const SERVICES_DIR: &str = "services";
 
+    /// By its name, because only root can open everything that was left half made.
     fn make_old(path: &Path) {
         let then = SystemTime::now() - 2 * SETTLED_AFTER;
-        fs::File::open(path).unwrap().set_modified(then).unwrap();
+        let since_1970 = then.duration_since(SystemTime::UNIX_EPOCH).unwrap();
+        let then = Timespec::try_from(since_1970).unwrap();
+        let times = Timestamps {
+            last_access: then,
+            last_modification: then,
+        };
+        utimensat(CWD, path, &times, AtFlags::SYMLINK_NOFOLLOW).unwrap();
     }
 
     /// A domain with somebody in it, the remains of a node, and those of a segment.
@@ -281,7 +291,7 @@ mod tests {
             let lock = DomainLock::acquire(&domain).unwrap();
             let nodes = domain.root().join(NODES_DIR);
             let node = nodes.join("4711");
-            fs::create_dir_all(&node).unwrap();
+            files::create_dir_all(&node).unwrap();
             for file in files {
                 fs::write(nodes.join(file.replace('%', domain.prefix())), "").unwrap();
             }
@@ -349,7 +359,7 @@ mod tests {
     fn a_half_made_service_is_removed_at_once_and_a_whole_one_stays() {
         let scene = Scene::new(&[]);
         let services = scene.domain.root().join(SERVICES_DIR);
-        fs::create_dir(&services).unwrap();
+        files::create_dir_all(&services).unwrap();
         let path = |name: &str| services.join(format!("{}{name}", scene.domain.prefix()));
         for (name, mode) in [("half", 0o600), ("whole", 0o400)] {
             let path = path(name);

@@ -13,6 +13,7 @@ use rustix::fs::{FlockOperation, OFlags};
 use rustix::io::Errno;
 
 use super::{Domain, DomainError, Removal, remains};
+use crate::files;
 
 /// The file whose lock says that somebody is in the domain.
 pub(super) const LOCK_FILE: &str = "domain.lock";
@@ -145,7 +146,7 @@ impl DomainLock {
 
 /// Makes the root if it is not there, and checks that nobody else can put anything into it.
 fn make_root(root: &Path) -> Result<(), DomainError> {
-    match fs::DirBuilder::new().mode(0o700).create(root) {
+    match files::while_no_port_opens(|| fs::DirBuilder::new().mode(0o700).create(root)) {
         Ok(()) => {}
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
         Err(error) => return Err(DomainError::io("create", root, error)),
@@ -199,15 +200,15 @@ fn unsafe_path(path: &Path, reason: String) -> DomainError {
 
 /// Opens or makes a lock file; nothing when the root vanished meanwhile.
 pub(super) fn open_lock_file(path: &Path) -> Result<Option<File>, DomainError> {
-    let result = OpenOptions::new()
+    let mut options = OpenOptions::new();
+    options
         .read(true)
         .write(true)
         .create(true)
         .truncate(false)
         .mode(0o600)
-        .custom_flags(OFlags::NOFOLLOW.bits() as i32)
-        .open(path);
-    match result {
+        .custom_flags(OFlags::NOFOLLOW.bits() as i32);
+    match files::while_no_port_opens(|| options.open(path)) {
         Ok(file) => Ok(Some(file)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(DomainError::io("open", path, error)),
@@ -264,7 +265,7 @@ mod tests {
     fn the_first_in_removes_what_was_left_and_the_last_out_everything() {
         let domain = Domain::isolated();
         let root = domain.root().to_owned();
-        fs::create_dir_all(root.join("nodes/123")).unwrap();
+        files::create_dir_all(&root.join("nodes/123")).unwrap();
         fs::set_permissions(&root, std::os::unix::fs::PermissionsExt::from_mode(0o700)).unwrap();
         fs::write(root.join("nodes/123/node.details"), "half").unwrap();
         let segment = format!("/dev/shm/{}42.data", domain.prefix());
@@ -286,7 +287,7 @@ mod tests {
 
     #[test]
     fn files_that_are_not_the_domain_s_are_left_alone() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = files::test_folder();
         let domain = Domain::new("mine_", folder.path()).unwrap();
         fs::write(folder.path().join("letter.txt"), "dear").unwrap();
         DomainLock::acquire(&domain).unwrap().release(&domain);
@@ -299,7 +300,7 @@ mod tests {
 
     #[test]
     fn a_root_that_others_may_write_to_is_refused() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let folder = files::test_folder();
         fs::set_permissions(
             folder.path(),
             std::os::unix::fs::PermissionsExt::from_mode(0o777),

@@ -19,6 +19,7 @@ use iceoryx2::prelude::SemanticString;
 
 use super::lock::{check_owner, open_to_look};
 use super::{Domain, DomainError, remains};
+use crate::files;
 
 /// What anybody but its owner may do with a segment.
 pub(crate) const OTHERS: u32 = 0o077;
@@ -139,11 +140,9 @@ fn replace(path: &Path) -> io::Result<()> {
     let mut copy = path.as_os_str().to_owned();
     copy.push(format!(".{}-{count}", std::process::id()));
     let copy = PathBuf::from(copy);
-    let mut file = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .mode(OWNER_READ_WRITE)
-        .open(&copy)?;
+    let mut options = OpenOptions::new();
+    options.write(true).create_new(true).mode(OWNER_READ_WRITE);
+    let mut file = files::while_no_port_opens(|| options.open(&copy))?;
     file.write_all(&bytes)?;
     fs::rename(&copy, path)
 }

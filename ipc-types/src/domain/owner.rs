@@ -14,10 +14,11 @@ use rustix::io::Errno;
 
 use super::lock::{open_lock_file, open_to_look};
 use super::{Domain, DomainError};
+use crate::files;
 use crate::robot::RobotId;
 
 /// The folder with a file for each service that was ever provided.
-pub(super) const OWNERS_DIR: &str = "owners";
+pub(crate) const OWNERS_DIR: &str = "owners";
 
 /// How often and how long a provider waits for somebody who only looks whether there is one.
 ///
@@ -128,7 +129,7 @@ impl ProviderWatch {
 /// The service's file, in a folder that is there.
 fn owner_path(domain: &Domain, robot: RobotId, key: &str) -> Result<PathBuf, DomainError> {
     let folder = domain.root.join(OWNERS_DIR);
-    match fs::DirBuilder::new().mode(0o700).create(&folder) {
+    match files::while_no_port_opens(|| fs::DirBuilder::new().mode(0o700).create(&folder)) {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
             Err(DomainError::io("create", &folder, error))
         }

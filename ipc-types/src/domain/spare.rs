@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use super::Domain;
 use super::abandoned::NODES_DIR;
+use crate::files;
 
 /// The folder of the copies in the root; in it a folder for each node that is being removed.
 pub(super) const SPARE_DIR: &str = "cleaning";
@@ -26,7 +27,7 @@ const PORT_TAG: &str = ".port_tag";
 /// When that is not possible; the node must not be removed then.
 pub(super) fn keep(domain: &Domain, node: u128) -> io::Result<()> {
     let (folder, spare) = (folder_of(domain, node), spare_of(domain, node));
-    fs::create_dir_all(&spare)?;
+    files::while_no_port_opens(|| fs::create_dir_all(&spare))?;
     link_tags(&folder, &spare)?;
     link_tags(&spare, &folder)
 }
@@ -101,7 +102,7 @@ mod tests {
     fn tags_come_back_until_their_node_is_gone() {
         let domain = Domain::isolated();
         let (folder, spare) = (folder_of(&domain, 4711), spare_of(&domain, 4711));
-        fs::create_dir_all(&folder).unwrap();
+        files::create_dir_all(&folder).unwrap();
         for name in ["a.port_tag", "b.port_tag", "c.service_tag", "node.details"] {
             fs::write(folder.join(name), "").unwrap();
         }

@@ -7,7 +7,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use ipc_types::{Domain, Ipc, RobotId};
+use ipc_types::{Domain, Ipc, RobotId, files};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Far longer than any test takes; only a test that hangs meets it.
@@ -110,14 +110,15 @@ impl Role {
 
     /// Starts a role with a command that names a copy of this program, or another user.
     pub fn spawn(domain: &Domain, role: &str, mut command: Command) -> Role {
-        let mut child = command
+        command
             .args(["--role", role])
             .envs(domain.environment())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("a child process");
+            .stderr(Stdio::null());
+        // It inherits the umask.
+        let child = files::while_no_port_opens(|| command.spawn());
+        let mut child = child.expect("a child process");
         let says = BufReader::new(child.stdout.take().expect("its output"));
         Role { child, says }
     }

@@ -1,7 +1,11 @@
 //! The conversation of one command with the bridge: what to send when, what to wait for, when it is over.
 //!
 //! A pure value. A path is one conversation of several requests: each waypoint goes out when the one before it has been
-//! accepted, and the first that is not ends it, because the bridge then discards the whole path.
+//! accepted, and the first that is refused ends the conversation, because the bridge then discards the whole path.
+//!
+//! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are open,
+//! and when a path is broken, the newest open waypoint is answered with the reason. An earlier version of the bridge kept
+//! all waypoints open until the path was complete, and answered all of them; both are understood.
 
 use std::time::Duration;
 
@@ -9,19 +13,19 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use crate::words::FinalWord;
+use crate::messages::FinalReport;
 
 /// When the conversation is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Until {
-    /// With the final word.
+    /// With the final report.
     Final,
     /// As soon as the last request was accepted.
     Accepted,
 }
 
 /// What to do next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Next {
     /// Send the request of this index.
     Send(usize),
@@ -32,22 +36,22 @@ pub enum Next {
 }
 
 /// How the conversation ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The last request was accepted, and nobody wants to know more.
+    /// The last request was accepted, which was all that was asked for.
     Accepted,
-    /// The final word.
-    Final(FinalWord),
+    /// The final report.
+    Final(FinalReport),
     /// The bridge did not answer the request of this index in time.
     NoAnswer(usize),
 }
 
-/// How far the conversation is, for whoever must leave early.
+/// How far the conversation is, for a command that must end early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// The bridge has not taken the whole of it: without its sender it never will.
+    /// The bridge has not taken all requests, and without their sender it never will.
     Incomplete,
-    /// The bridge has taken it and goes on with it.
+    /// The bridge has taken them and goes on with them.
     Taken,
 }
 
@@ -58,21 +62,21 @@ pub struct Exchange {
     sent: usize,
     until: Until,
     timeout: Duration,
-    /// Until when the bridge must have said what is waited for.
+    /// Until when the awaited report must have come.
     due: MonotonicNs,
 }
 
-/// What has been said about a request.
+/// What has been reported about a request.
 #[derive(Clone, Copy, Debug)]
 struct State {
     request_id: u64,
     is_answered: bool,
-    last_word: Option<FinalWord>,
+    end: Option<FinalReport>,
 }
 
 impl State {
-    fn failed(&self) -> Option<FinalWord> {
-        self.last_word.filter(|word| word.stage != Stage::Done)
+    fn failed(&self) -> Option<FinalReport> {
+        self.end.filter(|end| end.stage != Stage::Done)
     }
 }
 
@@ -86,7 +90,7 @@ impl Exchange {
         let state = |request_id| State {
             request_id,
             is_answered: false,
-            last_word: None,
+            end: None,
         };
         Exchange {
             requests: request_ids.into_iter().map(state).collect(),
@@ -115,9 +119,9 @@ impl Exchange {
             .any(|request| request.failed().is_some());
         let request = &mut self.requests[index];
         request.is_answered = true;
-        request.last_word = request.last_word.or(FinalWord::of(report));
+        request.end = request.end.or(FinalReport::of(report));
         if !had_failed && request.failed().is_some() {
-            // The other waypoints of a broken path get their final words together with the first.
+            // The final reports about the other waypoints of a broken path come together with the first one.
             self.due = now + self.timeout;
         }
         Some(index)
@@ -127,8 +131,8 @@ impl Exchange {
     pub fn next(&self, now: MonotonicNs) -> Next {
         let (sent, unsent) = self.requests.split_at(self.sent.min(self.requests.len()));
         if let Some(culprit) = culprit(sent) {
-            let all_said = sent.iter().all(|request| request.last_word.is_some());
-            return if all_said || now >= self.due {
+            let all_answered = sent.iter().all(|request| request.end.is_some());
+            return if all_answered || now >= self.due {
                 Next::Over(Outcome::Final(culprit))
             } else {
                 Next::Wait(Some(self.due))
@@ -143,8 +147,8 @@ impl Exchange {
                 }
             }
             (_, false) => Next::Send(sent.len()),
-            (Some(last), true) => match last.last_word {
-                Some(word) => Next::Over(Outcome::Final(word)),
+            (Some(last), true) => match last.end {
+                Some(end) => Next::Over(Outcome::Final(end)),
                 None if self.until == Until::Accepted => Next::Over(Outcome::Accepted),
                 None => Next::Wait(None),
             },
@@ -161,14 +165,12 @@ impl Exchange {
     }
 }
 
-/// The failure that says most: that of the newest request, for it broke the path; else the first that does not merely
-/// say that the path is broken.
-fn culprit(sent: &[State]) -> Option<FinalWord> {
-    let newest = sent.last()?.failed();
-    let failures = || sent.iter().filter_map(State::failed);
-    newest
-        .or_else(|| failures().find(|word| word.reason != Reason::PathBroken))
-        .or_else(|| failures().next())
+/// The failure that says most: the newest that is not the mere consequence of another one, else the newest.
+fn culprit(sent: &[State]) -> Option<FinalReport> {
+    let failures = || sent.iter().rev().filter_map(State::failed);
+    let is_cause =
+        |end: &FinalReport| !matches!(end.reason, Reason::PathBroken | Reason::PathWithoutHead);
+    failures().find(is_cause).or_else(|| failures().next())
 }
 
 #[cfg(test)]
@@ -224,13 +226,16 @@ mod tests {
         }
 
         fn is_over_with(&self, stage: Stage, reason: Reason) {
-            let word = FinalWord { stage, reason };
-            assert_eq!(self.next(), Next::Over(Outcome::Final(word)));
+            let next = self.next();
+            let Next::Over(Outcome::Final(end)) = next else {
+                panic!("{next:?}");
+            };
+            assert_eq!((end.stage, end.reason), (stage, reason));
         }
     }
 
     #[test]
-    fn a_single_request_is_followed_to_its_final_word() {
+    fn a_single_request_is_followed_to_its_final_report() {
         let mut desk = Desk::new(1, Until::Final);
         desk.sends(0);
         assert_eq!(desk.next(), Next::Wait(Some(at(100))));
@@ -248,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_does_not_wait_leaves_when_it_is_accepted_but_learns_of_a_refusal() {
+    fn a_command_that_does_not_wait_ends_when_it_is_accepted_but_learns_of_a_refusal() {
         let mut desk = Desk::new(1, Until::Accepted);
         desk.sends(0);
         desk.says(0, Stage::Accepted, Reason::None);
@@ -261,10 +266,10 @@ mod tests {
     }
 
     #[test]
-    fn a_path_goes_out_waypoint_by_waypoint_and_ends_with_the_last_one_s_word() {
+    fn a_path_goes_out_waypoint_by_waypoint_and_ends_with_the_last_one_s_report() {
         let mut desk = Desk::accepted(2);
         desk.sends(2);
-        // As the bridge says it: the earlier ones are done when the path is complete.
+        // An earlier bridge: the others are done when the path is complete.
         desk.says(0, Stage::Done, Reason::None);
         desk.says(1, Stage::Done, Reason::None);
         assert_eq!(desk.next(), Next::Wait(Some(at(100))));
@@ -272,6 +277,62 @@ mod tests {
         assert_eq!(desk.next(), Next::Wait(None));
         desk.says(2, Stage::Aborted, Reason::Stopped);
         desk.is_over_with(Stage::Aborted, Reason::Stopped);
+    }
+
+    /// A path of which each waypoint was taken, and the one before it done thereby.
+    fn assembled(count: usize) -> Desk {
+        let mut desk = Desk::new(count as u64, Until::Final);
+        for index in 0..count {
+            desk.sends(index);
+            if index > 0 {
+                desk.says(index - 1, Stage::Done, Reason::None);
+            }
+            if index + 1 < count {
+                desk.says(index, Stage::Accepted, Reason::None);
+            }
+        }
+        desk
+    }
+
+    #[test]
+    fn a_waypoint_that_is_done_while_the_path_is_assembled_ends_nothing() {
+        let mut desk = assembled(1024);
+        assert_eq!(desk.next(), Next::Wait(Some(at(100))));
+        desk.says(1023, Stage::Accepted, Reason::None);
+        assert_eq!(desk.next(), Next::Wait(None));
+        desk.says(1023, Stage::Done, Reason::None);
+        desk.is_over_with(Stage::Done, Reason::None);
+    }
+
+    #[test]
+    fn a_refused_waypoint_ends_an_assembly_whose_first_waypoints_are_done() {
+        let mut desk = assembled(3);
+        desk.says(2, Stage::Refused, Reason::FenceBreach);
+        desk.is_over_with(Stage::Refused, Reason::FenceBreach);
+
+        // The waypoint before it was still open.
+        let mut desk = Desk::accepted(1);
+        desk.sends(1);
+        desk.says(1, Stage::Accepted, Reason::None);
+        desk.says(0, Stage::Done, Reason::None);
+        desk.sends(2);
+        desk.says(1, Stage::Aborted, Reason::PathBroken);
+        assert!(matches!(desk.next(), Next::Wait(Some(_))));
+        desk.says(2, Stage::Refused, Reason::TooFar);
+        desk.is_over_with(Stage::Refused, Reason::TooFar);
+    }
+
+    #[test]
+    fn a_path_that_is_broken_while_a_waypoint_is_on_its_way_ends_with_the_cause() {
+        for reason in [Reason::PathReplaced, Reason::Stopped] {
+            let mut desk = Desk::accepted(2);
+            desk.says(0, Stage::Done, Reason::None);
+            desk.sends(2);
+            desk.says(1, Stage::Aborted, reason);
+            // The bridge knows nothing of the path any more when its last waypoint comes.
+            desk.says(2, Stage::Refused, Reason::PathWithoutHead);
+            desk.is_over_with(Stage::Aborted, reason);
+        }
     }
 
     #[test]
@@ -347,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn a_report_about_another_s_request_and_a_second_final_word_change_nothing() {
+    fn a_report_about_another_s_request_and_a_second_final_report_change_nothing() {
         let mut desk = Desk::new(1, Until::Final);
         desk.sends(0);
         let stranger = RequestReport {

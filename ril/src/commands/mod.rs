@@ -1,13 +1,16 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
+mod conversation;
 pub mod doctor;
 pub mod echo;
 pub mod exchange;
 pub mod measure;
-pub mod overview;
+pub mod param;
 pub mod patience;
 pub mod request;
+mod robot;
 pub mod state;
+pub mod state_report;
 mod stream;
 
 use std::io::Write;
@@ -75,7 +78,7 @@ impl Session {
         Ok(provider.is_some())
     }
 
-    /// The failure that nothing of `service` came in time: nobody provides it, or its provider says nothing.
+    /// The failure that nothing of `service` came in time: no process provides it, or its provider publishes nothing.
     fn nothing_came(&self, service: ServiceId, timeout: Duration) -> Result<Failure, Failure> {
         let robot = self.ipc.robot();
         if !self.is_provided(service)? {
@@ -84,18 +87,19 @@ impl Session {
         let name = service.spec().key;
         let text = format!(
             "nothing came from {name} of robot {robot} in {timeout:?}, although `ril {}` is running: \
-             `ril state --robot {robot}` shows the line to the DSP",
+             `ril state --robot {robot}` shows the link to the DSP",
             process_of(service)
         );
         Ok(Failure::new(ExitCode::Timeout, text))
     }
 }
 
-/// The failure that nobody provides `service`.
+/// The failure that no process provides `service`; other robots that are alive are named.
 fn absent(service: ServiceId, robot: RobotId) -> Failure {
     let (name, process) = (service.spec().key, process_of(service));
     let text = format!(
-        "nobody provides {name} of robot {robot}: start `ril {process} --robot {robot}` and try again"
+        "no process provides {name} of robot {robot}: start `ril {process} --robot {robot}` and try again{}",
+        robot::others_alive(robot)
     );
     Failure::new(ExitCode::ServiceAbsent, text)
 }

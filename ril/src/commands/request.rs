@@ -1,28 +1,35 @@
-//! `ril start | stop | takeoff | land | goto`: sends the requests of one command and follows them to the final word.
+//! `ril start | stop | takeoff | land | hold | goto | fence reload`: makes the requests of one command.
 //!
-//! It decides nothing about the conversation, which is [`Exchange`]'s, nor about words and exit codes, which are in
-//! [`words`].
+//! [`Conversation`] sends and follows them, and [`messages`](crate::messages) has the texts and exit codes.
 
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
 
 use ipc_types::code::ControlCommand;
-use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
-use ipc_types::{Client, MonotonicNs, Request, SendError, fresh_request_id};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use ipc_types::payload::{ModuleControl, MovementData, WaypointPosition};
+use ipc_types::{Request, fresh_request_id};
+use runtime::exit::Failure;
 
-use super::exchange::{Exchange, Next, Outcome, Progress, Until};
-use super::{Session, absent, configuration, json_line};
-use crate::cli::{GotoArgs, RequestArgs, TakeoffArgs};
-use crate::words::{self, ReportObject, Verb};
+use super::conversation::{Conversation, Format};
+use super::exchange::Until;
+use super::robot::refuse_to_guess;
+use super::{Session, configuration};
+use crate::cli::{self, FenceCommand, GotoArgs, LandArgs, RequestArgs, RobotChoice, TakeoffArgs};
+use crate::messages::Verb;
+
+/// Longest file of waypoints: more than twenty times the bytes of the longest path that the bridge takes.
+const MAX_FILE_BYTES: u64 = 1024 * 1024;
 
 /// `ril start`
 ///
 /// # Errors
 ///
-/// As all requests: see [`words::exit_code`]; code 3 when there is no bridge, 4 when it does not answer, 7 when a signal
-/// ends the command before the final word.
-pub fn start(args: &RequestArgs) -> Result<(), Failure> {
-    control(Verb::Start, ControlCommand::Start, args)
+/// As all requests: see [`messages::exit_code`](crate::messages::exit_code); code 2 when several robots are alive and none
+/// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
+/// report.
+pub fn start(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
+    control(Verb::Start, ControlCommand::Start, args, choice)
 }
 
 /// `ril stop`
@@ -30,8 +37,21 @@ pub fn start(args: &RequestArgs) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`start`].
-pub fn stop(args: &RequestArgs) -> Result<(), Failure> {
-    control(Verb::Stop, ControlCommand::Stop, args)
+pub fn stop(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
+    control(Verb::Stop, ControlCommand::Stop, args, choice)
+}
+
+/// `ril fence …`
+///
+/// # Errors
+///
+/// As [`start`].
+pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure> {
+    match command {
+        FenceCommand::Reload(args) => {
+            control(Verb::ReloadFence, ControlCommand::ReloadFence, args, choice)
+        }
+    }
 }
 
 /// `ril takeoff`
@@ -39,9 +59,9 @@ pub fn stop(args: &RequestArgs) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`start`].
-pub fn take_off(args: &TakeoffArgs) -> Result<(), Failure> {
+pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> {
     let request = MovementData::take_off(fresh_request_id(), args.altitude);
-    movement(Verb::TakeOff, vec![request], &args.request)
+    movement(Verb::TakeOff, vec![request], false, &args.request, choice)
 }
 
 /// `ril land`
@@ -49,42 +69,92 @@ pub fn take_off(args: &TakeoffArgs) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`start`].
-pub fn land(args: &RequestArgs) -> Result<(), Failure> {
+pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
+    let request = MovementData::land(fresh_request_id());
     movement(
         Verb::Land,
-        vec![MovementData::land(fresh_request_id())],
-        args,
+        vec![request],
+        args.preempt,
+        &args.request,
+        choice,
     )
+}
+
+/// `ril hold`, which always replaces a path that is under way.
+///
+/// # Errors
+///
+/// As [`start`].
+pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
+    let request = MovementData::hold(fresh_request_id());
+    movement(Verb::Hold, vec![request], true, args, choice)
 }
 
 /// `ril goto`
 ///
 /// # Errors
 ///
-/// As [`start`].
-pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
-    let requests = MovementData::path(fresh_request_id(), &args.waypoints, fresh_request_id);
-    movement(Verb::GoTo, requests.collect(), &args.request)
+/// As [`start`]; code 2 also when the file of waypoints cannot be read or is wrong.
+pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
+    let from_file = args.file.as_deref().map(read_waypoints).transpose()?;
+    let waypoints = from_file.as_ref().unwrap_or(&args.waypoints);
+    let requests = MovementData::path(fresh_request_id(), waypoints, fresh_request_id).collect();
+    movement(Verb::GoTo, requests, args.preempt, &args.request, choice)
 }
 
-fn control(verb: Verb, command: ControlCommand, args: &RequestArgs) -> Result<(), Failure> {
-    let mut request = ModuleControl::new(fresh_request_id(), command);
-    run(verb, args, |deadline_ms| {
-        request.deadline_ms = deadline_ms;
-        vec![request]
+/// Reads a file of waypoints; `-` is standard input.
+fn read_waypoints(path: &Path) -> Result<Vec<WaypointPosition>, Failure> {
+    let name = path.display();
+    let mut text = String::new();
+    // One byte more than allowed tells a file that is too long.
+    let read = match path == Path::new("-") {
+        true => io::stdin()
+            .lock()
+            .take(MAX_FILE_BYTES + 1)
+            .read_to_string(&mut text),
+        false => File::open(path)
+            .and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text)),
+    };
+    match read {
+        Err(error) => Err(Failure::usage(format!("{name}: cannot be read: {error}"))),
+        Ok(_) if text.len() as u64 > MAX_FILE_BYTES => Err(Failure::usage(format!(
+            "{name}: longer than {MAX_FILE_BYTES} bytes, which no path needs"
+        ))),
+        Ok(_) => {
+            cli::waypoints(&text).map_err(|reason| Failure::usage(format!("{name}: {reason}")))
+        }
+    }
+}
+
+fn control(
+    verb: Verb,
+    command: ControlCommand,
+    args: &RequestArgs,
+    choice: RobotChoice,
+) -> Result<(), Failure> {
+    run(verb, args, choice, |deadline_ms| {
+        vec![ModuleControl {
+            deadline_ms,
+            ..ModuleControl::new(fresh_request_id(), command)
+        }]
     })
 }
 
+/// Sends a movement. `preempt` is set in all waypoints of a path; that of the last one counts.
 fn movement(
     verb: Verb,
-    mut requests: Vec<MovementData>,
+    requests: Vec<MovementData>,
+    preempt: bool,
     args: &RequestArgs,
+    choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, args, |deadline_ms| {
-        for request in &mut requests {
-            request.deadline_ms = deadline_ms;
-        }
-        requests
+    run(verb, args, choice, |deadline_ms| {
+        let complete = |request| MovementData {
+            deadline_ms,
+            preempt: u16::from(preempt),
+            ..request
+        };
+        requests.into_iter().map(complete).collect()
     })
 }
 
@@ -92,122 +162,21 @@ fn movement(
 fn run<R: Request>(
     verb: Verb,
     args: &RequestArgs,
+    choice: RobotChoice,
     with_deadline: impl FnOnce(u32) -> Vec<R>,
 ) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
+    let ask = &args.ask;
+    let Some(config) = configuration(&ask.common)? else {
         return Ok(());
     };
-    let session = Session::join(&args.common)?;
-    let requests = with_deadline(args.deadline.unwrap_or(config.request.deadline_ms));
-    let timeout = args.timeout.unwrap_or_else(|| config.request.timeout());
-    let until = if args.no_wait {
-        Until::Accepted
-    } else {
-        Until::Final
+    refuse_to_guess(choice)?;
+    let session = Session::join(&ask.common)?;
+    let requests = with_deadline(ask.deadline.unwrap_or(config.request.deadline_ms));
+    let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
+    let until = match args.no_wait {
+        true => Until::Accepted,
+        false => Until::Final,
     };
-    let exchange = Exchange::new(requests.iter().map(Request::request_id), until, timeout);
-    let client = session.ipc.client::<R>().or_fail(ExitCode::Internal)?;
-    let mut conversation = Conversation {
-        verb,
-        json: args.json,
-        requests,
-        exchange,
-        client,
-        inbox: Vec::new(),
-    };
-    let outcome = conversation.hold(&session)?;
-    conversation.judge(outcome, &session)
-}
-
-/// The requests of one command on their way.
-struct Conversation<R: Request> {
-    verb: Verb,
-    json: bool,
-    requests: Vec<R>,
-    exchange: Exchange,
-    client: Client<R>,
-    inbox: Vec<RequestReport>,
-}
-
-impl<R: Request> Conversation<R> {
-    /// Talks until it is over. Nothing comes out when a signal ended it before.
-    fn hold(&mut self, session: &Session) -> Result<Option<Outcome>, Failure> {
-        loop {
-            let now = MonotonicNs::now();
-            self.listen(now)?;
-            match self.exchange.next(now) {
-                Next::Over(outcome) => return Ok(Some(outcome)),
-                _ if session.termination.requested() => return Ok(None),
-                Next::Send(index) => self.send(index, now, session)?,
-                Next::Wait(until) => session.wait(&[&self.client], until)?,
-            }
-        }
-    }
-
-    /// Takes every report that is there, and prints it.
-    fn listen(&mut self, now: MonotonicNs) -> Result<(), Failure> {
-        self.client.drain(|report| self.inbox.push(*report));
-        let mut out = io::stdout().lock();
-        for report in self.inbox.drain(..) {
-            let Some(index) = self.exchange.take(&report, now) else {
-                continue;
-            };
-            if self.json {
-                json_line(&mut out, &ReportObject::new(self.verb, &report))?;
-            } else if let Some(line) = words::line(self.verb, index, self.requests.len(), &report) {
-                writeln!(out, "{line}").map_err(Failure::output)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn send(&mut self, index: usize, now: MonotonicNs, session: &Session) -> Result<(), Failure> {
-        match self.client.send(&self.requests[index]) {
-            Ok(()) => {
-                self.exchange.sent(now);
-                Ok(())
-            }
-            Err(SendError::NoServer { .. }) => Err(absent(R::SERVICE, session.ipc.robot())),
-            Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
-            Err(error @ (SendError::TooManyOutstanding | SendError::Failed(_))) => {
-                Err(Failure::internal(error))
-            }
-        }
-    }
-
-    /// What the command ends with.
-    fn judge(&self, outcome: Option<Outcome>, session: &Session) -> Result<(), Failure> {
-        let (name, robot) = (self.verb.name(), session.ipc.robot());
-        match outcome {
-            Some(Outcome::Accepted) => Ok(()),
-            Some(Outcome::Final(word)) => match word.exit_code() {
-                ExitCode::Ok => Ok(()),
-                code => Err(Failure::new(code, words::ending(self.verb, word))),
-            },
-            Some(Outcome::NoAnswer(index)) => {
-                let which = match self.requests.len() {
-                    1 => name.to_owned(),
-                    total => format!("waypoint {} of {total}", index + 1),
-                };
-                let text = format!(
-                    "the bridge of robot {robot} did not answer to {which} in time: it may hang. The request was \
-                     withdrawn; `ril state --robot {robot}` shows whether it took effect all the same"
-                );
-                Err(Failure::new(ExitCode::Timeout, text))
-            }
-            None => {
-                let what = match self.exchange.progress() {
-                    Progress::Taken => self.verb.goes_on(),
-                    Progress::Incomplete if self.requests.len() > 1 => {
-                        "the path was not complete, so nothing of it is flown"
-                    }
-                    Progress::Incomplete => {
-                        "it was withdrawn before the bridge answered; `ril state` shows whether it took effect"
-                    }
-                };
-                let text = format!("interrupted before the final word to {name}: {what}");
-                Err(Failure::new(ExitCode::OutcomeUnknown, text))
-            }
-        }
-    }
+    Conversation::open(&session, verb, timeout)?.hold(&requests, until, Format::of(ask.json))?;
+    Ok(())
 }

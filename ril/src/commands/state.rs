@@ -6,7 +6,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, ReceiveError, ServiceId, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::overview::{Overview, Sample};
+use super::state_report::{Sample, StateReport};
 use super::{Session, configuration, json_line};
 use crate::cli::StateArgs;
 use crate::fields::Shown;
@@ -40,7 +40,7 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
     };
     let now = MonotonicNs::now();
     let robot = session.ipc.robot().get();
-    let overview = Overview::new(
+    let report = StateReport::new(
         robot,
         state,
         newest.dsp.shown(now),
@@ -49,9 +49,9 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
     );
     let mut out = io::stdout().lock();
     if args.json {
-        json_line(&mut out, &overview)
+        json_line(&mut out, &report)
     } else {
-        write!(out, "{overview}").map_err(Failure::output)
+        write!(out, "{report}").map_err(Failure::output)
     }
 }
 

@@ -51,11 +51,11 @@ pub struct Args {
     #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
     pub robot: NonZeroU32,
 
-    /// Prints one JSON document instead of lines
+    /// Print one JSON document instead of lines
     #[arg(long)]
     pub json: bool,
 
-    /// Runs the simulator's clock so many times faster
+    /// Run the simulator's clock so many times faster
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
 

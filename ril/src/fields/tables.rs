@@ -1,6 +1,9 @@
 //! Which field of a sample depends on what, and which numbers are codes: the one place that knows.
 
-use ipc_types::code::{Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind};
+use ipc_types::code::{
+    DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
+    PilotSwitch, SafetyAction, SafetyRule,
+};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{TelemetryGroup, Topic};
 use serde::Serialize;
@@ -8,7 +11,7 @@ use serde::Serialize;
 /// A field, plain or nested, and whether it means something in a sample.
 pub type Condition<T> = (&'static str, fn(&T) -> bool);
 
-/// A field whose number stands for something, and how the number is called; `None` when nobody knows it.
+/// A field whose number stands for something, and the name of the number; `None` when it is not in the contract.
 pub type Naming = (&'static str, fn(u32) -> Option<String>);
 
 /// A sample that can be shown field by field.
@@ -25,9 +28,10 @@ pub trait Shown: Topic + Serialize {
 
 /// Rows `"field" => Group` of [`Shown::CONDITIONS`].
 macro_rules! by_group {
-    ($($field:literal => $group:ident),+ $(,)?) => {
+    ($($field:literal => $group:ident),+ $(; $other:literal if $condition:expr)* $(,)?) => {
         &[
             $(($field, |sample| sample.valid(TelemetryGroup::$group)),)+
+            $(($other, $condition),)*
             ("last_dsp_error_code", |sample| sample.last_dsp_error().is_some()),
         ]
     };
@@ -78,7 +82,8 @@ impl Shown for HeroTelemetry {
         "rotor_radps" => RotorSpeed,
         "barometer_altitude_m" => Barometer,
         "actuation" => Actuation,
-        "references" => References,
+        "references" => References;
+        "estimate" if |sample| sample.estimate.valid != 0
     };
 
     const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
@@ -100,7 +105,11 @@ impl Shown for ModuleState {
         ("link.last_telemetry_ns", |state| {
             state.link.telemetry_published > 0
         }),
+        ("link.state_since_ns", |state| state.link.state_since_ns > 0),
         ("dsp_errors.last_code", |state| state.dsp_errors.total > 0),
+        ("safety.rule", |state| state.safety.rule != 0),
+        ("safety.amount", |state| state.safety.rule != 0),
+        ("safety.action", |state| state.safety.action != 0),
     ];
 
     const CODES: &'static [Naming] = &[
@@ -120,7 +129,19 @@ impl Shown for ModuleState {
         ("link.state", |code| {
             LinkState::from_code(code).map(|state| state.to_string())
         }),
+        ("link.dsp_path", |code| {
+            DspPathState::from_code(code).map(|path| path.to_string())
+        }),
         ("dsp_errors.last_code", dsp_error_name),
+        ("safety.rule", |code| {
+            SafetyRule::from_code(code).map(|rule| rule.to_string())
+        }),
+        ("safety.action", |code| {
+            SafetyAction::from_code(code).map(|action| action.to_string())
+        }),
+        ("safety.pilot_switch", |code| {
+            PilotSwitch::from_code(code).map(|switch| switch.to_string())
+        }),
     ];
 
     fn time_ns(&self) -> u64 {
@@ -190,7 +211,7 @@ mod tests {
             seen.extend(names);
         }
         let all = T::FIELDS.iter().map(|field| field.name);
-        for name in all.filter(|name| !ALWAYS.contains(name)) {
+        for name in all.filter(|name| !ALWAYS.contains(name) && *name != "estimate") {
             assert!(
                 seen.iter().any(|seen| seen == name),
                 "{}: {name} is in no group",
@@ -209,6 +230,14 @@ mod tests {
             valid_groups: u32::from(valid_groups),
             ..HeroTelemetry::default()
         });
+    }
+
+    #[test]
+    fn an_estimate_is_shown_when_status_makes_one() {
+        let mut sample = HeroTelemetry::default();
+        assert_eq!(visible(&sample), [""; 0]);
+        sample.estimate.valid = 1;
+        assert_eq!(visible(&sample), ["estimate"]);
     }
 
     #[test]
@@ -245,14 +274,21 @@ mod tests {
             "movement.kind",
             "link.last_message_ns",
             "link.last_telemetry_ns",
+            "link.state_since_ns",
             "dsp_errors.last_code",
+            "safety.rule",
+            "safety.amount",
+            "safety.action",
         ] {
             assert!(before.iter().any(|name| name == path), "{path}");
         }
         state.movement.kind = MovementKind::Land.code();
         state.link.messages_received = 1;
         state.link.telemetry_published = 1;
+        state.link.state_since_ns = 1;
         state.dsp_errors.total = 1;
+        state.safety.rule = SafetyRule::Battery.code();
+        state.safety.action = SafetyAction::Warn.code();
         assert_eq!(nothing(&state), ["movement.distance_to_go_m"]);
         state.movement.distance_valid = 1;
         assert_eq!(nothing(&state), [""; 0]);

@@ -53,7 +53,20 @@ impl Rig {
     /// The command `ril` with these arguments, as [`Process::spawn`] takes it.
     pub fn command(&self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ril"));
-        command.args(args).current_dir(self.folder());
+        command.args(args);
+        self.place(command)
+    }
+
+    /// A shell's command line, in which `$0` is `ril`.
+    pub fn shell(&self, line: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", line, env!("CARGO_BIN_EXE_ril")]);
+        self.place(command)
+    }
+
+    /// `command` in the folder, and without what would change what `ril` does.
+    fn place(&self, mut command: Command) -> Command {
+        command.current_dir(self.folder());
         for variable in VARIABLES {
             command.env_remove(variable);
         }

@@ -1,16 +1,16 @@
 //! A log's file while it is being written: its first line, then whole rows.
 //!
-//! Rows of which the file took only a part are cut off again, so that a file ends with a whole row even when the disk
-//! was full in the middle of one.
+//! Rows of which the file took only a part are truncated, so that a file ends with a whole row even when the disk was
+//! full in the middle of one.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::gathered::whole_rows;
 use super::store::LogFile;
+use super::tsv::{count_rows, whole_rows};
 
 /// How long rows may be known to the operating system alone. A power cut costs no more than this and what
 /// [`FLUSH_PERIOD`](super::writer::FLUSH_PERIOD) allows. Common file systems write their journals as often by
@@ -23,10 +23,9 @@ pub struct OpenFile<F> {
     file: F,
     /// Its length.
     bytes: u64,
-    /// Rows in it.
-    rows: u64,
-    /// Of the rows, those that were not yet forced onto the disk.
-    unsure: u64,
+    has_rows: bool,
+    /// Rows that were not yet forced onto the disk.
+    unsynced: u64,
     /// When those are to be forced onto the disk.
     sync_at: Option<MonotonicNs>,
 }
@@ -42,49 +41,49 @@ impl<F: LogFile> OpenFile<F> {
             path,
             file,
             bytes: header.len() as u64,
-            rows: 0,
-            unsure: 0,
+            has_rows: false,
+            unsynced: 0,
             sync_at: None,
         })
     }
 
     /// Where it is.
-    pub fn path(&self) -> &PathBuf {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// How many bytes there are until it has `limit`.
-    pub fn room(&self, limit: u64) -> u64 {
-        limit.saturating_sub(self.bytes)
+    /// Its length, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
-    /// Whether it has no row.
-    pub fn is_empty(&self) -> bool {
-        self.rows == 0
+    /// Whether it has rows besides the first line.
+    pub fn has_rows(&self) -> bool {
+        self.has_rows
     }
 
     /// Rows that may not be on the disk yet.
-    pub fn unsure(&self) -> u64 {
-        self.unsure
+    pub fn unsynced(&self) -> u64 {
+        self.unsynced
     }
 
-    /// Appends `rows` at `now`; says how many bytes of whole rows the file took. After an error it must not be used
-    /// for more than [`sync`](Self::sync).
+    /// Appends `rows` at `now`; gives how many of them the file took whole. After an error it must not be used for more
+    /// than [`sync`](Self::sync).
     pub fn append(&mut self, rows: &[u8], now: MonotonicNs) -> (usize, io::Result<()>) {
         let (taken, result) = write_counted(&mut self.file, rows);
         let whole = whole_rows(&rows[..taken]);
-        let count = rows[..whole].iter().filter(|byte| **byte == b'\n').count() as u64;
+        let count = count_rows(&rows[..whole]);
         self.bytes += whole as u64;
-        self.rows += count;
-        self.unsure += count;
+        self.unsynced += count as u64;
         if whole < taken {
-            // A disk that is full still cuts. One that does not is broken, which the result says already.
-            let _ = self.file.cut(self.bytes);
+            // A full disk can still truncate. If this fails the disk is broken, which `result` says already.
+            let _ = self.file.truncate(self.bytes);
         }
         if count > 0 {
+            self.has_rows = true;
             self.sync_at.get_or_insert(now + SYNC_PERIOD);
         }
-        (whole, result)
+        (count, result)
     }
 
     /// When [`sync`](Self::sync) is due.
@@ -95,19 +94,19 @@ impl<F: LogFile> OpenFile<F> {
     /// Forces the rows onto the disk.
     ///
     /// # Errors
-    /// Those that are [`unsure`](Self::unsure) may be lost. Trying again would not help: the system forgets what it
+    /// Those that are [`unsynced`](Self::unsynced) may be lost. A retry would not help: the system forgets what it
     /// could not write.
     pub fn sync(&mut self) -> io::Result<()> {
-        if self.unsure > 0 {
+        if self.unsynced > 0 {
             self.file.sync()?;
         }
-        self.unsure = 0;
+        self.unsynced = 0;
         self.sync_at = None;
         Ok(())
     }
 }
 
-/// Writes `bytes`; says how many of them were taken.
+/// Writes `bytes`; gives how many of them were taken.
 fn write_counted(file: &mut impl LogFile, bytes: &[u8]) -> (usize, io::Result<()>) {
     let mut taken = 0;
     while taken < bytes.len() {

@@ -1,4 +1,4 @@
-//! The limit on the total size of a log's files: the oldest are removed, and never a file of anybody else.
+//! The limit on the total size of a log's files: the oldest are removed, and never a file of another log or program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -35,7 +35,7 @@ pub struct Room {
 }
 
 impl Retention {
-    /// For the files of `series`.
+    /// Retention of the files of `series`.
     pub fn new(series: Series) -> Retention {
         Retention {
             series,
@@ -44,7 +44,7 @@ impl Retention {
         }
     }
 
-    /// Whose files they are.
+    /// The series that the files belong to.
     pub fn series(&self) -> &Series {
         &self.series
     }

@@ -1,7 +1,7 @@
 //! Where log files live. A test puts another [`Store`] in the place of the file system.
 //!
-//! Nothing here decides: which file is old, what is too much and when to try again is [`LogWriter`]'s business. Every
-//! call may take as long as the disk likes; only the thread of that log waits for it.
+//! Nothing here decides: which file is old, what is too much and when to retry is [`LogWriter`]'s business. Every call may
+//! take as long as the disk needs; only the thread of that log waits for it.
 //!
 //! [`LogWriter`]: super::writer::LogWriter
 
@@ -9,26 +9,30 @@ use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
-use super::file_name::{Utc, file_name};
-use super::gathered::whole_rows;
+use ipc_types::{MonotonicNs, files};
 
-/// How many names are tried when files of that name exist: far more logs than a process has within one second. Beyond
-/// it the attempt has failed; nothing is ever overwritten.
+use super::clock::ClockAnchor;
+use super::file_name::file_name;
+use super::tsv::whole_rows;
+
+/// How many names are tried when files of that name exist: far more than a process creates within one second. Beyond it
+/// the attempt fails; nothing is ever overwritten.
 const MAX_TRIES: u32 = 100;
 
-/// How much of a file's end is looked through for the end of its last whole row. What a kill or a power cut leaves there
-/// is at most what was written since the last time it was forced onto the disk: 5 s at 500 samples a second. If there is
-/// no end of a row in it, the file is left as it is.
-const MENDED_TAIL_BYTES: u64 = 1024 * 1024;
+/// How much of a file's end is searched for the end of its last whole row. A kill or a power cut leaves there at most what
+/// was written since the last time it was forced onto the disk: 5 s × 500 samples/s × 400 bytes = 1 MB. If there is no
+/// end of a row in it, the file is left as it is.
+const MAX_TAIL_BYTES: u64 = 1024 * 1024;
 
 /// The directories and files of logs.
 pub trait Store {
     /// A file that is being written.
     type File: LogFile;
 
-    /// What the wall clock shows, for the names of files.
-    fn utc(&self) -> Utc;
+    /// What the clocks show now, for the names of files and the times in them.
+    fn clock(&self) -> ClockAnchor;
 
     /// Creates `directory` unless it is there.
     ///
@@ -58,11 +62,11 @@ pub trait Store {
     /// It is still there.
     fn remove(&mut self, file: &Path) -> io::Result<()>;
 
-    /// Cuts off what follows the last whole row of `file`, unless somebody is writing it; says how many bytes that was.
+    /// Truncates `file` behind its last whole row, unless another process is writing it; gives how many bytes went.
     ///
     /// # Errors
     /// The file is as it was.
-    fn mend(&mut self, file: &Path) -> io::Result<u64>;
+    fn truncate_partial_row(&mut self, file: &Path) -> io::Result<u64>;
 
     /// Creates a new file in `directory` whose name begins with `stem`.
     ///
@@ -71,18 +75,18 @@ pub trait Store {
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, Self::File)>;
 }
 
-/// What takes the bytes of a log. Each `write` may take a part of what it is given.
+/// A file of a log. Each `write` may take a part of what it is given.
 pub trait LogFile: Write {
-    /// Cuts the file off after `bytes`.
+    /// Makes the file `bytes` long.
     ///
     /// # Errors
     /// The file is as long as it was.
-    fn cut(&mut self, bytes: u64) -> io::Result<()>;
+    fn truncate(&mut self, bytes: u64) -> io::Result<()>;
 
     /// Forces what was written onto the disk.
     ///
     /// # Errors
-    /// What was written since the last time may not be on the disk, or the file has been removed by somebody.
+    /// What was written since the last time may not be on the disk, or another program has removed the file.
     fn sync(&mut self) -> io::Result<()>;
 }
 
@@ -93,12 +97,19 @@ pub struct FileStore;
 impl Store for FileStore {
     type File = File;
 
-    fn utc(&self) -> Utc {
-        Utc::now()
+    fn clock(&self) -> ClockAnchor {
+        // 1970 if the machine's clock stands before that.
+        let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+        let unix_ns = since_1970.map_or(0, |duration| duration.as_nanos());
+        ClockAnchor {
+            unix_ns: u64::try_from(unix_ns).unwrap_or(u64::MAX),
+            monotonic: MonotonicNs::now(),
+        }
     }
 
     fn prepare(&mut self, directory: &Path) -> io::Result<()> {
-        fs::create_dir_all(directory)
+        // Ports that status opens meanwhile neither change the modes nor wait for the disk.
+        files::create_dir_all(directory)
     }
 
     fn free_bytes(&mut self, directory: &Path) -> io::Result<u64> {
@@ -120,7 +131,7 @@ impl Store for FileStore {
             if !wanted(&name) {
                 continue;
             }
-            // Of the entry itself: a link is no log, whatever it is called. What vanished meanwhile needs no room.
+            // Metadata of the entry itself: a link is no log. A file that vanished meanwhile needs no room.
             match entry.metadata() {
                 Ok(metadata) if metadata.is_file() => found.push((name, metadata.len())),
                 Ok(_) => {}
@@ -138,14 +149,14 @@ impl Store for FileStore {
         }
     }
 
-    fn mend(&mut self, file: &Path) -> io::Result<u64> {
+    fn truncate_partial_row(&mut self, file: &Path) -> io::Result<u64> {
         let mut file = File::options().read(true).write(true).open(file)?;
         file.try_lock()?;
         let bytes = file.metadata()?.len();
-        let tail_begin = bytes.saturating_sub(MENDED_TAIL_BYTES);
+        let tail_begin = bytes.saturating_sub(MAX_TAIL_BYTES);
         file.seek(SeekFrom::Start(tail_begin))?;
         let mut tail = Vec::new();
-        Read::take(&file, MENDED_TAIL_BYTES).read_to_end(&mut tail)?;
+        Read::take(&file, MAX_TAIL_BYTES).read_to_end(&mut tail)?;
         match whole_rows(&tail) {
             0 => Ok(0),
             whole => {
@@ -161,9 +172,9 @@ impl Store for FileStore {
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, File)> {
         for number in 1..=MAX_TRIES {
             let path = directory.join(file_name(stem, number));
-            match File::create_new(&path) {
+            match files::create_new(&path) {
                 Ok(file) => {
-                    // Says to `mend` that it is being written. Where there are no locks nothing is mended.
+                    // Tells `truncate_partial_row` that it is being written. Without locks nothing is truncated.
                     let _ = file.try_lock();
                     return Ok((path, file));
                 }
@@ -176,7 +187,7 @@ impl Store for FileStore {
 }
 
 impl LogFile for File {
-    fn cut(&mut self, bytes: u64) -> io::Result<()> {
+    fn truncate(&mut self, bytes: u64) -> io::Result<()> {
         self.set_len(bytes)
     }
 
@@ -248,10 +259,10 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_the_last_whole_row_is_cut_off() {
+    fn what_follows_the_last_whole_row_is_truncated() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.tsv");
-        let long = format!("row\n{}", "x".repeat(MENDED_TAIL_BYTES as usize));
+        let long = format!("row\n{}", "x".repeat(MAX_TAIL_BYTES as usize));
         #[rustfmt::skip]
         let cases = [
             ("", ""), ("a\tb\n", "a\tb\n"), ("a\tb\n1", "a\tb\n"), ("a\n1\n2\n\0\0\0", "a\n1\n2\n"),
@@ -262,30 +273,30 @@ mod tests {
         ];
         for (before, after) in cases {
             fs::write(&path, before).unwrap();
-            let cut = FileStore.mend(&path).unwrap();
+            let cut = FileStore.truncate_partial_row(&path).unwrap();
             assert_eq!(cut as usize, before.len() - after.len());
             assert!(fs::read_to_string(&path).unwrap() == after);
         }
     }
 
     #[test]
-    fn a_file_that_is_being_written_is_not_mended() {
+    fn a_file_that_is_being_written_is_not_truncated() {
         let folder = tempfile::tempdir().unwrap();
         let (path, mut file) = FileStore.create(folder.path(), "x").unwrap();
         file.write_all(b"whole\nha").unwrap();
-        assert!(FileStore.mend(&path).is_err());
+        assert!(FileStore.truncate_partial_row(&path).is_err());
         file.write_all(b"lf\n").unwrap();
         drop(file);
-        assert_eq!(FileStore.mend(&path).unwrap(), 0);
+        assert_eq!(FileStore.truncate_partial_row(&path).unwrap(), 0);
         assert_eq!(fs::read(&path).unwrap(), b"whole\nhalf\n");
     }
 
     #[test]
-    fn a_file_is_cut_removed_and_missed() {
+    fn a_file_is_truncated_removed_and_missed() {
         let folder = tempfile::tempdir().unwrap();
         let (path, mut file) = FileStore.create(folder.path(), "x").unwrap();
         file.write_all(b"whole\nha").unwrap();
-        file.cut(6).unwrap();
+        file.truncate(6).unwrap();
         file.sync().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"whole\n");
         for _ in 0..2 {

@@ -1,4 +1,4 @@
-//! A log over a file system that fails as it is told to, in virtual time.
+//! A log behind its queue, over a file system that fails as a test asks for, in virtual time.
 
 mod faults;
 mod files;
@@ -8,9 +8,12 @@ use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId, TelemetryGroup as Group};
 
+use super::Logs;
+use super::config::{Limits, LogConfig};
+use super::event::{LogEvent, LogSummary, WriterEnd, Written};
+use super::queue::Outlet;
 use super::tsv::Table;
-use super::{Limits, LogEvent, LogWriter, Written};
-use crate::config::LogConfig;
+use super::writer::LogWriter;
 use crate::group::GroupSet;
 use crate::test_samples::sample;
 use crate::test_store::MemoryStore;
@@ -29,56 +32,67 @@ const UNLIMITED: Limits = Limits {
 fn config(name: &str, groups: &[Group]) -> LogConfig {
     LogConfig {
         name: name.parse().unwrap(),
-        groups: groups.iter().copied().collect(),
+        groups: GroupSet::from_iter(groups.iter().copied()).into(),
         ..LogConfig::default()
     }
 }
 
-/// A log at work, with its disk and its time.
-struct Flight {
+/// A log at work behind its queue, with its disk and its time.
+struct Harness {
+    logs: Logs,
+    outlet: Outlet,
     log: LogWriter<MemoryStore>,
     disk: MemoryStore,
     now: MonotonicNs,
     /// Samples so far.
     samples: u64,
-    /// What was told, in words.
-    told: Vec<String>,
+    /// What was reported, in words.
+    reported: Vec<String>,
 }
 
-impl Flight {
+impl Harness {
     /// A log of everything on `disk`.
-    fn begin(disk: MemoryStore, limits: Limits) -> Flight {
-        Flight::of(&Group::ALL, disk, limits)
+    fn begin(disk: MemoryStore, limits: Limits) -> Harness {
+        Harness::of(&Group::ALL, disk, limits)
     }
 
     /// A log with short rows on `disk`, for tests with many of them.
-    fn short(disk: MemoryStore, limits: Limits) -> Flight {
-        Flight::of(&[Group::Time], disk, limits)
+    fn short(disk: MemoryStore, limits: Limits) -> Harness {
+        Harness::of(&[Group::Time], disk, limits)
     }
 
-    fn of(groups: &[Group], disk: MemoryStore, limits: Limits) -> Flight {
-        let config = config("", groups);
-        let log = LogWriter::new(&config, limits, RobotId::DEFAULT, disk.clone());
-        let mut flight = Flight {
+    fn of(groups: &[Group], disk: MemoryStore, limits: Limits) -> Harness {
+        Harness::with(&config("", groups), disk, limits)
+    }
+
+    fn with(config: &LogConfig, disk: MemoryStore, limits: Limits) -> Harness {
+        let mut logs = Logs::default();
+        let outlet = logs.add("log".to_owned());
+        let log = LogWriter::new(config, limits, RobotId::DEFAULT, disk.clone());
+        disk.0.borrow_mut().monotonic = START;
+        let mut harness = Harness {
+            logs,
+            outlet,
             log,
             disk,
             now: START,
             samples: 0,
-            told: Vec::new(),
+            reported: Vec::new(),
         };
-        flight.log.start(START);
-        flight.hear();
-        flight
+        harness.log.start(START);
+        harness.take_reports();
+        harness
     }
 
     /// Records `count` samples, each in its time.
-    fn fly(&mut self, count: u64) {
+    fn record(&mut self, count: u64) {
         for _ in 0..count {
             self.wait(SAMPLE_PERIOD);
             self.samples += 1;
-            self.log.record(&sample(1, self.samples), self.now);
-            self.log.on_time(self.now);
-            self.hear();
+            let mut sample = sample(1, self.samples);
+            sample.received_ns = self.now.0;
+            self.logs.record(&sample);
+            self.work();
         }
     }
 
@@ -86,14 +100,29 @@ impl Flight {
     fn wait(&mut self, time: Duration) {
         let end = self.now + time;
         while let Some(deadline) = self.log.deadline().filter(|deadline| *deadline <= end) {
-            assert!(self.told.len() < 10_000, "it never rests");
-            self.now = self.now.max(deadline);
-            self.log.on_time(self.now);
+            assert!(self.reported.len() < 10_000, "it never rests");
+            self.set_now(self.now.max(deadline));
+            self.work();
             let next = self.log.deadline();
             assert!(next.is_none_or(|next| next > self.now), "{next:?}");
-            self.hear();
         }
-        self.now = end;
+        self.set_now(end);
+    }
+
+    fn set_now(&mut self, now: MonotonicNs) {
+        self.now = now;
+        self.disk.0.borrow_mut().monotonic = now;
+    }
+
+    /// What both threads do at this moment.
+    fn work(&mut self) {
+        self.log.on_time(self.now);
+        while self.log.takes_samples()
+            && let Ok(sample) = self.outlet.wait(true, Some(Duration::ZERO))
+        {
+            self.log.record(&sample, self.now);
+        }
+        self.take_reports();
     }
 
     /// Sets the wall clock forward.
@@ -101,51 +130,68 @@ impl Flight {
         self.disk.0.borrow_mut().unix_s += seconds;
     }
 
-    fn land(&mut self) -> Written {
-        let written = self.log.finish(self.now);
-        self.hear();
-        assert_eq!(written.rows + written.lost, self.samples, "{written:?}");
-        written
+    /// Ends the log. Every sample is a row in a file, or lost.
+    fn finish(&mut self) -> Outcome {
+        self.logs.close();
+        let written = self.log.finish(self.outlet.waiting(), self.now);
+        self.take_reports();
+        let summary = LogSummary {
+            end: WriterEnd::Finished(written),
+            ..self.logs.summaries().next().unwrap()
+        };
+        assert_eq!(summary.offered, self.samples);
+        Outcome {
+            written,
+            lost: summary.lost(),
+        }
     }
 
-    fn hear(&mut self) {
-        let events = self.log.take_events();
-        self.told.extend(events.iter().map(words));
+    fn take_reports(&mut self) {
+        let mut events = self.log.take_events();
+        events.extend(self.logs.on_time(self.now));
+        self.reported.extend(events.iter().map(words));
     }
 
-    /// What was told since the last call.
-    fn told(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.told)
+    /// What was reported since the last call.
+    fn reported(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.reported)
     }
+}
+
+/// What became of a log.
+#[derive(Debug, PartialEq)]
+struct Outcome {
+    written: Written,
+    lost: u64,
 }
 
 fn words(event: &LogEvent) -> String {
     match event {
         LogEvent::Opened { .. } => "opened".to_owned(),
         LogEvent::Removed { .. } => "removed".to_owned(),
-        LogEvent::Mended { bytes, .. } => format!("mended {bytes}"),
+        LogEvent::PartialRowTruncated { bytes, .. } => format!("truncated {bytes}"),
         LogEvent::GroupsMissing { groups, .. } => format!("missing {groups}"),
         LogEvent::Failed { error, .. } => match error.kind() {
             std::io::ErrorKind::StorageFull => "full".to_owned(),
             _ => "failed".to_owned(),
         },
         LogEvent::Paused { .. } => "paused".to_owned(),
-        LogEvent::Resumed { lost, .. } => format!("resumed, {lost} lost"),
+        LogEvent::Resumed { .. } => "resumed".to_owned(),
         LogEvent::RowsLost { .. } => "rows lost".to_owned(),
-        LogEvent::QueueFull { .. } => "queue full".to_owned(),
+        LogEvent::ThreadFailed { .. } => "thread failed".to_owned(),
     }
 }
 
 /// The first line of a log of `groups`.
 fn header(groups: &[Group]) -> String {
     let mut text = Vec::new();
-    Table::new(groups.iter().copied().collect()).header(&mut text);
+    Table::new(GroupSet::from_iter(groups.iter().copied())).header(&mut text);
     String::from_utf8(text).unwrap()
 }
 
 /// The numbers of the samples in `text`, which must be one first line and whole rows.
 fn sequences(text: &str) -> Vec<u64> {
-    assert!(text.ends_with('\n'), "half a row");
+    assert!(text.ends_with('\n'), "a partial row");
     let mut lines = text.lines();
     let names: Vec<_> = lines.next().unwrap().split('\t').collect();
     assert_eq!(names[..3], ["flying", "sequence", "received_ns"]);

@@ -1,39 +1,82 @@
 //! The text of a log: lines of tab-separated values.
 //!
 //! Names of fields and numbers hold neither tab nor newline nor quote, so nothing needs quoting; [`fields`] tests that.
-//! A line is a row exactly if it ends with a newline: that is how half rows are recognised.
+//! A line is a row exactly if it ends with a newline: that is how partial rows are recognised.
 
 use std::io::Write;
 
-use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::DspTelemetry;
+use ipc_types::{MonotonicNs, TelemetryGroup as Group};
 
-use super::fields::{self, Field};
+use super::clock::ClockAnchor;
+use super::groups::LogGroups;
+use crate::fields::{self, Field};
 use crate::group::GroupSet;
+
+/// The name of the column with the time in UTC.
+const UTC: &str = "utc";
 
 /// The columns of a log of some groups.
 pub struct Table {
-    /// Each with the group that must be valid for it.
-    columns: Vec<(Option<Group>, &'static Field)>,
+    columns: Vec<Column>,
+    /// What the times in UTC count from.
+    clock: ClockAnchor,
+}
+
+enum Column {
+    /// When the sample was received, by the wall clock.
+    Utc,
+    /// A field, with the group that must be valid for it, if there is one.
+    Field(Option<Group>, &'static Field),
 }
 
 impl Table {
     /// The columns that every log has, and those of `groups`.
-    pub fn new(groups: GroupSet) -> Table {
+    pub fn new(groups: impl Into<LogGroups>) -> Table {
+        let groups = groups.into();
         let always = fields::ALWAYS.iter().map(|field| (None, field));
         let of_group = |group| {
             let fields = fields::of(group).iter();
             fields.map(move |field| (Some(group), field))
         };
+        let telemetry = groups.telemetry.groups().flat_map(of_group);
+        let errors: &[Field] = if groups.dsp_errors {
+            fields::DSP_ERRORS
+        } else {
+            &[]
+        };
+        let errors = errors.iter().map(|field| (None, field));
+        let columns = always.chain(telemetry).chain(errors);
         Table {
-            columns: always.chain(groups.groups().flat_map(of_group)).collect(),
+            columns: columns
+                .map(|(group, field)| Column::Field(group, field))
+                .collect(),
+            clock: ClockAnchor::default(),
         }
+    }
+
+    /// The same with a column for the time in UTC, if it `is_wanted`, behind the columns that every log has.
+    #[must_use]
+    pub fn with_utc(mut self, is_wanted: bool) -> Table {
+        if is_wanted {
+            self.columns.insert(fields::ALWAYS.len(), Column::Utc);
+        }
+        self
+    }
+
+    /// From here on times in UTC count from `clock`.
+    pub fn set_clock(&mut self, clock: ClockAnchor) {
+        self.clock = clock;
     }
 
     /// Appends the first line, with the names of the fields.
     pub fn header(&self, text: &mut Vec<u8>) {
-        for (_, field) in &self.columns {
-            text.extend_from_slice(field.name.as_bytes());
+        for column in &self.columns {
+            let name = match column {
+                Column::Utc => UTC,
+                Column::Field(_, field) => field.name,
+            };
+            text.extend_from_slice(name.as_bytes());
             text.push(b'\t');
         }
         end_line(text);
@@ -42,11 +85,15 @@ impl Table {
     /// Appends a row; cells of groups that are not valid in `sample` stay empty.
     pub fn row(&self, sample: &DspTelemetry, text: &mut Vec<u8>) {
         let valid = GroupSet(sample.valid_groups);
-        for (group, field) in &self.columns {
-            if group.is_none_or(|group| valid.contains(group)) {
-                // Writing to a vector cannot fail.
-                let _ = write!(text, "{}", field.value(sample));
-            }
+        for column in &self.columns {
+            // Writing to a vector cannot fail.
+            let _ = match column {
+                Column::Utc => {
+                    write!(text, "{}", self.clock.iso(MonotonicNs(sample.received_ns)))
+                }
+                Column::Field(Some(group), _) if !valid.contains(*group) => Ok(()),
+                Column::Field(_, field) => write!(text, "{}", field.value(sample)),
+            };
             text.push(b'\t');
         }
         end_line(text);
@@ -58,6 +105,17 @@ fn end_line(text: &mut [u8]) {
     if let Some(last) = text.last_mut() {
         *last = b'\n';
     }
+}
+
+/// How many bytes of `text` are whole rows.
+pub fn whole_rows(text: &[u8]) -> usize {
+    let last = text.iter().rposition(|byte| *byte == b'\n');
+    last.map_or(0, |end| end + 1)
+}
+
+/// How many rows `text` has.
+pub fn count_rows(text: &[u8]) -> usize {
+    text.iter().filter(|byte| **byte == b'\n').count()
 }
 
 #[cfg(test)]

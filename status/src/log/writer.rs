@@ -1,16 +1,15 @@
 //! One log: samples in, files out, whatever the disk does.
 //!
 //! ```text
-//! sample ─▶ rows gathered in memory ─▶ file ─▶ full: closed, the next is created
-//!                    ▲                  │
-//!                    └── pause, retry ◀─┴─ trouble: an error, or too little room on the disk
+//! queue ─▶ batch ─▶ rows ─▶ file ─▶ full: closed, the next is created
+//!   ▲                        │
+//!   └── retry, no samples ◀──┴─ trouble: an error, or too little room on the disk
 //! ```
 //!
-//! * Rows are handed over every [`FLUSH_PERIOD`], or earlier in blocks; what a file took is not written again.
-//! * After an error the file is closed, and the rows that it did not take wait for the next one. New files are tried
-//!   for ever, with the pauses of [`Backoff`].
-//! * While the disk is nearly full nothing is written, and the file stays open.
-//! * What no longer fits into memory meanwhile is lost and counted: each sample is in a file or in the counts.
+//! * A batch is written every [`FLUSH_PERIOD`], or earlier when it has [`BATCH_ROWS`].
+//! * After an error the file is closed; its rows that the file did not take stay in the batch. A new file is tried every
+//!   [`RETRY_PERIOD`], for ever. While the disk is nearly full nothing is written, and the file stays open.
+//! * Meanwhile the writer takes no samples: they wait in the queue, which is the one bound and counts what it refuses.
 //!
 //! It knows no clock and no thread. All it does to files goes through a [`Store`], each call of which may block.
 
@@ -21,118 +20,119 @@ use std::time::Duration;
 use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, RobotId};
 
-use super::backoff::Backoff;
+use super::config::{Limits, LogConfig};
+use super::event::{LogEvent, Written};
 use super::file_name::Series;
-use super::gathered::Gathered;
+use super::groups::LogGroups;
 use super::open_file::OpenFile;
 use super::retention::Retention;
 use super::store::Store;
 use super::tsv::Table;
-use super::{Limits, LogEvent, Written};
-use crate::config::LogConfig;
 use crate::group::GroupSet;
-use crate::tally::Tally;
 
 /// How long a row may wait in memory. Half of the second that a kill may cost, so that a late wake-up stays within it.
 pub const FLUSH_PERIOD: Duration = Duration::from_millis(500);
 
-/// Gathered bytes that are handed over before their time: rows of all groups are about 400 bytes, so this is more than
-/// a flush period's worth at 300 samples a second. Faster telemetry is written in more blocks.
-pub const BLOCK_BYTES: usize = 64 * 1024;
+/// Rows that are written at once at most: more than a flush period's worth up to 256 samples a second. Faster telemetry
+/// is written more often. Even with the longest numbers they are less than the smallest `max_file_mib`.
+pub const BATCH_ROWS: usize = 128;
 
-/// How often losses are told while they go on.
-pub const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(60);
+/// Between two attempts to write after a failure. The queue holds four times as much, so that short trouble costs no row;
+/// trouble that comes and goes is reported, and starts a file, no more often than this.
+pub const RETRY_PERIOD: Duration = Duration::from_secs(5);
 
 /// A log of one robot.
 pub struct LogWriter<S: Store> {
     label: String,
     directory: PathBuf,
-    groups: GroupSet,
+    groups: LogGroups,
     limits: Limits,
     table: Table,
     store: S,
     retention: Retention,
-    gathered: Gathered,
+    batch: Batch,
     file: Option<OpenFile<S::File>>,
     trouble: Option<Trouble>,
-    backoff: Backoff,
     written: Written,
-    lost: Tally,
-    /// Groups whose absence was told.
+    /// Groups whose absence was reported.
     missing: GroupSet,
     /// Drained by the caller after each call: at most a handful.
     events: Vec<LogEvent>,
+}
+
+/// Samples that no file has taken yet.
+#[derive(Default)]
+struct Batch {
+    samples: Vec<DspTelemetry>,
+    /// When the oldest of them came.
+    since: Option<MonotonicNs>,
+    /// The samples as rows; filled when they are written.
+    rows: Vec<u8>,
 }
 
 /// Why nothing can be written at the moment.
 struct Trouble {
     is_low_space: bool,
     next_try: MonotonicNs,
-    /// Rows that had been lost when it began.
-    lost_before: u64,
 }
 
-/// Why an attempt ended early.
-enum Problem {
-    /// The operating system refused something about this file or directory.
-    Failed(PathBuf, io::Error),
-    /// Too little room is left, bytes.
-    LowSpace(u64),
-}
+/// What an attempt gives; the error is the event to report, unless it is known.
+type Attempt<T> = Result<T, LogEvent>;
 
 impl<S: Store> LogWriter<S> {
     /// The log of `config`, with `limits` in the place of its own, of `robot` in `store`. Nothing is created before
     /// [`start`](Self::start).
     pub fn new(config: &LogConfig, limits: Limits, robot: RobotId, store: S) -> LogWriter<S> {
+        let series = Series::new(robot, config);
         LogWriter {
-            label: super::label(config, robot),
+            label: series.label(&config.directory),
             directory: config.directory.clone(),
             groups: config.groups,
             limits,
-            table: Table::new(config.groups),
+            table: Table::new(config.groups).with_utc(config.utc),
             store,
-            retention: Retention::new(Series::new(robot, config.name.clone())),
-            gathered: Gathered::default(),
+            retention: Retention::new(series),
+            batch: Batch::default(),
             file: None,
             trouble: None,
-            backoff: Backoff::default(),
             written: Written::default(),
-            lost: Tally::every(LOSS_REPORT_PERIOD),
             missing: GroupSet::default(),
             events: Vec::new(),
         }
     }
 
-    /// Mends the last file of the process before this one, and creates the first of its own.
+    /// Truncates a partial row of the process before this one, and creates the first file.
     pub fn start(&mut self, now: MonotonicNs) {
-        self.mend_newest();
+        self.truncate_newest();
         self.attempt(now);
     }
 
-    /// Takes a sample.
+    /// Whether the next sample may be taken out of the queue. Not while nothing can be written.
+    pub fn takes_samples(&self) -> bool {
+        self.trouble.is_none()
+    }
+
+    /// Takes a sample; must be called only while the writer [`takes_samples`](Self::takes_samples).
     pub fn record(&mut self, sample: &DspTelemetry, now: MonotonicNs) {
-        let missing = self.groups.without(GroupSet(sample.valid_groups));
-        let untold = missing.without(self.missing);
-        if !untold.is_empty() {
-            self.missing = self.missing.union(untold);
+        let missing = self.groups.telemetry.without(GroupSet(sample.valid_groups));
+        let unreported = missing.without(self.missing);
+        if !unreported.is_empty() {
+            self.missing = self.missing.union(unreported);
             self.events.push(LogEvent::GroupsMissing {
                 log: self.label.clone(),
-                groups: untold,
+                groups: unreported,
             });
         }
-        let table = &self.table;
-        if !self.gathered.push(now, |text| table.row(sample, text)) {
-            self.lost.add(1);
-        }
-        if self.trouble.is_none() && self.gathered.bytes() >= BLOCK_BYTES {
+        self.batch.samples.push(*sample);
+        self.batch.since.get_or_insert(now);
+        if self.batch.samples.len() >= BATCH_ROWS {
             self.attempt(now);
         }
     }
 
     /// When [`on_time`](Self::on_time) wants to be called next; nothing means not before the next sample.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let sync_at = self.file.as_ref().and_then(OpenFile::sync_at);
-        [self.attempt_at(), sync_at, self.lost.deadline()]
+        [self.attempt_at(), self.sync_at()]
             .into_iter()
             .flatten()
             .min()
@@ -143,34 +143,34 @@ impl<S: Store> LogWriter<S> {
         if self.attempt_at().is_some_and(|at| at <= now) {
             self.attempt(now);
         }
-        let sync_at = self.file.as_ref().and_then(OpenFile::sync_at);
-        if sync_at.is_some_and(|at| at <= now) {
+        if self.sync_at().is_some_and(|at| at <= now) {
             self.sync(now);
-        }
-        if let Some(lost) = self.lost.due(now) {
-            self.events.push(LogEvent::RowsLost {
-                log: self.label.clone(),
-                lost,
-                lost_in_all: self.lost.total(),
-            });
         }
     }
 
-    /// Writes what waits, even if the last attempt was only just now, and closes the file; the last thing to do.
-    pub fn finish(&mut self, now: MonotonicNs) -> Written {
-        if !self.gathered.is_empty() {
+    /// Writes the batch and the `waiting` samples, even if the last attempt failed only just now, and closes the file; the
+    /// last thing to do. What cannot be written now is lost.
+    pub fn finish(
+        &mut self,
+        waiting: impl Iterator<Item = DspTelemetry>,
+        now: MonotonicNs,
+    ) -> Written {
+        let mut waiting = waiting.peekable();
+        let has_samples = !self.batch.samples.is_empty() || waiting.peek().is_some();
+        if self.trouble.is_some() && has_samples {
             self.attempt(now);
         }
-        if let Some(file) = self.file.take()
-            && let Err(problem) = self.close(file)
+        while self.trouble.is_none()
+            && let Some(sample) = waiting.next()
         {
-            self.fall(problem, now);
+            self.record(&sample, now);
         }
-        self.lost.add(self.gathered.clear());
-        Written {
-            lost: self.lost.total(),
-            ..self.written
+        if self.trouble.is_none() && !self.batch.samples.is_empty() {
+            self.attempt(now);
         }
+        self.sync(now);
+        self.file = None;
+        self.written
     }
 
     /// What happened since the last call.
@@ -178,104 +178,94 @@ impl<S: Store> LogWriter<S> {
         std::mem::take(&mut self.events)
     }
 
-    /// Cuts off the piece of a row that a kill or a power cut has left at the end of the newest file. Each start does so,
-    /// so that older ones are in order. If it cannot be done, nothing is lost: a line without its end is no row.
-    fn mend_newest(&mut self) {
+    /// Truncates the partial row that a kill or a power cut has left at the end of the newest file. Each start does so,
+    /// therefore older files are in order. A failure costs nothing: a line without its end is no row.
+    fn truncate_newest(&mut self) {
         let newest = self.retention.newest(&mut self.store, &self.directory);
         if let Some(file) = newest
-            && let Ok(bytes @ 1..) = self.store.mend(&file)
+            && let Ok(bytes @ 1..) = self.store.truncate_partial_row(&file)
         {
-            self.events.push(LogEvent::Mended { file, bytes });
+            self.events
+                .push(LogEvent::PartialRowTruncated { file, bytes });
         }
     }
 
-    /// When rows are to be written, or writing is to be tried again.
+    /// When the batch is to be written, or writing is to be retried.
     fn attempt_at(&self) -> Option<MonotonicNs> {
         match &self.trouble {
             Some(trouble) => Some(trouble.next_try),
-            None => self.gathered.since().map(|since| since + FLUSH_PERIOD),
+            None => self.batch.since.map(|since| since + FLUSH_PERIOD),
         }
     }
 
-    /// Writes all that waits, and takes note of how that went.
+    fn sync_at(&self) -> Option<MonotonicNs> {
+        self.file.as_ref().and_then(OpenFile::sync_at)
+    }
+
+    /// Writes the batch, and takes note of how that went.
     fn attempt(&mut self, now: MonotonicNs) {
-        match self.write_out(now) {
-            Ok(()) => {
-                if let Some(trouble) = self.trouble.take() {
-                    self.backoff.over(now);
-                    self.events.push(LogEvent::Resumed {
-                        log: self.label.clone(),
-                        lost: self.lost.total() - trouble.lost_before,
-                    });
-                }
-            }
-            Err(problem) => self.fall(problem, now),
+        match self.write_batch(now) {
+            Ok(()) if self.trouble.take().is_some() => self.events.push(LogEvent::Resumed {
+                log: self.label.clone(),
+            }),
+            Ok(()) => {}
+            Err(problem) => self.fail(problem, now),
         }
     }
 
-    /// Takes note that something failed at `now`, and tells it unless it is known.
-    fn fall(&mut self, problem: Problem, now: MonotonicNs) {
-        let is_low_space = matches!(problem, Problem::LowSpace(_));
-        let next_try = now + self.backoff.failed(now);
-        let known = self.trouble.as_ref();
-        let is_known = known.is_some_and(|known| known.is_low_space == is_low_space);
-        let lost_before = known.map_or(self.lost.total(), |known| known.lost_before);
-        self.trouble = Some(Trouble {
+    /// Takes note of `problem` at `now`; reports it unless the same trouble is already known.
+    fn fail(&mut self, problem: LogEvent, now: MonotonicNs) {
+        let is_low_space = matches!(problem, LogEvent::Paused { .. });
+        let known = self.trouble.replace(Trouble {
             is_low_space,
-            next_try,
-            lost_before,
+            next_try: now + RETRY_PERIOD,
         });
-        if !is_known {
-            self.events.push(match problem {
-                Problem::Failed(file, error) => LogEvent::Failed { file, error },
-                Problem::LowSpace(free_bytes) => LogEvent::Paused {
-                    log: self.label.clone(),
-                    free_bytes,
-                    min_free_bytes: self.limits.min_free_bytes,
-                },
-            });
+        if known.is_none_or(|known| known.is_low_space != is_low_space) {
+            self.events.push(problem);
         }
     }
 
-    /// Writes all that waits, into as many files as it takes. There is a file afterwards, even if nothing waits.
-    fn write_out(&mut self, now: MonotonicNs) -> Result<(), Problem> {
+    /// Writes the batch into the open file, or into the next one if there is none or it is full. There is a file
+    /// afterwards, even if the batch is empty.
+    fn write_batch(&mut self, now: MonotonicNs) -> Attempt<()> {
         if self.file.is_none() {
             let prepared = self.store.prepare(&self.directory);
             prepared.map_err(|error| self.in_directory(error))?;
         }
         self.check_free_space()?;
-        loop {
-            let mut file = match self.file.take() {
-                Some(file) => file,
-                None => self.create()?,
-            };
-            let mut rows = self.gathered.fitting(file.room(self.limits.max_file_bytes));
-            if rows.is_empty() && file.is_empty() {
-                // A limit that is too small for one row must not stop the log.
-                rows = self.gathered.oldest();
+        let mut file = match self.file.take() {
+            Some(file) => file,
+            None => self.create()?,
+        };
+        self.batch.format(&self.table);
+        let bytes = file.bytes() + self.batch.rows.len() as u64;
+        // A limit that is too small for one batch must not stop the log.
+        if bytes > self.limits.max_file_bytes && file.has_rows() {
+            // A closed file has all its rows on the disk.
+            self.sync_file(&mut file)?;
+            file = self.create()?;
+            // Each file has a clock of its own.
+            self.batch.format(&self.table);
+        }
+        let (rows, result) = file.append(&self.batch.rows, now);
+        self.written.rows += rows as u64;
+        self.batch.forget(rows);
+        match result {
+            Ok(()) => {
+                self.file = Some(file);
+                Ok(())
             }
-            if rows.is_empty() {
-                if self.gathered.is_empty() {
-                    self.file = Some(file);
-                    return Ok(());
-                }
-                self.close(file)?;
-                continue;
-            }
-            let (taken, result) = file.append(rows, now);
-            self.written.rows += self.gathered.forget(taken);
-            if let Err(error) = result {
-                let problem = Problem::Failed(file.path().clone(), error);
+            Err(error) => {
+                let problem = failed(file.path(), error);
                 self.give_up(file);
-                return Err(problem);
+                Err(problem)
             }
-            self.file = Some(file);
         }
     }
 
     /// Whether the disk has as much room as must be left. To go on after a pause takes an eighth more, so that other
-    /// writers who come and go at the limit do not make the log do so too.
-    fn check_free_space(&mut self) -> Result<(), Problem> {
+    /// programs that use and free room at the limit do not make the log pause again and again.
+    fn check_free_space(&mut self) -> Attempt<()> {
         let floor = self.limits.min_free_bytes;
         let pausing = matches!(&self.trouble, Some(trouble) if trouble.is_low_space);
         let needed = if pausing {
@@ -287,14 +277,18 @@ impl<S: Store> LogWriter<S> {
             return Ok(());
         }
         match self.store.free_bytes(&self.directory) {
-            Ok(free) if free < needed => Err(Problem::LowSpace(free)),
+            Ok(free_bytes) if free_bytes < needed => Err(LogEvent::Paused {
+                log: self.label.clone(),
+                free_bytes,
+                min_free_bytes: floor,
+            }),
             // If the system does not say, writing will show.
             Ok(_) | Err(_) => Ok(()),
         }
     }
 
     /// The next file, with its first line.
-    fn create(&mut self) -> Result<OpenFile<S::File>, Problem> {
+    fn create(&mut self) -> Attempt<OpenFile<S::File>> {
         let Limits {
             max_file_bytes,
             max_total_bytes,
@@ -309,7 +303,9 @@ impl<S: Store> LogWriter<S> {
             return Err(self.in_directory(error));
         }
 
-        let stem = self.retention.series().stem(self.store.utc());
+        let clock = self.store.clock();
+        self.table.set_clock(clock);
+        let stem = self.retention.series().stem(clock.utc());
         let created = self.store.create(&self.directory, &stem);
         let (path, file) = created.map_err(|error| self.in_directory(error))?;
         let mut header = Vec::new();
@@ -324,56 +320,76 @@ impl<S: Store> LogWriter<S> {
             }
             Err(error) => {
                 self.discard(&path);
-                Err(Problem::Failed(path, error))
+                Err(failed(&path, error))
             }
         }
     }
 
     /// Forces rows onto the disk; a file of which that fails is of no more use.
     fn sync(&mut self, now: MonotonicNs) {
-        let Some(mut file) = self.file.take() else {
-            return;
-        };
-        match file.sync() {
-            Ok(()) => self.file = Some(file),
-            Err(error) => {
-                self.written.unsure += file.unsure();
-                self.fall(Problem::Failed(file.path().clone(), error), now);
+        if let Some(mut file) = self.file.take() {
+            match self.sync_file(&mut file) {
+                Ok(()) => self.file = Some(file),
+                Err(problem) => self.fail(problem, now),
             }
         }
     }
 
-    /// Closes a file with all its rows on the disk.
-    fn close(&mut self, mut file: OpenFile<S::File>) -> Result<(), Problem> {
+    fn sync_file(&mut self, file: &mut OpenFile<S::File>) -> Attempt<()> {
         file.sync().map_err(|error| {
-            self.written.unsure += file.unsure();
-            Problem::Failed(file.path().clone(), error)
+            self.written.unsynced += file.unsynced();
+            failed(file.path(), error)
         })
     }
 
-    /// Closes a file that did not take rows: what it has is kept, if there is something.
-    fn give_up(&mut self, file: OpenFile<S::File>) {
-        if file.is_empty() {
-            self.written.files -= 1;
-            let path = file.path().clone();
-            drop(file);
-            self.discard(&path);
-            // A file that came and went within one attempt is nothing to tell.
-            self.events
-                .retain(|event| !matches!(event, LogEvent::Opened { file, .. } if *file == path));
-        } else {
-            // That something is wrong is known. What did not get onto the disk is counted.
-            let _ = self.close(file);
+    /// Closes a file that did not take rows; removes it if it has none.
+    fn give_up(&mut self, mut file: OpenFile<S::File>) {
+        if file.has_rows() {
+            // The problem is known already. Rows that did not get onto the disk are counted.
+            let _ = self.sync_file(&mut file);
+            return;
         }
+        self.written.files -= 1;
+        let path = file.path().to_owned();
+        drop(file);
+        self.discard(&path);
+        // A file that came and went within one attempt is nothing to report.
+        self.events
+            .retain(|event| !matches!(event, LogEvent::Opened { file, .. } if *file == path));
     }
 
-    /// Removes a file without a row. A disk that does not even do that keeps an empty file, which counts like others
-    /// when room is made.
+    /// Removes a file without a row. A disk that refuses even that keeps an empty file, which counts like others when
+    /// room is made.
     fn discard(&mut self, file: &Path) {
         let _ = self.store.remove(file);
     }
 
-    fn in_directory(&self, error: io::Error) -> Problem {
-        Problem::Failed(self.directory.clone(), error)
+    fn in_directory(&self, error: io::Error) -> LogEvent {
+        failed(&self.directory, error)
+    }
+}
+
+/// The event that something about `file` failed.
+fn failed(file: &Path, error: io::Error) -> LogEvent {
+    LogEvent::Failed {
+        file: file.to_owned(),
+        error,
+    }
+}
+
+impl Batch {
+    fn format(&mut self, table: &Table) {
+        self.rows.clear();
+        for sample in &self.samples {
+            table.row(sample, &mut self.rows);
+        }
+    }
+
+    /// Forgets the oldest `rows`. The others do not count as younger than before: they would only wait longer.
+    fn forget(&mut self, rows: usize) {
+        self.samples.drain(..rows);
+        if self.samples.is_empty() {
+            self.since = None;
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! The threads of the logs and the shell over disks that hang: they block until the test lets them go on.
+//! The threads of the logs and the shell over disks that hang until the test lets them go on, and a thread that panics.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -6,30 +6,37 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 
-use ipc_types::Wake;
+use ipc_types::{Wake, files};
 
 use super::*;
 use crate::calibration::Calibration;
-use crate::config::LogConfig;
-use crate::group::GroupSet;
-use crate::log::file_name::Utc;
+use crate::core::Event;
+use crate::log::clock::ClockAnchor;
+use crate::log::config::LogConfig;
+use crate::log::event::{LogEvent, LogSummary, WriterEnd, Written};
+use crate::log::groups::LogGroups;
 use crate::log::queue::QUEUE_SAMPLES;
 use crate::log::store::LogFile;
-use crate::log::{LogSummary, Written};
 use crate::test_samples::sample;
 
 /// Only a watchdog: no answer in this time is a failure.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// The real file system, whose `blocking_act`-th call, counted from 0, does not come back until it is told to.
+/// A temporary folder. Other tests of this program open ports meanwhile.
+fn folder() -> tempfile::TempDir {
+    files::while_no_port_opens(tempfile::tempdir).unwrap()
+}
+
+/// The real file system, whose `blocking_act`-th call, counted from 0, does not return until the test lets it, or panics
+/// if the test does not listen.
 #[derive(Clone)]
 struct HangingStore {
     acts: Arc<AtomicUsize>,
     blocking_act: usize,
-    /// Told when the call blocks.
+    /// Gets a message when the call blocks.
     blocked: Sender<Hang>,
 }
 
@@ -62,8 +69,8 @@ impl HangingStore {
 impl Store for HangingStore {
     type File = HangingFile;
 
-    fn utc(&self) -> Utc {
-        FileStore.utc()
+    fn clock(&self) -> ClockAnchor {
+        FileStore.clock()
     }
 
     fn prepare(&mut self, directory: &Path) -> io::Result<()> {
@@ -90,9 +97,9 @@ impl Store for HangingStore {
         FileStore.remove(file)
     }
 
-    fn mend(&mut self, file: &Path) -> io::Result<u64> {
+    fn truncate_partial_row(&mut self, file: &Path) -> io::Result<u64> {
         self.act();
-        FileStore.mend(file)
+        FileStore.truncate_partial_row(file)
     }
 
     fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, HangingFile)> {
@@ -120,9 +127,9 @@ impl Write for HangingFile {
 }
 
 impl LogFile for HangingFile {
-    fn cut(&mut self, bytes: u64) -> io::Result<()> {
+    fn truncate(&mut self, bytes: u64) -> io::Result<()> {
         self.store.act();
-        self.file.cut(bytes)
+        self.file.truncate(bytes)
     }
 
     fn sync(&mut self) -> io::Result<()> {
@@ -134,7 +141,7 @@ impl LogFile for HangingFile {
 fn config(directory: &Path) -> LogConfig {
     LogConfig {
         directory: directory.to_owned(),
-        groups: GroupSet::ALL,
+        groups: LogGroups::ALL,
         // Whatever the test's machine has.
         min_free_mib: 0,
         ..LogConfig::default()
@@ -173,10 +180,10 @@ fn record(status: &mut Status, sequences: RangeInclusive<u64>) {
 
 #[test]
 fn nothing_is_created_when_no_group_is_chosen() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let directory = folder.path().join("log");
     let configs = [LogConfig {
-        groups: GroupSet::default(),
+        groups: LogGroups::default(),
         ..config(&directory)
     }];
     let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, || FileStore);
@@ -191,57 +198,87 @@ fn nothing_is_created_when_no_group_is_chosen() {
 #[test]
 fn wherever_the_disk_hangs_telemetry_goes_on_and_the_queue_is_bounded() {
     const HANGING: u64 = 3 * BOUND;
-    // Looking for an earlier file, preparing, listing, creating, the first line, and the blocks that are due before any
-    // time has passed.
+    // Looking for an earlier file, preparing, listing, creating, the first line, and the first batches.
     for blocking_act in 0..=7 {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let (mut status, threads, hangs) = start(folder.path(), blocking_act);
         // The queue has room for all of them, and they are enough for every one of those calls.
         record(&mut status, 1..=BOUND);
-        let hang = hangs.recv_timeout(PATIENCE).unwrap();
+        let hang = hangs.recv_timeout(TIMEOUT).unwrap();
         record(&mut status, BOUND + 1..=BOUND + HANGING);
         let mut summary = status.finish();
         assert_eq!(summary.published, BOUND + HANGING);
 
-        // What was in the writer's hands before it hung, and then a queue full.
-        let LogSummary { taken, dropped, .. } = summary.logs[0];
-        assert_eq!(taken + dropped, BOUND + HANGING);
-        assert!((BOUND..=2 * BOUND).contains(&taken), "{taken}");
+        // Taken are those that the writer had before it hung, and then a queue full.
+        let LogSummary {
+            offered, refused, ..
+        } = summary.logs[0];
+        assert_eq!(offered, BOUND + HANGING);
+        assert!((HANGING - BOUND..=HANGING).contains(&refused), "{refused}");
         if blocking_act <= 4 {
-            assert_eq!(taken, BOUND, "nothing was in its hands yet");
+            assert_eq!(refused, HANGING, "the writer had none yet");
         }
 
-        // The disk goes on, and so does the log: what was taken is there.
+        // The disk goes on, and so does the log: what was taken is there, and nothing else is lost.
         drop(hang);
-        threads.end(&mut summary.logs, PATIENCE);
+        threads.end(&mut summary.logs, TIMEOUT);
+        let rows = offered - refused;
         let expected = Written {
             files: 1,
-            rows: taken,
+            rows,
             ..Written::default()
         };
-        assert_eq!(summary.logs[0].written, Some(expected), "{blocking_act}");
-        let logged = logged(folder.path());
-        assert!(logged.into_iter().eq(1..=taken), "{blocking_act}");
+        let log = &summary.logs[0];
+        assert_eq!(log.end, WriterEnd::Finished(expected), "{blocking_act}");
+        assert_eq!(log.lost(), refused);
+        assert!(logged(folder.path()).into_iter().eq(1..=rows));
     }
 }
 
 #[test]
 fn a_disk_that_hangs_at_the_end_does_not_hold_the_process() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let (mut status, threads, hangs) = start(folder.path(), 5);
-    // Less than a block, so that the first write of rows is the one at the end.
+    // Less than a batch, so that the first write of rows is the one at the end.
     record(&mut status, 1..=10);
     let mut summary = status.finish();
-    let hang = hangs.recv_timeout(PATIENCE).unwrap();
+    let hang = hangs.recv_timeout(TIMEOUT).unwrap();
     threads.end(&mut summary.logs, Duration::ZERO);
     let log = &summary.logs[0];
-    assert_eq!((log.taken, log.dropped, log.written), (10, 0, None));
+    assert_eq!((log.offered, log.refused), (10, 0));
+    assert_eq!(log.end, WriterEnd::DiskHangs);
     drop(hang);
 }
 
 #[test]
+fn a_log_thread_that_panics_is_reported_as_such_and_telemetry_goes_on() {
+    let folder = folder();
+    let (store, hangs) = HangingStore::new(0);
+    // The first call cannot report that it blocks, which is a panic.
+    drop(hangs);
+    let configs = [config(folder.path())];
+    let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, || store.clone());
+    let mut status = Status::new(Calibration::default(), logs);
+    let end = threads.ends[0].recv_timeout(TIMEOUT);
+    assert_eq!(end, Err(RecvTimeoutError::Disconnected));
+
+    record(&mut status, 1..=3);
+    status.on_time(MonotonicNs(4));
+    let events = status.take_events();
+    let failures = events
+        .iter()
+        .filter(|event| matches!(event, Event::Log(LogEvent::ThreadFailed { .. })));
+    assert_eq!(failures.count(), 1, "{events:?}");
+    let mut summary = status.finish();
+    threads.end(&mut summary.logs, TIMEOUT);
+    assert_eq!(summary.published, 3);
+    let log = &summary.logs[0];
+    assert_eq!((log.end, log.lost()), (WriterEnd::ThreadFailed, 3));
+}
+
+#[test]
 fn one_log_that_hangs_is_no_trouble_for_another() {
-    let (hanging, working) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let (hanging, working) = (folder(), folder());
     let (store, hangs) = HangingStore::new(0);
     let configs = [config(hanging.path()), config(working.path())];
     let mut acts = [Arc::default(), Arc::new(AtomicUsize::new(1))].into_iter();
@@ -252,10 +289,10 @@ fn one_log_that_hangs_is_no_trouble_for_another() {
     };
     let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, stores);
     let mut status = Status::new(Calibration::default(), logs);
-    let hang = hangs.recv_timeout(PATIENCE).unwrap();
+    let hang = hangs.recv_timeout(TIMEOUT).unwrap();
     record(&mut status, 1..=100);
     status.finish();
-    let written = threads.ends[1].recv_timeout(PATIENCE).unwrap();
+    let written = threads.ends[1].recv_timeout(TIMEOUT).unwrap();
     assert_eq!(written.rows, 100);
     assert!(threads.ends[0].try_recv().is_err(), "it still hangs");
     assert!(logged(working.path()).into_iter().eq(1..=100));
@@ -265,7 +302,7 @@ fn one_log_that_hangs_is_no_trouble_for_another() {
 #[test]
 fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_ends() {
     const SAMPLES: u64 = 100;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let domain = Domain::isolated();
     let (termination, request) = Termination::by_hand().unwrap();
     let (store, hangs) = HangingStore::new(0);
@@ -280,13 +317,13 @@ fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_en
             let (robot, notifier) = (RobotId::DEFAULT, Notifier::from_env());
             let opening = Shell::open_with(&domain, robot, &config, notifier, || store.clone());
             let mut shell = opening.unwrap();
-            shell.end_patience = Duration::ZERO;
+            shell.end_timeout = Duration::ZERO;
             opened.send(()).unwrap();
             shell.run(&termination).unwrap()
         }
     });
-    is_open.recv_timeout(PATIENCE).unwrap();
-    let hang = hangs.recv_timeout(PATIENCE).unwrap();
+    is_open.recv_timeout(TIMEOUT).unwrap();
+    let hang = hangs.recv_timeout(TIMEOUT).unwrap();
 
     let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
     let mut bridge: Publisher<DspTelemetry> = ipc.publisher().unwrap();
@@ -295,7 +332,7 @@ fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_en
         assert_eq!(bridge.publish(|_| {}).unwrap(), expected);
         let mut seen = 0;
         while seen < expected {
-            let wake = consumer.wait(PATIENCE).unwrap();
+            let wake = consumer.wait(TIMEOUT).unwrap();
             assert_ne!(wake, Wake::TimedOut, "no telemetry came out");
             let see = |hero: &HeroTelemetry| seen = hero.source_sequence;
             consumer.drain(see).unwrap();
@@ -305,6 +342,7 @@ fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_en
     let summary = process.join().unwrap();
     assert_eq!((summary.published, summary.lost), (SAMPLES, 0));
     let log = &summary.logs[0];
-    assert_eq!((log.taken, log.dropped, log.written), (SAMPLES, 0, None));
+    assert_eq!((log.offered, log.refused), (SAMPLES, 0));
+    assert_eq!(log.end, WriterEnd::DiskHangs);
     drop(hang);
 }

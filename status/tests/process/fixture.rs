@@ -9,11 +9,12 @@ use std::thread;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, TelemetryGroup};
+use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, TelemetryGroup, files};
 use rustix::process::{Pid, Signal, kill_process};
+use tempfile::TempDir;
 
 /// Only a watchdog: no answer in this time is a failure.
-pub const PATIENCE: Duration = Duration::from_secs(20);
+pub const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// The two ends that the status process stands between.
 pub struct Ends {
@@ -43,7 +44,7 @@ impl Ends {
         let sequence = self.bridge.publish(fill).unwrap();
         let mut hero = None;
         while hero.is_none() {
-            let wake = self.consumer.wait(PATIENCE).unwrap();
+            let wake = self.consumer.wait(TIMEOUT).unwrap();
             assert_ne!(wake, ipc_types::Wake::TimedOut, "no telemetry came out");
             self.consumer
                 .drain(|sample| {
@@ -55,6 +56,11 @@ impl Ends {
         }
         hero.unwrap()
     }
+}
+
+/// A temporary folder. Other tests of this program open ports meanwhile.
+pub fn folder() -> TempDir {
+    files::while_no_port_opens(tempfile::tempdir).unwrap()
 }
 
 pub fn config(directory: &Path) -> String {
@@ -94,47 +100,48 @@ pub fn command(domain: &Domain) -> Command {
 pub struct Process {
     child: Child,
     errors: BufReader<ChildStderr>,
-    /// What it has said as far as it was listened to.
-    pub said: Vec<String>,
+    /// The messages that were read so far.
+    pub messages: Vec<String>,
 }
 
 impl Process {
-    /// Starts the process and waits until it says that it is ready.
+    /// Starts the process and waits until it logs that it is ready.
     pub fn start(domain: &Domain, config: &Path) -> Process {
-        let mut child = command(domain)
+        let mut command = command(domain);
+        command
             .arg("--config")
             .arg(config)
             .stderr(Stdio::piped())
-            .stdout(Stdio::null())
-            .spawn()
-            .unwrap();
+            .stdout(Stdio::null());
+        // It inherits the umask.
+        let mut child = files::while_no_port_opens(|| command.spawn()).unwrap();
         let errors = BufReader::new(child.stderr.take().unwrap());
         let mut process = Process {
             child,
             errors,
-            said: Vec::new(),
+            messages: Vec::new(),
         };
-        process.hear("ready");
+        process.wait_for_message("ready");
         process
     }
 
-    /// Waits until the process says `word`, or has said it. Killed when that takes too long.
-    pub fn hear(&mut self, word: &str) {
+    /// Waits until a message of the process contains `text`, or one has. Killed when that takes too long.
+    pub fn wait_for_message(&mut self, text: &str) {
         let process = self.id();
-        let (heard, hearing) = mpsc::channel::<()>();
+        let (found, waiting) = mpsc::channel::<()>();
         thread::scope(|scope| {
             scope.spawn(move || {
-                if hearing.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                if waiting.recv_timeout(TIMEOUT) == Err(RecvTimeoutError::Timeout) {
                     kill_process(process, Signal::KILL).unwrap();
                 }
             });
-            // Dropped when it is heard, and when it never will be.
-            let _heard = heard;
-            while !self.said.iter().any(|line| line.contains(word)) {
+            // Dropped when the message was found, and when it never will be.
+            let _found = found;
+            while !self.messages.iter().any(|line| line.contains(text)) {
                 let mut line = String::new();
                 let length = self.errors.read_line(&mut line).unwrap();
-                assert_ne!(length, 0, "ended without `{word}`: {:#?}", self.said);
-                self.said.push(line);
+                assert_ne!(length, 0, "ended without `{text}`: {:#?}", self.messages);
+                self.messages.push(line);
             }
         });
     }
@@ -143,11 +150,11 @@ impl Process {
         Pid::from_child(&self.child)
     }
 
-    /// Sends `signal`; gives the exit code and the rest of what the process says.
+    /// Sends `signal`; gives the exit code and the rest of its messages.
     pub fn end(&mut self, signal: Signal) -> (Option<i32>, Vec<String>) {
         kill_process(self.id(), signal).unwrap();
-        let told = self.errors.by_ref().lines().map(Result::unwrap).collect();
-        (self.child.wait().unwrap().code(), told)
+        let messages = self.errors.by_ref().lines().map(Result::unwrap).collect();
+        (self.child.wait().unwrap().code(), messages)
     }
 }
 

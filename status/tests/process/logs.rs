@@ -6,12 +6,12 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::process::Command;
 
-use ipc_types::{Domain, TelemetryGroup};
+use ipc_types::{Domain, TelemetryGroup, files};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, prlimit};
 
 use status::log::queue::QUEUE_SAMPLES;
 
-use crate::fixture::{Ends, Process, config, log_text, log_texts};
+use crate::fixture::{Ends, Process, config, folder, log_text, log_texts};
 
 /// Samples of a test that loses none: no more than the queue has room for, whatever the pace of the test and the disk.
 const SAMPLES: u32 = 900;
@@ -19,7 +19,7 @@ const _: () = assert!((SAMPLES as usize) < QUEUE_SAMPLES);
 
 #[test]
 fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let logs = folder.path().join("log");
     let file = folder.path().join("status.toml");
     fs::write(&file, config(&logs)).unwrap();
@@ -35,7 +35,7 @@ fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
     assert_eq!(process.end(Signal::KILL).0, None);
     let killed = fs::read_dir(&logs).unwrap().next().unwrap().unwrap().path();
     let mut text = fs::read_to_string(&killed).unwrap();
-    // A kill in the middle of a write leaves a piece of a row. That is too short a moment to be met for sure.
+    // A kill in the middle of a write leaves a partial row. That moment is too short for a test to meet.
     text += "0\t12";
     fs::write(&killed, &text).unwrap();
     let whole = &text[..=text.rfind('\n').unwrap()];
@@ -43,7 +43,7 @@ fn a_kill_leaves_whole_rows_and_the_next_start_goes_on() {
     assert!(whole.lines().all(|row| cells(row) == 6), "whole rows");
 
     let mut process = Process::start(&domain, &file);
-    process.hear("the last run ended in the middle of a row");
+    process.wait_for_message("the last run ended in the middle of a row");
     // The bridge and the consumer are still the same.
     ends.through(1);
     drop(ends);
@@ -68,14 +68,14 @@ fn numbers<'a>(rows: impl Iterator<Item = &'a str>) -> Vec<u32> {
 #[test]
 fn files_follow_each_other_and_the_oldest_go_when_the_total_is_reached() {
     const MIB: usize = 1024 * 1024;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = folder.path().join("status.toml");
     let logs = folder.path().join("log");
     let (oldest, foreign) = (
         logs.join("hero(1)_01_01_20-00_00_00.tsv"),
         logs.join("hero(2)_01_01_20-00_00_00.tsv"),
     );
-    fs::create_dir(&logs).unwrap();
+    files::create_dir_all(&logs).unwrap();
     for earlier in [&oldest, &foreign] {
         fs::write(earlier, vec![b'x'; MIB]).unwrap();
     }
@@ -104,15 +104,15 @@ fn files_follow_each_other_and_the_oldest_go_when_the_total_is_reached() {
         });
     }
     drop(ends);
-    let (code, told) = process.end(Signal::TERM);
+    let (code, messages) = process.end(Signal::TERM);
     assert_eq!(code, Some(0));
-    let last = told.last().unwrap();
+    let last = messages.last().unwrap();
     let expected = format!(": {SAMPLES} rows in 2 files\"");
     assert!(last.contains(&expected), "{last}");
-    let mut said = process.said.iter().chain(&told);
+    let mut all = process.messages.iter().chain(&messages);
     assert!(
-        said.any(|line| line.contains("old log removed")),
-        "{told:#?}"
+        all.any(|line| line.contains("old log removed")),
+        "{messages:#?}"
     );
     assert!(!oldest.exists() && foreign.exists());
 
@@ -131,14 +131,14 @@ fn files_follow_each_other_and_the_oldest_go_when_the_total_is_reached() {
 #[test]
 fn a_directory_that_is_taken_away_and_given_back_costs_no_telemetry() {
     const THIRD: u32 = SAMPLES / 3;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let logs = folder.path().join("log");
     let file = folder.path().join("status.toml");
     fs::write(&file, config(&logs)).unwrap();
     let domain = Domain::isolated();
     let mut ends = Ends::join(&domain);
     let mut process = Process::start(&domain, &file);
-    process.hear("log opened");
+    process.wait_for_message("log opened");
     fs::remove_dir_all(&logs).unwrap();
     // No directory can be made here.
     fs::write(&logs, "").unwrap();
@@ -148,16 +148,16 @@ fn a_directory_that_is_taken_away_and_given_back_costs_no_telemetry() {
         }
     };
     through(1..=THIRD);
-    process.hear("the log cannot be written");
+    process.wait_for_message("the log cannot be written");
     through(THIRD + 1..=2 * THIRD);
     fs::remove_file(&logs).unwrap();
-    process.hear("the log is written again");
+    process.wait_for_message("the log is written again");
     through(2 * THIRD + 1..=SAMPLES);
     drop(ends);
-    let (code, told) = process.end(Signal::TERM);
+    let (code, messages) = process.end(Signal::TERM);
     assert_eq!(code, Some(0));
-    let last = told.last().unwrap();
-    // The file that is gone took rows, but nobody will find them.
+    let last = messages.last().unwrap();
+    // The removed file had taken rows, which are gone with it.
     let expected = [
         format!("published={SAMPLES}"),
         format!(": {SAMPLES} rows in 2 files, {THIRD} rows perhaps not on the disk"),
@@ -170,42 +170,42 @@ fn a_directory_that_is_taken_away_and_given_back_costs_no_telemetry() {
 }
 
 /// Lets the room for logs in `directory` run out while telemetry flows, and gives it back: nothing is lost, because it
-/// was not for long, and a `word` was said about it.
+/// was not for long, and a message with `text` was logged.
 fn room_runs_out_and_comes_back(
     directory: &Path,
     configuration: &str,
-    word: &str,
+    text: &str,
     run_out: impl FnOnce(Pid),
     give_back: impl FnOnce(Pid),
 ) {
     // More than a page of a file, without which a full file system takes them all the same.
     const UNTIL_TOLD: u32 = 600;
     const UNTIL_ROOM: u32 = 750;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = folder.path().join("status.toml");
     fs::write(&file, configuration).unwrap();
     let domain = Domain::isolated();
     let mut ends = Ends::join(&domain);
     let mut process = Process::start(&domain, &file);
-    process.hear("log opened");
+    process.wait_for_message("log opened");
     ends.through(1);
     run_out(process.id());
     for number in 2..=UNTIL_TOLD {
         ends.through(number);
     }
-    process.hear(word);
+    process.wait_for_message(text);
     for number in UNTIL_TOLD + 1..=UNTIL_ROOM {
         ends.through(number);
     }
     give_back(process.id());
-    process.hear("the log is written again");
+    process.wait_for_message("the log is written again");
     for number in UNTIL_ROOM + 1..=SAMPLES {
         ends.through(number);
     }
     drop(ends);
-    let (code, told) = process.end(Signal::TERM);
+    let (code, messages) = process.end(Signal::TERM);
     assert_eq!(code, Some(0));
-    let last = told.last().unwrap();
+    let last = messages.last().unwrap();
     let (all, rows) = (
         format!("published={SAMPLES}"),
         format!(": {SAMPLES} rows in"),
@@ -231,7 +231,7 @@ fn room_runs_out_and_comes_back(
 
 #[test]
 fn writes_that_the_kernel_refuses_cost_no_telemetry_and_no_row() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let limit_files = |process: Pid, current: Option<u64>| {
         // What a process inherits it has in common with this one.
         let maximum = getrlimit(Resource::Fsize).maximum;
@@ -254,9 +254,9 @@ struct SmallDisk {
 }
 
 impl SmallDisk {
-    /// Nothing if this user may not have one, which is said.
+    /// Nothing if this user may not have one; the test is skipped with a message.
     fn mount(size: &str) -> Option<SmallDisk> {
-        let mount_point = tempfile::tempdir().unwrap();
+        let mount_point = folder();
         let mount = Command::new("mount")
             .args(["-t", "tmpfs", "-o"])
             .arg(format!("size={size}"))

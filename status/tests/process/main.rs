@@ -8,18 +8,36 @@ use std::process::Output;
 use std::sync::mpsc;
 use std::thread;
 
-use fixture::{Ends, PATIENCE, Process, command, config, log_text};
-use ipc_types::{Domain, RobotId};
+use fixture::{Ends, Process, TIMEOUT, command, config, folder, log_text};
+use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
+use ipc_types::{Domain, RobotId, TelemetryGroup, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
 use status::config::Config;
+use status::estimator::{Estimator, INPUT_SONAR};
+use status::log::event::WriterEnd;
 use status::shell::Shell;
+
+/// An estimator as another crate would write it.
+struct SonarAlone;
+
+impl Estimator for SonarAlone {
+    fn update(&mut self, _raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate {
+        HeroEstimate {
+            altitude_m: hero.sonar_height_m.into(),
+            altitude_variance_m2: 1.0,
+            inputs: INPUT_SONAR,
+            valid: 1,
+            ..HeroEstimate::default()
+        }
+    }
+}
 
 #[test]
 fn samples_go_through_the_shell_and_into_the_log() {
     const SAMPLES: u32 = 100;
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let domain = Domain::isolated();
     let (termination, request) = Termination::by_hand().unwrap();
     let config: Config = runtime::config::parse(&config(folder.path()), "status.toml").unwrap();
@@ -29,17 +47,19 @@ fn samples_go_through_the_shell_and_into_the_log() {
         move || {
             let notifier = Notifier::from_env();
             let shell = Shell::open(&domain, RobotId::DEFAULT, &config, notifier).unwrap();
+            let shell = shell.with_estimator(Box::new(SonarAlone));
             opened.send(()).unwrap();
             shell.run(&termination).unwrap()
         }
     });
-    is_open.recv_timeout(PATIENCE).unwrap();
+    is_open.recv_timeout(TIMEOUT).unwrap();
 
     let mut ends = Ends::join(&domain);
     for number in 1..=SAMPLES {
         let hero = ends.through(number);
         assert_eq!(hero.sonar_height_m, number as f32 / 2.0);
         assert_eq!(hero.sequence, u64::from(number));
+        assert_eq!(hero.estimate.altitude_m, f64::from(number) / 2.0);
         assert!(hero.published_ns > 0);
     }
     request.request();
@@ -49,7 +69,8 @@ fn samples_go_through_the_shell_and_into_the_log() {
         (100, 100, 0)
     );
     let log = &summary.logs[0];
-    assert_eq!((log.taken, log.written.unwrap().rows), (100, 100));
+    assert_eq!((log.offered, log.lost()), (100, 0));
+    assert!(matches!(log.end, WriterEnd::Finished(written) if written.rows == 100));
 
     let text = log_text(folder.path());
     let mut lines = text.lines();
@@ -66,6 +87,27 @@ fn samples_go_through_the_shell_and_into_the_log() {
     assert!(domain.residue().is_empty(), "{:?}", domain.residue());
 }
 
+#[test]
+fn the_estimator_that_the_configuration_chooses_is_published() {
+    let folder = folder();
+    let file = folder.path().join("status.toml");
+    let mut altitudes = Vec::new();
+    for configuration in ["", "[estimator]\nkind = 'altitude'"] {
+        fs::write(&file, configuration).unwrap();
+        let domain = Domain::isolated();
+        let mut ends = Ends::join(&domain);
+        let mut process = Process::start(&domain, &file);
+        let hero = ends.through_with(|dsp| {
+            dsp.valid_groups = TelemetryGroup::Barometer.bit();
+            dsp.barometer_adc = 900;
+        });
+        altitudes.push((hero.estimate.valid, hero.estimate.altitude_m.round()));
+        drop(ends);
+        assert_eq!(process.end(Signal::TERM).0, Some(0));
+    }
+    assert_eq!(altitudes, [(0, 0.0), (1, 100.0)]);
+}
+
 fn code_and_errors(output: Output) -> (Option<i32>, String) {
     assert_eq!(output.stdout, b"", "standard output is for data");
     (
@@ -77,7 +119,7 @@ fn code_and_errors(output: Output) -> (Option<i32>, String) {
 #[test]
 fn each_signal_ends_the_process_with_everything_in_order() {
     for signal in [Signal::INT, Signal::TERM] {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let logs = folder.path().join("log");
         let file = folder.path().join("status.toml");
         fs::write(&file, config(&logs)).unwrap();
@@ -88,17 +130,17 @@ fn each_signal_ends_the_process_with_everything_in_order() {
             ends.through(number);
         }
         drop(ends);
-        let (code, told) = process.end(signal);
+        let (code, messages) = process.end(signal);
         assert_eq!(code, Some(0));
-        let last = told.last().unwrap();
+        let last = messages.last().unwrap();
         assert!(
             last.contains("received=10 lost=0 published=10"),
-            "{told:#?}"
+            "{messages:#?}"
         );
-        assert!(last.contains(": 10 rows"), "{told:#?}");
-        // Told once, however often: the log asks for groups that no sample has.
-        let missing = told.iter().filter(|line| line.ends_with(" groups=xy"));
-        assert_eq!(missing.count(), 1, "{told:#?}");
+        assert!(last.contains(": 10 rows"), "{messages:#?}");
+        // Reported once: the log asks for groups that no sample has.
+        let missing = messages.iter().filter(|line| line.ends_with(" groups=xy"));
+        assert_eq!(missing.count(), 1, "{messages:#?}");
         assert_eq!(log_text(&logs).lines().count(), 11);
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
     }
@@ -106,16 +148,14 @@ fn each_signal_ends_the_process_with_everything_in_order() {
 
 #[test]
 fn a_second_status_of_the_same_robot_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = folder.path().join("status.toml");
     fs::write(&file, "").unwrap();
     let domain = Domain::isolated();
     let mut first = Process::start(&domain, &file);
-    let second = command(&domain)
-        .arg("--config")
-        .arg(&file)
-        .output()
-        .unwrap();
+    let mut second = command(&domain);
+    second.arg("--config").arg(&file);
+    let second = files::while_no_port_opens(|| second.output()).unwrap();
     let (code, errors) = code_and_errors(second);
     assert_eq!(code, Some(1), "{errors}");
     assert!(errors.contains("already provided by `status`"), "{errors}");
@@ -124,7 +164,7 @@ fn a_second_status_of_the_same_robot_is_refused() {
 
 #[test]
 fn wrong_command_lines_and_configurations_have_their_exit_codes() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let file = |name: &str, text: &str| {
         let path = folder.path().join(name);
         fs::write(&path, text).unwrap();
@@ -158,7 +198,9 @@ fn wrong_command_lines_and_configurations_have_their_exit_codes() {
     ];
     let domain = Domain::isolated();
     for (arguments, expected_code, expected_text) in cases {
-        let output = command(&domain).args(arguments).output().unwrap();
+        let mut command = command(&domain);
+        command.args(arguments);
+        let output = files::while_no_port_opens(|| command.output()).unwrap();
         let (code, errors) = code_and_errors(output);
         assert_eq!(code, Some(expected_code), "{arguments:?}: {errors}");
         assert!(errors.contains(expected_text), "{arguments:?}: {errors}");

@@ -1,24 +1,32 @@
 //! [`StandInBridge`]: publishes the DSP's telemetry and the module's state, and answers requests as it is told.
+//!
+//! What it is not told it answers as a bridge does: a path is assembled waypoint by waypoint, a movement that may pre-empt
+//! replaces a path under way, and parameters are those of a [`PortTable`].
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::{self, Receiver, Sender};
 
-use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus, Reason, Stage};
+use ipc_types::code::{
+    DspPathState, Functionality, LinkState, ModuleId, ModuleStatus, Reason, Stage,
+};
 use ipc_types::payload::{
-    DspTelemetry, LinkHealth, ModuleControl, ModuleState, MovementData, RequestReport,
+    DspTelemetry, LinkHealth, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RequestReport,
 };
 use ipc_types::service::Request;
 use ipc_types::{
     Domain, Ipc, MonotonicNs, OpenError, Publisher, ReportError, RobotId, Server, Source, Ticket,
 };
 
+use super::paths::Paths;
+use super::ports::{PortTable, StandInPort};
 use super::worker::{Ports, Worker};
 use crate::process::WAIT_LIMIT;
 
 /// In the place of the bridge.
 ///
-/// It begins by publishing [`StandInBridge::idle_state`], as a bridge does. Requests are accepted and done at once,
-/// unless [`StandInBridge::answer_next`] says otherwise.
+/// It begins by publishing [`StandInBridge::idle_state`], as a bridge does. Requests are accepted and done at once, unless
+/// [`StandInBridge::answer_next`] says otherwise; the module's documentation has the exceptions.
 pub struct StandInBridge {
     worker: Worker<BridgePorts>,
     received: Receiver<Received>,
@@ -31,14 +39,16 @@ pub enum Received {
     Control(ModuleControl),
     /// A movement.
     Movement(MovementData),
+    /// A parameter.
+    Parameter(ParameterRequest),
 }
 
 /// What to do with a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Say exactly this. Without a final stage at the end the request stays open.
+    /// Report exactly this. Without a final stage at the end the request stays open.
     Reports(Vec<RequestReport>),
-    /// Take it and say nothing: a bridge that hangs. [`StandInBridge::report`] may say something later.
+    /// Take it and report nothing: a bridge that hangs. [`StandInBridge::report`] may report something later.
     Hang,
     /// Die: close everything without a word. The sender's own port then says that the outcome is unknown.
     Die,
@@ -60,7 +70,12 @@ impl Answer {
         Answer::accepted_then(vec![report(Stage::Aborted, reason)])
     }
 
-    /// Accepted, then one word for each of so many waypoints sent, one for each reached but the last, and done.
+    /// Accepted, and under way until [`StandInBridge::report`] or a movement that pre-empts it says otherwise.
+    pub fn under_way() -> Answer {
+        Answer::accepted_then(Vec::new())
+    }
+
+    /// Accepted, then one report for each of so many waypoints sent, one for each reached but the last, and done.
     pub fn progress(waypoints: u32) -> Answer {
         let counts = |sent: u32, reached: u32| RequestReport {
             waypoints_total: waypoints,
@@ -127,13 +142,15 @@ impl StandInBridge {
             link: LinkHealth {
                 state: LinkState::Up.code(),
                 port_openings: 1,
+                dsp_path: DspPathState::Empty.code(),
                 ..LinkHealth::default()
             },
             ..ModuleState::default()
         }
     }
 
-    /// Publishes `sample` and returns its number in the sequence. A `received_ns` of 0 becomes the present.
+    /// Publishes `sample` and returns its number in the sequence. A `received_ns` of 0 becomes the present. Its flying flag
+    /// says which ports may be written.
     ///
     /// # Panics
     ///
@@ -142,6 +159,7 @@ impl StandInBridge {
     pub fn publish(&self, sample: &DspTelemetry) -> u64 {
         let sample = *sample;
         let published = self.worker.call(move |ports| {
+            ports.table.set_flying(sample.is_flying());
             ports.telemetry.publish(|slot| {
                 *slot = sample;
                 if slot.received_ns == 0 {
@@ -171,7 +189,7 @@ impl StandInBridge {
         published.expect("a state that can be published")
     }
 
-    /// Answers the next request so. Several answers are for as many requests, in order.
+    /// Answers the next request so. Several answers are for as many requests, of whatever service, in order.
     ///
     /// # Panics
     ///
@@ -182,7 +200,28 @@ impl StandInBridge {
             .call(move |ports| ports.answers.push_back(answer));
     }
 
-    /// Says something about a request that is still open, as one that hung.
+    /// Adds a port to the DSP's, or replaces the one with its number.
+    ///
+    /// # Panics
+    ///
+    /// When the stand-in has died.
+    #[track_caller]
+    pub fn set_port(&self, port: StandInPort) {
+        self.worker.call(move |ports| ports.table.set(port));
+    }
+
+    /// The DSP's port with this number, with the value that it has now.
+    ///
+    /// # Panics
+    ///
+    /// When the stand-in has died.
+    #[track_caller]
+    pub fn port(&self, number: u16) -> Option<StandInPort> {
+        self.worker
+            .call(move |ports| ports.table.port(number).cloned())
+    }
+
+    /// Reports something about a request that is still open, as one that hung.
     ///
     /// # Errors
     ///
@@ -222,6 +261,7 @@ impl StandInBridge {
 enum Place {
     Control(Ticket),
     Movement(Ticket),
+    Parameter(Ticket),
 }
 
 struct BridgePorts {
@@ -229,46 +269,76 @@ struct BridgePorts {
     state: Publisher<ModuleState>,
     control: Server<ModuleControl>,
     movement: Server<MovementData>,
+    parameters: Server<ParameterRequest>,
+    table: PortTable,
+    paths: Paths,
     answers: VecDeque<Answer>,
     open: BTreeMap<u64, Place>,
     inbox: Option<Sender<Received>>,
 }
 
 impl BridgePorts {
-    /// Says `report`; a final one closes the request.
+    /// Sends `report`; a final one closes the request.
     fn report(&mut self, request_id: u64, report: &RequestReport) -> Result<(), ReportError> {
         let place = *self.open.get(&request_id).ok_or(ReportError::NotOpen)?;
         if report.is_final() {
             self.open.remove(&request_id);
+            self.paths.closed(request_id);
         }
         match place {
             Place::Control(ticket) => self.control.report(ticket, report),
             Place::Movement(ticket) => self.movement.report(ticket, report),
+            Place::Parameter(ticket) => self.parameters.report(ticket, report),
         }
     }
 
-    /// Takes a request. False when that is to die of.
-    fn take<R: Request>(&mut self, request: &R, place: Place, received: Received) -> bool {
-        self.open.insert(request.request_id(), place);
+    /// Takes a request, and answers it. False when the answer is to die.
+    fn take(&mut self, place: Place, received: Received) -> bool {
+        let (request_id, path_id) = match &received {
+            Received::Control(request) => (request.request_id(), request.path_id()),
+            Received::Movement(request) => (request.request_id(), request.path_id()),
+            Received::Parameter(request) => (request.request_id(), request.path_id()),
+        };
+        self.open.insert(request_id, place);
         if let Some(inbox) = &self.inbox {
             // The test may have dropped its end already.
             let _ = inbox.send(received);
         }
-        match self.answers.pop_front().unwrap_or_else(Answer::done) {
+        let scripted = self.answers.pop_front();
+        let answer = scripted.unwrap_or_else(|| self.usual_answer(&received));
+        if let Received::Movement(request) = &received {
+            for (id, report) in self.paths.take(request, &answer) {
+                // Its client may be gone.
+                let _ = self.report(id, &report);
+            }
+        }
+        match answer {
             Answer::Hang => true,
             Answer::Die => false,
             Answer::Reports(reports) => {
                 for report in reports {
-                    let report = RequestReport {
-                        path_id: request.path_id(),
-                        ..report
-                    };
-                    // A client that is gone, or that does not read, loses what it would have been told.
-                    let _ = self.report(request.request_id(), &report);
+                    let report = RequestReport { path_id, ..report };
+                    // A client that is gone, or that does not read, loses its reports.
+                    let _ = self.report(request_id, &report);
                 }
                 true
             }
         }
+    }
+
+    /// How a request is answered that the test says nothing about.
+    fn usual_answer(&mut self, received: &Received) -> Answer {
+        match received {
+            Received::Control(_) => Answer::done(),
+            Received::Movement(request) => self.paths.usual_answer(request),
+            Received::Parameter(request) => Answer::Reports(vec![self.table.answer(request)]),
+        }
+    }
+
+    /// The client of this request has given it up.
+    fn vanished(&mut self, request_id: u64) {
+        self.open.remove(&request_id);
+        self.paths.closed(request_id);
     }
 }
 
@@ -279,6 +349,9 @@ impl Ports for BridgePorts {
             state: ipc.publisher()?,
             control: ipc.server()?,
             movement: ipc.server()?,
+            parameters: ipc.server()?,
+            table: PortTable::default(),
+            paths: Paths::default(),
             answers: VecDeque::new(),
             open: BTreeMap::new(),
             inbox: None,
@@ -286,165 +359,38 @@ impl Ports for BridgePorts {
     }
 
     fn sources(&self) -> Vec<&dyn Source> {
-        vec![&self.telemetry, &self.state, &self.control, &self.movement]
+        vec![
+            &self.telemetry,
+            &self.state,
+            &self.control,
+            &self.movement,
+            &self.parameters,
+        ]
     }
 
     fn drain(&mut self) -> bool {
         self.telemetry.welcome();
         self.state.welcome();
-        self.control.vanished(|_, id| _ = self.open.remove(&id));
-        self.movement.vanished(|_, id| _ = self.open.remove(&id));
-        let mut controls = Vec::new();
-        let mut movements = Vec::new();
+        let mut gone = Vec::new();
+        self.control.vanished(|_, id| gone.push(id));
+        self.movement.vanished(|_, id| gone.push(id));
+        self.parameters.vanished(|_, id| gone.push(id));
+        gone.into_iter().for_each(|id| self.vanished(id));
+        let mut came = Vec::new();
         // What cannot be received now is tried again at the next wake.
-        let _ = self
-            .control
-            .drain(|ticket, request| controls.push((ticket, *request)));
-        let _ = self
-            .movement
-            .drain(|ticket, request| movements.push((ticket, *request)));
-        controls.iter().all(|(ticket, request)| {
-            self.take(
-                request,
-                Place::Control(*ticket),
-                Received::Control(*request),
-            )
-        }) && movements.iter().all(|(ticket, request)| {
-            self.take(
-                request,
-                Place::Movement(*ticket),
-                Received::Movement(*request),
-            )
-        })
+        let _ = self.control.drain(|ticket, request| {
+            came.push((Place::Control(ticket), Received::Control(*request)));
+        });
+        let _ = self.movement.drain(|ticket, request| {
+            came.push((Place::Movement(ticket), Received::Movement(*request)));
+        });
+        let _ = self.parameters.drain(|ticket, request| {
+            came.push((Place::Parameter(ticket), Received::Parameter(*request)));
+        });
+        came.into_iter()
+            .all(|(place, received)| self.take(place, received))
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use ipc_types::code::ControlCommand;
-    use ipc_types::{Client, SendError};
-
-    use super::*;
-    use crate::TestDomain;
-
-    /// Sends a take-off and follows its reports to the final word.
-    fn take_off(client: &mut Client<MovementData>, id: u64) -> Vec<(Stage, Reason)> {
-        client
-            .send(&MovementData::take_off(id, 10.0))
-            .expect("sent");
-        follow(client)
-    }
-
-    fn follow(client: &mut Client<MovementData>) -> Vec<(Stage, Reason)> {
-        let mut words = Vec::new();
-        while client.outstanding() > 0 {
-            client.wait(WAIT_LIMIT).expect("a wait");
-            client.drain(|report| {
-                words.push((
-                    report.stage().expect("a stage"),
-                    report.reason().expect("a reason"),
-                ));
-            });
-        }
-        words
-    }
-
-    #[test]
-    fn requests_are_answered_as_told_and_then_as_usual() {
-        use Stage::{Aborted, Accepted, Done, Progress, Refused};
-        let domain = TestDomain::new();
-        let bridge = StandInBridge::start(&domain);
-        let ipc = domain.join("operator");
-        let mut client = ipc.client::<MovementData>().expect("a client");
-        let none = Reason::None;
-        for (answer, words) in [
-            (
-                Answer::refuse(Reason::NotStarted),
-                vec![(Refused, Reason::NotStarted)],
-            ),
-            (
-                Answer::abort(Reason::DspRebooted),
-                vec![(Accepted, none), (Aborted, Reason::DspRebooted)],
-            ),
-            (
-                Answer::progress(2),
-                vec![
-                    (Accepted, none),
-                    (Progress, none),
-                    (Progress, none),
-                    (Progress, none),
-                    (Done, none),
-                ],
-            ),
-        ] {
-            bridge.answer_next(answer);
-            assert_eq!(take_off(&mut client, 7), words);
-            assert_eq!(
-                bridge.next_request(),
-                Received::Movement(MovementData::take_off(7, 10.0))
-            );
-        }
-        assert_eq!(take_off(&mut client, 8), [(Accepted, none), (Done, none)]);
-    }
-
-    #[test]
-    fn a_request_that_hangs_can_be_answered_later() {
-        let domain = TestDomain::new();
-        let bridge = StandInBridge::start(&domain);
-        let ipc = domain.join("operator");
-        let mut client = ipc.client::<MovementData>().expect("a client");
-        bridge.answer_next(Answer::Hang);
-        client.send(&MovementData::land(5)).expect("sent");
-        bridge.next_request();
-        assert_eq!(client.drain(|report| panic!("unasked: {report:?}")), 0);
-        let done = RequestReport::new(Stage::Done, Reason::None);
-        assert_eq!(bridge.report(5, &done), Ok(()));
-        assert_eq!(follow(&mut client), [(Stage::Done, Reason::None)]);
-        assert_eq!(bridge.report(5, &done), Err(ReportError::NotOpen));
-    }
-
-    #[test]
-    fn a_bridge_that_dies_leaves_the_outcome_unknown() {
-        let domain = TestDomain::new();
-        let bridge = StandInBridge::start(&domain);
-        let ipc = domain.join("operator");
-        let mut client = ipc.client::<MovementData>().expect("a client");
-        bridge.answer_next(Answer::Die);
-        assert_eq!(
-            take_off(&mut client, 5),
-            [(Stage::Unknown, Reason::BridgeGone)]
-        );
-        let again = client.send(&MovementData::land(6));
-        assert!(
-            matches!(again, Err(SendError::NoServer { .. })),
-            "{again:?}"
-        );
-        bridge.die();
-    }
-
-    #[test]
-    fn both_telemetries_and_controls_pass() {
-        let domain = TestDomain::new();
-        let bridge = StandInBridge::start(&domain);
-        let ipc = domain.join("consumer");
-        let mut states = ipc.subscriber::<ModuleState>().expect("a subscriber");
-        states.wait(WAIT_LIMIT).expect("a wait");
-        let state = states.latest().expect("states").expect("the first");
-        assert_eq!(state.status(), Some(ModuleStatus::Running));
-        let mut telemetry = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
-        assert_eq!(bridge.publish(&DspTelemetry::default()), 1);
-        telemetry.wait(WAIT_LIMIT).expect("a wait");
-        assert!(
-            telemetry
-                .latest()
-                .expect("samples")
-                .expect("one")
-                .received_ns
-                > 0
-        );
-        let mut control = ipc.client::<ModuleControl>().expect("a client");
-        let start = ModuleControl::new(3, ControlCommand::Start);
-        control.send(&start).expect("sent");
-        assert_eq!(bridge.next_request(), Received::Control(start));
-    }
-}
+mod tests;

@@ -2,12 +2,15 @@
 //! and without a helicopter.
 //!
 //! Each has a thread of its own that owns the real ports of `ipc-types` and sleeps until there is something to do, so
-//! that the program under test may block as it does in earnest. They do what they are told and nothing else: a stand-in
-//! never changes what it publishes because of a request.
+//! that the program under test may block as it does in earnest. They do what they are told: a stand-in never changes what it
+//! publishes because of a request.
 
 mod bridge;
+mod paths;
+mod ports;
 mod status;
 mod worker;
 
 pub use bridge::{Answer, Received, StandInBridge};
+pub use ports::{PortTable, StandInPort};
 pub use status::StandInStatus;

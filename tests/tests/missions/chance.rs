@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bridge::line::coherence::Rule;
+use bridge::link::coherence::Rule;
 use dsp_protocol::DspErrorCode;
 use dsp_sim::faults::{
     Act, AfterStall, Damage, Directions, DspEvent, Fault, MessageKind, Script, Times, Window,

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 
-use bridge::line::coherence::Rule;
+use bridge::link::coherence::Rule;
 use dsp_protocol::port::{self, Port16, Port32};
 use dsp_protocol::{Command, DspErrorCode, Group};
 use ipc_types::code::{LinkState, Reason, Stage};

@@ -151,6 +151,8 @@ impl Witness {
 }
 
 impl Outputs for Witness {
+    fn notice(&mut self, _: &bridge::outputs::Notice) {}
+
     fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);
@@ -195,7 +197,7 @@ impl Outputs for Witness {
     }
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
-        let (RequestKey::Control(id) | RequestKey::Movement(id)) = to;
+        let (RequestKey::Control(id) | RequestKey::Movement(id) | RequestKey::Parameter(id)) = to;
         assert_eq!(id, report.request_id, "a report for another request");
         assert_eq!(report.reported_ns, self.now.0, "{report:?}");
         let Some(words) = self.requests.get_mut(&id) else {

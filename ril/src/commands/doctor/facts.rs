@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use bridge::shell::serial::holders::Holders;
 use ipc_types::inspect::Inspection;
 use ipc_types::{Provider, Repair, ServiceId};
 
@@ -93,8 +94,8 @@ pub struct PortFacts {
     pub is_chosen: bool,
     /// What is there.
     pub device: Look<Device>,
-    /// Who has it open.
-    pub holders: Look<Holders>,
+    /// Who uses it.
+    pub holders: Look<PortHolders>,
 }
 
 /// What is in the place of a serial port.
@@ -111,24 +112,11 @@ pub enum Device {
     Other(&'static str),
 }
 
-/// Who has terminals open.
+/// Who has terminals.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Holders {
-    /// The processes that have the port open.
-    pub of_port: Vec<Holder>,
+pub struct PortHolders {
+    /// Who uses the port.
+    pub of_port: Holders,
     /// The terminals that the live bridge has open.
     pub by_bridge: Vec<PathBuf>,
-    /// Processes that could not be looked into: they are other users'.
-    pub hidden: usize,
-}
-
-/// A process that has a port open.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Holder {
-    /// Its process.
-    pub pid: u32,
-    /// Its program.
-    pub name: String,
-    /// It also has the other end of pseudo-terminals open, as a simulator does.
-    pub is_other_end: bool,
 }

@@ -13,6 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use bridge::BridgeConfig;
+use bridge::shell::serial::holders::{Holders, Terminal};
 use bridge::shell::serial::permission_hint;
 use ipc_types::inspect::{Inspection, Life, free_memory};
 use ipc_types::service::SERVICES;
@@ -23,7 +24,7 @@ use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 
 use super::facts::{
-    Device, DomainFacts, FileContent, FileFacts, Holder, Holders, Look, PortFacts, Trouble,
+    Device, DomainFacts, FileContent, FileFacts, Look, PortFacts, PortHolders, Trouble,
 };
 use crate::cli::DoctorArgs;
 
@@ -218,13 +219,7 @@ fn device(path: &Path) -> io::Result<Device> {
         };
         return Ok(Device::Other(what));
     }
-    let (major, minor) = (
-        rustix::fs::major(metadata.rdev()),
-        rustix::fs::minor(metadata.rdev()),
-    );
-    // The kernel tells the kind of a device, except of pseudo-terminals.
-    let class = fs::read_link(format!("/sys/dev/char/{major}:{minor}/subsystem"));
-    if class.is_ok_and(|class| class.file_name().is_some_and(|name| name != "tty")) {
+    if Terminal::new(path, &metadata).is_none() {
         return Ok(Device::Other("another kind of device"));
     }
     let may_open = rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
@@ -233,41 +228,21 @@ fn device(path: &Path) -> io::Result<Device> {
     })
 }
 
-/// Who has `port` open, and which terminals `bridge` has.
-fn holders(port: &Path, bridge: Option<u32>) -> io::Result<Holders> {
-    // What does not exist nobody has open under this name.
-    let port = fs::canonicalize(port).unwrap_or_else(|_| port.to_owned());
-    let mut holders = Holders::default();
-    for process in fs::read_dir(PROC)?.flatten() {
-        let Some(pid) = process
-            .file_name()
-            .to_str()
-            .and_then(|name| name.parse().ok())
-        else {
-            continue;
-        };
-        // It may have ended meanwhile.
-        let open = match open_files(&process.path()) {
-            Ok(open) => open,
-            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
-                holders.hidden += 1;
-                continue;
-            }
-            Err(_) => continue,
-        };
-        if bridge == Some(pid) {
-            holders.by_bridge = terminals(&open);
-        }
-        if open.iter().any(|(_, path)| *path == port) {
-            holders.of_port.push(Holder {
-                pid,
-                name: program(&process.path()),
-                is_other_end: open.iter().any(|(_, path)| path.ends_with("ptmx")),
-            });
-        }
-    }
-    holders.of_port.sort_by_key(|holder| holder.pid);
-    Ok(holders)
+/// Who uses `port`, in the bridge's own eyes, and which terminals `bridge` has.
+fn holders(port: &Path, bridge: Option<u32>) -> io::Result<PortHolders> {
+    let terminal = fs::metadata(port)
+        .ok()
+        .and_then(|metadata| Terminal::new(port, &metadata));
+    let of_port = match terminal {
+        Some(terminal) => Holders::find(&terminal)?,
+        None => Holders::default(),
+    };
+    // Another user's bridge keeps its files to itself.
+    let open = bridge.and_then(|pid| open_files(&Path::new(PROC).join(pid.to_string())).ok());
+    Ok(PortHolders {
+        of_port,
+        by_bridge: terminals(&open.unwrap_or_default()),
+    })
 }
 
 /// Number and path of everything that a process has open.
@@ -294,15 +269,6 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
     found.sort();
     found.dedup();
     found
-}
-
-/// The name of a process's program.
-fn program(process: &Path) -> String {
-    let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
-    match name.trim_end() {
-        "" => "unknown".to_owned(),
-        name => name.to_owned(),
-    }
 }
 
 fn providers(domain: &Domain, robot: RobotId) -> Look<Vec<(ServiceId, Option<Provider>)>> {
@@ -373,7 +339,11 @@ mod tests {
             is("/dev/null"),
             Device::Other("another kind of device")
         ));
-        assert!(matches!(is("/dev/ptmx"), Device::Terminal { .. }));
+        let a_screen_of_any_process = is("/dev/tty");
+        assert_eq!(
+            a_screen_of_any_process,
+            Device::Other("another kind of device")
+        );
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use super::*;
-use crate::log::backoff::LONGEST_PAUSE;
-use crate::log::gathered::MAX_GATHERED_BYTES;
 use crate::log::open_file::SYNC_PERIOD;
+use crate::log::queue::QUEUE_SAMPLES;
+use crate::log::writer::RETRY_PERIOD;
 use crate::test_store::{Act, Fault};
 
 fn on_faulty_disk(fault: Option<(Range<usize>, Fault)>) -> MemoryStore {
@@ -14,14 +14,14 @@ fn on_faulty_disk(fault: Option<(Range<usize>, Fault)>) -> MemoryStore {
     disk
 }
 
-/// How often something was told that begins with `word`.
-fn count(told: &[String], word: &str) -> usize {
-    let matching = told.iter().filter(|told| told.starts_with(word));
+/// How many reports begin with `word`.
+fn count(reported: &[String], word: &str) -> usize {
+    let matching = reported.iter().filter(|report| report.starts_with(word));
     matching.count()
 }
 
 /// The samples in the files, which must be whole rows behind a first line. Only a disk that broke in the middle of a
-/// row, and could not cut, may have kept a piece of it at the end of a file.
+/// row, and could not truncate, may have kept a partial row at the end of a file.
 fn checked_runs(disk: &MemoryStore, fault: Fault) -> Vec<(u64, u64)> {
     let mut all = Vec::new();
     for text in disk.0.borrow().texts() {
@@ -47,8 +47,8 @@ fn a_short_fault_at_any_act_loses_nothing() {
         min_free_bytes: 0,
     };
     let acts = {
-        let mut calm = Flight::short(MemoryStore::default(), LIMITS);
-        calm.fly(SAMPLES * 3 / 4);
+        let mut calm = Harness::short(MemoryStore::default(), LIMITS);
+        calm.record(SAMPLES * 3 / 4);
         calm.disk.0.borrow().acts.clone()
     };
     for act in [Act::List, Act::Remove, Act::Create, Act::Write, Act::Sync] {
@@ -57,19 +57,23 @@ fn a_short_fault_at_any_act_loses_nothing() {
 
     for index in 0..acts.len() {
         for fault in Fault::ALL {
-            // The write after one that took a half fails, and then perhaps the cutting.
+            // The write after one that took a half fails, and then perhaps the truncation.
             let disk = on_faulty_disk(Some((index..index + 3, fault)));
-            let mut flight = Flight::short(disk, LIMITS);
-            flight.fly(SAMPLES);
-            let written = flight.land();
-            let told = flight.told();
-            let context = format!("{fault:?} at {:?}: {written:?} {told:?}", &acts[index]);
-            assert_eq!((written.rows, written.lost), (SAMPLES, 0), "{context}");
-            let trouble = count(&told, "full") + count(&told, "failed");
+            let mut harness = Harness::short(disk, LIMITS);
+            harness.record(SAMPLES);
+            let outcome = harness.finish();
+            let reported = harness.reported();
+            let context = format!("{fault:?} at {:?}: {outcome:?} {reported:?}", &acts[index]);
+            assert_eq!(
+                (outcome.written.rows, outcome.lost),
+                (SAMPLES, 0),
+                "{context}"
+            );
+            let trouble = count(&reported, "full") + count(&reported, "failed");
             assert!(trouble <= 1, "{context}");
-            assert_eq!(count(&told, "resumed, 0 lost"), trouble, "{context}");
+            assert_eq!(count(&reported, "resumed"), trouble, "{context}");
             // Old files were removed. Of what is left nothing is missing, unless the oldest could not be removed.
-            let runs = checked_runs(&flight.disk, fault);
+            let runs = checked_runs(&harness.disk, fault);
             let mut during = acts[index..].iter().take(3);
             let stays = !fault.is_full_disk() && during.any(|act| *act == Act::Remove);
             let most_runs = if stays { 2 } else { 1 };
@@ -84,139 +88,132 @@ fn a_long_fault_from_any_act_on_loses_what_does_not_fit_into_memory_and_is_count
     /// As many as memory has room for, and about as many again.
     const SAMPLES: u64 = 2000;
     let acts = {
-        let mut calm = Flight::begin(MemoryStore::default(), UNLIMITED);
-        calm.fly(300);
-        calm.land();
+        let mut calm = Harness::begin(MemoryStore::default(), UNLIMITED);
+        calm.record(300);
+        calm.finish();
         calm.disk.0.borrow().acts.clone()
     };
     assert!(acts.contains(&Act::Sync));
     for (index, act) in acts.iter().enumerate() {
         for fault in Fault::ALL {
             let disk = on_faulty_disk(Some((index..usize::MAX, fault)));
-            let mut flight = Flight::begin(disk, UNLIMITED);
-            flight.fly(SAMPLES);
+            let mut harness = Harness::begin(disk, UNLIMITED);
+            harness.record(SAMPLES);
             let context = format!("{fault:?} from {index}, {act:?}");
-            let told = flight.told();
-            let trouble = count(&told, "full") + count(&told, "failed");
+            let reported = harness.reported();
+            let trouble = count(&reported, "full") + count(&reported, "failed");
             assert_eq!(
-                (trouble, count(&told, "rows lost")),
+                (trouble, count(&reported, "rows lost")),
                 (1, 1),
-                "{context}: {told:?}"
+                "{context}: {reported:?}"
             );
 
             // The disk works again.
-            flight.disk.0.borrow_mut().fault = None;
-            flight.fly(LONGEST_PAUSE.as_millis() as u64 / 20 + 1);
-            let written = flight.land();
-            let told = flight.told();
-            let resumed = format!("resumed, {} lost", written.lost);
-            assert_eq!(count(&told, &resumed), 1, "{context}: {told:?}");
+            harness.disk.0.borrow_mut().fault = None;
+            harness.record(RETRY_PERIOD.as_millis() as u64 / 20 + 1);
+            let lost = harness.finish().lost;
+            let reported = harness.reported();
+            assert_eq!(count(&reported, "resumed"), 1, "{context}: {reported:?}");
             // Of what came in trouble the oldest rows were kept, and after it everything is there.
-            let runs = checked_runs(&flight.disk, fault);
+            let runs = checked_runs(&harness.disk, fault);
             let [(1, kept), (resumed, last)] = runs[..] else {
                 panic!("{context}: {runs:?}");
             };
             assert_eq!(
                 (resumed - kept - 1, last),
-                (written.lost, flight.samples),
+                (lost, harness.samples),
                 "{context}"
             );
-            let texts = flight.disk.0.borrow().texts();
-            let bytes: usize = texts.iter().map(String::len).sum();
-            let row_bytes = bytes / written.rows as usize;
-            assert!(
-                kept as usize * row_bytes >= MAX_GATHERED_BYTES * 9 / 10,
-                "{context}: {kept}"
-            );
+            assert!(kept >= QUEUE_SAMPLES as u64, "{context}: {kept}");
         }
     }
 }
 
 #[test]
-fn attempts_become_rarer_and_leave_no_files() {
+fn attempts_go_on_for_ever_and_leave_no_files() {
     // After the first file's creation and first line.
-    let mut flight = Flight::short(MemoryStore::default(), UNLIMITED);
-    flight.fly(100);
-    let begun = flight.disk.0.borrow().acts.len();
-    flight.disk.0.borrow_mut().fault = Some((begun..usize::MAX, Fault::HalfFull));
-    flight.fly(50 * 3600);
-    let acts = flight.disk.0.borrow().acts[begun..].to_vec();
-    // An hour has 360 times the longest pause. Each attempt can create a file: the disk is full when it writes.
+    let mut harness = Harness::short(MemoryStore::default(), UNLIMITED);
+    harness.record(100);
+    let begun = harness.disk.0.borrow().acts.len();
+    harness.disk.0.borrow_mut().fault = Some((begun..usize::MAX, Fault::HalfFull));
+    harness.record(50 * 3600);
+    let acts = harness.disk.0.borrow().acts[begun..].to_vec();
+    // An hour has 720 pauses. Each attempt can create a file: the disk is full when it writes.
     let attempts = acts.iter().filter(|act| **act == Act::Prepare).count();
-    assert!((355..=370).contains(&attempts), "{attempts}");
-    assert_eq!(flight.disk.0.borrow().files.len(), 1);
-    // The first loss, then one telling a minute.
-    let told = flight.told();
-    let losses = count(&told, "rows lost");
+    assert!((715..=720).contains(&attempts), "{attempts}");
+    assert_eq!(harness.disk.0.borrow().files.len(), 1);
+    // The first loss, then one report a minute.
+    let reported = harness.reported();
+    let losses = count(&reported, "rows lost");
     assert!((50..=60).contains(&losses), "{losses}");
-    assert_eq!(told.len(), losses + 2, "opened and full: {told:?}");
+    assert_eq!(reported.len(), losses + 2, "opened and full: {reported:?}");
 }
 
 #[test]
-fn a_fault_that_comes_and_goes_is_told_and_starts_files_at_the_pace_of_the_longest_pause() {
-    let mut flight = Flight::short(MemoryStore::default(), UNLIMITED);
+fn a_fault_that_comes_and_goes_is_reported_and_starts_files_no_more_often_than_the_log_retries() {
+    let mut harness = Harness::short(MemoryStore::default(), UNLIMITED);
     for _ in 0..600 {
-        flight.fly(50);
-        let next = flight.disk.0.borrow().acts.len();
-        flight.disk.0.borrow_mut().fault = Some((next..next + 1, Fault::NoSpace));
+        harness.record(50);
+        let next = harness.disk.0.borrow().acts.len();
+        harness.disk.0.borrow_mut().fault = Some((next..next + 1, Fault::NoSpace));
     }
-    let written = flight.land();
-    assert!(written.files <= 600 / 10 + 10, "{written:?}");
-    assert_eq!(written.lost, 0, "pauses are shorter than memory is long");
+    let Outcome { written, lost } = harness.finish();
+    assert!(written.files <= 600 / 5 + 1, "{written:?}");
+    assert_eq!(lost, 0, "the queue is longer than the pauses");
 }
 
 #[test]
-fn what_cannot_be_forced_onto_the_disk_is_told_and_followed_by_a_new_file() {
-    let mut flight = Flight::begin(MemoryStore::default(), UNLIMITED);
+fn what_cannot_be_forced_onto_the_disk_is_reported_and_followed_by_a_new_file() {
+    let mut harness = Harness::begin(MemoryStore::default(), UNLIMITED);
     // One row after another: the first sync is due five seconds after the first flush.
-    flight.fly(100);
-    let acts = flight.disk.0.borrow().acts.len();
-    assert!(!flight.disk.0.borrow().acts.contains(&Act::Sync));
-    flight.disk.0.borrow_mut().fault = Some((acts..usize::MAX, Fault::Broken));
-    flight.wait(SYNC_PERIOD);
-    flight.disk.0.borrow_mut().fault = None;
-    flight.fly(1000);
-    let written = flight.land();
-    assert_eq!((written.rows, written.lost), (1100, 0));
-    assert!(written.unsure > 0 && written.unsure <= 100, "{written:?}");
+    harness.record(100);
+    let acts = harness.disk.0.borrow().acts.len();
+    assert!(!harness.disk.0.borrow().acts.contains(&Act::Sync));
+    harness.disk.0.borrow_mut().fault = Some((acts..usize::MAX, Fault::Broken));
+    harness.wait(SYNC_PERIOD);
+    harness.disk.0.borrow_mut().fault = None;
+    harness.record(1000);
+    let Outcome { written, lost } = harness.finish();
+    assert_eq!((written.rows, lost), (1100, 0));
+    let unsynced = written.unsynced;
+    assert!(unsynced > 0 && unsynced <= 100, "{written:?}");
     assert_eq!(written.files, 2);
-    assert_eq!(runs(&all_sequences(&flight.disk)), [(1, 1100)]);
+    assert_eq!(runs(&all_sequences(&harness.disk)), [(1, 1100)]);
 }
 
 #[test]
-fn a_log_that_never_worked_costs_memory_for_a_moment_and_every_row() {
+fn a_log_that_never_worked_costs_every_row_and_nothing_else() {
     let disk = on_faulty_disk(Some((0..usize::MAX, Fault::Broken)));
-    let mut flight = Flight::begin(disk, UNLIMITED);
-    flight.fly(2000);
-    let written = flight.land();
-    let expected = Written {
+    let mut harness = Harness::begin(disk, UNLIMITED);
+    harness.record(2000);
+    let expected = Outcome {
+        written: Written::default(),
         lost: 2000,
-        ..Written::default()
     };
-    assert_eq!(written, expected);
-    assert!(flight.disk.0.borrow().files.is_empty());
+    assert_eq!(harness.finish(), expected);
+    assert!(harness.disk.0.borrow().files.is_empty());
 }
 
 #[test]
 fn at_the_end_it_is_tried_once_more() {
     let disk = on_faulty_disk(Some((0..usize::MAX, Fault::NoSpace)));
-    let mut flight = Flight::begin(disk, UNLIMITED);
-    flight.fly(400);
-    flight.disk.0.borrow_mut().fault = None;
-    assert_eq!(flight.told(), ["full"]);
-    let written = flight.land();
-    assert_eq!((written.rows, written.lost), (400, 0));
-    assert_eq!(runs(&all_sequences(&flight.disk)), [(1, 400)]);
+    let mut harness = Harness::begin(disk, UNLIMITED);
+    harness.record(400);
+    harness.disk.0.borrow_mut().fault = None;
+    assert_eq!(harness.reported(), ["full"]);
+    let Outcome { written, lost } = harness.finish();
+    assert_eq!((written.rows, lost), (400, 0));
+    assert_eq!(runs(&all_sequences(&harness.disk)), [(1, 400)]);
 }
 
 #[test]
-fn a_disk_that_fails_at_the_very_end_makes_rows_unsure() {
-    let mut flight = Flight::begin(MemoryStore::default(), UNLIMITED);
-    flight.fly(100);
-    flight.wait(Duration::from_secs(1));
-    let acts = flight.disk.0.borrow().acts.len();
-    flight.disk.0.borrow_mut().fault = Some((acts..usize::MAX, Fault::Broken));
-    let written = flight.land();
-    assert_eq!((written.rows, written.unsure, written.lost), (100, 100, 0));
-    assert_eq!(flight.told(), ["opened", "failed"]);
+fn a_disk_that_fails_at_the_very_end_leaves_rows_unsynced() {
+    let mut harness = Harness::begin(MemoryStore::default(), UNLIMITED);
+    harness.record(100);
+    harness.wait(Duration::from_secs(1));
+    let acts = harness.disk.0.borrow().acts.len();
+    harness.disk.0.borrow_mut().fault = Some((acts..usize::MAX, Fault::Broken));
+    let Outcome { written, lost } = harness.finish();
+    assert_eq!((written.rows, written.unsynced, lost), (100, 100, 0));
+    assert_eq!(harness.reported(), ["opened", "failed"]);
 }

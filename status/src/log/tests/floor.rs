@@ -1,77 +1,82 @@
-//! The room on the disk that is left to others.
+//! The room on the disk that is left to other programs.
 
 use super::*;
 
 const FLOOR: u64 = 8000;
 
-fn flight(free_bytes: u64) -> Flight {
+fn harness(free_bytes: u64) -> Harness {
     let disk = MemoryStore::default();
     disk.0.borrow_mut().free_bytes = free_bytes;
     let limits = Limits {
         min_free_bytes: FLOOR,
         ..UNLIMITED
     };
-    Flight::begin(disk, limits)
+    Harness::begin(disk, limits)
 }
 
-fn set_free(flight: &Flight, bytes: u64) {
-    flight.disk.0.borrow_mut().free_bytes = bytes;
+fn set_free(harness: &Harness, bytes: u64) {
+    harness.disk.0.borrow_mut().free_bytes = bytes;
 }
 
 #[test]
 fn below_the_floor_the_log_pauses_with_one_warning_and_goes_on_above_it() {
-    let mut flight = flight(FLOOR);
-    flight.fly(100);
-    assert_eq!(flight.told(), ["opened"], "the floor itself is enough");
-    let before = flight.disk.0.borrow().total_bytes();
+    let mut harness = harness(FLOOR);
+    harness.record(100);
+    assert_eq!(harness.reported(), ["opened"], "the floor itself is enough");
+    let before = harness.disk.0.borrow().total_bytes();
 
-    set_free(&flight, FLOOR - 1);
-    flight.fly(50 * 120);
-    assert_eq!(flight.told(), ["paused", "rows lost", "rows lost"]);
-    let paused = flight.disk.0.borrow().total_bytes();
+    set_free(&harness, FLOOR - 1);
+    harness.record(50 * 120);
+    assert_eq!(harness.reported(), ["paused", "rows lost", "rows lost"]);
+    let paused = harness.disk.0.borrow().total_bytes();
     assert!(paused - before < 10_000, "only what was on its way");
 
     // At the floor it would stop again at once.
-    set_free(&flight, FLOOR + FLOOR / 8 - 1);
-    flight.fly(50 * 20);
-    assert!(!flight.told().iter().any(|word| word.contains("resumed")));
-
-    set_free(&flight, FLOOR + FLOOR / 8);
-    flight.fly(50 * 20);
-    let told = flight.told();
-    let written = flight.land();
-    assert!(told.contains(&format!("resumed, {} lost", written.lost)));
+    set_free(&harness, FLOOR + FLOOR / 8 - 1);
+    harness.record(50 * 20);
     assert!(
-        !told.contains(&"opened".to_owned()),
+        !harness
+            .reported()
+            .iter()
+            .any(|word| word.contains("resumed"))
+    );
+
+    set_free(&harness, FLOOR + FLOOR / 8);
+    harness.record(50 * 20);
+    let reported = harness.reported();
+    let lost = harness.finish().lost;
+    assert!(reported.contains(&"resumed".to_owned()));
+    assert!(
+        !reported.contains(&"opened".to_owned()),
         "the same file goes on"
     );
-    let runs = runs(&all_sequences(&flight.disk));
+    let runs = runs(&all_sequences(&harness.disk));
     let [(1, kept), (resumed, last)] = runs[..] else {
         panic!("{runs:?}");
     };
-    assert_eq!((resumed - kept - 1, last), (written.lost, flight.samples));
+    assert_eq!((resumed - kept - 1, last), (lost, harness.samples));
 }
 
 #[test]
 fn a_short_want_of_room_loses_nothing() {
-    let mut flight = flight(u64::MAX);
-    flight.fly(100);
-    set_free(&flight, 0);
-    flight.fly(50 * 5);
-    set_free(&flight, u64::MAX);
-    flight.fly(50 * 5);
-    assert_eq!(flight.told(), ["opened", "paused", "resumed, 0 lost"]);
-    let written = flight.land();
-    assert_eq!((written.files, written.lost), (1, 0));
+    let mut harness = harness(u64::MAX);
+    harness.record(100);
+    set_free(&harness, 0);
+    harness.record(50 * 5);
+    set_free(&harness, u64::MAX);
+    harness.record(50 * 5);
+    assert_eq!(harness.reported(), ["opened", "paused", "resumed"]);
+    let Outcome { written, lost } = harness.finish();
+    assert_eq!((written.files, lost), (1, 0));
 }
 
 #[test]
 fn nothing_is_created_below_the_floor() {
-    let mut flight = flight(FLOOR - 1);
-    flight.fly(100);
-    assert_eq!(flight.told(), ["paused"]);
-    assert!(flight.disk.0.borrow().files.is_empty());
-    let written = flight.land();
-    assert_eq!((written.files, written.lost), (0, 100));
-    assert!(flight.disk.0.borrow().files.is_empty());
+    let mut harness = harness(FLOOR - 1);
+    harness.record(100);
+    assert_eq!(harness.reported(), ["paused"]);
+    assert!(harness.disk.0.borrow().files.is_empty());
+    let Outcome { written, lost } = harness.finish();
+    assert_eq!((written.files, lost), (0, 100));
+    assert!(harness.disk.0.borrow().files.is_empty());
 }

@@ -27,6 +27,8 @@ struct Listener {
 }
 
 impl Outputs for Listener {
+    fn notice(&mut self, _: &bridge::outputs::Notice) {}
+
     fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);

@@ -1,6 +1,8 @@
 //! The serial port of the bridge.
 
-use super::super::facts::{Device, Holder, Holders, Look, PortFacts};
+use bridge::shell::serial::holders::{Hold, Holder};
+
+use super::super::facts::{Device, Look, PortFacts, PortHolders};
 use super::{About, Finding, Severity, Subject};
 
 const ABOUT: About = About(Subject::Serial);
@@ -8,7 +10,7 @@ const ABOUT: About = About(Subject::Serial);
 /// What is to be said of the port, when `bridge` is the process of the live bridge.
 pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
     let path = port.path.display();
-    let unknown = Holders::default();
+    let unknown = PortHolders::default();
     let holders = port.holders.as_ref().unwrap_or(&unknown);
     if let Some(elsewhere) = elsewhere(port, holders, bridge) {
         return elsewhere;
@@ -53,9 +55,10 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
 }
 
 /// The live bridge has another port open than the one that was asked about.
-fn elsewhere(port: &PortFacts, holders: &Holders, bridge: Option<u32>) -> Option<Finding> {
+fn elsewhere(port: &PortFacts, holders: &PortHolders, bridge: Option<u32>) -> Option<Finding> {
     let pid = bridge?;
-    if holders.by_bridge.is_empty() || holders.of_port.iter().any(|holder| holder.pid == pid) {
+    let mut of_port = holders.of_port.processes.iter();
+    if holders.by_bridge.is_empty() || of_port.any(|holder| holder.pid == pid) {
         return None;
     }
     let theirs: Vec<String> = holders
@@ -75,7 +78,7 @@ fn elsewhere(port: &PortFacts, holders: &Holders, bridge: Option<u32>) -> Option
 }
 
 /// Who has a port that is as it should be.
-fn held(port: &PortFacts, holders: &Look<Holders>, bridge: Option<u32>) -> Finding {
+fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> Finding {
     let path = port.path.display();
     let holders = match holders {
         Ok(holders) => holders,
@@ -84,62 +87,100 @@ fn held(port: &PortFacts, holders: &Look<Holders>, bridge: Option<u32>) -> Findi
             return ABOUT.note("port-right", text);
         }
     };
-    let is_stranger = |holder: &&Holder| Some(holder.pid) != bridge && !holder.is_other_end;
-    let strangers: Vec<String> = holders
-        .of_port
+    let processes = &holders.of_port.processes;
+    let strangers: Vec<String> = processes
         .iter()
-        .filter(is_stranger)
-        .map(named)
+        .filter_map(|holder| intrusion(holder, bridge))
+        .chain(
+            holders
+                .of_port
+                .is_console
+                .then(|| "is a console of the kernel".to_owned()),
+        )
         .collect();
     if !strangers.is_empty() {
         return ABOUT.error(
             "port-in-use",
-            format!("{path} is open in {}", strangers.join(", ")),
-            "end it: two that read from one line take each other's bytes, and the bridge refuses a port in use",
+            format!("{path} {}", strangers.join(", ")),
+            "end what uses it, or name another port in `serial.port`: the bridge leaves a port alone that somebody else uses, and opens it when it is free",
         );
     }
     let mut text = format!("{path} is a serial port that this user may open");
-    for holder in &holders.of_port {
+    for holder in processes {
         let part = match Some(holder.pid) == bridge {
             true => format!("; the bridge (process {}) has it open", holder.pid),
             false => format!("; its other end is in {}", named(holder)),
         };
         text += &part;
     }
-    if holders.of_port.is_empty() && holders.hidden > 0 {
+    if processes.is_empty() && holders.of_port.hidden > 0 {
         text += "; whether another user has it open cannot be told";
     }
     ABOUT.note("port-right", text)
 }
 
+/// What a process does with the port that the live bridge does not like; nothing when it may.
+fn intrusion(holder: &Holder, bridge: Option<u32>) -> Option<String> {
+    match holder.hold {
+        Hold::Controlling => Some(format!("is the terminal of {}", named(holder))),
+        _ if Some(holder.pid) == bridge => None,
+        Hold::Open => Some(format!("is open in {}", named(holder))),
+        Hold::Locked => Some(format!("is locked by {}", named(holder))),
+        Hold::OtherEnd => None,
+    }
+}
+
 fn named(holder: &Holder) -> String {
-    format!("`{}` (process {})", holder.name, holder.pid)
+    format!("`{}` (process {})", holder.program, holder.pid)
 }
 
 #[cfg(test)]
 mod tests {
+    use bridge::shell::serial::holders::Holders;
+
     use super::super::super::facts::Trouble;
     use super::*;
 
     const BRIDGE: Option<u32> = Some(7);
 
-    fn holder(pid: u32, name: &str) -> Holder {
+    fn holder(pid: u32, program: &str) -> Holder {
         Holder {
             pid,
-            name: name.to_owned(),
-            is_other_end: name == "dsp-sim",
+            program: program.to_owned(),
+            hold: match program {
+                "dsp-sim" => Hold::OtherEnd,
+                "bash" => Hold::Controlling,
+                "other user's" => Hold::Locked,
+                _ => Hold::Open,
+            },
+            leads_session: false,
         }
     }
 
-    fn port(device: Device, of_port: &[Holder]) -> PortFacts {
+    fn port(device: Device, processes: &[Holder]) -> PortFacts {
+        let of_port = Holders {
+            processes: processes.to_vec(),
+            ..Holders::default()
+        };
         PortFacts {
             path: "/dev/ttyUSB0".into(),
             is_chosen: true,
             device: Ok(device),
-            holders: Ok(Holders {
-                of_port: of_port.to_vec(),
-                ..Holders::default()
+            holders: Ok(PortHolders {
+                of_port,
+                ..PortHolders::default()
             }),
+        }
+    }
+
+    /// A port about which this is known, and nothing else.
+    fn free_port(of_port: Holders) -> PortFacts {
+        PortFacts {
+            holders: Ok(PortHolders {
+                of_port,
+                ..PortHolders::default()
+            }),
+            ..port(FREE, &[])
         }
     }
 
@@ -151,13 +192,14 @@ mod tests {
             forbidden: Some("join the group `dialout`".to_owned()),
         };
         let bridge = holder(7, "ril");
-        let hidden = PortFacts {
-            holders: Ok(Holders {
-                hidden: 3,
-                ..Holders::default()
-            }),
-            ..port(FREE, &[])
-        };
+        let hidden = free_port(Holders {
+            hidden: 3,
+            ..Holders::default()
+        });
+        let console = free_port(Holders {
+            is_console: true,
+            ..Holders::default()
+        });
         let unclear = PortFacts {
             holders: Err(Trouble::Failed("no /proc".to_owned())),
             ..port(FREE, &[])
@@ -197,8 +239,26 @@ mod tests {
             (
                 port(FREE, &[bridge, holder(9, "minicom")]),
                 "port-in-use",
-                "in `minicom` (process 9)",
-                "end it",
+                "is open in `minicom` (process 9)",
+                "end what uses it",
+            ),
+            (
+                port(FREE, &[holder(8, "dsp-sim"), holder(9, "bash")]),
+                "port-in-use",
+                "is the terminal of `bash` (process 9)",
+                "another port",
+            ),
+            (
+                port(FREE, &[holder(9, "other user's")]),
+                "port-in-use",
+                "is locked by",
+                "end what uses it",
+            ),
+            (
+                console,
+                "port-in-use",
+                "console of the kernel",
+                "another port",
             ),
             (hidden, "port-right", "cannot be told", ""),
             (unclear, "port-right", "failed: no /proc", ""),
@@ -229,9 +289,9 @@ mod tests {
     #[test]
     fn a_bridge_at_another_port_is_not_reproached_with_this_one() {
         let mut facts = port(Device::Missing, &[]);
-        facts.holders = Ok(Holders {
+        facts.holders = Ok(PortHolders {
             by_bridge: vec!["/dev/pts/3".into()],
-            ..Holders::default()
+            ..PortHolders::default()
         });
         let finding = diagnose(&facts, BRIDGE);
         assert_eq!(finding.severity, Severity::Note);

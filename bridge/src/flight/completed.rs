@@ -1,0 +1,77 @@
+//! Completed requests: asking again with the same id never executes twice (requirement D15).
+//!
+//! | the id is | asked again |
+//! |---|---|
+//! | ended not long ago | gets the same final report once more |
+//! | open | refused: busy; the first stream goes on |
+//! | unknown, and the request says that it is a repetition | unknown: a bridge that died may have carried it out |
+//! | unknown, and the request is a first one | executed |
+
+use std::collections::VecDeque;
+
+use ipc_types::payload::RequestReport;
+
+/// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB. An older one is forgotten, and
+/// asking again for it as a repetition is answered with `unknown`, which is true.
+pub const REMEMBERED: usize = 2048;
+
+/// The last final reports, oldest first.
+#[derive(Clone, Debug)]
+pub struct Completed {
+    ended: VecDeque<RequestReport>,
+}
+
+impl Completed {
+    /// Nothing remembered. All memory that it will ever need is taken here.
+    pub fn new() -> Self {
+        Completed {
+            ended: VecDeque::with_capacity(REMEMBERED),
+        }
+    }
+
+    /// Remembers a final report.
+    pub fn note(&mut self, report: &RequestReport) {
+        if self.ended.len() == REMEMBERED {
+            self.ended.pop_front();
+        }
+        self.ended.push_back(*report);
+    }
+
+    /// The final report of this request, if it is remembered.
+    pub fn report_of(&self, request_id: u64) -> Option<&RequestReport> {
+        self.ended
+            .iter()
+            .rfind(|report| report.request_id == request_id)
+    }
+}
+
+impl Default for Completed {
+    fn default() -> Self {
+        Completed::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(request_id: u64, stage: u32) -> RequestReport {
+        RequestReport {
+            request_id,
+            stage,
+            ..RequestReport::default()
+        }
+    }
+
+    #[test]
+    fn the_last_final_words_are_remembered_and_the_oldest_forgotten() {
+        let mut completed = Completed::new();
+        let capacity = completed.ended.capacity();
+        for id in 1..=REMEMBERED as u64 + 1 {
+            completed.note(&report(id, 16));
+        }
+        assert_eq!(completed.report_of(1), None);
+        assert_eq!(completed.report_of(2), Some(&report(2, 16)));
+        assert_eq!(completed.ended.capacity(), capacity, "it never grows");
+    }
+}

@@ -1,0 +1,424 @@
+//! [`Motion`]: what the module does. One value from which its published state follows (requirements B3, D6, D8).
+//!
+//! | motion | published as | start | stop | a new movement | fatal error |
+//! |---|---|---|---|---|---|
+//! | idle, waiting | waiting-data-to-start, blocked | → ready | → stopped | refused | noted |
+//! | idle, ready | running | error 1 | → stopped | taken | → aborted |
+//! | idle, done | ended | → ready | → stopped | taken | → aborted |
+//! | idle, stopped | ended, blocked | → ready | → stopped | refused | noted |
+//! | idle, aborted | aborted, blocked | → ready | → aborted | refused | noted |
+//! | following a path | running | error 1 | → aborted | busy, or pre-empts it | → aborted |
+//! | taking off, landing | running, unable to abort | error 1 | error 2 | busy | → aborted |
+//! | holding | running | error 1 | → stopped | busy, or pre-empts it | → aborted |
+//! | stopping | ended or aborted, blocked | busy | busy | refused | noted |
+//!
+//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "Noted" publishes the error and
+//! changes nothing else: nothing is running that could be ended. A stop at rest empties the DSP's buffer as well: the
+//! operator who repeats it means it.
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Functionality, ImiError, ModuleStatus, MovementKind};
+
+use super::request::RequestHeader;
+
+/// What the module does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// No movement; a path may be under assembly.
+    Idle(Rest),
+    /// A take-off.
+    TakingOff(TakeOff),
+    /// A landing.
+    Landing(Landing),
+    /// A path.
+    Following(Following),
+    /// The DSP's path buffer is being emptied so that the helicopter hovers; the module stays started.
+    Holding {
+        /// Who asked for it.
+        order: Order,
+    },
+    /// The module is being stopped.
+    Stopping {
+        /// Who asked for it.
+        requester: RequestHeader,
+        /// The DSP's error queue is empty.
+        errors_cleared: bool,
+        /// How the module rests afterwards.
+        then: Rest,
+    },
+}
+
+/// How a module without a movement came to rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rest {
+    /// Never started; a fatal error may have been noted.
+    Waiting(ImiError),
+    /// Started, and no movement has ended as it should since.
+    Ready,
+    /// The last movement ended as it should.
+    Done,
+    /// Stopped without a movement; a fatal error may have been noted since.
+    Stopped(ImiError),
+    /// A stop or an error ended a movement early.
+    Aborted(ImiError),
+}
+
+/// A movement's request.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// The request; nothing when a safety rule ordered the movement.
+    pub requester: Option<RequestHeader>,
+    /// How the module rests when the movement has ended as it should.
+    pub then: Rest,
+}
+
+impl Order {
+    /// The order of a request.
+    pub const fn of(requester: RequestHeader) -> Order {
+        Order {
+            requester: Some(requester),
+            then: Rest::Done,
+        }
+    }
+}
+
+/// A take-off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TakeOff {
+    /// Who wants it.
+    pub order: Order,
+    /// Height over the point of take-off, m.
+    pub height_m: f32,
+    /// Altitude of the point of take-off, m.
+    pub ground_altitude_m: f64,
+    /// How far it is.
+    pub step: DspOrder,
+}
+
+/// A landing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Landing {
+    /// Who wants it; nobody when a safety rule does.
+    pub order: Order,
+    /// How far it is.
+    pub step: DspOrder,
+}
+
+/// How far an order for take-off or landing is: the DSP forms these movements itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DspOrder {
+    /// What it needs is being written and read back.
+    Preparing,
+    /// The command is on its way.
+    Ordering(Doubt),
+    /// The command was acknowledged; that it is carried out is not known yet.
+    Confirming {
+        /// Until when the DSP must show that it carries it out.
+        until: MonotonicNs,
+        /// What speaks against it.
+        doubt: Doubt,
+    },
+    /// The DSP carries it out.
+    UnderWay,
+}
+
+/// What speaks against an order being carried out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Doubt {
+    /// The DSP reported "invalid command" since it was given the order.
+    pub is_refused: bool,
+    /// The port of the movement read 0.
+    pub reads_zero: bool,
+}
+
+/// A path being flown. Its waypoints are in [`Route`](super::route::Route).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Following {
+    /// Who closed it.
+    pub order: Order,
+    /// How far it is.
+    pub step: PathStep,
+}
+
+/// How far a path is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathStep {
+    /// It waits until the DSP's path buffer is known to be empty.
+    AwaitingEmpty,
+    /// The DSP has none of its waypoints yet.
+    Ready,
+    /// The DSP has waypoints of it.
+    Flying,
+    /// The helicopter is in the box of the last waypoint and goes on to the waypoint itself.
+    Settling,
+    /// It has been flown; the DSP's path buffer is being emptied.
+    Finishing,
+}
+
+impl DspOrder {
+    /// Whether the DSP may have got the order.
+    pub fn may_be_begun(&self) -> bool {
+        !matches!(self, DspOrder::Preparing)
+    }
+}
+
+impl Motion {
+    /// The movement's order.
+    pub fn order(&self) -> Option<&Order> {
+        match self {
+            Motion::TakingOff(take_off) => Some(&take_off.order),
+            Motion::Landing(landing) => Some(&landing.order),
+            Motion::Following(following) => Some(&following.order),
+            Motion::Holding { order } => Some(order),
+            Motion::Idle(_) | Motion::Stopping { .. } => None,
+        }
+    }
+
+    /// The request that gets the final report when this ends.
+    pub fn requester(&self) -> Option<&RequestHeader> {
+        match self {
+            Motion::Stopping { requester, .. } => Some(requester),
+            other => other.order()?.requester.as_ref(),
+        }
+    }
+
+    /// Which movement it is.
+    pub fn kind(&self) -> Option<MovementKind> {
+        match self {
+            Motion::TakingOff(_) => Some(MovementKind::TakeOff),
+            Motion::Landing(_) => Some(MovementKind::Land),
+            Motion::Following(_) => Some(MovementKind::GoToWaypoint),
+            Motion::Holding { .. } => Some(MovementKind::Hold),
+            Motion::Idle(_) | Motion::Stopping { .. } => None,
+        }
+    }
+
+    /// Take-off and landing cannot be aborted (`unable2abort`).
+    pub fn unable_to_abort(&self) -> bool {
+        matches!(self, Motion::TakingOff(_) | Motion::Landing(_))
+    }
+
+    /// Whether no movement is taken until the next start.
+    pub fn is_blocked(&self) -> bool {
+        matches!(
+            self,
+            Motion::Idle(Rest::Waiting(_) | Rest::Stopped(_) | Rest::Aborted(_))
+                | Motion::Stopping { .. }
+        )
+    }
+
+    /// The published state.
+    pub fn status(&self) -> ModuleStatus {
+        match self {
+            Motion::Idle(rest) | Motion::Stopping { then: rest, .. } => rest.status(),
+            Motion::TakingOff(_)
+            | Motion::Landing(_)
+            | Motion::Following(_)
+            | Motion::Holding { .. } => ModuleStatus::Running,
+        }
+    }
+
+    /// The error that holds as long as the module rests like this.
+    pub fn error(&self) -> ImiError {
+        match self {
+            Motion::Idle(rest) | Motion::Stopping { then: rest, .. } => rest.error(),
+            _ => ImiError::None,
+        }
+    }
+
+    /// How it is published.
+    pub fn functionality(&self, is_receiving_path: bool) -> Functionality {
+        match self {
+            Motion::Idle(_) if is_receiving_path => Functionality::ReceivingPath,
+            Motion::Idle(_) => Functionality::AtRest,
+            Motion::TakingOff(_) => Functionality::TakingOff,
+            Motion::Following(_) => Functionality::FollowingPath,
+            Motion::Landing(_) => Functionality::Landing,
+            Motion::Holding { .. } => Functionality::Holding,
+            Motion::Stopping { .. } => Functionality::Stopping,
+        }
+    }
+}
+
+impl Rest {
+    fn status(self) -> ModuleStatus {
+        match self {
+            Rest::Waiting(_) => ModuleStatus::WaitingDataToStart,
+            Rest::Ready => ModuleStatus::Running,
+            Rest::Done | Rest::Stopped(_) => ModuleStatus::Ended,
+            Rest::Aborted(_) => ModuleStatus::Aborted,
+        }
+    }
+
+    fn error(self) -> ImiError {
+        match self {
+            Rest::Waiting(error) | Rest::Stopped(error) | Rest::Aborted(error) => error,
+            Rest::Ready | Rest::Done => ImiError::None,
+        }
+    }
+
+    /// After a fatal error.
+    pub fn with_fatal(self, error: ImiError) -> Rest {
+        match self {
+            Rest::Waiting(_) => Rest::Waiting(error),
+            Rest::Stopped(_) => Rest::Stopped(error),
+            Rest::Ready | Rest::Done | Rest::Aborted(_) => Rest::Aborted(error),
+        }
+    }
+}
+
+/// What a start does.
+///
+/// # Errors
+/// The error of the source with which it is refused.
+pub fn start(motion: &Motion) -> Result<Rest, StartRefused> {
+    match motion {
+        Motion::Stopping { .. } => Err(StartRefused::Busy),
+        Motion::Idle(Rest::Waiting(_) | Rest::Done | Rest::Stopped(_) | Rest::Aborted(_)) => {
+            Ok(Rest::Ready)
+        }
+        _ => Err(StartRefused::Running),
+    }
+}
+
+/// Why a start is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartRefused {
+    /// The module runs.
+    Running,
+    /// A stop is under way.
+    Busy,
+}
+
+/// How the module rests after a stop.
+///
+/// # Errors
+/// Why it cannot be stopped.
+pub fn stop(motion: &Motion) -> Result<Rest, StopRefused> {
+    match motion {
+        Motion::TakingOff(_) | Motion::Landing(_) => Err(StopRefused::UnableToAbort),
+        Motion::Stopping { .. } => Err(StopRefused::Busy),
+        Motion::Following(_) => Ok(Rest::Aborted(ImiError::None)),
+        Motion::Idle(Rest::Aborted(error)) => Ok(Rest::Aborted(*error)),
+        Motion::Idle(_) | Motion::Holding { .. } => Ok(Rest::Stopped(ImiError::None)),
+    }
+}
+
+/// Why a stop is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopRefused {
+    /// Take-off and landing cannot be aborted.
+    UnableToAbort,
+    /// Another stop is under way.
+    Busy,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ERROR: ImiError = ImiError::HeroDspFatalError;
+    const NONE: ImiError = ImiError::None;
+    const ORDER: Order = Order {
+        requester: None,
+        then: Rest::Done,
+    };
+    const REQUESTER: RequestHeader = RequestHeader::TEST;
+
+    const TAKING_OFF: Motion = Motion::TakingOff(TakeOff {
+        order: ORDER,
+        height_m: 5.0,
+        ground_altitude_m: 0.0,
+        step: DspOrder::Preparing,
+    });
+    const LANDING: Motion = Motion::Landing(Landing {
+        order: ORDER,
+        step: DspOrder::UnderWay,
+    });
+    const FOLLOWING: Motion = Motion::Following(Following {
+        order: ORDER,
+        step: PathStep::Flying,
+    });
+    const HOLDING: Motion = Motion::Holding { order: ORDER };
+    const STOPPING: Motion = Motion::Stopping {
+        requester: REQUESTER,
+        errors_cleared: false,
+        then: Rest::Stopped(NONE),
+    };
+
+    #[test]
+    fn every_motion_and_control() {
+        use StartRefused::Running;
+        let idle = Motion::Idle;
+        let (stopped, aborted) = (Rest::Stopped(NONE), Rest::Aborted(NONE));
+        let table = [
+            (idle(Rest::Waiting(ERROR)), Ok(Rest::Ready), Ok(stopped)),
+            (idle(Rest::Ready), Err(Running), Ok(stopped)),
+            (idle(Rest::Done), Ok(Rest::Ready), Ok(stopped)),
+            (idle(Rest::Stopped(ERROR)), Ok(Rest::Ready), Ok(stopped)),
+            (
+                idle(Rest::Aborted(ERROR)),
+                Ok(Rest::Ready),
+                Ok(Rest::Aborted(ERROR)),
+            ),
+            (FOLLOWING, Err(Running), Ok(aborted)),
+            (HOLDING, Err(Running), Ok(stopped)),
+            (TAKING_OFF, Err(Running), Err(StopRefused::UnableToAbort)),
+            (LANDING, Err(Running), Err(StopRefused::UnableToAbort)),
+            (STOPPING, Err(StartRefused::Busy), Err(StopRefused::Busy)),
+        ];
+        for (motion, started, stopped) in table {
+            assert_eq!(start(&motion), started, "{motion:?}");
+            assert_eq!(stop(&motion), stopped, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn a_motion_is_published_as_the_sources_four_states() {
+        use Functionality as F;
+        use ModuleStatus as S;
+        let idle = Motion::Idle;
+        let table = [
+            (
+                idle(Rest::Waiting(NONE)),
+                S::WaitingDataToStart,
+                true,
+                F::AtRest,
+            ),
+            (idle(Rest::Ready), S::Running, false, F::AtRest),
+            (idle(Rest::Done), S::Ended, false, F::AtRest),
+            (idle(Rest::Stopped(NONE)), S::Ended, true, F::AtRest),
+            (idle(Rest::Aborted(ERROR)), S::Aborted, true, F::AtRest),
+            (FOLLOWING, S::Running, false, F::FollowingPath),
+            (TAKING_OFF, S::Running, false, F::TakingOff),
+            (LANDING, S::Running, false, F::Landing),
+            (HOLDING, S::Running, false, F::Holding),
+            (STOPPING, S::Ended, true, F::Stopping),
+        ];
+        for (motion, status, blocked, functionality) in table {
+            assert_eq!(motion.status(), status, "{motion:?}");
+            assert_eq!(motion.is_blocked(), blocked, "{motion:?}");
+            assert_eq!(motion.functionality(false), functionality, "{motion:?}");
+        }
+        assert_eq!(
+            idle(Rest::Ready).functionality(true),
+            Functionality::ReceivingPath
+        );
+    }
+
+    #[test]
+    fn a_fatal_error_is_noted_where_nothing_runs_and_aborts_else() {
+        for (rest, after) in [
+            (Rest::Waiting(NONE), Rest::Waiting(ERROR)),
+            (Rest::Stopped(NONE), Rest::Stopped(ERROR)),
+            (Rest::Ready, Rest::Aborted(ERROR)),
+            (Rest::Done, Rest::Aborted(ERROR)),
+            (
+                Rest::Aborted(ImiError::MovementTimeout),
+                Rest::Aborted(ERROR),
+            ),
+        ] {
+            assert_eq!(rest.with_fatal(ERROR), after, "{rest:?}");
+        }
+    }
+}

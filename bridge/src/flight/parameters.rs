@@ -1,0 +1,370 @@
+//! The DSP's virtual ports at run time (requirement C8): requests to read, write and list them.
+//!
+//! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands that
+//! it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
+
+use std::collections::VecDeque;
+
+use dsp_protocol::port::{self, Access, PORTS_16, PORTS_32, Port};
+use dsp_protocol::{Command, DspErrorCode};
+use ipc_types::MonotonicNs;
+use ipc_types::code::{ImiError, ParameterOperation, PortKind, Reason, Stage};
+use ipc_types::payload::{ParameterRequest, PortInfo};
+
+use super::report::{Detail, Refusal, Verdict};
+use super::request::RequestHeader;
+use super::{Context, Flight, FlightTimer};
+use crate::link::FlightCommand;
+use crate::link::commands::AckData;
+use crate::link::start_up::read_back;
+use crate::outputs::Outputs;
+
+/// Parameter requests that may be open at once. One more is refused with `too-many-requests`.
+pub const MAX_OPEN: usize = 8;
+
+/// Requests to read and write ports.
+#[derive(Debug)]
+pub struct ParameterRequests {
+    /// The first one is with the DSP.
+    open: VecDeque<Job>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Job {
+    header: RequestHeader,
+    port: Port,
+    /// The command that writes the port; nothing when it is only read.
+    write: Option<Command>,
+    /// The write was acknowledged, and the port is being read.
+    is_written: bool,
+    deadline: MonotonicNs,
+}
+
+impl ParameterRequests {
+    /// None.
+    pub fn new() -> Self {
+        ParameterRequests {
+            open: VecDeque::with_capacity(MAX_OPEN),
+        }
+    }
+
+    /// The requests that have had no final report.
+    pub fn open(&self) -> impl Iterator<Item = &RequestHeader> {
+        self.open.iter().map(|job| &job.header)
+    }
+}
+
+impl Default for ParameterRequests {
+    fn default() -> Self {
+        ParameterRequests::new()
+    }
+}
+
+impl Flight {
+    /// Takes a parameter request, or the reason why it cannot be one.
+    pub fn parameter_request<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        operation: Result<ParameterOperation, Reason>,
+        request: &ParameterRequest,
+        cx: &mut Context<'_, O>,
+    ) {
+        if !self.is_new(header, cx) {
+            return;
+        }
+        let outcome = operation
+            .map_err(Refusal::from)
+            .and_then(|operation| match operation {
+                ParameterOperation::List => self.describe(header, request.port, cx),
+                ParameterOperation::Read => self.enqueue(header, request.port, None, cx),
+                ParameterOperation::Write => {
+                    self.enqueue(header, request.port, Some(request.value), cx)
+                }
+            });
+        if let Err(refusal) = outcome {
+            self.refuse(header, &refusal, cx);
+        }
+    }
+
+    fn describe<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        index: u32,
+        cx: &mut Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        let port = port_at(index as usize).ok_or(Reason::NoSuchPort)?;
+        let detail = Detail {
+            port: Some(info(port)),
+            ..Detail::default()
+        };
+        self.report(header, &Verdict::DONE.about(detail), cx);
+        Ok(())
+    }
+
+    fn enqueue<O: Outputs>(
+        &mut self,
+        header: &RequestHeader,
+        number: u32,
+        value: Option<f64>,
+        cx: &mut Context<'_, O>,
+    ) -> Result<(), Refusal> {
+        let port = numbered(number).ok_or(Reason::NoSuchPort)?;
+        let write = match value {
+            Some(value) => Some(self.write_command(port, value, cx)?),
+            None => None,
+        };
+        if !cx.link.is_up() {
+            return Err(Reason::LinkDown.into());
+        }
+        if self.parameters.open.len() == MAX_OPEN {
+            return Err(Reason::TooManyRequests.into());
+        }
+        self.parameters.open.push_back(Job {
+            header: *header,
+            port,
+            write,
+            is_written: false,
+            deadline: cx.now + header.begin_within,
+        });
+        self.report(header, &Verdict::ACCEPTED, cx);
+        if self.parameters.open.len() == 1 {
+            self.next_parameter(cx);
+        }
+        Ok(())
+    }
+
+    /// The command that writes `value`, if the port takes it now.
+    fn write_command<O>(
+        &self,
+        port: Port,
+        value: f64,
+        cx: &Context<'_, O>,
+    ) -> Result<Command, Refusal> {
+        match access(port) {
+            Access::Bridge => return Err(Reason::NoSuchPort.into()),
+            // Not known to stand on the ground counts as in flight.
+            Access::OnGround if self.observation.flying(cx.now) != Some(false) => {
+                return Err(Reason::NotInFlight.into());
+            }
+            Access::OnGround | Access::Always => {}
+        }
+        if !value.is_finite() {
+            return Err(Reason::NotFinite.into());
+        }
+        let command = match port {
+            Port::Bits16(port) => {
+                let bits = (value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX))
+                    .then(|| port.bits_of(value as i32))
+                    .flatten();
+                bits.map(|value| Command::Write16 {
+                    port: port.number,
+                    value,
+                })
+            }
+            Port::Bits32(port) => {
+                let value = value as f32;
+                port.accepts(value).then_some(Command::Write32 {
+                    port: port.number,
+                    value,
+                })
+            }
+        };
+        Ok(command.ok_or(Reason::OutOfRange)?)
+    }
+
+    /// Gives the first request to the DSP.
+    fn next_parameter<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        self.timers.stop(FlightTimer::Parameter);
+        let Some(job) = self.parameters.open.front() else {
+            return;
+        };
+        self.timers.arm(FlightTimer::Parameter, job.deadline);
+        let command = match job.write {
+            Some(write) if !job.is_written => write,
+            _ => read(job.port),
+        };
+        if cx.link.command(command, FlightCommand::Parameter).is_err() {
+            self.parameter_failed(Reason::TooManyRequests, cx);
+        }
+    }
+
+    /// The DSP has answered the first request's command.
+    pub(super) fn parameter_delivered<O: Outputs>(
+        &mut self,
+        data: AckData,
+        cx: &mut Context<'_, O>,
+    ) {
+        let Some(job) = self.parameters.open.front_mut() else {
+            return;
+        };
+        if job.write.is_some() && !job.is_written {
+            job.is_written = true;
+            return self.next_parameter(cx);
+        }
+        let job = *job;
+        let found = value_of(job.port, data);
+        let detail = Detail {
+            value: found,
+            port: Some(info(job.port)),
+            ..Detail::default()
+        };
+        let is_refused = job
+            .write
+            .is_some_and(|write| wrote(job.port, write) != found);
+        let verdict = if is_refused {
+            let detail = Detail {
+                dsp_error: Some(DspErrorCode::INVALID_COMMAND),
+                ..detail
+            };
+            Verdict::aborted(Reason::RefusedByDsp).about(detail)
+        } else {
+            if let Some(write) = job.write {
+                cx.link.parameters_mut().set(write);
+            }
+            Verdict::DONE.about(detail)
+        };
+        self.end_parameter(&verdict, cx);
+    }
+
+    /// The first request's command was not acknowledged, or cannot be sent.
+    pub(super) fn parameter_failed<O: Outputs>(&mut self, reason: Reason, cx: &mut Context<'_, O>) {
+        let Some(job) = self.parameters.open.front() else {
+            return;
+        };
+        let verdict = Verdict::ended(job.stage_of_failure(), reason, ImiError::None);
+        self.end_parameter(&verdict, cx);
+    }
+
+    pub(super) fn parameter_expired<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        self.parameter_failed(Reason::DeadlineExpired, cx);
+    }
+
+    fn end_parameter<O: Outputs>(&mut self, verdict: &Verdict, cx: &mut Context<'_, O>) {
+        cx.link.forget_parameter();
+        if let Some(job) = self.parameters.open.pop_front() {
+            self.report(&job.header, verdict, cx);
+        }
+        self.next_parameter(cx);
+    }
+
+    /// All parameter requests end: the DSP is gone, or the bridge ends.
+    pub(super) fn end_parameter_requests<O: Outputs>(
+        &mut self,
+        reason: Reason,
+        cx: &mut Context<'_, O>,
+    ) {
+        self.timers.stop(FlightTimer::Parameter);
+        let mut is_first = true;
+        while let Some(job) = self.parameters.open.pop_front() {
+            let stage = if is_first {
+                job.stage_of_failure()
+            } else {
+                Stage::Aborted
+            };
+            is_first = false;
+            self.report(
+                &job.header,
+                &Verdict::ended(stage, reason, ImiError::None),
+                cx,
+            );
+        }
+        cx.link.forget_parameter();
+    }
+}
+
+impl Job {
+    /// A write that was sent may have been carried out.
+    fn stage_of_failure(&self) -> Stage {
+        if self.write.is_some() {
+            Stage::Unknown
+        } else {
+            Stage::Aborted
+        }
+    }
+}
+
+/// The ports of the list: those of 16 bits, then those of 32 bits.
+fn port_at(index: usize) -> Option<Port> {
+    PORTS_16.get(index).map(Port::Bits16).or_else(|| {
+        PORTS_32
+            .get(index.checked_sub(PORTS_16.len())?)
+            .map(Port::Bits32)
+    })
+}
+
+fn numbered(number: u32) -> Option<Port> {
+    let number = u16::try_from(number).ok()?;
+    port::port16(number)
+        .map(Port::Bits16)
+        .or_else(|| port::port32(number).map(Port::Bits32))
+}
+
+fn access(port: Port) -> Access {
+    match port {
+        Port::Bits16(port) => port.access,
+        Port::Bits32(port) => port.access,
+    }
+}
+
+fn read(port: Port) -> Command {
+    match port {
+        Port::Bits16(port) => read_back(Command::Write16 {
+            port: port.number,
+            value: 0,
+        }),
+        Port::Bits32(port) => read_back(Command::Write32 {
+            port: port.number,
+            value: 0.0,
+        }),
+    }
+}
+
+/// The value of a port in an acknowledgement.
+fn value_of(port: Port, data: AckData) -> Option<f64> {
+    match (port, data) {
+        (Port::Bits16(port), AckData::Bits16(bits)) => Some(f64::from(port.value_of(bits))),
+        (Port::Bits32(_), AckData::Bits32(value)) => Some(f64::from(value)),
+        _ => None,
+    }
+}
+
+/// The value that a command writes.
+fn wrote(port: Port, write: Command) -> Option<f64> {
+    match write {
+        Command::Write16 { value, .. } => value_of(port, AckData::Bits16(value)),
+        Command::Write32 { value, .. } => value_of(port, AckData::Bits32(value)),
+        _ => None,
+    }
+}
+
+fn info(port: Port) -> PortInfo {
+    let (number, name, kind, min, max) = match port {
+        Port::Bits16(port) => {
+            let kind = if port.signed {
+                PortKind::I16
+            } else {
+                PortKind::U16
+            };
+            let (min, max) = (f64::from(port.min), f64::from(port.max));
+            (port.number, port.name, kind, min, max)
+        }
+        Port::Bits32(port) => {
+            let (min, max) = (f64::from(port.min), f64::from(port.max));
+            (port.number, port.name, PortKind::F32, min, max)
+        }
+    };
+    let access = match access(port) {
+        Access::Bridge => 0,
+        Access::OnGround => PortInfo::WRITABLE,
+        Access::Always => PortInfo::WRITABLE | PortInfo::WRITABLE_IN_FLIGHT,
+    };
+    PortInfo {
+        min,
+        max,
+        number: number.into(),
+        kind: kind.code(),
+        access,
+        count: (PORTS_16.len() + PORTS_32.len()) as u32,
+        name: PortInfo::name_bytes(name),
+    }
+}

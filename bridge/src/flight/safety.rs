@@ -1,0 +1,466 @@
+//! The rules of flight safety that the bridge enforces (requirement H7; `docs/safety.md`): the pilot's switch, the geofence,
+//! battery and fuel, and the reaction to a lost link.
+//!
+//! A pure judge: it is given positions, supplies and requests, and says which rule is broken and what is to be done.
+//! [`Flight`] does it. Nothing is enforced against a landing but the pilot's switch: the ground is where a helicopter in trouble
+//! belongs.
+
+use std::time::Duration;
+
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::Geographic;
+use ipc_types::MonotonicNs;
+use ipc_types::code::{ImiError, PilotSwitch, Reason, SafetyAction, SafetyRule};
+use ipc_types::payload::SafetyState;
+
+use super::motion::{Motion, Order, Rest};
+use super::movement::here;
+use super::observation::Observation;
+use super::report::{Detail, Refusal, Verdict};
+use super::request::Movement;
+use super::{Context, Flight};
+use crate::config::{BreachAction, BridgeConfig, SafetyConfig, SupplyLimits};
+use crate::outputs::{Notice, Outputs};
+use crate::safety::fence::{Breach, Fence, FenceRule};
+
+/// A rule that is broken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Violation {
+    /// Which.
+    pub rule: SafetyRule,
+    /// What is to be done.
+    pub action: SafetyAction,
+    /// By how much, in the rule's unit.
+    pub amount: f64,
+}
+
+impl Violation {
+    fn reason(&self) -> Reason {
+        match self.rule {
+            SafetyRule::PilotSwitch => Reason::PilotHasControl,
+            SafetyRule::FenceInclusion
+            | SafetyRule::FenceExclusion
+            | SafetyRule::FenceFloor
+            | SafetyRule::FenceCeiling
+            | SafetyRule::FenceUnjudgeable => Reason::FenceBreach,
+            SafetyRule::Battery | SafetyRule::Fuel => Reason::SupplyLow,
+            SafetyRule::LinkLoss => Reason::LinkLost,
+        }
+    }
+
+    fn refusal(self, waypoint: usize) -> Refusal {
+        Refusal {
+            reason: self.reason(),
+            error: ImiError::None,
+            detail: self.detail(waypoint),
+        }
+    }
+
+    fn detail(self, waypoint: usize) -> Detail {
+        Detail {
+            violation: Some(self),
+            waypoint: waypoint as u32,
+            ..Detail::default()
+        }
+    }
+}
+
+/// The judge of the rules.
+#[derive(Debug)]
+pub struct Safety {
+    config: SafetyConfig,
+    fence: Fence,
+    battery: SupplyWatch,
+    fuel: SupplyWatch,
+    /// When a path was lost with the link; nothing once the reaction has begun.
+    path_lost: Option<MonotonicNs>,
+    /// The most severe rule that is broken now.
+    present: Option<Violation>,
+    interventions: u32,
+}
+
+impl Safety {
+    /// Nothing has been seen.
+    pub fn new(config: &BridgeConfig) -> Self {
+        Safety {
+            config: config.safety.clone(),
+            fence: config.fence.clone(),
+            battery: SupplyWatch::new(SafetyRule::Battery, config.safety.battery_v),
+            fuel: SupplyWatch::new(SafetyRule::Fuel, config.safety.fuel_percent),
+            path_lost: None,
+            present: None,
+            interventions: 0,
+        }
+    }
+
+    /// Another geofence holds from now on.
+    pub fn set_fence(&mut self, fence: Fence) {
+        self.fence = fence;
+    }
+
+    /// A path ended because the link or the DSP was lost.
+    pub fn movement_lost(&mut self, reason: Reason, now: MonotonicNs) {
+        if reason == Reason::CommunicationFatalError {
+            self.path_lost = Some(now);
+        }
+    }
+
+    /// Whether the rules allow this kind of movement now. Legs are checked by themselves.
+    ///
+    /// # Errors
+    /// The refusal, with the rule.
+    pub fn check_movement(
+        &mut self,
+        movement: &Movement,
+        observation: &Observation,
+        now: MonotonicNs,
+    ) -> Result<(), Refusal> {
+        if let Some(violation) = self.pilot(observation, now) {
+            return Err(self.intervene(violation, 0));
+        }
+        let must_be_allowed = matches!(movement, Movement::Land | Movement::Hold);
+        match self.present {
+            Some(violation) if !must_be_allowed && is_about_supply(violation) => {
+                Err(self.intervene(violation, 0))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the geofence allows to hover where the take-off ends.
+    ///
+    /// # Errors
+    /// The refusal, with the rule and by how much it would be broken.
+    pub fn check_take_off(&mut self, from: &Geographic, height_m: f32) -> Result<(), Refusal> {
+        let top = Waypoint {
+            altitude_m: from.altitude_m + f64::from(height_m),
+            ..here(from)
+        };
+        match self.fence.check_point(&top) {
+            Some(breach) => Err(self.intervene(refuse(breach), 0)),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the geofence allows the leg, which leads to the waypoint `leg`, counted from 1.
+    ///
+    /// # Errors
+    /// The refusal, with the rule, the leg and by how much the rule would be broken.
+    pub fn check_leg(&mut self, from: &Waypoint, to: &Waypoint, leg: usize) -> Result<(), Refusal> {
+        match self.fence.check_leg(from, to) {
+            Some(breach) => Err(self.intervene(refuse(breach), leg)),
+            None => Ok(()),
+        }
+    }
+
+    fn intervene(&mut self, violation: Violation, leg: usize) -> Refusal {
+        self.interventions = self.interventions.saturating_add(1);
+        violation.refusal(leg)
+    }
+
+    /// Looks at the helicopter; returns the most severe rule that is broken.
+    fn look(
+        &mut self,
+        observation: &Observation,
+        now: MonotonicNs,
+        is_flown: bool,
+    ) -> Option<Violation> {
+        let supply = observation.supply(now);
+        let hold_for = Duration::from_secs_f64(self.config.supply_for_s);
+        let battery_v = supply.map(|supply| f64::from(supply.battery_mv) / 1000.0);
+        let fuel_percent = supply.map(|supply| f64::from(supply.fuel_percent));
+        let violations = [
+            self.pilot(observation, now),
+            self.battery.look(battery_v, now, hold_for),
+            self.fuel.look(fuel_percent, now, hold_for),
+            self.position(observation, now).filter(|_| is_flown),
+        ];
+        self.present = violations
+            .into_iter()
+            .flatten()
+            .max_by_key(|violation| violation.action.code());
+        self.present
+    }
+
+    fn pilot(&self, observation: &Observation, now: MonotonicNs) -> Option<Violation> {
+        (self.config.pilot_switch && switch(observation, now) == PilotSwitch::Manual).then_some(
+            Violation {
+                rule: SafetyRule::PilotSwitch,
+                action: SafetyAction::Hold,
+                amount: 0.0,
+            },
+        )
+    }
+
+    fn position(&self, observation: &Observation, now: MonotonicNs) -> Option<Violation> {
+        let position = observation.position(now)?;
+        let breach = self.fence.check_point(&here(&position))?;
+        Some(Violation {
+            action: action_of(self.config.fence_breach),
+            ..refuse(breach)
+        })
+    }
+
+    /// As published.
+    pub fn published(&self, observation: &Observation, now: MonotonicNs) -> SafetyState {
+        SafetyState {
+            amount: self.present.map_or(0.0, |violation| violation.amount),
+            rule: self.present.map_or(0, |violation| violation.rule.code()),
+            action: self.present.map_or(0, |violation| violation.action.code()),
+            pilot_switch: switch(observation, now).code(),
+            fence_areas: self.fence.areas() as u32,
+            interventions: self.interventions,
+            reserved: 0,
+        }
+    }
+}
+
+impl Flight {
+    /// After each sample: a rule that is broken ends what it must end.
+    pub(super) fn enforce_safety<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        let before = self.safety.present;
+        let flying = self.observation.flying(cx.now) == Some(true);
+        // Take-off and landing pass every altitude; they are vertical, and the fence was asked before.
+        let is_flown = flying && !self.motion.unable_to_abort();
+        let present = self.safety.look(&self.observation, cx.now, is_flown);
+        if before.map(key) != present.map(key) {
+            self.is_changed = true;
+            cx.out.notice(&Notice::Safety { violation: present });
+        }
+        self.react_to_lost_link(flying, cx);
+        let Some(violation) = present else { return };
+        match violation.action {
+            SafetyAction::Warn | SafetyAction::Refuse => {}
+            SafetyAction::Hold if violation.rule == SafetyRule::PilotSwitch => {
+                self.end_for_safety(violation, true, cx);
+            }
+            SafetyAction::Hold => self.end_for_safety(violation, false, cx),
+            SafetyAction::Land => {
+                self.end_for_safety(violation, false, cx);
+                self.land_for_safety(flying, before.map(key) != present.map(key), cx);
+            }
+        }
+    }
+
+    /// Ends a path, and with `all` also take-off and landing, because of a rule. The module stays started.
+    fn end_for_safety<O: Outputs>(
+        &mut self,
+        violation: Violation,
+        all: bool,
+        cx: &mut Context<'_, O>,
+    ) {
+        self.break_path_for(&violation, cx);
+        let ends = match self.motion {
+            Motion::Following(_) => true,
+            Motion::TakingOff(_) | Motion::Landing(_) => all,
+            _ => false,
+        };
+        if ends {
+            self.safety.interventions = self.safety.interventions.saturating_add(1);
+            let leg = self.movement.waypoints_reached as usize + 1;
+            let detail = violation.detail(if self.motion.unable_to_abort() {
+                0
+            } else {
+                leg
+            });
+            let verdict = Verdict::aborted(violation.reason()).about(detail);
+            self.give_up_movement(&verdict, Rest::Ready, cx);
+        }
+    }
+
+    fn break_path_for<O: Outputs>(&mut self, violation: &Violation, cx: &mut Context<'_, O>) {
+        if self.is_receiving_path() {
+            self.break_path(violation.reason(), cx);
+        }
+    }
+
+    /// Lands once for each time that a rule with this action begins to be broken.
+    fn land_for_safety<O: Outputs>(&mut self, flying: bool, is_new: bool, cx: &mut Context<'_, O>) {
+        let may_land = matches!(self.motion, Motion::Idle(_) | Motion::Holding { .. });
+        if is_new && flying && may_land && cx.link.is_up() {
+            self.safety.interventions = self.safety.interventions.saturating_add(1);
+            let then = match self.motion {
+                Motion::Idle(rest) => rest,
+                _ => Rest::Ready,
+            };
+            let requester = None;
+            self.order_landing(Order { requester, then }, cx);
+        }
+    }
+
+    /// The link was lost on a path and is back: what the configuration says. The start-up has emptied the DSP's path buffer, so
+    /// the helicopter hovers.
+    fn react_to_lost_link<O: Outputs>(&mut self, flying: bool, cx: &mut Context<'_, O>) {
+        if !cx.link.is_up() {
+            return;
+        }
+        let Some(lost) = self.safety.path_lost.take() else {
+            return;
+        };
+        let violation = Violation {
+            rule: SafetyRule::LinkLoss,
+            action: action_of(self.safety.config.link_loss),
+            amount: cx.now.since(lost).as_secs_f64(),
+        };
+        cx.out.notice(&Notice::Safety {
+            violation: Some(violation),
+        });
+        if violation.action == SafetyAction::Land {
+            self.land_for_safety(flying, true, cx);
+        }
+    }
+
+    /// The geofence changed: what is left of the path under way is checked against it.
+    pub(super) fn check_path_under_way<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        let (Motion::Following(_), Some(position)) =
+            (self.motion, self.observation.position(cx.now))
+        else {
+            return;
+        };
+        let mut from = here(&position);
+        let reached = self.movement.waypoints_reached as usize;
+        let breach = self
+            .route
+            .ahead()
+            .iter()
+            .enumerate()
+            .find_map(|(index, to)| {
+                let breach = self.safety.fence.check_leg(&from, to);
+                from = *to;
+                breach.map(|breach| (reached + index + 1, breach))
+            });
+        if let Some((leg, breach)) = breach {
+            self.safety.interventions = self.safety.interventions.saturating_add(1);
+            let violation = refuse(breach);
+            let verdict = Verdict::aborted(Reason::FenceBreach).about(violation.detail(leg));
+            self.give_up_movement(&verdict, Rest::Ready, cx);
+        }
+    }
+}
+
+/// Battery or fuel against its limits.
+#[derive(Clone, Copy, Debug)]
+struct SupplyWatch {
+    rule: SafetyRule,
+    limits: SupplyLimits,
+    /// Since when the supply is below each limit, in the order of their severity.
+    below_since: [Option<MonotonicNs>; 4],
+}
+
+impl SupplyWatch {
+    fn new(rule: SafetyRule, limits: SupplyLimits) -> Self {
+        SupplyWatch {
+            rule,
+            limits,
+            below_since: [None; 4],
+        }
+    }
+
+    /// The most severe limit that `value` has been below for `hold_for`. Without a value nothing changes: a group that is
+    /// missing for a while neither saves nor condemns.
+    fn look(
+        &mut self,
+        value: Option<f64>,
+        now: MonotonicNs,
+        hold_for: Duration,
+    ) -> Option<Violation> {
+        let value = value?;
+        let mut worst = None;
+        for ((action, limit), since) in self.limits.steps().zip(&mut self.below_since) {
+            if value >= limit {
+                *since = None;
+                continue;
+            }
+            if now.since(*since.get_or_insert(now)) >= hold_for {
+                worst = Some(Violation {
+                    rule: self.rule,
+                    action,
+                    amount: limit - value,
+                });
+            }
+        }
+        worst
+    }
+}
+
+/// What tells one violation from another: amounts change all the time.
+fn key(violation: Violation) -> (SafetyRule, SafetyAction) {
+    (violation.rule, violation.action)
+}
+
+fn is_about_supply(violation: Violation) -> bool {
+    matches!(violation.rule, SafetyRule::Battery | SafetyRule::Fuel)
+        && violation.action != SafetyAction::Warn
+}
+
+fn switch(observation: &Observation, now: MonotonicNs) -> PilotSwitch {
+    match observation.supply(now).map(|supply| supply.auto_switch) {
+        Some(0) => PilotSwitch::Manual,
+        Some(_) => PilotSwitch::Auto,
+        None => PilotSwitch::Unknown,
+    }
+}
+
+fn action_of(action: BreachAction) -> SafetyAction {
+    match action {
+        BreachAction::Warn => SafetyAction::Warn,
+        BreachAction::Hold => SafetyAction::Hold,
+        BreachAction::Land => SafetyAction::Land,
+    }
+}
+
+fn refuse(breach: Breach) -> Violation {
+    let rule = match breach.rule {
+        FenceRule::Inclusion => SafetyRule::FenceInclusion,
+        FenceRule::Exclusion => SafetyRule::FenceExclusion,
+        FenceRule::Floor => SafetyRule::FenceFloor,
+        FenceRule::Ceiling => SafetyRule::FenceCeiling,
+        FenceRule::Unjudgeable => SafetyRule::FenceUnjudgeable,
+    };
+    Violation {
+        rule,
+        action: SafetyAction::Refuse,
+        amount: breach.amount_m,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: SupplyLimits = SupplyLimits {
+        warn: Some(24.0),
+        refuse: Some(23.0),
+        hold: None,
+        land: Some(22.0),
+    };
+
+    fn at(second: u64) -> MonotonicNs {
+        MonotonicNs(second * 1_000_000_000)
+    }
+
+    #[test]
+    fn a_supply_must_be_below_its_limit_for_a_time() {
+        let mut watch = SupplyWatch::new(SafetyRule::Battery, LIMITS);
+        let hold_for = Duration::from_secs(2);
+        // Second, volts, action, by how much.
+        let table = [
+            (0, 24.5, None),
+            (1, 22.5, None),
+            (2, 24.5, None),
+            (3, 22.5, None),
+            (4, 22.5, None),
+            (5, 22.5, Some((SafetyAction::Refuse, 0.5))),
+            (6, 21.5, Some((SafetyAction::Refuse, 1.5))),
+            (8, 21.5, Some((SafetyAction::Land, 0.5))),
+            (9, 23.5, Some((SafetyAction::Warn, 0.5))),
+            (10, 24.0, None),
+        ];
+        for (second, volts, expected) in table {
+            let violation = watch.look(Some(volts), at(second), hold_for);
+            let found = violation.map(|violation| (violation.action, violation.amount));
+            assert_eq!(found, expected, "second {second}");
+        }
+        assert_eq!(watch.look(None, at(11), hold_for), None);
+    }
+}

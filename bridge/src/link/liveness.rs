@@ -1,0 +1,253 @@
+//! Whether the DSP is there, and what is done when it is not, or is not the one it was.
+
+use dsp_protocol::{Command, Status, StatusMask, port};
+use ipc_types::MonotonicNs;
+
+use super::commands::AckData;
+use super::session::Session;
+use super::start_up::{StartUp, Step, write_mask};
+use super::{Link, LinkEvent, LinkTimer, Purpose, State, increment};
+
+/// A status in another mask that comes so often in a row is no noise.
+const ODD_STATUSES: u32 = 2;
+
+/// Probes that are answered without any other message before the DSP counts as rebooted.
+pub(super) const PROBE_ONLY_REPLIES: u32 = 2;
+
+const READ_MASK: Command = Command::Read16 {
+    port: port::STATUS_MASK,
+};
+
+impl Link {
+    /// Any valid message shows that the DSP is there.
+    pub(super) fn message_arrived(&mut self, now: MonotonicNs) {
+        self.messages.arrived(now);
+        if let State::Silent(session) = self.state {
+            self.enter(State::Up(session), now);
+            self.expect_status(now);
+            self.schedule_keep_alive(now);
+            self.empty_path();
+        }
+        if self.is_up() {
+            let fresh_for = self.messages.fresh_for(self.config.link.silent_after());
+            self.timers.arm(LinkTimer::Silence, now + fresh_for);
+        }
+    }
+
+    /// The next status must come within twice the time for which one counts as recent, so that a DSP that says nothing at
+    /// all is probed first.
+    pub(super) fn expect_status(&mut self, now: MonotonicNs) {
+        if self.is_up() {
+            self.timers
+                .arm(LinkTimer::Status, now + 2 * self.status_fresh_for());
+        }
+    }
+
+    /// The DSP says other things, but no status. Its mask tells whether it has rebooted, or has only stopped to send.
+    pub(super) fn status_overdue(&mut self, now: MonotonicNs) {
+        self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead: None });
+        self.expect_status(now);
+    }
+
+    /// Whether a status has the groups that were asked for. One that comes with others again and again makes the link ask for
+    /// the DSP's mask; when that is ours all the same, the groups are taken as they come.
+    pub(super) fn judge_mask(&mut self, status: &Status) -> MaskVerdict {
+        let ours = self.config.status.mask();
+        let groups = status.mask();
+        let (State::Up(session) | State::Silent(session)) = &mut self.state else {
+            // Nothing can be asked yet: only what cannot be wrong is taken.
+            return if groups == ours {
+                MaskVerdict::Ours
+            } else {
+                MaskVerdict::Odd
+            };
+        };
+        if groups == ours {
+            session.odd_mask = None;
+            return MaskVerdict::Ours;
+        }
+        if session.accepted_masks.contains(&Some(groups)) {
+            return MaskVerdict::Accepted;
+        }
+        let count = match session.odd_mask {
+            Some((mask, count)) if mask == groups => count.saturating_add(1),
+            _ => 1,
+        };
+        session.odd_mask = Some((groups, count));
+        if count == ODD_STATUSES {
+            let instead = Some(groups);
+            self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead });
+        }
+        MaskVerdict::Odd
+    }
+
+    /// The DSP's mask was read because no status came, or one with the groups `instead` of ours.
+    pub(super) fn mask_read(
+        &mut self,
+        now: MonotonicNs,
+        instead: Option<StatusMask>,
+        data: AckData,
+    ) {
+        match (instead, self.is_our_mask(data)) {
+            (None, true) => self.ask_for_status(Command::ActivateStatus, Purpose::ReactivateStatus),
+            (None, false) => self.lost_its_mask(now),
+            (Some(groups), true) => {
+                if let State::Up(session) | State::Silent(session) = &mut self.state {
+                    session.accept(groups);
+                    self.events.push_back(LinkEvent::OddStatus { groups });
+                }
+            }
+            // It goes on sending, so it has not booted: a reboot switches the status off.
+            (Some(_), false) => {
+                let write = write_mask(&self.config);
+                self.ask_for_status(write, Purpose::RewriteMask);
+            }
+        }
+    }
+
+    /// A queue that is full now has room when the next status is overdue.
+    fn ask_for_status(&mut self, command: Command, purpose: Purpose) {
+        if !self.commands.has(|other| *other == purpose) {
+            let _ = self.commands.push(command, purpose);
+        }
+    }
+
+    /// Whether a read of the mask gave the one that was written.
+    pub(super) fn is_our_mask(&self, data: AckData) -> bool {
+        data == AckData::Bits16(self.config.status.mask().0)
+    }
+
+    /// The DSP has lost our mask, or says nothing but answers.
+    pub(super) fn lost_its_mask(&mut self, now: MonotonicNs) {
+        // Its clock has restarted as well; that must not be taken for a second reboot.
+        self.coherence.reset();
+        self.rebooted(now);
+    }
+
+    pub(super) fn rebooted(&mut self, now: MonotonicNs) {
+        increment(&mut self.health.dsp_boots);
+        self.events.push_back(LinkEvent::Rebooted);
+        self.begin_start_up(now);
+    }
+
+    pub(super) fn begin_start_up(&mut self, now: MonotonicNs) {
+        self.abandon();
+        if matches!(self.state, State::Connecting(_)) {
+            self.state = State::Connecting(StartUp::FIRST);
+        } else {
+            self.enter(State::Connecting(StartUp::FIRST), now);
+        }
+        self.queue_step(Step::FIRST);
+    }
+
+    fn queue_step(&mut self, step: Step) {
+        let command = step.command(&self.config, &self.parameters);
+        // The queue was emptied when the start-up began, and has one command of it at a time.
+        let queued = self.commands.push(command, Purpose::StartUp(step));
+        debug_assert_eq!(queued, Ok(()));
+    }
+
+    /// A step of the start-up was acknowledged.
+    pub(super) fn step_done(
+        &mut self,
+        now: MonotonicNs,
+        step: Step,
+        data: AckData,
+        is_certain: bool,
+    ) {
+        let State::Connecting(start_up) = &mut self.state else {
+            return;
+        };
+        match step {
+            Step::ReadPcTimeout => {
+                let announced = AckData::Bits16(self.config.link.pc_timeout_ms);
+                start_up.has_pc_timeout = data == announced;
+            }
+            Step::InvalidatePath => start_up.is_path_empty = is_certain,
+            Step::ReadParameter(index) => {
+                let written = self.parameters.write(index);
+                if is_certain && !is_value_of(written, data) {
+                    let found = data;
+                    self.events
+                        .push_back(LinkEvent::ParameterRefused { written, found });
+                }
+            }
+            _ => {}
+        }
+        match step.next(&self.config, &self.parameters) {
+            Some(next) => {
+                start_up.step = next;
+                self.queue_step(next);
+            }
+            None => {
+                let start_up = *start_up;
+                self.started_up(now, start_up);
+            }
+        }
+    }
+
+    fn started_up(&mut self, now: MonotonicNs, start_up: StartUp) {
+        self.failed_start_ups = 0;
+        self.cannot_empty_path = false;
+        self.enter(State::Up(Session::begin(now, start_up)), now);
+        self.message_arrived(now);
+        self.expect_status(now);
+        self.events.push_back(LinkEvent::Ready);
+        if !start_up.is_path_empty {
+            self.path_emptied(false);
+        }
+    }
+
+    pub(super) fn start_up_failed(&mut self, now: MonotonicNs) {
+        self.abandon();
+        self.failed_start_ups = self.failed_start_ups.saturating_add(1);
+        let pause = self.config.link.start_up_retry(self.failed_start_ups);
+        self.timers.arm(LinkTimer::StartUpRetry, now + pause);
+    }
+
+    /// Gives up every command and all bytes that have not left.
+    pub(super) fn abandon(&mut self) {
+        self.commands.forget(|_| true);
+        self.timers.stop_all();
+        self.discard_waiting_bytes();
+    }
+
+    /// A command that was given up must not reach the DSP later, when nothing waits for it any more.
+    pub(super) fn discard_waiting_bytes(&mut self) {
+        self.outgoing.clear();
+        self.discard_unsent = true;
+    }
+
+    pub(super) fn silence(&mut self, now: MonotonicNs) {
+        let State::Up(session) = self.state else {
+            return;
+        };
+        self.enter(State::Silent(session), now);
+        self.timers.stop(LinkTimer::Status);
+        self.timers.stop(LinkTimer::KeepAlive);
+        if !self.commands.has(|purpose| *purpose == Purpose::Probe) {
+            // A queue full of unanswered commands is itself a probe: its failure ends the silence.
+            let _ = self.commands.push(READ_MASK, Purpose::Probe);
+        }
+    }
+}
+
+/// What a status' groups say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MaskVerdict {
+    /// Those that were asked for.
+    Ours,
+    /// Others, but the DSP says that it has our mask.
+    Accepted,
+    /// Others, and nothing is known about it yet.
+    Odd,
+}
+
+/// Whether `data` is the value that `written` wrote.
+fn is_value_of(written: Command, data: AckData) -> bool {
+    match (written, data) {
+        (Command::Write16 { value, .. }, AckData::Bits16(found)) => value == found,
+        (Command::Write32 { value, .. }, AckData::Bits32(found)) => value == found,
+        _ => false,
+    }
+}

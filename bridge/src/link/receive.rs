@@ -1,0 +1,172 @@
+//! Bytes from the DSP: decoded, judged, and turned into events.
+
+use dsp_protocol::{
+    Decoded, Downlink, FlowControl, Group, Received, Refusal, Status, StatusMask, plausibility,
+};
+use ipc_types::MonotonicNs;
+
+use super::commands::{Ack, AckData, Acknowledged};
+use super::liveness::{MaskVerdict, PROBE_ONLY_REPLIES};
+use super::{Link, LinkEvent, Purpose, Sample, State, increment};
+
+impl Link {
+    /// Takes bytes from the front of `input` until something happens or all are used. Events must be polled in between.
+    pub fn receive(&mut self, now: MonotonicNs, input: &mut &[u8]) {
+        while self.events.is_empty() && !input.is_empty() {
+            let (used, decoded) = self.decoder.receive(input);
+            self.health.bytes_received += used as u64;
+            *input = input.get(used..).unwrap_or_default();
+            match decoded {
+                Decoded::Incomplete => {}
+                Decoded::Refused(refusal) => self.count_rejected(refusal),
+                Decoded::Message(received) => self.received(now, &received),
+            }
+        }
+    }
+
+    fn received(&mut self, now: MonotonicNs, received: &Received<Downlink>) {
+        if let Some(number) = received.sequence
+            && let Some(last) = self.last_received.replace(number)
+            && number != last
+        {
+            let missed = u32::from(number.missed_since(last));
+            self.rejected.missed_messages = self.rejected.missed_messages.saturating_add(missed);
+        }
+        let ack = |command, data| Ack {
+            command,
+            data,
+            acknowledges: received.acknowledges,
+        };
+        self.health.messages_received += 1;
+        self.health.last_message_ns = now.0;
+        self.message_arrived(now);
+        match received.message {
+            Downlink::Ack { command } => {
+                return self.acknowledged(now, &ack(command, AckData::None));
+            }
+            Downlink::Ack16 { command, value } => {
+                return self.acknowledged(now, &ack(command, AckData::Bits16(value)));
+            }
+            Downlink::Ack32 { command, value } => {
+                return self.acknowledged(now, &ack(command, AckData::Bits32(value)));
+            }
+            Downlink::Status(status) => self.status(now, status),
+            Downlink::FlowControl(FlowControl::Send) => self.events.push_back(LinkEvent::Grant),
+            Downlink::FlowControl(FlowControl::Stop) => {}
+            Downlink::Error(code) => {
+                let starting = !self.is_up();
+                self.events
+                    .push_back(LinkEvent::DspError { code, starting });
+            }
+        }
+        if let State::Up(session) = &mut self.state {
+            session.probe_only_replies = 0;
+        }
+    }
+
+    fn status(&mut self, now: MonotonicNs, mut status: Status) {
+        self.statuses.arrived(now);
+        let asked_for = self.config.status.mask();
+        let has_time = status.time_ms.is_some() || !asked_for.contains(Group::Time);
+        let has_others = status.mask().0 & !asked_for.0 != 0;
+        match self.judge_mask(&status) {
+            // Fewer groups than asked for, time among them: a sensor has no values.
+            MaskVerdict::Odd if has_others || !has_time => {
+                // Made for another mask, or damaged; it could overtake one that is held back.
+                return increment(&mut self.health.telemetry_incoherent);
+            }
+            MaskVerdict::Ours | MaskVerdict::Accepted | MaskVerdict::Odd => {}
+        }
+        self.expect_status(now);
+        status.withdraw(StatusMask(!asked_for.0));
+        self.withdraw_implausible(&mut status);
+        let sample = Sample {
+            status,
+            received: now,
+        };
+        let Some(time_ms) = status.time_ms else {
+            // Without the DSP's time the order of the line has to do.
+            return self.events.push_back(LinkEvent::Sample(sample));
+        };
+        let verdict = self.coherence.arrive(time_ms, sample);
+        self.health.telemetry_incoherent = self
+            .health
+            .telemetry_incoherent
+            .saturating_add(verdict.dropped);
+        if verdict.rebooted {
+            self.rebooted(now);
+        }
+        self.events
+            .extend(verdict.send.into_iter().flatten().map(LinkEvent::Sample));
+    }
+
+    fn withdraw_implausible(&mut self, status: &mut Status) {
+        let implausible = plausibility::implausible_groups(status);
+        if implausible != StatusMask::NONE {
+            let groups = &mut self.rejected.implausible_groups;
+            *groups = groups.saturating_add(implausible.0.count_ones());
+            self.rejected.implausible_mask |= u32::from(implausible.0);
+            status.withdraw(implausible);
+        }
+    }
+
+    fn acknowledged(&mut self, now: MonotonicNs, ack: &Ack) {
+        let Some(Acknowledged {
+            purpose,
+            is_certain,
+            sent,
+        }) = self.commands.acknowledge(ack)
+        else {
+            return increment(&mut self.health.acks_unmatched);
+        };
+        increment(&mut self.health.commands_acknowledged);
+        self.arm_command_timer();
+        if let State::Up(session) = &mut self.state {
+            session.heard = session.heard.max(sent);
+        }
+        match purpose {
+            Purpose::StartUp(step) => self.step_done(now, step, ack.data, is_certain),
+            Purpose::Probe => self.probe_answered(now, ack.data, is_certain),
+            // A value that may be that of another port says nothing; the next status that is overdue asks again.
+            Purpose::StatusProbe { .. } if !is_certain => {}
+            Purpose::StatusProbe { instead } => self.mask_read(now, instead, ack.data),
+            Purpose::ReactivateStatus | Purpose::RewriteMask => {}
+            Purpose::KeepAlive => {
+                if is_certain && ack.data != AckData::Bits16(self.config.link.pc_timeout_ms) {
+                    self.lost_its_mask(now);
+                }
+            }
+            Purpose::EmptyPath => self.path_emptied(is_certain),
+            Purpose::Flight(command) => self
+                .events
+                .push_back(LinkEvent::Delivered(command, ack.data)),
+        }
+        // A queue that was full has room now.
+        self.empty_path();
+    }
+
+    fn probe_answered(&mut self, now: MonotonicNs, data: AckData, is_certain: bool) {
+        let State::Up(session) = &mut self.state else {
+            return;
+        };
+        session.probe_only_replies += 1;
+        let says_nothing_else = session.probe_only_replies >= PROBE_ONLY_REPLIES;
+        if says_nothing_else || is_certain && !self.is_our_mask(data) {
+            self.lost_its_mask(now);
+        }
+    }
+
+    fn count_rejected(&mut self, refusal: Refusal) {
+        let counter = match refusal {
+            Refusal::Stray => &mut self.rejected.stray,
+            // The DSP sends no commands; its decoder never gives that one.
+            Refusal::UnknownHeader | Refusal::UnknownCommand => &mut self.rejected.unknown_header,
+            Refusal::OtherProfile => &mut self.rejected.other_profile,
+            Refusal::Truncated => &mut self.rejected.truncated,
+            Refusal::Checksum => &mut self.rejected.checksum,
+            Refusal::Padding => &mut self.rejected.padding,
+            Refusal::Value => &mut self.rejected.value,
+        };
+        increment(counter);
+    }
+}

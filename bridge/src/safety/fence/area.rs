@@ -1,0 +1,162 @@
+//! One area: a polygon or circle with a floor and a ceiling, and where a leg is inside it.
+
+use dsp_protocol::Waypoint;
+use geo::{Contains, Coord, Distance, Euclidean, Point, Polygon};
+use serde::Deserialize;
+
+use super::TOUCH_M;
+use super::plane::{Leg, Plane};
+use super::span::{Span, join, rest, where_between, where_in_disc, where_near_edge};
+
+/// Whether the helicopter must be inside an area or outside it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AreaKind {
+    /// Each point of a leg must be inside at least one inclusion area, if there is any.
+    Inclusion,
+    /// No point of a leg may be inside an exclusion area.
+    Exclusion,
+}
+
+/// A valid area of a [`Fence`](super::Fence), made from an [`AreaConfig`](super::AreaConfig).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Area {
+    pub(super) name: String,
+    pub(super) kind: AreaKind,
+    pub(super) plane: Plane,
+    pub(super) shape: Shape,
+    pub(super) band: Band,
+}
+
+/// The outline of an area in its plane.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Shape {
+    /// A simple polygon without holes. No vertex is farther from the origin of the plane, to the east and to the north,
+    /// than `reach`.
+    Polygon { polygon: Polygon, reach: Coord },
+    /// A circle round the origin of the plane.
+    Circle { radius_m: f64 },
+}
+
+/// Altitudes from a floor to a ceiling. An end that is missing is infinite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Band {
+    pub(super) floor_m: f64,
+    pub(super) ceiling_m: f64,
+}
+
+impl Default for Band {
+    fn default() -> Self {
+        Band {
+            floor_m: f64::NEG_INFINITY,
+            ceiling_m: f64::INFINITY,
+        }
+    }
+}
+
+impl Area {
+    /// Its name in the configuration.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether the helicopter must be inside it or outside.
+    pub fn kind(&self) -> AreaKind {
+        self.kind
+    }
+
+    /// Adds the spans of a leg that are inside. Whatever only touches the boundary is inside an exclusion area, and is
+    /// not inside an inclusion area.
+    pub(super) fn where_inside(&self, from: &Waypoint, to: &Waypoint, spans: &mut Vec<Span>) {
+        let leg = self.plane.leg(from, to);
+        let margin_m = match self.kind {
+            AreaKind::Inclusion => -TOUCH_M,
+            AreaKind::Exclusion => TOUCH_M,
+        };
+        let Some(in_band) = self
+            .band
+            .where_inside(&leg, margin_m)
+            .and_then(|span| span.and(Span::WHOLE))
+        else {
+            return;
+        };
+        match &self.shape {
+            Shape::Circle { radius_m } => {
+                let inside = where_in_disc(&leg, Coord::zero(), radius_m + margin_m);
+                spans.extend(inside.and_then(|span| span.and(in_band)));
+            }
+            Shape::Polygon { polygon, reach } if passes(&leg, *reach) => {
+                let inside = where_in_polygon(&leg, polygon, self.kind);
+                spans.extend(inside.into_iter().filter_map(|span| span.and(in_band)));
+            }
+            Shape::Polygon { .. } => {}
+        }
+    }
+
+    /// How far a point is inside: metres to the nearest side, floor or ceiling; 0 when it is outside.
+    pub(super) fn depth_m(&self, at: &Waypoint) -> f64 {
+        let (beside_m, above_m) = self.inward_m(at);
+        beside_m.min(above_m).max(0.0)
+    }
+
+    /// How far a point is outside: metres to the nearest point of the area; 0 when it is inside.
+    pub(super) fn excess_m(&self, at: &Waypoint) -> f64 {
+        let (beside_m, above_m) = self.inward_m(at);
+        beside_m.min(0.0).hypot(above_m.min(0.0))
+    }
+
+    /// Metres from the sides, and metres from floor or ceiling, whichever is nearer; negative where that is outside.
+    fn inward_m(&self, at: &Waypoint) -> (f64, f64) {
+        let point = self.plane.coord(at.latitude_deg, at.longitude_deg);
+        let beside_m = match &self.shape {
+            Shape::Circle { radius_m } => radius_m - point.x.hypot(point.y),
+            Shape::Polygon { polygon, .. } => {
+                let distance_m = Euclidean.distance(&Point(point), polygon.exterior());
+                if polygon.contains(&point) {
+                    distance_m
+                } else {
+                    -distance_m
+                }
+            }
+        };
+        let Band { floor_m, ceiling_m } = self.band;
+        let above_m = (at.altitude_m - floor_m).min(ceiling_m - at.altitude_m);
+        (beside_m, above_m)
+    }
+}
+
+impl Band {
+    /// Where the leg's line is between floor and ceiling, both moved outwards by a margin.
+    fn where_inside(&self, leg: &Leg, margin_m: f64) -> Option<Span> {
+        let (low, high) = (self.floor_m - margin_m, self.ceiling_m + margin_m);
+        where_between(leg.altitude_m, leg.climb_m, low, high)
+    }
+}
+
+/// Whether the leg comes near the rectangle round a polygon: most legs are far from most areas.
+fn passes(leg: &Leg, reach: Coord) -> bool {
+    let (east_m, north_m) = (reach.x + TOUCH_M, reach.y + TOUCH_M);
+    let abreast = where_between(leg.start.x, leg.way.x, -east_m, east_m);
+    let level = where_between(leg.start.y, leg.way.y, -north_m, north_m);
+    abreast
+        .zip(level)
+        .and_then(|(abreast, level)| abreast.and(level)?.and(Span::WHOLE))
+        .is_some()
+}
+
+/// The spans of a leg in a polygon. Membership can only change where the leg is near an edge. So the spans near edges
+/// are found first, and of each span between them one point tells all.
+fn where_in_polygon(leg: &Leg, polygon: &Polygon, kind: AreaKind) -> Vec<Span> {
+    let mut touching: Vec<Span> = polygon
+        .exterior()
+        .lines()
+        .filter_map(|edge| where_near_edge(leg, edge, TOUCH_M)?.and(Span::WHOLE))
+        .collect();
+    let mut inside = rest(&mut touching);
+    inside.retain(|span| polygon.contains(&leg.at(span.middle())));
+    if kind == AreaKind::Exclusion {
+        inside.append(&mut touching);
+        join(&mut inside);
+    }
+    inside
+}

@@ -1,0 +1,336 @@
+//! `[fence]` of `bridge.toml`, and what is refused in it.
+
+use std::collections::HashSet;
+use std::fmt;
+
+use geo::line_intersection::{LineIntersection, line_intersection};
+use geo::{Coord, Line, LineString, Polygon, coord};
+use runtime::config::{Deserializer, in_range};
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error as _, MapAccess, Visitor};
+
+use super::area::{Area, AreaKind, Band, Shape};
+use super::plane::{Plane, longitude_difference_deg};
+use super::{Fence, MAX_EXTENT_M, MAX_LATITUDE_DEG};
+
+/// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
+/// edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas are
+/// inclusions, and happens once for each refused path.
+pub const MAX_AREAS: usize = 64;
+
+/// Most vertices of a polygon. A circle as a polygon of so many vertices is right to 1/13,000 of its radius, so nobody
+/// needs more for a bent outline.
+pub const MAX_VERTICES: usize = 256;
+
+/// Smallest radius of a circle: less than the box in which a waypoint counts as reached is surely a mistake of units.
+const MIN_RADIUS_M: f64 = 1.0;
+
+/// Largest radius of a circle, which is then as wide as a polygon may be.
+const MAX_RADIUS_M: f64 = MAX_EXTENT_M / 2.0;
+
+/// Longest name of an area, characters: a log line stays readable.
+const MAX_NAME_CHARS: usize = 64;
+
+/// `[fence]`: limits that hold everywhere, and areas.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FenceConfig {
+    /// The helicopter stays above this altitude, metres, same zero as the telemetry's altitude.
+    #[serde(deserialize_with = "altitude_m")]
+    pub floor_m: Option<f64>,
+    /// The helicopter stays below this altitude, metres.
+    #[serde(deserialize_with = "altitude_m")]
+    pub ceiling_m: Option<f64>,
+    /// `[[fence.area]]`, at most [`MAX_AREAS`].
+    pub area: Vec<Area>,
+}
+
+/// `[[fence.area]]`: either `polygon`, or `centre` and `radius_m`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AreaConfig {
+    /// Names the area in refusals and logs; no other area has the same name.
+    pub name: String,
+    /// Whether the helicopter must be inside or outside.
+    pub kind: AreaKind,
+    /// Vertices in order, [latitude, longitude] in degrees, 3 to [`MAX_VERTICES`]. The last one may repeat the first.
+    #[serde(default)]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// Centre of a circle, [latitude, longitude] in degrees.
+    #[serde(default)]
+    pub centre: Option<[f64; 2]>,
+    /// Radius of the circle, metres.
+    #[serde(default)]
+    pub radius_m: Option<f64>,
+    /// The area begins at this altitude, metres; without it, it reaches down without end.
+    #[serde(default, deserialize_with = "altitude_m")]
+    pub floor_m: Option<f64>,
+    /// The area ends at this altitude, metres; without it, it reaches up without end.
+    #[serde(default, deserialize_with = "altitude_m")]
+    pub ceiling_m: Option<f64>,
+}
+
+/// Why a fence was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FenceError {
+    /// One area is wrong.
+    #[error("area `{area}`: {fault}")]
+    Area {
+        /// Its name.
+        area: String,
+        /// What is wrong with it.
+        fault: AreaFault,
+    },
+    /// Two areas have the same name.
+    #[error("two areas are called `{0}`; give each its own name")]
+    SameName(String),
+    /// There are more areas than [`MAX_AREAS`].
+    #[error("the fence has {0} areas; at most {MAX_AREAS} are allowed")]
+    TooManyAreas(usize),
+    /// Nothing lies between floor and ceiling of the fence.
+    #[error("the fence's {0}")]
+    Band(BandFault),
+}
+
+/// Nothing lies between a floor and a ceiling.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("floor_m = {floor_m} is not below its ceiling_m = {ceiling_m}")]
+pub struct BandFault {
+    /// The floor.
+    pub floor_m: f64,
+    /// The ceiling.
+    pub ceiling_m: f64,
+}
+
+/// What is wrong with one area. Vertices are counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum AreaFault {
+    /// The name is empty, too long, or has control characters.
+    #[error("a name has 1 to {MAX_NAME_CHARS} printable characters")]
+    Name,
+    /// There must be one shape.
+    #[error("give either `polygon`, or `centre` and `radius_m`")]
+    Shape,
+    /// A vertex or centre is no coordinate, or too near to a pole.
+    #[error(
+        "[{}, {}] is no [latitude, longitude] within ±{MAX_LATITUDE_DEG} and ±180 degrees",
+        .0[0], .0[1]
+    )]
+    Coordinate([f64; 2]),
+    /// The radius is out of range.
+    #[error("radius_m = {0} is out of range: it must be from {MIN_RADIUS_M} to {MAX_RADIUS_M}")]
+    Radius(f64),
+    /// The polygon has too few or too many vertices.
+    #[error("a polygon has 3 to {MAX_VERTICES} vertices, and this one has {0}")]
+    Vertices(usize),
+    /// Two vertices that follow each other are the same.
+    #[error("vertex {0} of the polygon repeats the vertex before it")]
+    Repeated(usize),
+    /// Two edges cross or touch.
+    #[error(
+        "the polygon crosses or touches itself: the edge that begins at vertex {0} meets the one that begins at vertex {1}"
+    )]
+    SelfIntersection(usize, usize),
+    /// The polygon is too large for a flat map of it.
+    #[error(
+        "the polygon is {0:.0} m wide; at most {MAX_EXTENT_M} m are allowed, east to west and north to south"
+    )]
+    Extent(f64),
+    /// Nothing lies between floor and ceiling of the area.
+    #[error("its {0}")]
+    Band(BandFault),
+}
+
+fn altitude_m<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    // The limits of `[movement]`: no waypoint is outside them.
+    in_range(deserializer, -1000.0..=20_000.0).map(Some)
+}
+
+/// Checked inside the table, so that an error points at the line of this area. With `serde(try_from)` it would point at
+/// the first one.
+impl<'de> Deserialize<'de> for Area {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(AreaVisitor)
+    }
+}
+
+struct AreaVisitor;
+
+impl<'de> Visitor<'de> for AreaVisitor {
+    type Value = Area;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table with `name`, `kind` and a shape")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Area, A::Error> {
+        let config = AreaConfig::deserialize(MapAccessDeserializer::new(map))?;
+        Area::try_from(config).map_err(A::Error::custom)
+    }
+}
+
+impl TryFrom<FenceConfig> for Fence {
+    type Error = FenceError;
+
+    fn try_from(config: FenceConfig) -> Result<Fence, FenceError> {
+        let areas = config.area;
+        if areas.len() > MAX_AREAS {
+            return Err(FenceError::TooManyAreas(areas.len()));
+        }
+        let mut names = HashSet::new();
+        if let Some(area) = areas.iter().find(|area| !names.insert(area.name())) {
+            return Err(FenceError::SameName(area.name().to_owned()));
+        }
+        let band = band(config.floor_m, config.ceiling_m).map_err(FenceError::Band)?;
+        Ok(Fence { band, areas })
+    }
+}
+
+impl TryFrom<AreaConfig> for Area {
+    type Error = FenceError;
+
+    fn try_from(config: AreaConfig) -> Result<Area, FenceError> {
+        match config.placed() {
+            Ok((plane, shape, band)) => Ok(Area {
+                name: config.name,
+                kind: config.kind,
+                plane,
+                shape,
+                band,
+            }),
+            Err(fault) => Err(FenceError::Area {
+                area: config.name.chars().take(MAX_NAME_CHARS).collect(),
+                fault,
+            }),
+        }
+    }
+}
+
+impl AreaConfig {
+    fn placed(&self) -> Result<(Plane, Shape, Band), AreaFault> {
+        let length = self.name.chars().count();
+        if !(1..=MAX_NAME_CHARS).contains(&length) || self.name.chars().any(char::is_control) {
+            return Err(AreaFault::Name);
+        }
+        let band = band(self.floor_m, self.ceiling_m).map_err(AreaFault::Band)?;
+        let (plane, shape) = match (&self.polygon, self.centre, self.radius_m) {
+            (Some(vertices), None, None) => place_polygon(vertices)?,
+            (None, Some(centre), Some(radius_m)) => place_circle(centre, radius_m)?,
+            _ => return Err(AreaFault::Shape),
+        };
+        Ok((plane, shape, band))
+    }
+}
+
+fn band(floor_m: Option<f64>, ceiling_m: Option<f64>) -> Result<Band, BandFault> {
+    let band = Band {
+        floor_m: floor_m.unwrap_or(f64::NEG_INFINITY),
+        ceiling_m: ceiling_m.unwrap_or(f64::INFINITY),
+    };
+    if band.floor_m < band.ceiling_m {
+        return Ok(band);
+    }
+    Err(BandFault {
+        floor_m: band.floor_m,
+        ceiling_m: band.ceiling_m,
+    })
+}
+
+fn place_circle(centre: [f64; 2], radius_m: f64) -> Result<(Plane, Shape), AreaFault> {
+    check_coordinate(centre)?;
+    if !(MIN_RADIUS_M..=MAX_RADIUS_M).contains(&radius_m) {
+        return Err(AreaFault::Radius(radius_m));
+    }
+    let [latitude_deg, longitude_deg] = centre;
+    Ok((
+        Plane::at(latitude_deg, longitude_deg),
+        Shape::Circle { radius_m },
+    ))
+}
+
+fn place_polygon(vertices: &[[f64; 2]]) -> Result<(Plane, Shape), AreaFault> {
+    let vertices = match vertices {
+        [first, between @ .., last] if first == last && !between.is_empty() => {
+            &vertices[..vertices.len() - 1]
+        }
+        _ => vertices,
+    };
+    if !(3..=MAX_VERTICES).contains(&vertices.len()) {
+        return Err(AreaFault::Vertices(vertices.len()));
+    }
+    vertices.iter().copied().try_for_each(check_coordinate)?;
+    let (plane, reach) = plane_in_the_middle(vertices)?;
+    let outline: Vec<Coord> = vertices
+        .iter()
+        .map(|&[latitude_deg, longitude_deg]| plane.coord(latitude_deg, longitude_deg))
+        .collect();
+    check_simple(&outline)?;
+    let polygon = Polygon::new(LineString(outline), Vec::new());
+    Ok((plane, Shape::Polygon { polygon, reach }))
+}
+
+fn check_coordinate(point: [f64; 2]) -> Result<(), AreaFault> {
+    let [latitude_deg, longitude_deg] = point;
+    // Not-a-number is in no range.
+    let known = (-MAX_LATITUDE_DEG..=MAX_LATITUDE_DEG).contains(&latitude_deg)
+        && (-180.0..=180.0).contains(&longitude_deg);
+    known.then_some(()).ok_or(AreaFault::Coordinate(point))
+}
+
+/// The plane at the middle of the polygon, and how far the polygon reaches from there to the east and to the north.
+fn plane_in_the_middle(vertices: &[[f64; 2]]) -> Result<(Plane, Coord), AreaFault> {
+    let first_deg = vertices[0][1];
+    let (low, high) = vertices.iter().fold(
+        ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]),
+        |(low, high), &[latitude_deg, longitude_deg]| {
+            let point = [
+                latitude_deg,
+                longitude_difference_deg(longitude_deg, first_deg),
+            ];
+            (
+                [low[0].min(point[0]), low[1].min(point[1])],
+                [high[0].max(point[0]), high[1].max(point[1])],
+            )
+        },
+    );
+    let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
+    let plane = Plane::at(
+        middle[0],
+        longitude_difference_deg(first_deg + middle[1], 0.0),
+    );
+    let corner = plane.coord(high[0], first_deg + high[1]);
+    let reach = coord! { x: corner.x.abs(), y: corner.y.abs() };
+    let extent_m = 2.0 * reach.x.max(reach.y);
+    // A difference of longitudes is at most 180 degrees, so an outline round the Earth is far too wide as well.
+    if extent_m <= MAX_EXTENT_M {
+        Ok((plane, reach))
+    } else {
+        Err(AreaFault::Extent(extent_m))
+    }
+}
+
+/// Whether no edge meets another one, except neighbours at their common vertex.
+fn check_simple(outline: &[Coord]) -> Result<(), AreaFault> {
+    let count = outline.len();
+    let edge = |index: usize| Line::new(outline[index], outline[(index + 1) % count]);
+    for index in 0..count {
+        if outline[index] == outline[(index + 1) % count] {
+            return Err(AreaFault::Repeated((index + 1) % count + 1));
+        }
+    }
+    for first in 0..count {
+        for second in first + 1..count {
+            let neighbours = second == first + 1 || (second + 1) % count == first;
+            let simple = match line_intersection(edge(first), edge(second)) {
+                None => true,
+                Some(LineIntersection::SinglePoint { .. }) => neighbours,
+                Some(LineIntersection::Collinear { .. }) => false,
+            };
+            if !simple {
+                return Err(AreaFault::SelfIntersection(first + 1, second + 1));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,388 @@
+//! Who may command what, and when: pre-emption, the safety rules, and the errors that the state shows (requirements D6, H5,
+//! H6, H7).
+
+mod desk;
+
+use bridge::{BridgeConfig, RequestKey};
+use desk::{Desk, HOME, aborted, go_to, north, refused};
+use dsp_protocol::{Command, StatusMask, port};
+use ipc_types::code::{
+    ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleStatus, PilotSwitch,
+    Reason, SafetyAction, SafetyRule, Stage,
+};
+use ipc_types::payload::{ModuleControl, MovementData};
+
+fn config(text: &str) -> BridgeConfig {
+    runtime::config::parse(text, "test.toml").unwrap()
+}
+
+/// A started bridge with the helicopter in the air.
+fn flying_with(text: &str) -> Desk {
+    let mut desk = Desk::up(&config(text));
+    desk.control(ControlCommand::Start);
+    desk.lift_off();
+    desk
+}
+
+fn following(desk: &mut Desk) -> u64 {
+    let path = desk.path(1, &[north(100), north(200)]);
+    desk.run(350);
+    assert_eq!(desk.functionality(), Functionality::FollowingPath);
+    path[1]
+}
+
+#[test]
+fn land_hold_and_a_new_path_replace_a_path_in_one_request() {
+    type Ask = fn(&mut Desk) -> u64;
+    let land: Ask = |desk| desk.movement(MovementData::land(0).preempting());
+    let hold: Ask = |desk| desk.hold();
+    let path: Ask = |desk| desk.preempting(2, north(7));
+    for (ask, doing) in [
+        (land, Functionality::Landing),
+        (hold, Functionality::AtRest),
+        (path, Functionality::FollowingPath),
+    ] {
+        let mut desk = Desk::flying();
+        let old = following(&mut desk);
+        desk.dsp.grants = false;
+        let new = ask(&mut desk);
+        assert_eq!(desk.last(old), aborted(Reason::Replaced), "{doing}");
+        assert_eq!(desk.stages(new)[0], Stage::Accepted);
+        desk.run(100);
+        assert_eq!(desk.functionality(), doing);
+        assert!(desk.dsp.held.is_empty(), "{doing}");
+        assert_eq!(desk.bridge.state().blocked, 0, "it stays started");
+    }
+}
+
+#[test]
+fn without_the_flag_a_path_goes_on_and_nothing_replaces_take_off_and_landing() {
+    let mut desk = Desk::flying();
+    let path = following(&mut desk);
+    for request in [MovementData::land(0), go_to(north(3))] {
+        let request = desk.movement(MovementData {
+            first: 1,
+            last: 1,
+            ..request
+        });
+        assert_eq!(desk.last(request), refused(Reason::Busy));
+    }
+    assert_eq!(desk.last(path).0, Stage::Progress);
+
+    let land = desk.movement(MovementData::land(0).preempting());
+    let another = desk.movement(MovementData::land(0).preempting());
+    assert_eq!(desk.last(another), refused(Reason::Busy));
+    let path = desk.preempting(2, north(7));
+    assert_eq!(desk.last(path), refused(Reason::Busy));
+    let hold = desk.hold();
+    assert_eq!(desk.last(hold), refused(Reason::UnableToAbort));
+    assert!(!desk.last(land).0.is_final());
+}
+
+#[test]
+fn the_pilot_s_switch_refuses_movements_and_ends_the_one_under_way() {
+    let manual = |desk: &mut Desk, is_manual: bool| {
+        if let Some(supply) = &mut desk.dsp.status.supply {
+            supply.auto_switch = u8::from(!is_manual);
+        }
+        desk.run(40);
+    };
+    let mut desk = Desk::flying();
+    let path = following(&mut desk);
+    manual(&mut desk, true);
+    assert_eq!(desk.last(path), aborted(Reason::PilotHasControl));
+    assert_eq!(desk.last_report(path).rule(), Some(SafetyRule::PilotSwitch));
+    desk.run(100);
+    assert!(
+        desk.dsp.held.is_empty(),
+        "nothing is flown when the pilot lets go"
+    );
+    let safety = desk.bridge.state().safety;
+    assert_eq!(safety.pilot_switch(), Some(PilotSwitch::Manual));
+    assert_eq!(safety.interventions, 1);
+    for request in [MovementData::land(0), MovementData::hold(0)] {
+        let request = desk.movement(request);
+        assert_eq!(desk.last(request), refused(Reason::PilotHasControl));
+    }
+    manual(&mut desk, false);
+    let land = desk.land();
+    assert_eq!(desk.last(land).0, Stage::Progress);
+    manual(&mut desk, true);
+    assert_eq!(desk.last(land), aborted(Reason::PilotHasControl));
+
+    // Without the group the switch is not known, and the rule cannot hold.
+    let mut desk = Desk::flying();
+    desk.dsp.status.withdraw(StatusMask(1 << 10));
+    desk.run(1500);
+    assert_eq!(
+        desk.bridge.state().safety.pilot_switch(),
+        Some(PilotSwitch::Unknown)
+    );
+    following(&mut desk);
+}
+
+/// A mast 5 m to the north of home, 11 m across, and a ceiling.
+const FENCE: &str = "[fence]\nceiling_m = 60.0\n[[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\n\
+                     centre = [37.0001, -6.0]\nradius_m = 5.0\n";
+
+#[test]
+fn each_leg_of_a_path_must_keep_to_the_fence() {
+    let high = |steps| dsp_protocol::Waypoint {
+        altitude_m: 70.0,
+        ..north(steps)
+    };
+    let aside = dsp_protocol::Waypoint {
+        longitude_deg: HOME.longitude_deg + 5e-4,
+        ..north(0)
+    };
+    // Path, the leg that breaks the fence, the rule.
+    let table = [
+        (vec![north(30)], 1, SafetyRule::FenceExclusion),
+        (vec![aside, high(30)], 2, SafetyRule::FenceCeiling),
+        (
+            vec![aside, north(0), north(30)],
+            3,
+            SafetyRule::FenceExclusion,
+        ),
+    ];
+    for (path, leg, rule) in table {
+        let mut desk = flying_with(FENCE);
+        let requests = desk.path(1, &path);
+        let request = requests[leg - 1];
+        assert_eq!(desk.last(request), refused(Reason::FenceBreach));
+        let report = desk.last_report(request);
+        assert_eq!((report.rule(), report.waypoint), (Some(rule), leg as u32));
+        assert!(report.value().unwrap() > 0.0);
+        desk.run(500);
+        assert!(desk.dsp.waypoints.is_empty());
+    }
+    let mut desk = flying_with(FENCE);
+    let path = desk.path(1, &[aside, dsp_protocol::Waypoint { ..north(-30) }]);
+    assert_eq!(desk.last(path[1]).0, Stage::Accepted);
+}
+
+#[test]
+fn a_take_off_beyond_the_ceiling_is_refused() {
+    let mut desk = Desk::up(&config("[fence]\nceiling_m = 15.0\n"));
+    desk.control(ControlCommand::Start);
+    let take_off = desk.take_off();
+    assert_eq!(desk.last(take_off), refused(Reason::FenceBreach));
+    assert_eq!(desk.last_report(take_off).value(), Some(5.0));
+}
+
+#[test]
+fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(-20), north(30)]);
+    desk.run(350);
+    let reload = |desk: &mut Desk, request_id, fence| {
+        let request = ModuleControl::new(request_id, ControlCommand::ReloadFence);
+        let key = RequestKey::Control(request_id);
+        desk.bridge
+            .new_fence(desk.now, key, &request, fence, &mut desk.out);
+        desk.exchange();
+        desk.last(request_id)
+    };
+    let invalid = reload(&mut desk, 900, Err(Reason::InvalidFence));
+    assert_eq!(invalid, refused(Reason::InvalidFence));
+    assert_eq!(desk.last(path[1]).0, Stage::Progress);
+    let fence = config(FENCE).fence;
+    assert_eq!(reload(&mut desk, 901, Ok(fence)).0, Stage::Done);
+    assert_eq!(desk.last(path[1]), aborted(Reason::FenceBreach));
+    assert_eq!(desk.last_report(path[1]).waypoint, 2, "the second leg");
+    desk.run(100);
+    assert!(desk.dsp.held.is_empty());
+    assert_eq!(desk.bridge.state().safety.fence_areas, 1);
+}
+
+#[test]
+fn a_helicopter_that_is_outside_the_fence_holds_or_lands() {
+    for (action, doing) in [
+        ("warn", Functionality::FollowingPath),
+        ("hold", Functionality::AtRest),
+        ("land", Functionality::Landing),
+    ] {
+        let mut desk = flying_with(&format!("[safety]\nfence_breach = \"{action}\"\n{FENCE}"));
+        let path = desk.path(1, &[north(-20)]);
+        desk.run(350);
+        desk.dsp.grants = false;
+        desk.dsp.at(north(10));
+        desk.run(40);
+        assert_eq!(desk.functionality(), doing, "{action}");
+        if doing != Functionality::Landing {
+            let safety = desk.bridge.state().safety;
+            assert_eq!(safety.rule(), Some(SafetyRule::FenceExclusion));
+        }
+        if action != "warn" {
+            assert_eq!(desk.last(path[0]), aborted(Reason::FenceBreach));
+        }
+    }
+}
+
+#[test]
+fn battery_and_fuel_warn_refuse_hold_and_land() {
+    let limits = "[safety]\nsupply_for_s = 0.5\nbattery_v = { warn = 24.0, refuse = 23.0, hold = 22.0, land = 21.0 }\n";
+    let battery = |desk: &mut Desk, millivolts| {
+        if let Some(supply) = &mut desk.dsp.status.supply {
+            supply.battery_mv = millivolts;
+        }
+        desk.run(600);
+    };
+    let mut desk = flying_with(limits);
+    desk.dsp.at(north(0));
+    let path = following(&mut desk);
+    for (millivolts, action) in [(23_500, SafetyAction::Warn), (22_500, SafetyAction::Refuse)] {
+        battery(&mut desk, millivolts);
+        assert_eq!(desk.bridge.state().safety.action(), Some(action));
+        assert_eq!(desk.last(path).0, Stage::Progress, "the path goes on");
+    }
+    battery(&mut desk, 21_500);
+    assert_eq!(desk.last(path), aborted(Reason::SupplyLow));
+    assert_eq!(desk.last_report(path).value(), Some(0.5));
+    let next = desk.path(2, &[north(3)]);
+    assert_eq!(desk.last(next[0]), refused(Reason::SupplyLow));
+    let hold = desk.hold();
+    assert_eq!(desk.last(hold).0, Stage::Done, "holding is always allowed");
+    desk.dsp.grants = false;
+    battery(&mut desk, 20_500);
+    assert_eq!(desk.functionality(), Functionality::Landing);
+    desk.dsp.status.flying = false;
+    desk.run(400);
+    assert_eq!(desk.functionality(), Functionality::AtRest);
+    let orders = desk.dsp.commands.iter();
+    let land = Command::Write16 {
+        port: port::LAND,
+        value: 1,
+    };
+    assert_eq!(
+        orders.filter(|command| **command == land).count(),
+        1,
+        "once"
+    );
+}
+
+#[test]
+fn a_path_that_was_lost_with_the_link_is_not_resumed_and_may_be_landed() {
+    for (action, doing) in [
+        ("hold", Functionality::AtRest),
+        ("land", Functionality::Landing),
+    ] {
+        let mut desk = flying_with(&format!("[safety]\nlink_loss = \"{action}\"\n"));
+        following(&mut desk);
+        desk.dsp.silent = true;
+        desk.run(3000);
+        assert_eq!(desk.link(), LinkState::Connecting);
+        desk.dsp.silent = false;
+        desk.dsp.grants = false;
+        desk.run(3000);
+        assert_eq!(desk.functionality(), doing, "{action}");
+        assert!(desk.dsp.held.is_empty());
+        assert_eq!(
+            desk.bridge.state().link.dsp_path(),
+            Some(DspPathState::Empty)
+        );
+    }
+}
+
+#[test]
+fn the_state_shows_an_error_as_long_as_it_holds() {
+    // A refused stop, and a perfect landing after it.
+    let mut desk = Desk::flying();
+    desk.dsp.grants = false;
+    let land = desk.land();
+    desk.control(ControlCommand::Stop);
+    assert_eq!(desk.imi_error(), ImiError::ImpossibleToStopModule);
+    desk.dsp.status.flying = false;
+    desk.run(400);
+    assert_eq!(desk.last(land).0, Stage::Done);
+    assert_eq!(desk.imi_error(), ImiError::None);
+
+    // A link that is lost at rest.
+    let mut desk = Desk::started();
+    desk.dsp.silent = true;
+    desk.run(1200);
+    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
+    assert_eq!(desk.module(), ModuleStatus::Running, "nothing has ended");
+    desk.run(3000);
+    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
+    desk.dsp.silent = false;
+    desk.run(3000);
+    assert_eq!(desk.imi_error(), ImiError::None);
+
+    // A start-up that was never answered.
+    let mut desk = Desk::closed(&BridgeConfig::default());
+    desk.dsp.silent = true;
+    desk.open();
+    assert_eq!(desk.imi_error(), ImiError::None, "not known yet");
+    desk.run(1000);
+    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
+}
+
+#[test]
+fn a_dsp_error_is_shown_as_the_dsp_sent_it() {
+    for code in [0, 1, 301, 777, u16::MAX] {
+        let mut desk = Desk::started();
+        desk.dsp_error(code);
+        let errors = desk.bridge.state().dsp_errors;
+        assert_eq!(errors.last(), Some(u32::from(code)));
+        desk.run(40);
+        let sample = desk.out.telemetry.last().unwrap();
+        assert_eq!(sample.last_dsp_error(), Some(u32::from(code)));
+    }
+}
+
+#[test]
+fn movements_are_taken_however_slow_the_status_is() {
+    for period_ms in [20, 1000, 5000, 10_000] {
+        let mut desk = Desk::flying();
+        desk.dsp.status_period_ms = period_ms;
+        desk.run(4 * period_ms);
+        for attempt in 0..10 {
+            desk.run(period_ms / 3);
+            let path = desk.path(attempt, &[north(5)]);
+            assert_eq!(desk.last(path[0]).0, Stage::Accepted, "{period_ms} ms");
+            let hold = desk.hold();
+            assert_eq!(desk.last(hold).0, Stage::Done);
+        }
+    }
+}
+
+#[test]
+fn status_that_never_carries_time_is_published_and_told_once() {
+    let mut desk = Desk::up(&BridgeConfig::default());
+    desk.dsp.sends_status = false;
+    desk.dsp.commands.clear();
+    let mut status = desk.dsp.status;
+    status.time_ms = None;
+    for _ in 0..500 {
+        desk.run(20);
+        desk.say(dsp_protocol::Downlink::Status(status));
+        desk.dsp.sends_status = false;
+    }
+    assert!(desk.out.telemetry.len() > 450);
+    let told = desk.out.notices.iter();
+    let told = told.filter(|notice| matches!(notice, bridge::outputs::Notice::OddStatus { .. }));
+    assert_eq!(told.count(), 1);
+    assert!(desk.dsp.commands.len() <= 2, "{:?}", desk.dsp.commands);
+}
+
+#[test]
+fn groups_that_were_not_asked_for_are_left_out() {
+    let mut desk = Desk::up(&config("[status]\ngroups = [\"time\", \"geographic\"]\n"));
+    desk.out.telemetry.clear();
+    desk.dsp.sends_status = false;
+    for _ in 0..100 {
+        desk.run(20);
+        let mut status = desk.dsp.status;
+        status.time_ms = Some(desk.dsp.time_ms);
+        desk.say(dsp_protocol::Downlink::Status(status));
+        desk.dsp.sends_status = false;
+    }
+    assert!(desk.out.telemetry.len() > 90);
+    assert!(
+        desk.out
+            .telemetry
+            .iter()
+            .all(|sample| sample.valid_groups == 0b11)
+    );
+}

@@ -1,0 +1,170 @@
+//! Sends the requests of a command to the bridge and follows them, as [`Exchange`] says.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use ipc_types::payload::RequestReport;
+use ipc_types::{Client, MonotonicNs, Request, SendError};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::exchange::{Exchange, Next, Outcome, Progress, Until};
+use super::{Session, absent, json_line};
+use crate::messages::{self, FinalReport, ReportObject, Verb};
+
+/// How reports are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    /// Not at all: the command needs the answer itself.
+    Silent,
+    /// As lines for people.
+    Text,
+    /// As JSON objects, one a line.
+    Json,
+}
+
+impl Format {
+    pub fn of(json: bool) -> Format {
+        match json {
+            true => Format::Json,
+            false => Format::Text,
+        }
+    }
+}
+
+/// A command's conversations with the bridge over one service.
+pub(super) struct Conversation<'a, R: Request> {
+    verb: Verb,
+    timeout: Duration,
+    session: &'a Session,
+    client: Client<R>,
+    inbox: Vec<RequestReport>,
+}
+
+impl<'a, R: Request> Conversation<'a, R> {
+    /// Opens the service. `timeout` bounds the bridge's first answer to each request.
+    pub fn open(
+        session: &'a Session,
+        verb: Verb,
+        timeout: Duration,
+    ) -> Result<Conversation<'a, R>, Failure> {
+        Ok(Conversation {
+            verb,
+            timeout,
+            session,
+            client: session.ipc.client().or_fail(ExitCode::Internal)?,
+            inbox: Vec::new(),
+        })
+    }
+
+    /// Sends `requests`, prints the reports about them and returns the final one; nothing when the last request was
+    /// accepted and that was enough.
+    ///
+    /// # Errors
+    ///
+    /// When the final report is not `done`, with the exit code that goes with it; when there is no bridge, when it does not
+    /// answer in time, and when a signal ends the command early.
+    pub fn hold(
+        &mut self,
+        requests: &[R],
+        until: Until,
+        format: Format,
+    ) -> Result<Option<RequestReport>, Failure> {
+        let ids = requests.iter().map(Request::request_id);
+        let mut exchange = Exchange::new(ids, until, self.timeout);
+        loop {
+            let now = MonotonicNs::now();
+            self.receive(&mut exchange, requests.len(), format, now)?;
+            match exchange.next(now) {
+                Next::Over(outcome) => return self.judge(outcome, requests.len()),
+                _ if self.session.termination.requested() => {
+                    return Err(self.interrupted(exchange.progress(), requests.len()));
+                }
+                Next::Send(index) => {
+                    self.send(&requests[index])?;
+                    exchange.sent(now);
+                }
+                Next::Wait(until) => self.session.wait(&[&self.client], until)?,
+            }
+        }
+    }
+
+    /// Takes every report that is there, and prints it.
+    fn receive(
+        &mut self,
+        exchange: &mut Exchange,
+        total: usize,
+        format: Format,
+        now: MonotonicNs,
+    ) -> Result<(), Failure> {
+        self.client.drain(|report| self.inbox.push(*report));
+        let mut out = io::stdout().lock();
+        for report in self.inbox.drain(..) {
+            let Some(index) = exchange.take(&report, now) else {
+                continue;
+            };
+            match format {
+                Format::Silent => {}
+                Format::Json => json_line(&mut out, &ReportObject::new(self.verb, &report))?,
+                Format::Text => {
+                    if let Some(line) = messages::line(self.verb, index, total, &report) {
+                        writeln!(out, "{line}").map_err(Failure::output)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, request: &R) -> Result<(), Failure> {
+        match self.client.send(request) {
+            Ok(()) => Ok(()),
+            Err(SendError::NoServer { .. }) => Err(absent(R::SERVICE, self.session.ipc.robot())),
+            Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
+            Err(error @ (SendError::TooManyOutstanding | SendError::Failed(_))) => {
+                Err(Failure::internal(error))
+            }
+        }
+    }
+
+    /// What the command ends with.
+    fn judge(&self, outcome: Outcome, total: usize) -> Result<Option<RequestReport>, Failure> {
+        match outcome {
+            Outcome::Accepted => Ok(None),
+            Outcome::Final(end) => self.judge_final(&end),
+            Outcome::NoAnswer(index) => {
+                let robot = self.session.ipc.robot();
+                let which = match total {
+                    1 => self.verb.name().to_owned(),
+                    total => format!("waypoint {} of {total}", index + 1),
+                };
+                let text = format!(
+                    "the bridge of robot {robot} did not answer to {which} in time: it may hang. The request was \
+                     withdrawn; `ril state --robot {robot}` shows whether it took effect all the same"
+                );
+                Err(Failure::new(ExitCode::Timeout, text))
+            }
+        }
+    }
+
+    fn judge_final(&self, end: &FinalReport) -> Result<Option<RequestReport>, Failure> {
+        match end.exit_code() {
+            ExitCode::Ok => Ok(Some(end.report)),
+            code => Err(Failure::new(code, messages::ending(self.verb, end))),
+        }
+    }
+
+    fn interrupted(&self, progress: Progress, total: usize) -> Failure {
+        let what = match progress {
+            Progress::Taken => self.verb.goes_on(),
+            Progress::Incomplete if total > 1 => {
+                "the path was not complete, so nothing of it is flown"
+            }
+            Progress::Incomplete => {
+                "it was withdrawn before the bridge answered; `ril state` shows whether it took effect"
+            }
+        };
+        let name = self.verb.name();
+        let text = format!("interrupted before the final report about {name}: {what}");
+        Failure::new(ExitCode::OutcomeUnknown, text)
+    }
+}

@@ -1,0 +1,642 @@
+//! What `ril state` shows, as a value made of samples and the time: as text for people, as JSON for programs.
+//!
+//! It reads no clock and no port. What never happened is nothing, and what is too old is marked stale. The text is in
+//! `text`.
+
+mod text;
+
+use std::fmt;
+use std::time::Duration;
+
+use dsp_protocol::DspErrorCode;
+use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
+use ipc_types::payload::{
+    DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters, SafetyState,
+};
+use ipc_types::{MonotonicNs, TelemetryGroup};
+use serde::Serialize;
+
+use crate::messages::details;
+
+/// Name of the JSON object's layout.
+pub const SCHEMA: &str = "ril.State.v2";
+
+/// A sample older than this is marked stale: the state comes at least once a second, telemetry far more often.
+pub const STALE_AFTER: Duration = Duration::from_secs(1);
+
+/// Everything that `ril state` shows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StateReport {
+    schema: &'static str,
+    robot: u32,
+    module: Module,
+    movement: Option<Movement>,
+    link: Link,
+    refused: Refused,
+    dsp_errors: DspErrors,
+    safety: Safety,
+    /// Raw telemetry; nothing when none was received.
+    dsp: Option<Sample>,
+    /// Telemetry in SI units; nothing when none was received.
+    hero: Option<Sample>,
+}
+
+/// A sample by its age.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sample {
+    sequence: u64,
+    /// Nothing when it claims to be of the future: it counts as stale, because nobody knows how old it is.
+    age_s: Option<f64>,
+    stale: bool,
+}
+
+impl Sample {
+    /// The sample `sequence` whose content was so at `time`.
+    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> Sample {
+        Sample {
+            sequence,
+            age_s: age_s(time, now),
+            stale: time > now || now.since(time) > STALE_AFTER,
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Module {
+    id: String,
+    status: String,
+    functionality: String,
+    blocked: bool,
+    unable_to_abort: bool,
+    error: String,
+    sample: Sample,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Movement {
+    kind: String,
+    request_id: u64,
+    path_id: u64,
+    waypoints_total: u32,
+    waypoints_sent: u32,
+    waypoints_reached: u32,
+    distance_to_go_m: Option<f32>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Link {
+    state: String,
+    state_since_s: Option<f64>,
+    port_openings: u32,
+    dsp_boots: u32,
+    last_message_age_s: Option<f64>,
+    last_telemetry_age_s: Option<f64>,
+    bytes_received: u64,
+    messages_received: u64,
+    telemetry_published: u32,
+    telemetry_incoherent: u32,
+    commands_acknowledged: u32,
+    commands_repeated: u32,
+    commands_failed: u32,
+    acks_unmatched: u32,
+    waypoints_sent: u32,
+    waypoints_repeated: u32,
+    delivery_verified: bool,
+    dsp_path: String,
+    /// Nothing before the DSP has answered the start-up sequence: it has not been asked.
+    pc_timeout_supported: Option<bool>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Safety {
+    /// Nothing when no rule is violated.
+    violation: Option<Violation>,
+    pilot_switch: String,
+    fence_areas: u32,
+    interventions: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Violation {
+    rule: String,
+    amount: Option<f64>,
+    /// Unit of `amount`; nothing for a rule that has none.
+    unit: Option<&'static str>,
+    action: String,
+    /// The amount as people read it.
+    #[serde(skip)]
+    by: Option<String>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Refused {
+    stray: u32,
+    unknown_header: u32,
+    truncated: u32,
+    checksum: u32,
+    padding: u32,
+    value: u32,
+    implausible_groups: u32,
+    implausible: Vec<&'static str>,
+    requests: u32,
+    transmit_overflows: u32,
+    other_profile: u32,
+    missed_messages: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct DspErrors {
+    total: u32,
+    escalated: u32,
+    unknown: u32,
+    last: Option<String>,
+    last_code: Option<u32>,
+    by_code: Vec<DspErrorCount>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct DspErrorCount {
+    code: u16,
+    text: &'static str,
+    count: u32,
+}
+
+impl StateReport {
+    /// What `state` and the newest telemetry say at `now`.
+    pub fn new(
+        robot: u32,
+        state: &ModuleState,
+        dsp: Option<Sample>,
+        hero: Option<Sample>,
+        now: MonotonicNs,
+    ) -> StateReport {
+        StateReport {
+            schema: SCHEMA,
+            robot,
+            module: Module::new(state, now),
+            movement: (state.movement.kind != 0).then(|| Movement::new(&state.movement)),
+            link: Link::new(&state.link, now),
+            refused: Refused::new(&state.refused),
+            dsp_errors: DspErrors::new(&state.dsp_errors),
+            safety: Safety::new(&state.safety),
+            dsp,
+            hero,
+        }
+    }
+}
+
+impl Module {
+    fn new(state: &ModuleState, now: MonotonicNs) -> Module {
+        Module {
+            id: named(ModuleId::from_code(state.module_id), state.module_id),
+            status: named(ModuleStatus::from_code(state.status), state.status),
+            functionality: named(
+                Functionality::from_code(state.functionality),
+                state.functionality,
+            ),
+            blocked: state.is_blocked(),
+            unable_to_abort: state.is_unable_to_abort(),
+            error: state.imi_error().to_string(),
+            sample: Sample::new(state.sequence, state.published(), now),
+        }
+    }
+}
+
+impl Movement {
+    fn new(movement: &MovementState) -> Movement {
+        Movement {
+            kind: named(movement.kind(), movement.kind),
+            request_id: movement.request_id,
+            path_id: movement.path_id,
+            waypoints_total: movement.waypoints_total,
+            waypoints_sent: movement.waypoints_sent,
+            waypoints_reached: movement.waypoints_reached,
+            distance_to_go_m: movement.distance_to_go().filter(|m| m.is_finite()),
+        }
+    }
+}
+
+impl Link {
+    fn new(link: &LinkHealth, now: MonotonicNs) -> Link {
+        // Without `..`: a field that is added must be shown.
+        let LinkHealth {
+            last_message_ns: _,
+            last_telemetry_ns,
+            state_since_ns,
+            bytes_received,
+            messages_received,
+            state,
+            port_openings,
+            dsp_boots,
+            commands_acknowledged,
+            commands_repeated,
+            commands_failed,
+            acks_unmatched,
+            waypoints_sent,
+            waypoints_repeated,
+            delivery_verified,
+            telemetry_published,
+            telemetry_incoherent,
+            dsp_path,
+            pc_timeout_supported,
+        } = *link;
+        let since = (state_since_ns > 0).then_some(MonotonicNs(state_since_ns));
+        let is_asked = matches!(link.state(), Some(LinkState::Up | LinkState::Silent));
+        let last_telemetry = (telemetry_published > 0).then_some(MonotonicNs(last_telemetry_ns));
+        Link {
+            state: named(LinkState::from_code(state), state),
+            // 0 stands for "never": it is no time of the host.
+            state_since_s: since.and_then(|time| age_s(time, now)),
+            port_openings,
+            dsp_boots,
+            last_message_age_s: link.last_message().and_then(|time| age_s(time, now)),
+            last_telemetry_age_s: last_telemetry.and_then(|time| age_s(time, now)),
+            bytes_received,
+            messages_received,
+            telemetry_published,
+            telemetry_incoherent,
+            commands_acknowledged,
+            commands_repeated,
+            commands_failed,
+            acks_unmatched,
+            waypoints_sent,
+            waypoints_repeated,
+            delivery_verified: delivery_verified == 1,
+            dsp_path: named(link.dsp_path(), dsp_path),
+            pc_timeout_supported: (is_asked || pc_timeout_supported == 1)
+                .then_some(pc_timeout_supported == 1),
+        }
+    }
+}
+
+impl Refused {
+    fn new(counters: &RefusedCounters) -> Refused {
+        let RefusedCounters {
+            stray,
+            unknown_header,
+            truncated,
+            checksum,
+            padding,
+            value,
+            implausible_groups,
+            implausible_mask,
+            requests,
+            transmit_overflows,
+            other_profile,
+            missed_messages,
+        } = *counters;
+        // The mask has sixteen bits; others would be of a later layout.
+        let mask = (implausible_mask & u32::from(u16::MAX)) as u16;
+        Refused {
+            stray,
+            unknown_header,
+            truncated,
+            checksum,
+            padding,
+            value,
+            implausible_groups,
+            implausible: TelemetryGroup::in_mask(mask)
+                .map(TelemetryGroup::name)
+                .collect(),
+            requests,
+            transmit_overflows,
+            other_profile,
+            missed_messages,
+        }
+    }
+
+    /// The counters by name.
+    fn counters(&self) -> [(&'static str, u32); 11] {
+        [
+            ("stray", self.stray),
+            ("unknown header", self.unknown_header),
+            ("truncated", self.truncated),
+            ("checksum", self.checksum),
+            ("padding", self.padding),
+            ("value", self.value),
+            ("implausible groups", self.implausible_groups),
+            ("requests", self.requests),
+            ("transmit overflows", self.transmit_overflows),
+            ("other profile", self.other_profile),
+            ("missed messages", self.missed_messages),
+        ]
+    }
+}
+
+impl DspErrors {
+    fn new(counters: &DspErrorCounters) -> DspErrors {
+        let counts = DspErrorCode::KNOWN.into_iter().zip(counters.known);
+        let by_code = counts
+            .filter(|(_, count)| *count > 0)
+            .map(|(code, count)| DspErrorCount {
+                code: code.0,
+                text: code.text(),
+                count,
+            })
+            .collect();
+        DspErrors {
+            total: counters.total,
+            escalated: counters.escalated,
+            unknown: counters.unknown,
+            last: counters.last().map(details::dsp_error),
+            last_code: counters.last(),
+            by_code,
+        }
+    }
+}
+
+impl Safety {
+    fn new(safety: &SafetyState) -> Safety {
+        // Without `..`: a field that is added must be shown.
+        let SafetyState {
+            amount,
+            rule,
+            action,
+            pilot_switch,
+            fence_areas,
+            interventions,
+            reserved: _,
+        } = *safety;
+        let known = safety.rule();
+        let violation = (rule != 0).then(|| Violation {
+            rule: named(known, rule),
+            amount: known
+                .and_then(details::unit)
+                .and(Some(amount))
+                .filter(|amount| amount.is_finite()),
+            unit: known.and_then(details::unit),
+            action: named(safety.action(), action),
+            by: known.and_then(|rule| details::amount(rule, amount)),
+        });
+        Safety {
+            violation,
+            pilot_switch: named(safety.pilot_switch(), pilot_switch),
+            fence_areas,
+            interventions,
+        }
+    }
+}
+
+/// The name of a code, or a number that is not in the contract.
+fn named(name: Option<impl fmt::Display>, number: u32) -> String {
+    name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
+}
+
+/// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
+/// gives, must not look like the present.
+fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
+    (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::code::{
+        DspPathState, ImiError, MovementKind, PilotSwitch, SafetyAction, SafetyRule,
+    };
+
+    use super::*;
+
+    const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
+
+    fn ago(ms: u64) -> MonotonicNs {
+        MonotonicNs(NOW.0 - ms * 1_000_000)
+    }
+
+    /// A state in which everything has happened.
+    fn eventful() -> ModuleState {
+        let mut state = ModuleState {
+            sequence: 9,
+            published_ns: ago(120).0,
+            module_id: ModuleId::HeroBridge.code(),
+            status: ModuleStatus::Running.code(),
+            imi_error: ImiError::ImpossibleToStopModule.code(),
+            functionality: Functionality::FollowingPath.code(),
+            blocked: 1,
+            unable_to_abort: 1,
+            ..ModuleState::default()
+        };
+        state.movement = MovementState {
+            kind: MovementKind::GoToWaypoint.code(),
+            waypoints_total: 3,
+            waypoints_sent: 2,
+            waypoints_reached: 1,
+            distance_to_go_m: 12.34,
+            distance_valid: 1,
+            ..MovementState::default()
+        };
+        state.link = LinkHealth {
+            state: LinkState::Up.code(),
+            state_since_ns: ago(12_300).0,
+            port_openings: 2,
+            messages_received: 40,
+            last_message_ns: ago(15).0,
+            telemetry_published: 30,
+            last_telemetry_ns: ago(2500).0,
+            ..LinkHealth::default()
+        };
+        state.link.dsp_path = DspPathState::Ours.code();
+        state.link.pc_timeout_supported = 1;
+        state.safety = SafetyState {
+            amount: 4.2,
+            rule: SafetyRule::FenceCeiling.code(),
+            action: SafetyAction::Hold.code(),
+            pilot_switch: PilotSwitch::Auto.code(),
+            fence_areas: 3,
+            interventions: 2,
+            ..SafetyState::default()
+        };
+        state.refused.checksum = 3;
+        state.refused.implausible_groups = 1;
+        state.refused.implausible_mask = u32::from(TelemetryGroup::Sonar.bit()) | 1 << 30;
+        state.dsp_errors.total = 4;
+        state.dsp_errors.escalated = 1;
+        state.dsp_errors.unknown = 1;
+        state.dsp_errors.last_code = 777;
+        let index = DspErrorCode::PC_CHECKSUM.counter_index().unwrap();
+        state.dsp_errors.known[index] = 3;
+        state
+    }
+
+    #[test]
+    fn a_bridge_that_has_seen_nothing_says_so() {
+        let state = ModuleState {
+            published_ns: NOW.0,
+            module_id: ModuleId::HeroBridge.code(),
+            status: ModuleStatus::WaitingDataToStart.code(),
+            functionality: Functionality::AtRest.code(),
+            blocked: 1,
+            link: LinkHealth {
+                state: LinkState::Gone.code(),
+                ..LinkHealth::default()
+            },
+            ..ModuleState::default()
+        };
+        let text = StateReport::new(1, &state, None, None, NOW).to_string();
+        let expected = "\
+robot       1
+module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
+movement    none yet
+link        gone since an unknown time; port opened 0 times, DSP boots seen 0
+            last message never, last telemetry never
+            0 bytes, 0 messages; 0 samples published, 0 incoherent
+            0 commands acknowledged, 0 repeated, 0 failed, 0 acks unmatched
+            0 waypoints sent, 0 of them again, delivery not verified
+DSP path    unknown-0; when the bridge is gone: not known yet what the DSP does
+safety      no rule violated; pilot's switch unknown, 0 fence areas, 0 interventions
+refused     nothing
+DSP errors  none
+dsp         no sample
+hero        no sample
+";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn everything_that_happened_is_told_with_its_age() {
+        let dsp = Sample::new(30, ago(2500), NOW);
+        let hero = Sample::new(29, ago(1000), NOW);
+        let text = StateReport::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
+        for expected in [
+            "robot       7\n",
+            "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
+            "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
+            "up for 12.300 s; port opened 2 times",
+            "last message 0.015 s ago, last telemetry 2.500 s ago\n",
+            "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",
+            "safety      fence-ceiling by 4.2 m: hold; pilot's switch auto, 3 fence areas, 2 interventions\n",
+            "refused     checksum 3, implausible groups 1 (groups: sonar)\n",
+            "DSP errors  4, 1 of them fatal; last dsp-error-777 (unknown)\n",
+            "3 × 102: checksum error from the PC\n",
+            "1 × unknown codes\n",
+            "dsp         sample 30, 2.500 s old, STALE\n",
+            "hero        sample 29, 1.000 s old\n",
+        ] {
+            assert!(
+                text.contains(expected),
+                "{expected:?} is missing in\n{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_the_dsp_does_without_a_bridge_is_known_once_it_was_asked() {
+        for (link, supported, expected) in [
+            (LinkState::Connecting, 0, "not known yet what the DSP does"),
+            (LinkState::Gone, 0, "not known yet what the DSP does"),
+            (LinkState::Up, 0, "the DSP flies on to the end of its path"),
+            (
+                LinkState::Silent,
+                0,
+                "the DSP flies on to the end of its path",
+            ),
+            (LinkState::Up, 1, "the DSP stops the helicopter by itself"),
+            (LinkState::Gone, 1, "the DSP stops the helicopter by itself"),
+        ] {
+            let mut state = eventful();
+            state.link.state = link.code();
+            state.link.pc_timeout_supported = supported;
+            let text = StateReport::new(1, &state, None, None, NOW).to_string();
+            let expected = format!("when the bridge is gone: {expected}\n");
+            assert!(text.contains(&expected), "{link}: {text}");
+        }
+    }
+
+    #[test]
+    fn a_time_of_the_future_never_looks_fresh() {
+        let later = MonotonicNs(NOW.0 + 1);
+        let mut state = eventful();
+        state.published_ns = u64::MAX;
+        state.link.state_since_ns = u64::MAX;
+        state.link.last_message_ns = later.0;
+        state.link.last_telemetry_ns = later.0;
+        state.movement.distance_to_go_m = f32::NAN;
+        let dsp = Sample::new(1, later, NOW);
+        let report = StateReport::new(7, &state, Some(dsp), None, NOW);
+        let json = serde_json::to_value(&report).unwrap();
+        for pointer in [
+            "/module/sample/age_s",
+            "/link/state_since_s",
+            "/link/last_message_age_s",
+            "/link/last_telemetry_age_s",
+            "/movement/distance_to_go_m",
+            "/dsp/age_s",
+        ] {
+            assert_eq!(json.pointer(pointer), Some(&serde_json::Value::Null));
+        }
+        assert_eq!(json["dsp"]["stale"], true);
+        let text = report.to_string();
+        for expected in [
+            "sample 9, of unknown age, STALE\n",
+            "link        up since an unknown time; port",
+            "last message of unknown age, last telemetry of unknown age\n",
+            "dsp         sample 1, of unknown age, STALE\n",
+        ] {
+            assert!(
+                text.contains(expected),
+                "{expected:?} is missing in\n{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn programs_get_names_ages_and_nothing_for_what_never_was() {
+        let hero = Sample::new(29, ago(1001), NOW);
+        let json =
+            serde_json::to_value(StateReport::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
+        for (pointer, expected) in [
+            ("/schema", serde_json::json!("ril.State.v2")),
+            ("/module/status", "running".into()),
+            ("/module/blocked", true.into()),
+            ("/module/error", "impossible-to-stop-module".into()),
+            ("/movement/kind", "goto".into()),
+            ("/link/state", "up".into()),
+            ("/link/last_message_age_s", 0.015.into()),
+            ("/refused/checksum", 3.into()),
+            ("/refused/implausible", vec!["sonar"].into()),
+            ("/dsp_errors/by_code/0/code", 102.into()),
+            (
+                "/dsp_errors/by_code/0/text",
+                "checksum error from the PC".into(),
+            ),
+            ("/dsp_errors/last", "dsp-error-777 (unknown)".into()),
+            ("/dsp_errors/last_code", 777.into()),
+            ("/link/dsp_path", "ours".into()),
+            ("/link/pc_timeout_supported", true.into()),
+            ("/safety/violation/rule", "fence-ceiling".into()),
+            ("/safety/violation/amount", 4.2.into()),
+            ("/safety/violation/unit", "m".into()),
+            ("/safety/violation/action", "hold".into()),
+            ("/safety/pilot_switch", "auto".into()),
+            ("/safety/fence_areas", 3.into()),
+            ("/dsp", serde_json::Value::Null),
+            ("/hero/stale", true.into()),
+        ] {
+            assert_eq!(json.pointer(pointer), Some(&expected), "{pointer}");
+        }
+        let json = serde_json::to_value(StateReport::new(
+            7,
+            &ModuleState::default(),
+            None,
+            None,
+            NOW,
+        ))
+        .unwrap();
+        for pointer in [
+            "/movement",
+            "/link/last_message_age_s",
+            "/link/last_telemetry_age_s",
+            "/link/state_since_s",
+            "/link/pc_timeout_supported",
+            "/dsp_errors/last",
+            "/dsp_errors/last_code",
+            "/safety/violation",
+        ] {
+            assert_eq!(
+                json.pointer(pointer),
+                Some(&serde_json::Value::Null),
+                "{pointer}"
+            );
+        }
+        assert_eq!(json["module"]["status"], "unknown-0");
+    }
+}

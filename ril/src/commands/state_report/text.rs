@@ -1,0 +1,195 @@
+//! The report as text: a title and a few lines for each part.
+
+use std::fmt;
+
+use super::{
+    DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, Sample, StateReport,
+};
+
+impl fmt::Display for StateReport {
+    /// Lines with a title each; the last without its end.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "robot       {}", self.robot)?;
+        writeln!(f, "module      {}", self.module)?;
+        match &self.movement {
+            Some(movement) => writeln!(f, "movement    {movement}")?,
+            None => writeln!(f, "movement    none yet")?,
+        }
+        writeln!(f, "link        {}", self.link)?;
+        writeln!(
+            f,
+            "DSP path    {}; when the bridge is gone: {}",
+            self.link.dsp_path,
+            without_bridge(self.link.pc_timeout_supported)
+        )?;
+        writeln!(f, "safety      {}", self.safety)?;
+        writeln!(f, "refused     {}", self.refused)?;
+        writeln!(f, "DSP errors  {}", self.dsp_errors)?;
+        for (title, sample) in [("dsp", self.dsp), ("hero", self.hero)] {
+            match sample {
+                Some(sample) => writeln!(f, "{title:<12}{sample}")?,
+                None => writeln!(f, "{title:<12}no sample")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a helicopter on a path does when its bridge is gone.
+fn without_bridge(pc_timeout_supported: Option<bool>) -> &'static str {
+    match pc_timeout_supported {
+        Some(true) => "the DSP stops the helicopter by itself",
+        Some(false) => "the DSP flies on to the end of its path",
+        None => "not known yet what the DSP does",
+    }
+}
+
+impl fmt::Display for Safety {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.violation {
+            None => f.write_str("no rule violated")?,
+            Some(violation) => {
+                f.write_str(&violation.rule)?;
+                if let Some(by) = &violation.by {
+                    write!(f, " {by}")?;
+                }
+                write!(f, ": {}", violation.action)?;
+            }
+        }
+        write!(
+            f,
+            "; pilot's switch {}, {} fence areas, {} interventions",
+            self.pilot_switch, self.fence_areas, self.interventions
+        )
+    }
+}
+
+impl fmt::Display for Module {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}, {}", self.id, self.status, self.functionality)?;
+        if self.blocked {
+            f.write_str(", blocked")?;
+        }
+        if self.unable_to_abort {
+            f.write_str(", unable to abort")?;
+        }
+        write!(f, "; {}; {}", self.error, self.sample)
+    }
+}
+
+impl fmt::Display for Movement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.kind)?;
+        if self.waypoints_total > 0 {
+            write!(
+                f,
+                ", {} waypoints, {} sent, {} reached",
+                self.waypoints_total, self.waypoints_sent, self.waypoints_reached
+            )?;
+        }
+        match self.distance_to_go_m {
+            Some(distance) => write!(f, ", {distance:.1} m to go"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Link {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ago = |age: Option<f64>, ever: bool| match age {
+            Some(age) => format!("{age:.3} s ago"),
+            None if ever => "of unknown age".to_owned(),
+            None => "never".to_owned(),
+        };
+        let since = match self.state_since_s {
+            Some(age) => format!("for {age:.3} s"),
+            None => "since an unknown time".to_owned(),
+        };
+        writeln!(
+            f,
+            "{} {since}; port opened {} times, DSP boots seen {}",
+            self.state, self.port_openings, self.dsp_boots
+        )?;
+        writeln!(
+            f,
+            "            last message {}, last telemetry {}",
+            ago(self.last_message_age_s, self.messages_received > 0),
+            ago(self.last_telemetry_age_s, self.telemetry_published > 0)
+        )?;
+        writeln!(
+            f,
+            "            {} bytes, {} messages; {} samples published, {} incoherent",
+            self.bytes_received,
+            self.messages_received,
+            self.telemetry_published,
+            self.telemetry_incoherent
+        )?;
+        write!(
+            f,
+            "            {} commands acknowledged, {} repeated, {} failed, {} acks unmatched\n            {} waypoints sent, {} of them again, delivery {}",
+            self.commands_acknowledged,
+            self.commands_repeated,
+            self.commands_failed,
+            self.acks_unmatched,
+            self.waypoints_sent,
+            self.waypoints_repeated,
+            if self.delivery_verified {
+                "verified"
+            } else {
+                "not verified"
+            }
+        )
+    }
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let counts: Vec<String> = self
+            .counters()
+            .into_iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(name, count)| format!("{name} {count}"))
+            .collect();
+        if counts.is_empty() {
+            return f.write_str("nothing");
+        }
+        f.write_str(&counts.join(", "))?;
+        match self.implausible.as_slice() {
+            [] => Ok(()),
+            groups => write!(f, " (groups: {})", groups.join(", ")),
+        }
+    }
+}
+
+impl fmt::Display for DspErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(last) = &self.last else {
+            return f.write_str("none");
+        };
+        write!(
+            f,
+            "{}, {} of them fatal; last {last}",
+            self.total, self.escalated
+        )?;
+        for DspErrorCount { code, text, count } in &self.by_code {
+            write!(f, "\n            {count} × {code}: {text}")?;
+        }
+        if self.unknown > 0 {
+            write!(f, "\n            {} × unknown codes", self.unknown)?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Sample {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.age_s {
+            Some(age) => write!(f, "sample {}, {age:.3} s old", self.sequence)?,
+            None => write!(f, "sample {}, of unknown age", self.sequence)?,
+        }
+        if self.stale {
+            f.write_str(", STALE")?;
+        }
+        Ok(())
+    }
+}

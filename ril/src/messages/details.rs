@@ -1,0 +1,240 @@
+//! What a report is about: rule, leg or waypoint, amount, DSP error, port.
+//!
+//! Any bit pattern may lie in shared memory: a number that is not in the contract is shown as that number, and a name that
+//! could harm a terminal is not shown.
+
+use dsp_protocol::DspErrorCode;
+use ipc_types::code::{PortKind, SafetyRule};
+use ipc_types::payload::{PortInfo, RequestReport};
+
+/// Unit of the amount by which a rule is broken; nothing for a rule without an amount.
+pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
+    match rule {
+        SafetyRule::PilotSwitch | SafetyRule::FenceUnjudgeable => None,
+        SafetyRule::FenceInclusion
+        | SafetyRule::FenceExclusion
+        | SafetyRule::FenceFloor
+        | SafetyRule::FenceCeiling => Some("m"),
+        SafetyRule::Battery => Some("V"),
+        SafetyRule::Fuel => Some("%"),
+        SafetyRule::LinkLoss => Some("s"),
+    }
+}
+
+/// By how much `rule` is broken, such as `by 4.2 m`; nothing when it has no amount.
+pub fn amount(rule: SafetyRule, amount: f64) -> Option<String> {
+    let unit = unit(rule)?;
+    // A breach of centimetres must not look like none.
+    let decimals = if amount.abs() < 0.1 { 3 } else { 1 };
+    amount
+        .is_finite()
+        .then(|| format!("by {amount:.decimals$} {unit}"))
+}
+
+/// A DSP error as the DSP sent it, with its meaning: `dsp-error-30 (invalid command)`, `dsp-error-777 (unknown)`.
+pub fn dsp_error(code: u32) -> String {
+    let known = u16::try_from(code).map(DspErrorCode);
+    match known {
+        Ok(known) if known.counter_index().is_some() => {
+            format!("dsp-error-{code} ({})", known.text())
+        }
+        _ => format!("dsp-error-{code} (unknown)"),
+    }
+}
+
+/// Everything that a report adds to its reason, separated by commas; nothing when it adds nothing.
+pub fn details(report: &RequestReport) -> Option<String> {
+    let rule = report.rule();
+    let place = match (report.waypoint, report.rule) {
+        (0, _) => None,
+        (number, 0) => Some(format!("waypoint {number}")),
+        (number, _) => Some(format!("leg {number}")),
+    };
+    let rule_name = match (rule, report.rule) {
+        (Some(rule), _) => Some(rule.name().to_owned()),
+        (None, 0) => None,
+        (None, number) => Some(format!("rule {number}")),
+    };
+    let by = rule
+        .zip(report.value())
+        .and_then(|(rule, value)| amount(rule, value));
+    let error = report.dsp_error().map(dsp_error);
+    let parts: Vec<String> = [rule_name, place, by, error]
+        .into_iter()
+        .flatten()
+        .collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
+}
+
+/// The port's name, if it is one that can be shown.
+pub fn port_name(port: &PortInfo) -> Option<&str> {
+    port.name()
+        .filter(|name| !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_graphic()))
+}
+
+/// What to call the port: its name, or else its number.
+pub fn port_label(port: &PortInfo) -> String {
+    port_name(port).map_or_else(|| format!("port {}", port.number), str::to_owned)
+}
+
+/// A value of the port with its own digits: 0.1 and not 0.10000000149011612, which a 32-bit float is in 64 bits.
+pub fn port_value(port: &PortInfo, value: f64) -> f64 {
+    match port.kind() {
+        Some(PortKind::F32) => (value as f32).to_string().parse().unwrap_or(value),
+        _ => value,
+    }
+}
+
+/// From where to where the port's values go, such as `0.1 to 20`.
+pub fn port_range(port: &PortInfo) -> String {
+    let [min, max] = [port.min, port.max].map(|end| port_value(port, end));
+    format!("{min} to {max}")
+}
+
+/// The line over the rows of [`port_row`].
+pub fn port_header() -> String {
+    row("NUMBER", "NAME", "KIND", "RANGE", "WRITABLE")
+}
+
+/// One port of the list as a line for people.
+pub fn port_row(port: &PortInfo) -> String {
+    let writable = port.access & PortInfo::WRITABLE != 0;
+    let in_flight = port.access & PortInfo::WRITABLE_IN_FLIGHT != 0;
+    row(
+        &port.number.to_string(),
+        port_name(port).unwrap_or("-"),
+        port.kind().map_or("-", PortKind::name),
+        &port_range(port),
+        match (writable, in_flight) {
+            (false, _) => "no",
+            (true, false) => "on the ground",
+            (true, true) => "yes",
+        },
+    )
+}
+
+/// The longest name of a port has 32 bytes; those of today have up to 22.
+fn row(number: &str, name: &str, kind: &str, range: &str, writable: &str) -> String {
+    format!("{number:<7} {name:<23} {kind:<5} {range:<14} {writable}")
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::code::{Reason, Stage};
+
+    use super::*;
+
+    fn report() -> RequestReport {
+        RequestReport::new(Stage::Refused, Reason::None)
+    }
+
+    fn breach(rule: SafetyRule, waypoint: u32, value: f64) -> RequestReport {
+        RequestReport {
+            rule: rule.code(),
+            waypoint,
+            value,
+            value_valid: 1,
+            ..report()
+        }
+    }
+
+    #[test]
+    fn a_breach_names_rule_leg_and_amount_with_its_unit() {
+        for (report, expected) in [
+            (
+                breach(SafetyRule::FenceCeiling, 3, 4.2),
+                "fence-ceiling, leg 3, by 4.2 m",
+            ),
+            (
+                breach(SafetyRule::FenceInclusion, 1, 0.02),
+                "fence-inclusion, leg 1, by 0.020 m",
+            ),
+            (breach(SafetyRule::Battery, 0, 0.3), "battery, by 0.3 V"),
+            (breach(SafetyRule::Fuel, 0, 5.0), "fuel, by 5.0 %"),
+            (breach(SafetyRule::LinkLoss, 0, 2.0), "link-loss, by 2.0 s"),
+            (breach(SafetyRule::PilotSwitch, 0, 1.0), "pilot-switch"),
+            (
+                breach(SafetyRule::FenceFloor, 2, f64::NAN),
+                "fence-floor, leg 2",
+            ),
+        ] {
+            assert_eq!(details(&report).as_deref(), Some(expected));
+        }
+        let later = RequestReport {
+            rule: 99,
+            waypoint: 1,
+            ..report()
+        };
+        assert_eq!(details(&later).as_deref(), Some("rule 99, leg 1"));
+    }
+
+    #[test]
+    fn a_refusal_by_the_dsp_names_waypoint_and_error() {
+        let refused = |code| RequestReport {
+            waypoint: 7,
+            dsp_error_code: code,
+            dsp_error_valid: 1,
+            ..report()
+        };
+        for (code, expected) in [
+            (30, "waypoint 7, dsp-error-30 (invalid command)"),
+            (777, "waypoint 7, dsp-error-777 (unknown)"),
+            (0, "waypoint 7, dsp-error-0 (unknown)"),
+            (u32::MAX, "waypoint 7, dsp-error-4294967295 (unknown)"),
+        ] {
+            assert_eq!(details(&refused(code)).as_deref(), Some(expected));
+        }
+        assert_eq!(details(&report()), None);
+    }
+
+    #[test]
+    fn a_port_whose_name_could_harm_a_terminal_is_called_by_its_number() {
+        let port = |name: &str| PortInfo {
+            number: 20_000,
+            name: PortInfo::name_bytes(name),
+            ..PortInfo::default()
+        };
+        assert_eq!(port_label(&port("cruise_speed_mps")), "cruise_speed_mps");
+        for name in ["", "\u{1b}[2J", "two words", "señal"] {
+            assert_eq!(port_label(&port(name)), "port 20000", "{name:?}");
+        }
+    }
+
+    #[test]
+    fn a_32_bit_value_keeps_its_own_digits() {
+        let port = PortInfo {
+            min: f64::from(0.05_f32),
+            max: f64::from(10.0_f32),
+            kind: PortKind::F32.code(),
+            ..PortInfo::default()
+        };
+        assert_eq!(port_range(&port), "0.05 to 10");
+        assert_eq!(port_value(&port, f64::from(0.8_f32)), 0.8);
+        assert!(port_value(&port, f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn the_list_says_who_may_write_what_and_when() {
+        let port = |access| PortInfo {
+            min: -500.0,
+            max: 500.0,
+            number: 10_203,
+            kind: PortKind::I16.code(),
+            access,
+            count: 1,
+            name: PortInfo::name_bytes("trim_tail_us"),
+        };
+        for (access, expected) in [
+            (0, "no"),
+            (PortInfo::WRITABLE, "on the ground"),
+            (PortInfo::WRITABLE | PortInfo::WRITABLE_IN_FLIGHT, "yes"),
+            (PortInfo::WRITABLE_IN_FLIGHT, "no"),
+        ] {
+            let row = port_row(&port(access));
+            let words: Vec<&str> = row.split_whitespace().collect();
+            assert_eq!(words[..5], ["10203", "trim_tail_us", "i16", "-500", "to"]);
+            assert!(row.ends_with(&format!(" {expected}")), "{row}");
+            assert_eq!(row.find(expected), port_header().find("WRITABLE"), "{row}");
+        }
+    }
+}

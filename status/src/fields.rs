@@ -1,0 +1,226 @@
+//! The fields of a sample by group: what they are called in a log, and where their values are.
+//!
+//! Values are those that the bridge published, in the DSP's own units: a log is of the input (`log.conf`).
+
+use std::fmt;
+
+use ipc_types::TelemetryGroup as Group;
+use ipc_types::payload::DspTelemetry;
+
+/// One field, which is a column of a log.
+pub struct Field {
+    /// The name in the first line, with the unit as suffix.
+    pub name: &'static str,
+    value: fn(&DspTelemetry) -> Value,
+}
+
+impl Field {
+    /// The value in `sample`.
+    pub fn value(&self, sample: &DspTelemetry) -> Value {
+        (self.value)(sample)
+    }
+}
+
+/// A value, shown with as few digits as give back the same number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// An integer.
+    Integer(u64),
+    /// A single-precision number.
+    Single(f32),
+    /// A double-precision number.
+    Double(f64),
+    /// There is none: the cell is empty.
+    None,
+}
+
+impl Value {
+    /// The value as a number; NaN if there is none. Exact for all but integers beyond 2⁵³.
+    pub fn number(self) -> f64 {
+        match self {
+            Value::Integer(value) => value as f64,
+            Value::Single(value) => value.into(),
+            Value::Double(value) => value,
+            Value::None => f64::NAN,
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Integer(value) => value.fmt(f),
+            Value::Single(value) => value.fmt(f),
+            Value::Double(value) => value.fmt(f),
+            Value::None => Ok(()),
+        }
+    }
+}
+
+macro_rules! from_number {
+    ($($number:ty => $variant:ident),+) => {
+        $(
+            impl From<$number> for Value {
+                fn from(value: $number) -> Value {
+                    Value::$variant(value.into())
+                }
+            }
+        )+
+    };
+}
+
+from_number!(u8 => Integer, u32 => Integer, u64 => Integer, f32 => Single, f64 => Double);
+
+impl From<Option<u32>> for Value {
+    fn from(value: Option<u32>) -> Value {
+        value.map_or(Value::None, Value::from)
+    }
+}
+
+/// `"name" = path.to.value, …` as a slice of fields.
+macro_rules! fields {
+    ($($name:literal = $($path:ident).+),+ $(,)?) => {
+        &[$(Field { name: $name, value: |sample| sample.$($path).+.into() }),+]
+    };
+}
+
+/// The columns that every log begins with: they are valid in every sample.
+pub const ALWAYS: &[Field] = fields! {
+    "flying" = flying,
+    "sequence" = sequence,
+    "received_ns" = received_ns,
+};
+
+/// The columns of the DSP's errors: how many there were since the bridge began, and the code of the last one as the DSP
+/// sent it. They are valid in every sample; before the first error there is no code.
+pub const DSP_ERRORS: &[Field] = &[
+    Field {
+        name: "dsp_errors",
+        value: |sample| sample.dsp_errors.into(),
+    },
+    Field {
+        name: "last_dsp_error_code",
+        value: |sample| sample.last_dsp_error().into(),
+    },
+];
+
+/// The fields of a group, in the order of the wire.
+pub fn of(group: Group) -> &'static [Field] {
+    match group {
+        Group::Time => fields! { "dsp_time_ms" = dsp_time_ms },
+        Group::Geographic => fields! {
+            "latitude_deg" = geographic.latitude_deg,
+            "longitude_deg" = geographic.longitude_deg,
+            "altitude_m" = geographic.altitude_m,
+        },
+        Group::Xy => fields! { "x_m" = xy.x_m, "y_m" = xy.y_m },
+        Group::GpsVelocity => fields! {
+            "gps_horizontal_speed_mps" = gps_velocity.horizontal_speed_mps,
+            "gps_vertical_speed_mps" = gps_velocity.vertical_speed_mps,
+            "gps_heading_deg" = gps_velocity.heading_deg,
+        },
+        Group::GpsQuality => fields! { "gps_quality" = gps_quality },
+        Group::Attitude => fields! {
+            "pitch_deg" = attitude.pitch_deg,
+            "roll_deg" = attitude.roll_deg,
+            "yaw_deg" = attitude.yaw_deg,
+        },
+        Group::Acceleration => fields! {
+            "acceleration_x_mps2" = acceleration.x_mps2,
+            "acceleration_y_mps2" = acceleration.y_mps2,
+            "acceleration_z_mps2" = acceleration.z_mps2,
+        },
+        Group::AngularRate => fields! {
+            "angular_rate_x_radps" = angular_rate.x_radps,
+            "angular_rate_y_radps" = angular_rate.y_radps,
+            "angular_rate_z_radps" = angular_rate.z_radps,
+        },
+        Group::PilotPwm => fields! {
+            "pilot_collective_us" = pilot_pwm.collective_us,
+            "pilot_roll_us" = pilot_pwm.roll_us,
+            "pilot_pitch_us" = pilot_pwm.pitch_us,
+            "pilot_tail_us" = pilot_pwm.tail_us,
+            "pilot_throttle_us" = pilot_pwm.throttle_us,
+        },
+        Group::Sonar => fields! { "sonar_adc" = sonar_adc },
+        Group::Supply => fields! {
+            "battery_mv" = supply.battery_mv,
+            "fuel_percent" = supply.fuel_percent,
+            "auto_switch" = supply.auto_switch,
+        },
+        Group::PanTilt => fields! {
+            "pan_adc" = pan_tilt.pan_adc,
+            "tilt_adc" = pan_tilt.tilt_adc,
+        },
+        Group::RotorSpeed => fields! { "rotor_rpm" = rotor_rpm },
+        Group::Barometer => fields! { "barometer_adc" = barometer_adc },
+        Group::Actuation => fields! {
+            "actuation_collective_us" = actuation.collective_us,
+            "actuation_roll_us" = actuation.roll_us,
+            "actuation_pitch_us" = actuation.pitch_us,
+            "actuation_tail_us" = actuation.tail_us,
+            "actuation_throttle_us" = actuation.throttle_us,
+        },
+        Group::References => fields! {
+            "reference_x_speed_mps" = references.x_speed_mps,
+            "reference_y_speed_mps" = references.y_speed_mps,
+            "reference_altitude_m" = references.altitude_m,
+            "reference_pitch_deg" = references.pitch_deg,
+            "reference_roll_deg" = references.roll_deg,
+            "reference_yaw_deg" = references.yaw_deg,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use ipc_types::payload::{FieldKind, FieldLayout, SharedStruct};
+
+    use super::*;
+
+    fn leaves(fields: &[FieldLayout]) -> usize {
+        let leaf = |field: &FieldLayout| match field.kind {
+            FieldKind::Struct(_, fields) => leaves(fields),
+            FieldKind::Number(_) | FieldKind::Array(..) => 1,
+        };
+        fields.iter().map(leaf).sum()
+    }
+
+    #[test]
+    fn no_field_of_the_sample_is_forgotten() {
+        // epoch_ns, valid_groups, dsp_boots and references.reserved are of no group.
+        let of_no_group = 4;
+        let columns: usize = Group::ALL.map(|group| of(group).len()).iter().sum();
+        assert_eq!(
+            columns + ALWAYS.len() + DSP_ERRORS.len() + of_no_group,
+            leaves(DspTelemetry::FIELDS)
+        );
+    }
+
+    #[test]
+    fn names_are_unique_and_need_no_quoting() {
+        let fields = ALWAYS.iter().chain(DSP_ERRORS);
+        let fields = fields.chain(Group::ALL.into_iter().flat_map(of));
+        let names: Vec<_> = fields.map(|field| field.name).collect();
+        let unique: BTreeSet<_> = names.iter().collect();
+        assert_eq!(unique.len(), names.len());
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        assert!(names.iter().all(|name| name.chars().all(plain)));
+    }
+
+    #[test]
+    fn numbers_are_shown_so_that_they_come_back() {
+        for (value, expected) in [
+            (Value::from(7_u8), "7"),
+            (Value::from(u64::MAX), "18446744073709551615"),
+            (Value::from(0.1_f32), "0.1"),
+            (Value::from(-45.123_456_7_f64), "-45.1234567"),
+            (Value::from(10.0_f64), "10"),
+            (Value::from(None::<u32>), ""),
+        ] {
+            assert_eq!(value.to_string(), expected);
+        }
+    }
+}
