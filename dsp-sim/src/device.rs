@@ -96,6 +96,8 @@ pub struct Dsp {
     flow_control_due: Option<Duration>,
     /// When the PC has been silent for too long; nothing while port 10004 is 0, or when it has been already.
     pc_timeout_due: Option<Duration>,
+    /// Simulated seconds in a second of the PC.
+    speed: f64,
     /// Whether following has been switched on since the boot.
     started_up: bool,
     take_off: TakeOff,
@@ -129,6 +131,7 @@ impl Dsp {
             status_due: None,
             flow_control_due: None,
             pc_timeout_due: None,
+            speed: 1.0,
             started_up: false,
             take_off: TakeOff::default(),
             copies: Copies::default(),
@@ -146,7 +149,10 @@ impl Dsp {
             clock_start_ms: 0,
             ..self.firmware
         };
-        *self = Dsp::boot(now, self.decoder.profile(), boot_errors, firmware);
+        *self = Dsp {
+            speed: self.speed,
+            ..Dsp::boot(now, self.decoder.profile(), boot_errors, firmware)
+        };
         helicopter.reboot(self.ports.settings());
     }
 
@@ -233,6 +239,12 @@ impl Dsp {
     /// The values of the ports.
     pub fn ports(&self) -> &Ports {
         &self.ports
+    }
+
+    /// Sets how many simulated seconds pass in a second of the PC. The PC keeps to the time-out of port 10004 by its own
+    /// clock, so the DSP waits for that many times as long.
+    pub fn set_speed(&mut self, speed: f64) {
+        self.speed = speed;
     }
 
     /// Whether waypoint following is on.
@@ -371,7 +383,7 @@ impl Dsp {
     /// The longest silence of the PC that leaves the path as it is.
     fn pc_timeout(&self) -> Option<Duration> {
         let timeout_ms = self.ports.read_16(port::PC_TIMEOUT_MS)?;
-        (timeout_ms > 0).then(|| Duration::from_millis(timeout_ms.into()))
+        (timeout_ms > 0).then(|| Duration::from_millis(timeout_ms.into()).mul_f64(self.speed))
     }
 
     fn period(&self, number: u16) -> Duration {

@@ -46,6 +46,7 @@ pub fn run(
     supervisor: &Notifier,
 ) -> io::Result<Summary> {
     let mut clock = Clock::new(simulator.now(), speed);
+    simulator.set_speed(speed);
     let mut summary = Summary::default();
     let mut watchdog = Watchdog::new(supervisor);
     let mut buffer = [0; INPUT_PLACES];

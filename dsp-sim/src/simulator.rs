@@ -356,6 +356,11 @@ impl Simulator {
         }
     }
 
+    /// Sets how many simulated seconds pass in a second of the PC: see [`Dsp::set_speed`].
+    pub fn set_speed(&mut self, speed: f64) {
+        self.dsp.set_speed(speed);
+    }
+
     /// Moves the pilot's switch now and leaves it there.
     pub fn set_pilot_switch(&mut self, switch: PilotSwitch) {
         self.helicopter.advance(self.now);

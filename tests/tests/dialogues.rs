@@ -279,7 +279,7 @@ struct DspSide {
 impl DspSide {
     fn new(dialogue: &Dialogue) -> DspSide {
         let mut toml = format!(
-            "[line]\nbaud_rate = 0\nprofile = '{}'\n[wind]\nspeed_mps = 0\ngust_mps = 0\n[noise]\nlevel = 0\n",
+            "[serial]\nbaud_rate = 0\nprofile = '{}'\n[wind]\nspeed_mps = 0\ngust_mps = 0\n[noise]\nlevel = 0\n",
             dialogue.dsp.name()
         );
         if dialogue.header("dsp pc_timeout") == Some("no") {

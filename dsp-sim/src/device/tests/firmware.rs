@@ -74,6 +74,25 @@ fn the_pc_timeout_forgets_the_number_of_the_last_waypoint() {
 }
 
 #[test]
+fn a_faster_simulated_clock_gives_the_pc_the_time_of_its_own_clock() {
+    let mut harness = watched(Profile::Classic);
+    harness.dsp.set_speed(10.0);
+    harness.command(Command::ClearErrors);
+    harness.wait(ms(9_999));
+    assert_eq!(harness.helicopter.held_waypoints(), 1);
+    harness.wait(ms(1));
+    assert_eq!(harness.helicopter.held_waypoints(), 0);
+    // A reboot changes nothing of that.
+    let now = harness.now;
+    harness.dsp.reboot(now, &mut harness.helicopter);
+    let mut harness = harness.start_up();
+    harness.command(write_16(port::PC_TIMEOUT_MS, 1_000));
+    harness.waypoint(FAR);
+    harness.wait(ms(9_999));
+    assert_eq!(harness.helicopter.held_waypoints(), 1);
+}
+
+#[test]
 fn without_a_pc_timeout_the_path_is_flown_to_its_end() {
     for timeout_ms in [None, Some(0)] {
         let mut harness = watched(Profile::Classic);
