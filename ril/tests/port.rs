@@ -138,7 +138,7 @@ fn a_port_that_may_not_be_opened_any_more_is_opened_when_it_may_be_again() {
     allow("dsp-0", 0o666);
     lead(&rig, "dsp-0");
     let mut bridge = Process::spawn(&rig.domain, command(&["bridge", "--port", PORT]));
-    bridge.wait_for_text("to=up");
+    bridge.wait_for_text("to=\"up\"");
 
     // The device comes back, and the user may not open it: as if it belonged to a group that the user is not in.
     let next = dsp(&rig, "dsp-1");
@@ -150,7 +150,7 @@ fn a_port_that_may_not_be_opened_any_more_is_opened_when_it_may_be_again() {
     allow("dsp-1", 0o666);
     bridge.wait_for_text("port open");
     bridge.wait_for_text("port open");
-    bridge.wait_for_text("to=up");
+    bridge.wait_for_text("to=\"up\"");
     end(bridge, Signal::TERM);
     end(next, Signal::TERM);
     rig.domain.assert_empty();
