@@ -274,7 +274,12 @@ impl Flight {
         self.break_path(Reason::BridgeEnding, cx);
         // The helicopter goes on with what it was told; nobody will see how it ends.
         let verdict = Verdict::ended(Stage::Unknown, Reason::BridgeEnding, ImiError::None);
-        self.finish(&verdict, Rest::Ready, cx);
+        match self.motion {
+            // The last published state says how the module rested.
+            Motion::Idle(_) => {}
+            Motion::Stopping { then, .. } => self.finish(&verdict, then, cx),
+            _ => self.finish(&verdict, Rest::Ready, cx),
+        }
         self.end_parameter_requests(Reason::BridgeEnding, cx);
     }
 
