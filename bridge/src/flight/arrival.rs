@@ -3,7 +3,7 @@
 //! The source's test is a box around the last waypoint. Alone it ends a path that returns to its start before it has
 //! begun. So the waypoints must be seen in order: one counts as reached when it has been sent, all before it have been
 //! reached, and a position lies in its box. When the helicopter was not watched at the moment it passed one (telemetry
-//! has gaps), the path still ends: it must have left the last box since the path began, and then stay in it for a
+//! has gaps), the path still ends: it must have been outside the last box since the path began, and then stay in it for a
 //! configured time with everything sent. The report then says fewer waypoints reached than the path has.
 
 use std::time::Duration;
@@ -84,12 +84,15 @@ impl Tracker {
         }
     }
 
-    /// Begins a path.
-    pub fn begin(&mut self, path: &[Waypoint]) {
+    /// Begins a path at the position `start`.
+    pub fn begin(&mut self, start: &Geographic, path: &[Waypoint]) {
         self.path.clear();
         self.path.extend_from_slice(path);
         self.reached = 0;
-        self.left_last_box = false;
+        // With a status every few seconds, the next position may be one in the last box already.
+        self.left_last_box = path
+            .last()
+            .is_some_and(|last| !self.tolerance.holds(last, start));
         self.in_last_box_since = None;
     }
 
@@ -170,7 +173,7 @@ mod tests {
     /// Flies `positions` one second apart with everything sent; returns after how many of them the path has ended.
     fn fly(path: &[Waypoint], positions: &[Waypoint]) -> Option<usize> {
         let mut tracker = Tracker::new(TOLERANCE, DWELL);
-        tracker.begin(path);
+        tracker.begin(&at(positions[0]), path);
         positions
             .iter()
             .enumerate()
@@ -212,10 +215,21 @@ mod tests {
     }
 
     #[test]
+    fn a_path_ends_although_no_position_between_its_start_and_its_end_was_seen() {
+        let (a, b, c) = (A(), B(), C());
+        let mut tracker = Tracker::new(TOLERANCE, DWELL);
+        tracker.begin(&at(a), &[b, c]);
+        for (second, has_ended) in [(5, false), (10, true)] {
+            let now = MonotonicNs(second * 1_000_000_000);
+            assert_eq!(tracker.observe(now, &at(c), 2), has_ended, "{second} s");
+        }
+    }
+
+    #[test]
     fn what_has_not_been_sent_cannot_be_reached() {
         let (b, c) = (B(), C());
         let mut tracker = Tracker::new(TOLERANCE, DWELL);
-        tracker.begin(&[b, c]);
+        tracker.begin(&at(A()), &[b, c]);
         for second in 0..10 {
             let now = MonotonicNs(second * 1_000_000_000);
             assert!(!tracker.observe(now, &at(b), 0));

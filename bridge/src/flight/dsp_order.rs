@@ -156,6 +156,8 @@ impl Flight {
             return;
         };
         self.movement_begun(length_m, cx);
+        // Between two status messages the DSP can begin and end a take-off.
+        self.observation.forget_flying(cx.now);
         self.set_step(DspOrder::Confirming {
             until: cx.now + CONFIRM_WITHIN,
             doubt,
@@ -261,16 +263,16 @@ impl Flight {
         }
     }
 
-    /// Flow control 1: the DSP flies, and neither takes off nor lands.
+    /// Flow control 1: the DSP flies, and neither takes off nor lands. A flying flag that was received since the order and
+    /// says otherwise makes it a damaged message.
     pub(super) fn granted_in_dsp_order<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         let is_begun = matches!(
             self.dsp_order(),
             Some(DspOrder::Confirming { .. } | DspOrder::UnderWay)
         );
-        if !is_begun || self.observation.flying(cx.now) != Some(true) {
-            return;
-        }
+        let flying = self.observation.flying(cx.now);
         match self.motion {
+            _ if !is_begun || flying == Some(false) => {}
             Motion::TakingOff(_) => self.dsp_order_done(cx),
             // It has ended the landing by itself, or has not begun it yet: the port tells.
             Motion::Landing(_) if !self.timers.is_armed(FlightTimer::Step) => self.look(cx),
@@ -281,10 +283,11 @@ impl Flight {
     /// The DSP's own word: the movement is over.
     fn dsp_order_done<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         let height_m = match self.motion {
-            Motion::TakingOff(take_off) => self
-                .observation
-                .position(cx.now)
-                .map(|position| position.altitude_m - take_off.ground_altitude_m),
+            Motion::TakingOff(take_off) => {
+                self.observation.note_flying(cx.now);
+                let position = self.observation.position(cx.now);
+                position.map(|position| position.altitude_m - take_off.ground_altitude_m)
+            }
             _ => None,
         };
         cx.link.forget_movement();

@@ -275,6 +275,7 @@ impl Flight {
         // The helicopter goes on with what it was told; nobody will see how it ends.
         let verdict = Verdict::ended(Stage::Unknown, Reason::BridgeEnding, ImiError::None);
         match self.motion {
+            // The last published state says how the module rested.
             Motion::Idle(_) => {}
             Motion::Stopping { then, .. } => self.finish(&verdict, then, cx),
             _ => self.finish(&verdict, Rest::Ready, cx),

@@ -17,6 +17,8 @@ const GPS_NO_FIX: u8 = 0;
 pub struct Observation {
     fresh_for: Duration,
     flying: Option<(bool, MonotonicNs)>,
+    /// Samples received before this moment do not say whether it is in the air.
+    flying_since: MonotonicNs,
     position: Option<(Geographic, MonotonicNs)>,
     supply: Option<(Supply, MonotonicNs)>,
 }
@@ -27,13 +29,29 @@ impl Observation {
     pub fn take(&mut self, sample: &Sample, fresh_for: Duration) {
         let at = sample.received;
         self.fresh_for = fresh_for;
-        self.flying = Some((sample.status.flying, at));
+        // A sample may have waited for its successor: one from before a change does not show it.
+        if at >= self.flying_since {
+            self.flying = Some((sample.status.flying, at));
+        }
         if let Some(position) = known_position(&sample.status) {
             self.position = Some((position, at));
         }
         if let Some(supply) = sample.status.supply {
             self.supply = Some((supply, at));
         }
+    }
+
+    /// The DSP has begun something that changes whether the helicopter is in the air: the next sample says it again, or the
+    /// DSP's word that it is over.
+    pub fn forget_flying(&mut self, now: MonotonicNs) {
+        self.flying = None;
+        self.flying_since = now;
+    }
+
+    /// The DSP says that the helicopter is in the air, without a sample.
+    pub fn note_flying(&mut self, now: MonotonicNs) {
+        self.flying = Some((true, now));
+        self.flying_since = now;
     }
 
     /// Whether the helicopter is in the air, if that is known.

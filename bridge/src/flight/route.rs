@@ -48,7 +48,7 @@ impl Route {
     /// A path that begins at `position`.
     pub fn begin(&mut self, position: Geographic, path: &[Waypoint]) {
         self.trajectory.begin(position, path);
-        self.tracker.begin(path);
+        self.tracker.begin(&position, path);
         self.verification = Verification::begin();
         self.refusals = 0;
     }

@@ -81,6 +81,13 @@ impl Link {
         MaskVerdict::Odd
     }
 
+    /// Nobody knows why status comes in another mask, or not at all: the next ones that do make the link ask again.
+    pub(super) fn mask_not_read(&mut self) {
+        if let State::Up(session) | State::Silent(session) = &mut self.state {
+            session.odd_mask = None;
+        }
+    }
+
     /// The DSP's mask was read because no status came, or one with the groups `instead` of ours.
     pub(super) fn mask_read(
         &mut self,
@@ -105,10 +112,12 @@ impl Link {
         }
     }
 
-    /// A queue that is full now has room when the next status is overdue.
+    /// A queue that is full now has room when the next status is overdue, or comes in another mask again.
     fn ask_for_status(&mut self, command: Command, purpose: Purpose) {
-        if !self.commands.has(|other| *other == purpose) {
-            let _ = self.commands.push(command, purpose);
+        if !self.commands.has(|other| *other == purpose)
+            && self.commands.push(command, purpose).is_err()
+        {
+            self.mask_not_read();
         }
     }
 

@@ -388,8 +388,9 @@ impl Link {
                 self.events.push_back(LinkEvent::Lost);
                 self.begin_start_up(now);
             }
+            Purpose::StatusProbe { .. } => self.mask_not_read(),
             // They are sent again when the next status is overdue; a DSP that answers nothing else falls silent.
-            Purpose::StatusProbe { .. } | Purpose::ReactivateStatus | Purpose::RewriteMask => {}
+            Purpose::ReactivateStatus | Purpose::RewriteMask => {}
             // The next one follows; how long the DSP has been without one is looked at then.
             Purpose::KeepAlive => {}
             Purpose::EmptyPath => self.path_not_emptied(),

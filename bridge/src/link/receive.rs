@@ -127,8 +127,8 @@ impl Link {
         match purpose {
             Purpose::StartUp(step) => self.step_done(now, step, ack.data, is_certain),
             Purpose::Probe => self.probe_answered(now, ack.data, is_certain),
-            // A value that may be that of another port says nothing; the next status that is overdue asks again.
-            Purpose::StatusProbe { .. } if !is_certain => {}
+            // A value that may be that of another port says nothing.
+            Purpose::StatusProbe { .. } if !is_certain => self.mask_not_read(),
             Purpose::StatusProbe { instead } => self.mask_read(now, instead, ack.data),
             Purpose::ReactivateStatus | Purpose::RewriteMask => {}
             Purpose::KeepAlive => {

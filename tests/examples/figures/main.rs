@@ -15,6 +15,8 @@
 
 mod bytes;
 
+#[path = "../../tests/missions/buffer.rs"]
+mod buffer;
 #[path = "../../tests/missions/chain.rs"]
 mod chain;
 #[path = "../../tests/missions/chance.rs"]

@@ -19,6 +19,9 @@ use crate::world::{Trouble, World};
 /// The stream of a seed that makes missions; the simulator has others.
 const STREAM: u64 = 7;
 
+/// When every fault of a script is over: the last window ends at 55 s, the last hang-up at 60 s.
+const FAULTS_END: Duration = Duration::from_secs(62);
+
 /// Draws what a mission is made of.
 struct Dice(Random);
 
@@ -276,8 +279,8 @@ pub fn be_reckless(seed: u64) -> u64 {
 /// A mission under a script of faults, as `ril sim --faults` takes it; half of the bridges are killed on the way.
 pub fn fly_through_faults(seed: u64) -> u64 {
     let mut dice = Dice(Random::new(seed, STREAM));
-    let mut config = dice.config(seed).unsound();
-    config.simulator.faults = Some(dice.script(seed));
+    let config = dice.config(seed);
+    let config = config.faults(dice.script(seed), FAULTS_END);
     let mission = dice.mission();
     let mut world = World::new(&config);
     if dice.count(0, 1) == 0 {

@@ -1,7 +1,10 @@
 //! What a world is made of: both sides' configurations, and what the checkers may expect of the line.
 
+use std::time::Duration;
+
 use bridge::BridgeConfig;
 use dsp_protocol::{Group, Profile};
+use dsp_sim::faults::Script;
 use dsp_sim::helicopter::wind::WindModel;
 use dsp_sim::simulator::Setup;
 
@@ -12,6 +15,8 @@ pub struct WorldConfig {
     pub simulator: Setup,
     /// Whether every message arrives: no noise, no reboot, no port that closes.
     pub is_sound: bool,
+    /// When the last fault of the simulator's script is over.
+    pub faults_end: Duration,
     /// Whether a sample arrives at the moment at which it was measured, without noise: then it is compared to the truth.
     pub is_exact: bool,
 }
@@ -25,6 +30,7 @@ impl WorldConfig {
             bridge,
             simulator: Setup::default(),
             is_sound: true,
+            faults_end: Duration::ZERO,
             is_exact: false,
         }
     }
@@ -48,6 +54,13 @@ impl WorldConfig {
         self.simulator.baud = None;
         self.is_exact = true;
         self
+    }
+
+    /// A script of faults that is over at `end`.
+    pub fn faults(mut self, script: Script, end: Duration) -> WorldConfig {
+        self.simulator.faults = Some(script);
+        self.faults_end = end;
+        self.unsound()
     }
 
     /// Another wind.

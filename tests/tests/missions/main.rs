@@ -3,10 +3,11 @@
 //!
 //! * [`world`]: the two sides ([`config`]), the wire and one clock; [`operator`]: who flies; [`seeds`]: chance that can
 //!   be repeated;
-//! * checkers: [`witness`] and [`plausible`] for what consumers get, [`wire`] for what the DSP is told, [`chain`] for what
-//!   status makes of it, [`truth`] for where the helicopter is;
+//! * checkers: [`witness`] and [`plausible`] for what consumers get, [`wire`] for what the DSP is told, [`buffer`] for what
+//!   it holds, [`chain`] for what status makes of it, [`truth`] for where the helicopter is;
 //! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`], [`delivery`].
 
+mod buffer;
 mod chain;
 mod chance;
 mod config;

@@ -90,36 +90,57 @@ pub fn fly_through_trouble(world: &mut World, steps: &[Step]) -> Option<Outcome>
     failure
 }
 
-/// What an operator does after something went wrong: waits for the link and until the helicopter hovers or stands,
-/// ends whatever the module still does, starts it again, and lands.
+/// What an operator does after something went wrong, as docs/operations.md says it: waits for the link, stops once, whatever
+/// becomes of the stop, starts the module again, and lands. While the trouble goes on, this may fail and is tried again; on a
+/// line that is calm it must do.
 pub fn bring_home(world: &mut World) {
     /// One a second, for longer than any trouble lasts.
     const ATTEMPTS: usize = 120;
     for _ in 0..ATTEMPTS {
-        await_link(world);
-        world.run_until("it hovers or stands", |world| {
-            let phase = world.simulator.helicopter().phase();
-            matches!(phase, Phase::OnGround | Phase::Hovering)
-        });
-        // A landing that the DSP has refused ends with its time limit.
-        world.run_until("the module can be stopped", |world| {
-            !world.witness.state.is_unable_to_abort()
-        });
-        let is_started = [Step::Stop, Step::Start]
-            .iter()
-            .all(|step| carry_out(world, step).is_done());
-        let must_land = world.simulator.helicopter().is_flying();
-        if is_started && (!must_land || carry_out(world, &Step::Land).is_done()) {
-            return;
+        let is_calm = world.is_calm();
+        match recover(world) {
+            Ok(()) => return,
+            Err(failure) => assert!(
+                !is_calm,
+                "the documented recovery failed at {:?} with {failure}: {:?}, {:?}",
+                world.now(),
+                world.simulator.helicopter().phase(),
+                world.witness.state
+            ),
         }
         world.run_for(Duration::from_secs(1));
     }
     panic!(
-        "the helicopter could not be brought home: {:?}, {:?}, {:?}",
+        "the helicopter could not be brought home: {:?}, {:?}",
         world.now(),
-        world.simulator.helicopter().phase(),
         world.witness.state
     );
+}
+
+/// The recovery itself; an error says which step was not done.
+fn recover(world: &mut World) -> Result<(), String> {
+    let must = |outcome: Outcome, what: &str| {
+        let text = format!("{what}: {outcome:?}");
+        outcome.is_done().then_some(()).ok_or(text)
+    };
+    await_link(world);
+    // "unable-to-abort: wait for its end".
+    world.run_until("no take-off or landing", |world| {
+        !world.witness.state.is_unable_to_abort()
+    });
+    // Its final report may be aborted or unknown: the bridge goes on emptying the DSP's buffer by itself.
+    carry_out(world, &Step::Stop);
+    await_link(world);
+    must(carry_out(world, &Step::Start), "start")?;
+    // What the DSP began for a bridge that is gone, or that does not watch it any more, goes on: a take-off, a landing.
+    world.run_until("it hovers or stands", |world| {
+        let phase = world.simulator.helicopter().phase();
+        matches!(phase, Phase::OnGround | Phase::Hovering) && !world.simulator.is_taking_off()
+    });
+    if world.simulator.helicopter().is_flying() {
+        must(carry_out(world, &Step::Land), "landing")?;
+    }
+    Ok(())
 }
 
 fn follow(world: &mut World, id: u64) -> Outcome {
@@ -141,7 +162,8 @@ fn fly_path(world: &mut World, path: &[Vector], pause: Duration) -> Outcome {
             );
         }
     }
-    // A waypoint that was refused or given up tells how its path ended; else the last one does.
+    // A waypoint that was refused or given up says how its path ended; else the last one does. All others are done as soon as
+    // the next one is accepted.
     let (closing, others) = ids.split_last().expect("a path has waypoints");
     let outcome = follow(world, *closing);
     let broken = others.iter().find_map(|id| {

@@ -1,5 +1,6 @@
 //! Missions on which nothing goes wrong.
 
+use bridge::flight::assembly::MAX_WAYPOINTS;
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, port};
 use dsp_sim::helicopter::Phase;
@@ -113,10 +114,11 @@ fn fly_from_the_ground_to_the_ground(config: &WorldConfig) {
         .probe
         .commands
         .iter()
-        .filter(|command| !matches!(command, Command::Read16 { .. }))
+        .filter(|command| !matches!(command, Command::Read16 { .. } | Command::Read32 { .. }))
         .collect();
     let expected = [
         write(port::STATUS_MASK, u16::MAX),
+        write(port::PC_TIMEOUT_MS, config.bridge.link.pc_timeout_ms),
         Command::ActivateStatus,
         Command::ClearErrors,
         Command::InvalidatePath,
@@ -126,7 +128,11 @@ fn fly_from_the_ground_to_the_ground(config: &WorldConfig) {
             value: 10.0,
         },
         write(port::TAKE_OFF, 1),
+        // At the end of each path, of the landing, and of the stop.
+        Command::InvalidatePath,
+        Command::InvalidatePath,
         write(port::LAND, 1),
+        Command::InvalidatePath,
         Command::InvalidatePath,
         Command::ClearErrors,
     ];
@@ -156,22 +162,31 @@ fn single_points_one_after_the_other() {
     );
 }
 
-#[test]
-fn the_longest_path_waits_for_flow_control() {
-    // A zigzag of 64 points, four metres apart.
-    let path: Vec<_> = (0..64)
+/// A zigzag of `side` × `side` points.
+fn zigzag(side: usize, spacing_m: f64) -> Vec<Vector> {
+    (0..side * side)
         .map(|index| {
-            let (row, column) = (index / 8, index % 8);
-            let column = if row % 2 == 0 { column } else { 7 - column };
-            point(4.0 * f64::from(column), 4.0 * f64::from(row) + 4.0, 12.0)
+            let (row, column) = (index / side, index % side);
+            let column = if row % 2 == 0 {
+                column
+            } else {
+                side - 1 - column
+            };
+            point(
+                spacing_m * column as f64,
+                spacing_m * (row + 1) as f64,
+                12.0,
+            )
         })
-        .collect();
-    let mut config = WorldConfig::new();
-    config.bridge.movement.time_limit_s = 300.0;
-    let mut world = World::new(&config);
+        .collect()
+}
+
+#[test]
+fn a_long_path_waits_for_flow_control() {
+    let mut world = World::new(&WorldConfig::new());
     fly(
         &mut world,
-        &[Step::Start, Step::TakeOff(12.0), Step::Path(path)],
+        &[Step::Start, Step::TakeOff(12.0), Step::Path(zigzag(8, 4.0))],
     );
     assert_arrived(&mut world, 64);
     fly(&mut world, &[Step::Land]);
@@ -182,6 +197,19 @@ fn the_longest_path_waits_for_flow_control() {
         "the DSP's buffer was never full"
     );
     assert!(world.stops_heard() > 0, "the DSP never said stop");
+}
+
+#[test]
+fn the_longest_path_is_flown() {
+    let side = MAX_WAYPOINTS.isqrt();
+    assert_eq!(side * side, MAX_WAYPOINTS);
+    let config = WorldConfig::new().parameters("status_period_ms = 100");
+    let mut world = World::new(&config);
+    let steps = [Step::Start, Step::TakeOff(12.0)];
+    fly(&mut world, &steps);
+    fly(&mut world, &[Step::Path(zigzag(side, 1.3)), Step::Land]);
+    world.finish();
+    assert_undisturbed(&world, MAX_WAYPOINTS as u64);
 }
 
 #[test]
@@ -287,9 +315,9 @@ fn a_waypoint_just_beyond_the_antimeridian_is_reached_on_this_side() {
     let beyond = world.simulator.helicopter().world().to_flat(line);
     assert!(beyond.x > 15.0, "to the east");
     fly(&mut world, &[Step::Path(vec![beyond])]);
-    // The box around the waypoint is about 0.9 m wide to each side there.
+    // The path ends where the DSP takes the waypoint for reached, half a metre before it.
     let away_m = beyond.x - world.simulator.helicopter().body().position_m.x;
-    assert!((0.5..1.0).contains(&away_m), "{away_m}");
+    assert!((0.0..0.6).contains(&away_m), "{away_m}");
     assert!(world.simulator.helicopter().position().longitude_deg > 179.0);
     fly(&mut world, &[Step::Land]);
     world.finish();
@@ -407,6 +435,8 @@ fn a_sender_that_goes_takes_its_unfinished_path_along_and_leaves_a_movement_alon
     let second = world.waypoint(9, &path, 1);
     world.sender_gone(second);
     let outcome = world.witness.outcome(first).expect("a final word");
+    assert!(outcome.is_done(), "it became part of the path");
+    let outcome = world.witness.outcome(second).expect("a final word");
     assert_eq!(
         (outcome.stage, outcome.reason),
         (Stage::Aborted, Reason::PathBroken)

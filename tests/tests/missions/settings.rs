@@ -3,7 +3,7 @@
 use std::num::NonZeroU32;
 
 use bridge::link::coherence::Rule;
-use dsp_protocol::port::{self, Port16, Port32};
+use dsp_protocol::port::{self, Access, Port16, Port32};
 use dsp_protocol::{Command, DspErrorCode, Group};
 use ipc_types::code::{LinkState, Reason, Stage};
 
@@ -99,10 +99,9 @@ fn other_32(port: &Port32) -> f32 {
 
 #[test]
 fn parameters_of_both_widths_reach_their_ports_also_after_a_reboot() {
-    let no_parameters = [port::STATUS_MASK, port::TAKE_OFF, port::LAND];
     let ports_16: Vec<_> = port::PORTS_16
         .iter()
-        .filter(|port| !no_parameters.contains(&port.number))
+        .filter(|port| port.access != Access::Bridge)
         .collect();
     let table_16 = ports_16
         .iter()
@@ -138,7 +137,9 @@ fn parameters_of_both_widths_reach_their_ports_also_after_a_reboot() {
         let commands = world.probe.commands.iter();
         commands
             .filter(|command| match command {
-                Command::Write16 { port, .. } => !is_wide && *port != port::STATUS_MASK,
+                Command::Write16 { port, .. } => {
+                    !is_wide && ports_16.iter().any(|other| other.number == *port)
+                }
                 Command::Write32 { .. } => is_wide,
                 _ => false,
             })

@@ -2,8 +2,8 @@
 
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
-use dsp_sim::helicopter::Helicopter;
 use dsp_sim::helicopter::vector::Vector;
+use dsp_sim::helicopter::{Helicopter, Phase};
 use ipc_types::code::MovementKind;
 use ipc_types::payload::MovementData;
 
@@ -17,6 +17,8 @@ pub enum Movement {
     TakeOff { height_m: f64 },
     /// To the ground.
     Land,
+    /// On the spot.
+    Hold,
     /// Along these points of the flat world, of which so many were reached in order.
     Path {
         waypoints: Vec<Vector>,
@@ -36,7 +38,7 @@ impl Movement {
                 height_m: helicopter.body().position_m.z + request.altitude_m,
             }),
             MovementKind::Land => Some(Movement::Land),
-            MovementKind::Hold => None,
+            MovementKind::Hold => Some(Movement::Hold),
             MovementKind::GoToWaypoint => {
                 let to_flat = |waypoint: &Waypoint| {
                     helicopter.world().to_flat(Geographic {
@@ -65,7 +67,7 @@ impl Movement {
         }
     }
 
-    /// Asserts what `Done` means: the helicopter flies at the altitude; it stands; or it truly was in the boxes of all
+    /// Asserts what `Done` means: the helicopter flies at the altitude; it stands with its rotor stopped; or it truly was in the boxes of all
     /// waypoints, in order, and is in the last one now.
     pub fn assert_done(&self, helicopter: &Helicopter) {
         let position_m = helicopter.body().position_m;
@@ -78,7 +80,13 @@ impl Movement {
                 );
                 assert!(helicopter.is_flying(), "taken off, but stands");
             }
-            Movement::Land => assert!(!helicopter.is_flying(), "landed, but flies"),
+            Movement::Land => assert_eq!(
+                helicopter.phase(),
+                Phase::OnGround,
+                "landed, but the rotor has not stopped"
+            ),
+            // What the DSP holds is checked for every movement.
+            Movement::Hold => {}
             Movement::Path { waypoints, reached } => {
                 assert_eq!(
                     *reached,

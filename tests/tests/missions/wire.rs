@@ -43,6 +43,10 @@ pub struct Probe {
     /// The last status messages, oldest first.
     statuses: VecDeque<Frame>,
     pub commands: Vec<Command>,
+    /// How often *invalidate path* was sent.
+    pub path_emptyings: usize,
+    /// Paths of which the first waypoint was sent.
+    pub paths: usize,
     pub waypoints: usize,
     /// Those of them that had been sent before.
     pub repeated_waypoints: u64,
@@ -63,6 +67,8 @@ impl Probe {
             grants: 0,
             statuses: VecDeque::new(),
             commands: Vec::new(),
+            path_emptyings: 0,
+            paths: 0,
             waypoints: 0,
             repeated_waypoints: 0,
             stops: 0,
@@ -142,6 +148,7 @@ impl Probe {
 
     fn command(&mut self, command: Command) {
         self.commands.push(command);
+        self.path_emptyings += usize::from(command == Command::InvalidatePath);
         if !self.is_sound {
             return;
         }
@@ -168,6 +175,7 @@ impl Probe {
             self.repeated_waypoints += 1;
             return;
         }
+        self.paths += usize::from(self.allowed.sent.is_none());
         self.allowed.sent = Some(*sent);
         let Some(asked) = self.allowed.waypoints.pop_front() else {
             panic!("{sent:?} was sent, which is not of a closed path");
@@ -206,6 +214,11 @@ impl Noise {
     pub fn begin(&mut self, rate: f64, until: Duration) {
         self.rate = rate;
         self.until = until;
+    }
+
+    /// Whether nothing is damaged at `now`.
+    pub fn is_over(&self, now: Duration) -> bool {
+        now >= self.until
     }
 
     /// What becomes of `bytes` at `now`: flipped bits, other bytes, lost and repeated ones.

@@ -10,13 +10,20 @@ use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
-use ipc_types::payload::{ModuleControl, MovementData, WaypointPosition};
+use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest, WaypointPosition};
 
+use crate::buffer::{Buffer, Look};
 use crate::chain::Chain;
 use crate::config::WorldConfig;
 use crate::truth::Movement;
 use crate::wire::{Noise, Probe};
 use crate::witness::{Outcome, Witness};
+
+#[path = "world/trouble.rs"]
+mod trouble;
+
+pub use trouble::Trouble;
+use trouble::{Ending, Plan};
 
 /// The host's clock when the world begins: far from zero, so that nobody takes one clock for the other.
 const HOST_EPOCH: MonotonicNs = MonotonicNs(86_400_000_000_000);
@@ -31,48 +38,30 @@ const REOPENING: Duration = Duration::from_millis(50);
 /// Steps in which the clock may stand still: messages that go to and fro without taking time.
 const MAX_STEPS_AT_ONCE: u32 = 1000;
 
-/// Something that happens to the line.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Trouble {
-    /// The DSP boots again.
-    Reboot,
-    /// The port goes and comes back after this time.
-    PortGone(Duration),
-    /// The bridge's process is killed, and started again after this time.
-    BridgeDies(Duration),
-    /// Three of ten bytes are damaged in both directions for this time.
-    Noise(Duration),
-    /// One of a hundred is.
-    FaintNoise(Duration),
-    /// A status message of a while ago arrives once more. For a line that takes no time, where it lies between others.
-    Replay,
-}
-
-/// A trouble that waits for its moment.
-struct Plan {
-    when: fn(&World) -> bool,
-    trouble: Trouble,
-}
-
 /// See the module's documentation.
 pub struct World {
     pub simulator: Simulator,
     pub witness: Witness,
     pub probe: Probe,
     pub chain: Chain,
+    pub buffer: Buffer,
     /// Free places of the DSP's path buffer when it was fullest.
     pub fewest_free_places: usize,
-    /// How often the bridge was killed.
+    /// How often the bridge was killed, or ended.
     pub deaths: u32,
-    /// Id of the last request that was sent before a bridge was killed; 0 when none was.
+    /// Id of the last request that was sent before a bridge was killed or ended; 0 when none was.
     pub requests_of_the_dead: u64,
     bridge: Bridge,
     bridge_config: BridgeConfig,
-    /// When a bridge that was killed is started again.
+    /// A bridge that was told to end.
+    ending: Option<Ending>,
+    /// When a bridge that is gone is started again.
     bridge_starts: Option<Duration>,
     now: Duration,
     is_exact: bool,
     is_sound: bool,
+    /// When the last fault of the simulator's script is over.
+    faults_end: Duration,
     /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
     port_opens: Option<Duration>,
     /// The device as it was last seen.
@@ -83,6 +72,8 @@ pub struct World {
     agenda: Vec<(Duration, Trouble)>,
     /// The movement under way, by its request.
     movement: Option<(u64, Movement)>,
+    /// Requests that are done only when the DSP holds nothing, and what they are.
+    watched: Vec<(u64, &'static str)>,
     /// The waypoints that were sent since the last head of a path.
     open_path: Vec<MovementData>,
     next_request: u64,
@@ -97,41 +88,29 @@ impl World {
             witness: Witness::new(config.is_sound),
             probe: Probe::new(config.bridge.link.profile, config.is_sound),
             chain: Chain::new(),
+            buffer: Buffer::new(config.is_sound),
             fewest_free_places: usize::MAX,
             deaths: 0,
             bridge: Bridge::new(&config.bridge),
             bridge_config: config.bridge.clone(),
+            ending: None,
             bridge_starts: None,
             now: Duration::ZERO,
             is_exact: config.is_exact,
             is_sound: config.is_sound,
+            faults_end: config.faults_end,
             port_opens: Some(Duration::from_millis(10)),
             device: PortState::default(),
             noise: [Noise::new(seed, 101), Noise::new(seed, 102)],
             plan: None,
             agenda: Vec::new(),
             movement: None,
+            watched: Vec::new(),
             open_path: Vec::new(),
             next_request: 0,
             requests_of_the_dead: 0,
             steps_at_once: 0,
         }
-    }
-
-    /// Lets `trouble` happen as soon as `when` holds; once.
-    pub fn plan(&mut self, trouble: Trouble, when: fn(&World) -> bool) {
-        self.plan = Some(Plan { when, trouble });
-    }
-
-    /// Lets each trouble happen at its time.
-    pub fn schedule(&mut self, mut agenda: Vec<(Duration, Trouble)>) {
-        agenda.sort_by_key(|(when, _)| std::cmp::Reverse(*when));
-        self.agenda = agenda;
-    }
-
-    /// Whether the planned trouble has begun.
-    pub fn has_happened(&self) -> bool {
-        self.plan.is_none()
     }
 
     pub fn bridge(&self) -> &Bridge {
@@ -145,6 +124,16 @@ impl World {
     /// Whether every message arrives.
     pub fn is_sound(&self) -> bool {
         self.is_sound
+    }
+
+    /// Whether nothing goes wrong any more: the bridge and its port are there, no trouble waits, and every fault of the script
+    /// is over.
+    pub fn is_calm(&self) -> bool {
+        self.is_alive()
+            && self.port_opens.is_none()
+            && self.agenda.is_empty()
+            && self.now >= self.faults_end
+            && self.noise.iter().all(|noise| noise.is_over(self.now))
     }
 
     /// Runs until `done` holds.
@@ -184,6 +173,9 @@ impl World {
             ..request
         };
         let key = RequestKey::Control(id);
+        if request.command() == Some(ControlCommand::Stop) {
+            self.watched.push((id, "a stop"));
+        }
         if self.is_alive() {
             self.bridge
                 .control(host(self.now), key, &request, &mut self.witness);
@@ -205,6 +197,9 @@ impl World {
         let path = self.path_closed_by(&request);
         let allowed = path.as_deref().map(|path| self.probe.path_closes(path));
         let movement = Movement::of(&request, path.as_deref(), self.simulator.helicopter());
+        if request.kind() != Some(MovementKind::GoToWaypoint) || path.is_some() {
+            self.watched.push((request_id, "a movement"));
+        }
         let key = RequestKey::Movement(request_id);
         self.bridge
             .movement(host(self.now), key, &request, &mut self.witness);
@@ -214,10 +209,32 @@ impl World {
         }
         let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
         match (movement, allowed) {
-            (Some(movement), _) if is_accepted => self.movement = Some((request_id, movement)),
+            (Some(movement), _) if is_accepted => {
+                if path.is_none() {
+                    // A path that it pre-empted is over.
+                    self.probe.path_closes(&[]);
+                }
+                self.movement = Some((request_id, movement));
+            }
             // The path that is being flown goes on.
             (_, Some(allowed)) if !is_accepted => self.probe.path_goes_on(allowed),
             _ => {}
+        }
+        request_id
+    }
+
+    /// Sends a parameter request, with an id of the world's choice, and returns the id.
+    pub fn parameter(&mut self, request: ParameterRequest) -> u64 {
+        let request_id = self.request_id();
+        let request = ParameterRequest {
+            request_id,
+            ..request
+        };
+        if self.is_alive() {
+            let key = RequestKey::Parameter(request_id);
+            self.bridge
+                .parameter(host(self.now), key, &request, &mut self.witness);
+            self.exchange();
         }
         request_id
     }
@@ -251,7 +268,7 @@ impl World {
     }
 
     /// The waypoints of the path that `request` would close, judged by the requests and what was said about them: those
-    /// since the last head that have no final word yet, and this one.
+    /// since the last head that are open or done, and this one. A waypoint is done when the next one has been accepted.
     fn path_closed_by(&mut self, request: &MovementData) -> Option<Vec<Waypoint>> {
         if request.first == 1 {
             self.open_path.clear();
@@ -263,7 +280,10 @@ impl World {
         let open = self
             .open_path
             .iter()
-            .filter(|waypoint| witness.outcome(waypoint.request_id).is_none())
+            .filter(|waypoint| {
+                let outcome = witness.outcome(waypoint.request_id);
+                outcome.is_none_or(|outcome| outcome.is_done())
+            })
             .chain([request])
             .map(|waypoint| Waypoint {
                 latitude_deg: waypoint.latitude_deg,
@@ -325,6 +345,7 @@ impl World {
         let next = [
             bridge,
             self.bridge_starts,
+            self.ending.map(|ending| ending.latest),
             self.simulator.next_deadline(),
             self.port_opens,
             self.agenda.last().map(|(when, _)| *when),
@@ -361,44 +382,8 @@ impl World {
             self.exchange();
         }
         self.look();
+        self.end_bridge_if_wound_down();
         self.trouble();
-    }
-
-    /// Does to the port what the simulator's script of faults does to the device.
-    fn follow_device(&mut self) {
-        let device = self.simulator.port();
-        // A hang-up whose end has passed already is one all the same.
-        if device.hang_ups != self.device.hang_ups {
-            self.close_port(Duration::MAX);
-        }
-        if !device.is_gone && self.port_opens == Some(Duration::MAX) {
-            let found = self.now + REOPENING;
-            self.port_opens = self.bridge_starts.max(Some(found));
-        }
-        self.device = device;
-    }
-
-    /// The port is closed, and opens again at `opens`.
-    fn close_port(&mut self, opens: Duration) {
-        self.probe.interrupted();
-        let was_open = self.port_opens.is_none();
-        self.port_opens = self.port_opens.max(Some(opens));
-        if was_open && self.is_alive() {
-            self.bridge.port_closed(host(self.now), &mut self.witness);
-        }
-    }
-
-    /// The bridge's process is killed: what it knew is gone, and its clients are told by their own side.
-    fn kill_bridge(&mut self, starts: Duration) {
-        self.deaths += 1;
-        self.requests_of_the_dead = self.next_request;
-        self.probe.interrupted();
-        self.probe.path_closes(&[]);
-        self.witness.bridge_gone();
-        self.movement = None;
-        self.bridge = Bridge::new(&self.bridge_config);
-        self.bridge_starts = Some(starts);
-        self.port_opens = self.port_opens.max(Some(starts));
     }
 
     /// Carries bytes both ways until neither side has any.
@@ -421,7 +406,11 @@ impl World {
                 return;
             }
             self.probe.hear_dsp(&from_dsp);
+            let paths = self.probe.paths;
             self.probe.hear_bridge(&to_dsp);
+            if self.probe.paths != paths {
+                self.buffer.path_begins(self.simulator.held_waypoints());
+            }
             self.noise[0].damage(self.now, &mut from_dsp);
             self.noise[1].damage(self.now, &mut to_dsp);
             self.bridge.receive(now, &from_dsp, &mut self.witness);
@@ -432,6 +421,7 @@ impl World {
 
     /// Looks at the truth, and compares what the consumers got to it.
     fn look(&mut self) {
+        self.look_at_buffer();
         let helicopter = self.simulator.helicopter();
         self.fewest_free_places = self.fewest_free_places.min(helicopter.free_places());
         if let Some((id, movement)) = &mut self.movement {
@@ -451,45 +441,27 @@ impl World {
         }
     }
 
-    fn trouble(&mut self) {
-        while let Some((_, trouble)) = self.agenda.pop_if(|(when, _)| *when <= self.now) {
-            self.happen(trouble);
-        }
-        let Some(plan) = self.plan.take() else {
-            return;
-        };
-        if !(plan.when)(self) {
-            self.plan = Some(plan);
-            return;
-        }
-        self.happen(plan.trouble);
-    }
-
-    fn happen(&mut self, trouble: Trouble) {
-        let now = host(self.now);
-        match trouble {
-            Trouble::Reboot => {
-                self.probe.interrupted();
-                self.simulator.reboot();
+    /// Compares what the DSP holds with what the bridge says about it.
+    fn look_at_buffer(&mut self) {
+        let held = self.simulator.held_waypoints();
+        let (buffer, witness) = (&mut self.buffer, &self.witness);
+        self.watched.retain(|(id, what)| {
+            let Some(outcome) = witness.outcome(*id) else {
+                return true;
+            };
+            if outcome.is_done() {
+                buffer.done(what, held);
+            } else if outcome.stage != Stage::Refused {
+                buffer.ended_early(held);
             }
-            Trouble::PortGone(time) => self.close_port(self.now + time),
-            Trouble::BridgeDies(time) => self.kill_bridge(self.now + time),
-            Trouble::Noise(time) => self.begin_noise(0.3, time),
-            Trouble::Replay => {
-                if let Some(frame) = self.probe.old_status() {
-                    self.bridge
-                        .receive(now, frame.as_bytes(), &mut self.witness);
-                }
-            }
-            Trouble::FaintNoise(time) => self.begin_noise(0.01, time),
-        }
-    }
-
-    fn begin_noise(&mut self, rate: f64, time: Duration) {
-        let until = self.now + time;
-        for noise in &mut self.noise {
-            noise.begin(rate, until);
-        }
+            false
+        });
+        self.buffer.look(&Look {
+            now: self.now,
+            held,
+            state: self.bridge_starts.is_none().then_some(&self.witness.state),
+            attempts: self.probe.path_emptyings,
+        });
     }
 }
 

@@ -1,0 +1,194 @@
+//! What the simulated DSP's path buffer truly holds, against what the bridge says about it (requirement H1).
+//!
+//! * While the bridge publishes that the buffer is empty, it is.
+//! * When a movement, a hold or a stop is reported as done, it is empty.
+//! * The first waypoint of a path is sent to an empty buffer, so none of an ended path is in it.
+//! * After an early end the bridge sends *invalidate path* as long as the buffer is not known to be empty and the link is up,
+//!   and on a line that loses nothing the buffer is empty soon.
+//!
+//! It looks at the simulator, at the published states and reports, and at the wire: never into the bridge.
+
+use std::time::Duration;
+
+use ipc_types::code::{DspPathState, LinkState};
+use ipc_types::payload::ModuleState;
+
+/// Longest time with the link up between two *invalidate path* while the buffer is not known to be empty: an acknowledgement
+/// that may be a late one makes the bridge wait for 2 s, three attempts take 600 ms, and other commands go first.
+const ATTEMPT_WITHIN: Duration = Duration::from_secs(6);
+
+/// Longest time from an early end until the buffer is empty, with the link up and a line that loses nothing: the command
+/// that is under way, a waypoint and a status on the line, and *invalidate path*.
+const EMPTY_WITHIN: Duration = Duration::from_secs(1);
+
+/// The same on a line that loses and damages messages. A DSP that does not hear the bridge flies on for so long at most.
+const EMPTY_AT_LAST: Duration = Duration::from_secs(60);
+
+/// What is looked at.
+pub struct Look<'a> {
+    pub now: Duration,
+    /// Waypoints that the simulated DSP holds.
+    pub held: usize,
+    /// The state as last published by a bridge that runs.
+    pub state: Option<&'a ModuleState>,
+    /// *Invalidate path* sent so far.
+    pub attempts: usize,
+}
+
+/// See the module's documentation.
+pub struct Buffer {
+    is_sound: bool,
+    last_look: Duration,
+    attempts: usize,
+    /// Time with the link up and the buffer not known to be empty, since the last attempt.
+    without_attempt: Duration,
+    /// Time with the link up and the buffer not empty, since the last path ended.
+    after_end: Duration,
+    /// How often the buffer held something when a path ended: what would go unseen otherwise.
+    pub cleared: u64,
+}
+
+impl Buffer {
+    pub fn new(is_sound: bool) -> Buffer {
+        Buffer {
+            is_sound,
+            last_look: Duration::ZERO,
+            attempts: 0,
+            without_attempt: Duration::ZERO,
+            after_end: Duration::ZERO,
+            cleared: 0,
+        }
+    }
+
+    /// A movement, a hold or a stop was reported as done.
+    pub fn done(&self, what: &str, held: usize) {
+        assert_eq!(
+            held, 0,
+            "{what} is done, but the DSP holds {held} waypoints"
+        );
+    }
+
+    /// The first waypoint of a path is being sent.
+    pub fn path_begins(&mut self, held: usize) {
+        assert_eq!(held, 0, "a path begins, but the DSP holds {held} waypoints");
+    }
+
+    /// A movement ended early, or the bridge died.
+    pub fn ended_early(&mut self, held: usize) {
+        self.cleared += u64::from(held > 0);
+    }
+
+    /// Looks at everything; at each step.
+    pub fn look(&mut self, look: &Look<'_>) {
+        let passed = look.now - self.last_look;
+        self.last_look = look.now;
+        if std::mem::replace(&mut self.attempts, look.attempts) != look.attempts {
+            self.without_attempt = Duration::ZERO;
+        }
+        let Some(state) = look.state else {
+            self.without_attempt = Duration::ZERO;
+            return;
+        };
+        let path = state.link.dsp_path();
+        let is_up = state.link.state() == Some(LinkState::Up);
+        if path == Some(DspPathState::Empty) {
+            assert_eq!(
+                look.held, 0,
+                "at {:?} the bridge publishes an empty path buffer, but the DSP holds {} waypoints: {state:?}",
+                look.now, look.held
+            );
+        }
+        if path != Some(DspPathState::Unknown) || !is_up {
+            self.without_attempt = Duration::ZERO;
+        } else {
+            self.without_attempt += passed;
+            assert!(
+                self.without_attempt <= ATTEMPT_WITHIN,
+                "at {:?} the bridge does not know the path buffer, and does not empty it: {state:?}",
+                look.now
+            );
+        }
+        if look.held == 0 || path == Some(DspPathState::Ours) {
+            self.after_end = Duration::ZERO;
+        } else if is_up {
+            self.after_end += passed;
+            let most = if self.is_sound {
+                EMPTY_WITHIN
+            } else {
+                EMPTY_AT_LAST
+            };
+            assert!(
+                self.after_end <= most,
+                "at {:?} the DSP holds {} waypoints of a movement that has ended: {state:?}",
+                look.now,
+                look.held
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn state(path: DspPathState) -> ModuleState {
+        let mut state = ModuleState::default();
+        state.link.state = LinkState::Up.code();
+        state.link.dsp_path = path.code();
+        state
+    }
+
+    /// Looks every second, so many times, with an attempt every so many seconds.
+    fn watch(is_sound: bool, path: DspPathState, held: usize, seconds: u32, every: usize) {
+        let state = state(path);
+        let mut buffer = Buffer::new(is_sound);
+        for second in 0..=seconds {
+            buffer.look(&Look {
+                now: second * SECOND,
+                held,
+                state: Some(&state),
+                attempts: second as usize / every,
+            });
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "publishes an empty path buffer")]
+    fn a_waypoint_in_a_buffer_that_is_published_as_empty_is_noticed() {
+        watch(true, DspPathState::Empty, 1, 0, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "does not empty it")]
+    fn a_bridge_that_does_not_empty_the_buffer_is_noticed() {
+        watch(false, DspPathState::Unknown, 0, 7, 100);
+    }
+
+    #[test]
+    #[should_panic(expected = "of a movement that has ended")]
+    fn a_buffer_that_stays_full_is_noticed() {
+        watch(true, DspPathState::Unknown, 3, 2, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "a path begins")]
+    fn a_path_that_is_appended_to_another_is_noticed() {
+        Buffer::new(true).path_begins(1);
+    }
+
+    #[test]
+    #[should_panic(expected = "stop is done")]
+    fn a_stop_that_leaves_something_is_noticed() {
+        Buffer::new(true).done("stop", 1);
+    }
+
+    #[test]
+    fn what_is_in_order_passes() {
+        watch(true, DspPathState::Empty, 0, 100, 1000);
+        watch(true, DspPathState::Ours, 16, 100, 1000);
+        watch(true, DspPathState::Unknown, 1, 1, 1);
+        watch(false, DspPathState::Unknown, 16, 60, 3);
+    }
+}
