@@ -439,7 +439,7 @@ pub enum BreachAction {
     Warn,
     /// A path is ended; the helicopter hovers.
     Hold,
-    /// A path is ended, and the helicopter is told to land.
+    /// A path is ended, and the bridge orders a landing.
     Land,
 }
 
@@ -453,7 +453,7 @@ pub struct SupplyLimits {
     pub refuse: Option<f64>,
     /// Below this a path is ended; the helicopter hovers.
     pub hold: Option<f64>,
-    /// Below this a path is ended, and the helicopter is told to land.
+    /// Below this a path is ended, and the bridge orders a landing.
     pub land: Option<f64>,
 }
 

@@ -143,7 +143,7 @@ impl Bridge {
         self.publish_if_due(now, out);
     }
 
-    /// The sender of a request is gone; reports to it would reach nobody.
+    /// The sender of a request is gone; reports to it would be lost.
     pub fn sender_gone<O: Outputs>(&mut self, now: MonotonicNs, key: RequestKey, out: &mut O) {
         let link = &mut self.link;
         self.flight

@@ -4,7 +4,7 @@ use dsp_protocol::{Command, DspErrorCode, StatusMask};
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
 
 use crate::flight::request::RequestKey;
-use crate::flight::safety::Violation;
+use crate::flight::violation::Violation;
 use crate::link::commands::AckData;
 
 /// Receives what the core publishes, while it works. Implementations must not block.

@@ -110,3 +110,28 @@ fn parameters_become_writes_in_the_order_of_the_ports() {
         ]
     );
 }
+
+#[test]
+fn values_that_contradict_each_other_are_refused() {
+    for (text, hint) in [
+        (
+            "[movement]\nmin_altitude_m = 50.0\nmax_altitude_m = 20.0",
+            "no waypoint could be flown to",
+        ),
+        (
+            "[link]\npc_timeout_ms = 500",
+            "too short for ack_timeout_ms = 200: 0, or at least 900",
+        ),
+        (
+            "[safety]\nbattery_v = { warn = 20.0, land = 22.0 }",
+            "must fall in the order",
+        ),
+        ("[safety]\nfuel_percent = { refuse = 120 }", "out of range"),
+        ("[trajectory]\nkind = \"straight\"", "pass_through"),
+    ] {
+        let error = parse(text).unwrap_err();
+        assert!(error.starts_with("bridge.toml:"), "{error}");
+        assert!(error.contains(hint), "{text:?}: {error}");
+    }
+    assert!(parse("[link]\npc_timeout_ms = 0").is_ok());
+}

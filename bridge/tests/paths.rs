@@ -248,3 +248,40 @@ fn a_trajectory_generator_fits_in_without_any_other_change() {
     desk.run(40);
     assert_eq!(desk.last(path[1]).0, Stage::Done);
 }
+
+#[test]
+fn the_configuration_chooses_the_trajectory_generator() {
+    let text = "[trajectory]\nkind = \"divide_legs\"\nspacing_m = 2.5\n";
+    let config: BridgeConfig = runtime::config::parse(text, "test.toml").unwrap();
+    let mut desk = Desk::up(&config);
+    desk.control(ControlCommand::Start);
+    desk.lift_off();
+    let path = desk.path(1, &[north(4), north(8)]);
+    desk.run(600);
+    let steps: Vec<i64> = desk
+        .dsp
+        .waypoints
+        .iter()
+        .map(|waypoint| ((waypoint.latitude_deg - HOME.latitude_deg) * 1e5).round() as i64)
+        .collect();
+    assert_eq!(steps, [2, 4, 6, 8]);
+    assert_eq!(desk.last_report(path[1]).waypoints_sent, 2);
+}
+
+#[test]
+fn a_path_of_the_greatest_length_is_flown_to_its_end() {
+    let mut desk = Desk::flying();
+    let points: Vec<Waypoint> = (0..MAX_WAYPOINTS as i32)
+        .map(|step| north(step + 2))
+        .collect();
+    let path = desk.path(1, &points);
+    let closing = path[MAX_WAYPOINTS - 1];
+    for point in &points {
+        desk.run(100);
+        desk.dsp.at(*point);
+    }
+    desk.run(200);
+    let report = desk.last_report(closing);
+    assert_eq!(report.waypoints_reached as usize, MAX_WAYPOINTS);
+    assert_eq!(desk.last(closing).0, Stage::Done);
+}

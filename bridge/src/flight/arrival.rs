@@ -50,6 +50,15 @@ pub fn ground_distance_m(a: &Geographic, b: &Waypoint) -> f64 {
     2.0 * EARTH_RADIUS_M * haversine.clamp(0.0, 1.0).sqrt().asin()
 }
 
+/// A position as a waypoint.
+pub fn here(position: &Geographic) -> Waypoint {
+    Waypoint {
+        latitude_deg: position.latitude_deg,
+        longitude_deg: position.longitude_deg,
+        altitude_m: position.altitude_m,
+    }
+}
+
 /// Metres between two waypoints, along the ground and up or down.
 pub fn distance_m(a: &Waypoint, b: &Waypoint) -> f64 {
     let from = Geographic {

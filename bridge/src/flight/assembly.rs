@@ -9,7 +9,7 @@
 //! | path open, other id | old one replaced, closed | old one replaced, opened | refused: without head | refused: without head |
 //! | path open and full | as above | as above | whole path refused: too long | whole path refused: too long |
 //!
-//! A waypoint of an open path that is refused for any reason breaks the whole path: nobody flies a path with a hole.
+//! A waypoint of an open path that is refused for any reason breaks the whole path: a path with a hole is never flown.
 
 use dsp_protocol::Waypoint;
 use ipc_types::code::Reason;

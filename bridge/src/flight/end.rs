@@ -103,7 +103,7 @@ impl Flight {
         }
     }
 
-    /// The DSP did not acknowledge that it empties its path buffer. The link goes on trying; whoever waits for it is told.
+    /// The DSP did not acknowledge that it empties its path buffer. The link goes on trying; the sender of the stop or hold gets its final report.
     pub(super) fn path_not_emptied<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         let (error, reason) = (
             ImiError::CommunicationFatalError,

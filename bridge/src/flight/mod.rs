@@ -14,6 +14,7 @@
 //! Every request ends in exactly one final report. Where the DSP may be doing what cannot be seen any more, it is
 //! `unknown`.
 
+mod answer;
 pub mod arrival;
 pub mod assembly;
 pub mod completed;
@@ -29,11 +30,12 @@ pub mod route;
 pub mod safety;
 pub mod trajectory;
 pub mod verification;
+pub mod violation;
 
 use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, ImiError, Reason, Stage};
-use ipc_types::payload::{MovementState, RequestReport, SafetyState};
+use ipc_types::payload::{MovementState, SafetyState};
 
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
@@ -272,7 +274,7 @@ impl Flight {
     pub fn close<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
-        // The helicopter goes on with what it was told; nobody will see how it ends.
+        // A take-off or landing goes on; its end will not be seen.
         let verdict = Verdict::ended(Stage::Unknown, Reason::BridgeEnding, ImiError::None);
         match self.motion {
             // The last published state says how the module rested.
@@ -492,105 +494,6 @@ impl Flight {
         }
         self.refusal = ImiError::None;
         self.is_changed = true;
-    }
-
-    fn progress<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        self.is_changed = true;
-        if let Some(requester) = self.motion.requester().copied() {
-            self.report(&requester, &Verdict::PROGRESS, cx);
-        }
-    }
-
-    fn refuse<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        refusal: &Refusal,
-        cx: &mut Context<'_, O>,
-    ) {
-        self.refused_requests = self.refused_requests.saturating_add(1);
-        if refusal.error != ImiError::None {
-            self.refusal = refusal.error;
-        }
-        self.is_changed = true;
-        self.report(header, &refusal.verdict(), cx);
-    }
-
-    fn report<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        verdict: &Verdict,
-        cx: &mut Context<'_, O>,
-    ) {
-        if verdict.stage == Stage::Accepted {
-            self.refusal = ImiError::None;
-        }
-        // The counts belong to the movement of this request, or to the path that its waypoint lies in.
-        let own = header.request_id == self.movement.request_id
-            && header.path_id == self.movement.path_id;
-        let counts = if own {
-            self.movement
-        } else {
-            MovementState {
-                waypoints_total: self.assembler.waypoints().len() as u32,
-                ..MovementState::default()
-            }
-        };
-        let mut report = RequestReport {
-            request_id: header.request_id,
-            path_id: header.path_id,
-            reported_ns: cx.now.0,
-            waypoints_total: counts.waypoints_total,
-            waypoints_sent: counts.waypoints_sent,
-            waypoints_reached: counts.waypoints_reached,
-            ..RequestReport::default()
-        };
-        verdict.write(&mut report);
-        if verdict.stage.is_final() {
-            self.completed.note(&report);
-        }
-        cx.out.report(header.key, &report);
-    }
-
-    /// Whether this request may be executed. One that was asked before is answered here, and never executed twice.
-    fn is_new<O: Outputs>(&mut self, header: &RequestHeader, cx: &mut Context<'_, O>) -> bool {
-        if let Some(report) = self.completed.report_of(header.request_id) {
-            let report = RequestReport {
-                reported_ns: cx.now.0,
-                ..*report
-            };
-            cx.out.report(header.key, &report);
-            return false;
-        }
-        let refusal = if header.request_id == 0 {
-            (Stage::Refused, Reason::InvalidRequest)
-        } else if self.is_open(header.request_id) {
-            (Stage::Refused, Reason::Busy)
-        } else if header.repeat {
-            (Stage::Unknown, Reason::NotRemembered)
-        } else if self.is_ending {
-            (Stage::Refused, Reason::BridgeEnding)
-        } else {
-            return true;
-        };
-        // Not remembered: this is not the final report of the request that was asked first.
-        let report = RequestReport {
-            request_id: header.request_id,
-            path_id: header.path_id,
-            reported_ns: cx.now.0,
-            ..RequestReport::new(refusal.0, refusal.1)
-        };
-        self.refused_requests = self.refused_requests.saturating_add(1);
-        cx.out.report(header.key, &report);
-        false
-    }
-
-    /// Whether a request with this id has not had its final report.
-    fn is_open(&self, request_id: u64) -> bool {
-        self.newest_waypoint
-            .iter()
-            .chain(self.motion.requester())
-            .chain(self.parameters.open())
-            .any(|header| header.request_id == request_id)
     }
 }
 

@@ -34,12 +34,12 @@ pub enum Motion {
     Following(Following),
     /// The DSP's path buffer is being emptied so that the helicopter hovers; the module stays started.
     Holding {
-        /// Who asked for it.
+        /// Whose request it is.
         order: Order,
     },
     /// The module is being stopped.
     Stopping {
-        /// Who asked for it.
+        /// Whose request it is.
         requester: RequestHeader,
         /// The DSP's error queue is empty.
         errors_cleared: bool,
@@ -85,7 +85,7 @@ impl Order {
 /// A take-off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TakeOff {
-    /// Who wants it.
+    /// Whose request it is.
     pub order: Order,
     /// Height over the point of take-off, m.
     pub height_m: f32,
@@ -98,7 +98,7 @@ pub struct TakeOff {
 /// A landing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landing {
-    /// Who wants it; nobody when a safety rule does.
+    /// Whose request it is.
     pub order: Order,
     /// How far it is.
     pub step: DspOrder,
@@ -134,7 +134,7 @@ pub struct Doubt {
 /// A path being flown. Its waypoints are in [`Route`](super::route::Route).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Following {
-    /// Who closed it.
+    /// The request that closed the path.
     pub order: Order,
     /// How far it is.
     pub step: PathStep,

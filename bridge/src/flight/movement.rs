@@ -1,11 +1,10 @@
 //! Movements that the bridge forms: paths from their waypoints to the DSP, holding, and what begins each movement.
 
-use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::code::{MovementKind, Reason};
 use ipc_types::payload::MovementState;
 
-use super::arrival::ground_distance_m;
+use super::arrival::{ground_distance_m, here};
 use super::assembly::{Outcome, Segment};
 use super::motion::{Following, Motion, Order, PathStep, Rest};
 use super::report::{Refusal, Verdict};
@@ -206,7 +205,7 @@ impl Flight {
             DspPath::Empty => self.begin_feed(cx),
             // The link is emptying it.
             DspPath::Unknown => {}
-            DspPath::Ours { .. } => cx.link.forget_path(),
+            DspPath::Ours => cx.link.forget_path(),
         }
         Ok(())
     }
@@ -227,14 +226,5 @@ impl Flight {
         if let Some(newest) = self.newest_waypoint.take() {
             self.report(&newest, verdict, cx);
         }
-    }
-}
-
-/// A position as a waypoint.
-pub(super) fn here(position: &Geographic) -> Waypoint {
-    Waypoint {
-        latitude_deg: position.latitude_deg,
-        longitude_deg: position.longitude_deg,
-        altitude_m: position.altitude_m,
     }
 }

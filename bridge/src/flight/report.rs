@@ -4,7 +4,7 @@ use dsp_protocol::DspErrorCode;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
 
-use super::safety::Violation;
+use super::violation::Violation;
 
 /// How far a request has come, and why.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,9 +5,8 @@ use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, DspErrorCode, Uplink, Waypoint, port};
 use ipc_types::code::{ImiError, Reason};
 
-use super::arrival::{Tracker, distance_m};
+use super::arrival::{Tracker, distance_m, here};
 use super::motion::{Motion, PathStep, Rest};
-use super::movement::here;
 use super::report::{Detail, Verdict};
 use super::trajectory::Trajectory;
 use super::verification::{Counted, OnGrant, Verification};

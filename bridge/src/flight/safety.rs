@@ -13,57 +13,16 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, PilotSwitch, Reason, SafetyAction, SafetyRule};
 use ipc_types::payload::SafetyState;
 
+use super::arrival::here;
 use super::motion::{Motion, Order, Rest};
-use super::movement::here;
 use super::observation::Observation;
 use super::report::{Detail, Refusal, Verdict};
 use super::request::Movement;
+use super::violation::Violation;
 use super::{Context, Flight};
 use crate::config::{BreachAction, BridgeConfig, SafetyConfig, SupplyLimits};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::{Breach, Fence, FenceRule};
-
-/// A rule that is broken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Violation {
-    /// Which.
-    pub rule: SafetyRule,
-    /// What is to be done.
-    pub action: SafetyAction,
-    /// By how much, in the rule's unit.
-    pub amount: f64,
-}
-
-impl Violation {
-    fn reason(&self) -> Reason {
-        match self.rule {
-            SafetyRule::PilotSwitch => Reason::PilotHasControl,
-            SafetyRule::FenceInclusion
-            | SafetyRule::FenceExclusion
-            | SafetyRule::FenceFloor
-            | SafetyRule::FenceCeiling
-            | SafetyRule::FenceUnjudgeable => Reason::FenceBreach,
-            SafetyRule::Battery | SafetyRule::Fuel => Reason::SupplyLow,
-            SafetyRule::LinkLoss => Reason::LinkLost,
-        }
-    }
-
-    fn refusal(self, waypoint: usize) -> Refusal {
-        Refusal {
-            reason: self.reason(),
-            error: ImiError::None,
-            detail: self.detail(waypoint),
-        }
-    }
-
-    fn detail(self, waypoint: usize) -> Detail {
-        Detail {
-            violation: Some(self),
-            waypoint: waypoint as u32,
-            ..Detail::default()
-        }
-    }
-}
 
 /// The judge of the rules.
 #[derive(Debug)]
@@ -155,7 +114,7 @@ impl Safety {
 
     fn intervene(&mut self, violation: Violation, leg: usize) -> Refusal {
         self.interventions = self.interventions.saturating_add(1);
-        violation.refusal(leg)
+        refusal(violation, leg)
     }
 
     /// Looks at the helicopter; returns the most severe rule that is broken.
@@ -258,11 +217,14 @@ impl Flight {
         if ends {
             self.safety.interventions = self.safety.interventions.saturating_add(1);
             let leg = self.movement.waypoints_reached as usize + 1;
-            let detail = violation.detail(if self.motion.unable_to_abort() {
-                0
-            } else {
-                leg
-            });
+            let detail = detail(
+                violation,
+                if self.motion.unable_to_abort() {
+                    0
+                } else {
+                    leg
+                },
+            );
             let verdict = Verdict::aborted(violation.reason()).about(detail);
             self.give_up_movement(&verdict, Rest::Ready, cx);
         }
@@ -332,7 +294,7 @@ impl Flight {
         if let Some((leg, breach)) = breach {
             self.safety.interventions = self.safety.interventions.saturating_add(1);
             let violation = refuse(breach);
-            let verdict = Verdict::aborted(Reason::FenceBreach).about(violation.detail(leg));
+            let verdict = Verdict::aborted(Reason::FenceBreach).about(detail(violation, leg));
             self.give_up_movement(&verdict, Rest::Ready, cx);
         }
     }
@@ -380,6 +342,22 @@ impl SupplyWatch {
             }
         }
         worst
+    }
+}
+
+fn refusal(violation: Violation, waypoint: usize) -> Refusal {
+    Refusal {
+        reason: violation.reason(),
+        error: ImiError::None,
+        detail: detail(violation, waypoint),
+    }
+}
+
+fn detail(violation: Violation, waypoint: usize) -> Detail {
+    Detail {
+        violation: Some(violation),
+        waypoint: waypoint as u32,
+        ..Detail::default()
     }
 }
 

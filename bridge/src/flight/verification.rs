@@ -28,7 +28,7 @@ pub enum OnGrant {
     Wait,
     /// Send it and read the count.
     SendAndCount,
-    /// Send it; nobody can know whether it arrives.
+    /// Send it; whether it arrives cannot be known.
     Send,
 }
 

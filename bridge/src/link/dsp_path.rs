@@ -7,7 +7,7 @@
 //! | state | forget | waypoint | emptied, for certain | emptied, perhaps |
 //! |---|---|---|---|---|
 //! | Empty | → Unknown | → Ours | – | – |
-//! | Ours | → Unknown | counts | – | – |
+//! | Ours | → Unknown | – | – | – |
 //! | Unknown | – | not sent | → Empty | – |
 
 use ipc_types::code::DspPathState;
@@ -20,11 +20,8 @@ pub enum DspPath {
     Unknown,
     /// It holds nothing.
     Empty,
-    /// It holds waypoints of the path under way, of which so many were sent, copies included.
-    Ours {
-        /// Waypoints sent.
-        sent: u32,
-    },
+    /// It holds waypoints of the path under way.
+    Ours,
 }
 
 impl DspPath {
@@ -32,12 +29,8 @@ impl DspPath {
     pub fn add_waypoint(&mut self) -> bool {
         match self {
             DspPath::Unknown => false,
-            DspPath::Empty => {
-                *self = DspPath::Ours { sent: 1 };
-                true
-            }
-            DspPath::Ours { sent } => {
-                *sent = sent.saturating_add(1);
+            DspPath::Empty | DspPath::Ours => {
+                *self = DspPath::Ours;
                 true
             }
         }
@@ -48,7 +41,7 @@ impl DspPath {
         match self {
             DspPath::Unknown => DspPathState::Unknown,
             DspPath::Empty => DspPathState::Empty,
-            DspPath::Ours { .. } => DspPathState::Ours,
+            DspPath::Ours => DspPathState::Ours,
         }
     }
 }
@@ -64,6 +57,6 @@ mod tests {
         assert_eq!(path, DspPath::Unknown);
         path = DspPath::Empty;
         assert!(path.add_waypoint() && path.add_waypoint());
-        assert_eq!(path, DspPath::Ours { sent: 2 });
+        assert_eq!(path, DspPath::Ours);
     }
 }

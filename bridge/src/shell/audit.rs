@@ -20,7 +20,7 @@ use crate::outputs::Notice;
 /// Time between two lines about the same repeated trouble.
 const REPETITION_PERIOD: Duration = Duration::from_secs(1);
 
-/// Different DSP errors that are told apart; more than the documented ones. Others share the last place.
+/// DSP errors that have a count of their own; more than the documented ones. Others share the last place.
 const ERROR_CODES: usize = 32;
 
 /// What the log has, so that each change is logged once.
@@ -45,7 +45,7 @@ macro_rules! named {
     };
 }
 
-/// The number of the request's key, as a sender's requests are told apart.
+/// The service that a request came through.
 fn service(key: RequestKey) -> &'static str {
     match key {
         RequestKey::Control(_) => "control",

@@ -22,7 +22,7 @@ use crate::safety::fence::Fence;
 const READ_LEN: usize = 4096;
 
 /// How often dead processes are cleaned up after, so that the death of a client is noticed: at the first wake after that
-/// time, for which nobody is woken.
+/// time, no process is woken for it.
 const CLEANING_PERIOD: Duration = Duration::from_millis(500);
 
 /// The place of the serial port among the sources of a wait: the last, because it may be absent.
@@ -96,7 +96,7 @@ pub fn run(
             ipc.clean_dead();
             supervisor.watchdog();
             next_cleaning = now + CLEANING_PERIOD;
-            // Also what nobody wakes for: a sender that has room again for its final report.
+            // Also for what causes no wake-up: a sender that has room again for its final report.
             shell.serve(now);
         }
         wake = shell.sleep(&waiter, termination, end)?;
@@ -296,7 +296,7 @@ struct Port {
     open: Option<SerialPort>,
     next_try: Option<MonotonicNs>,
     failures: u32,
-    /// The last failure that was told.
+    /// The last failure that was logged.
     told: String,
     ever_open: bool,
     /// Whether there was no device at the last attempt.
@@ -316,7 +316,7 @@ impl Port {
         }
     }
 
-    /// Opens the port if it is time to. A failure is told when it is another than the one before; the others are counted.
+    /// Opens the port if it is time to. A failure is logged when it differs from the one before; repetitions are counted.
     fn try_open(&mut self, now: MonotonicNs) -> Result<bool, ShellError> {
         if self.next_try.is_none_or(|next_try| now < next_try) {
             return Ok(false);

@@ -34,7 +34,7 @@ pub enum OpenError {
     NotPermitted {
         /// The port.
         port: PathBuf,
-        /// How to mend it.
+        /// What the operator can do.
         hint: String,
     },
     /// Another process uses it, or the kernel.
@@ -240,7 +240,7 @@ fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
     }
 }
 
-/// The error when the system refuses the port because of its holder, who is named if this user can see it.
+/// The error when the system refuses the port because another process holds it; that process is named if this user can see it.
 fn refused_by_its_holder(port: &Path) -> OpenError {
     let terminal = std::fs::metadata(port)
         .ok()
@@ -300,7 +300,7 @@ fn cannot_open(port: &Path, error: io::Error) -> OpenError {
     }
 }
 
-/// How to mend a missing permission: by the group that owns the device, which survives a reboot, unlike `chmod`.
+/// How to get a missing permission: by the group that owns the device, which survives a reboot, unlike `chmod`.
 pub fn permission_hint(port: &Path) -> String {
     let group = std::fs::metadata(port)
         .ok()
