@@ -32,6 +32,7 @@ const SPEED: f64 = 5.0;
 const BRIDGE_CONFIG: &str = "
 [link]
 ack_timeout_ms = 2000
+pc_timeout_ms = 30000
 silent_after_ms = 10000
 [parameters]
 status_period_ms = 60
