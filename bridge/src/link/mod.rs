@@ -11,7 +11,7 @@
 //! | up | start-up acknowledged, message while silent | no message for a time → silent; reboot → connecting |
 //! | silent | no valid message for the configured time | any message → up; probe failed → connecting (`Lost`) |
 //!
-//! Only a DSP that was started up has a [`Session`], and only a session knows what the path buffer holds: in the other states
+//! Only a DSP that was started up has a session, and only a session knows what the path buffer holds: in the other states
 //! nothing can be known. In silence the DSP is probed by reading its status mask, which disturbs nothing. A mask that is not
 //! ours, or a DSP that answers probes but sends nothing else, has rebooted.
 
