@@ -25,6 +25,8 @@ mod chance;
 mod config;
 #[path = "../../tests/missions/delivery.rs"]
 mod delivery;
+#[path = "../../tests/missions/dice.rs"]
+mod dice;
 #[path = "../../tests/missions/operator.rs"]
 mod operator;
 #[path = "../../tests/missions/plausible.rs"]
@@ -112,7 +114,7 @@ type Fly = fn(u64) -> u64;
 
 /// Flies every kind of mission of chance with every seed. What fails panics.
 fn missions(seeds: &Range<u64>) -> bool {
-    let kinds: [(&str, Fly); 4] = [
+    let kinds: [(&str, Fly); 7] = [
         ("wind and noise of the sensors", chance::fly_in_wind),
         ("noise on the line", chance::fly_in_noise),
         ("reckless operators", chance::be_reckless),
@@ -120,6 +122,12 @@ fn missions(seeds: &Range<u64>) -> bool {
             "scripts of faults, deaths of the bridge",
             chance::fly_through_faults,
         ),
+        (
+            "plans that change in mid-path: pre-emption, stops in silence, restarts, damaged bytes",
+            chance::change_plans,
+        ),
+        ("geofences", chance::fly_fenced),
+        ("slow status", chance::fly_with_slow_status),
     ];
     println!("| missions | seeds | flown | failed |\n|---|---|---:|---:|");
     for (name, fly) in kinds {

@@ -69,7 +69,9 @@ impl Movement {
 
     /// Asserts what `Done` means: the helicopter flies at the altitude; it stands with its rotor stopped; or it truly was in the boxes of all
     /// waypoints, in order, and is in the last one now.
-    pub fn assert_done(&self, helicopter: &Helicopter) {
+    ///
+    /// With `is_verified` false, waypoints may have been lost: then only the last one counts.
+    pub fn assert_done(&self, helicopter: &Helicopter, is_verified: bool) {
         let position_m = helicopter.body().position_m;
         match self {
             Movement::TakeOff { height_m } => {
@@ -88,9 +90,8 @@ impl Movement {
             // What the DSP holds is checked for every movement.
             Movement::Hold => {}
             Movement::Path { waypoints, reached } => {
-                assert_eq!(
-                    *reached,
-                    waypoints.len(),
+                assert!(
+                    *reached == waypoints.len() || !is_verified,
                     "the helicopter was not at waypoint {reached} of {waypoints:?}"
                 );
                 let last = waypoints.last().expect("a path has waypoints");
