@@ -112,6 +112,8 @@ pub fn change_plans(seed: u64) -> u64 {
     let mut faults = Vec::new();
     if dice.once_in(2) {
         faults.push(dice.corruption());
+    } else {
+        config = config.loses_only();
     }
     for _ in 0..dice.count(0, 3) {
         faults.push(dice.silence());

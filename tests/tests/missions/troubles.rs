@@ -154,7 +154,7 @@ fn check(what: &str, failure: Option<Outcome>, expected: Option<(Stage, Reason)>
 
 #[test]
 fn a_reboot_of_the_dsp_at_every_moment() {
-    let config = WorldConfig::new().unsound();
+    let config = WorldConfig::new().loses_only();
     for (what, when, effect) in MOMENTS {
         let (world, failure) = fly(&config, when, Trouble::Reboot);
         let expected = match effect {
@@ -170,7 +170,7 @@ fn a_reboot_of_the_dsp_at_every_moment() {
 
 #[test]
 fn a_port_that_goes_and_comes_back_at_every_moment() {
-    let config = WorldConfig::new().unsound();
+    let config = WorldConfig::new().loses_only();
     for pause in [Duration::from_millis(150), Duration::from_secs(5)] {
         for (what, when, effect) in MOMENTS {
             let (world, failure) = fly(&config, when, Trouble::PortGone(pause));
@@ -189,7 +189,7 @@ fn a_port_that_goes_and_comes_back_at_every_moment() {
 
 #[test]
 fn a_bridge_that_is_killed_and_started_again_at_every_moment() {
-    let config = WorldConfig::new().unsound();
+    let config = WorldConfig::new().loses_only();
     for away in [Duration::from_millis(50), Duration::from_secs(5)] {
         for (what, when, effect) in MOMENTS {
             let (world, failure) = fly(&config, when, Trouble::BridgeDies(away));

@@ -16,7 +16,7 @@ use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest, Waypoint
 use crate::buffer::{Buffer, Look};
 use crate::chain::Chain;
 use crate::config::WorldConfig;
-use crate::truth::Movement;
+use crate::truth::{Line, Movement};
 use crate::wire::{Noise, Probe};
 use crate::witness::{Outcome, Witness};
 
@@ -61,8 +61,7 @@ pub struct World {
     now: Duration,
     is_exact: bool,
     sees_everything: bool,
-    /// Whether no waypoint is lost unnoticed: none is lost, or the DSP counts them.
-    is_verified: bool,
+    line: Line,
     /// When the last fault of the simulator's script is over.
     faults_end: Duration,
     /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
@@ -105,7 +104,7 @@ impl World {
             now: Duration::ZERO,
             is_exact: config.is_exact,
             sees_everything: config.is_sound && config.is_dense,
-            is_verified: config.is_sound || config.simulator.firmware.has_waypoint_count,
+            line: config.line(),
             faults_end: config.faults_end,
             port_opens: Some(Duration::from_millis(10)),
             device: PortState::default(),
@@ -435,7 +434,7 @@ impl World {
             movement.follow(helicopter);
             if let Some(outcome) = self.witness.outcome(*id) {
                 if outcome.is_done() {
-                    movement.assert_done(helicopter, self.is_verified);
+                    movement.assert_done(helicopter, self.line);
                 }
                 self.movement = None;
             }
