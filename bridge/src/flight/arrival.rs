@@ -125,6 +125,12 @@ impl Tracker {
         self.path.last()
     }
 
+    /// Whether `position` lies in the box of the last waypoint.
+    pub fn is_at_end(&self, position: &Geographic) -> bool {
+        self.target()
+            .is_none_or(|last| self.tolerance.holds(last, position))
+    }
+
     /// Takes a position while `sent` waypoints have gone to the DSP. Returns whether the path has been flown.
     pub fn observe(&mut self, now: MonotonicNs, position: &Geographic, sent: usize) -> bool {
         while self.reached < sent.min(self.path.len())
@@ -135,10 +141,7 @@ impl Tracker {
         if self.reached == self.path.len() {
             return true;
         }
-        let Some(last) = self.path.last() else {
-            return true;
-        };
-        if !self.tolerance.holds(last, position) {
+        if !self.is_at_end(position) {
             self.left_last_box = true;
             self.in_last_box_since = None;
             return false;

@@ -191,7 +191,7 @@ impl Flight {
             }
             Some(DspOrder::Confirming { .. } | DspOrder::UnderWay) => self.look(cx),
             Some(DspOrder::Preparing | DspOrder::Ordering(_)) => {}
-            None => self.settled(cx),
+            None => self.settling_expired(cx),
         }
     }
 

@@ -231,8 +231,19 @@ impl Flight {
         }
     }
 
+    /// The time to settle is over. When the helicopter is not in the box, it has overshot, or the position that said so was
+    /// damaged: the path goes on.
+    pub(super) fn settling_expired<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        let position = self.observation.position(cx.now);
+        if position.is_some_and(|position| self.route.tracker.is_at_end(&position)) {
+            self.settled(cx);
+        } else {
+            self.set_path_step(PathStep::Flying);
+        }
+    }
+
     /// The path has been flown. It is done when the DSP holds nothing of it.
-    pub(super) fn settled<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+    fn settled<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         if let Motion::Following(following) = self.motion
             && following.step == PathStep::Settling
         {

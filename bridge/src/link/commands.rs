@@ -68,8 +68,8 @@ pub struct Sending {
 /// A command that has been acknowledged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acknowledged<P> {
-    /// What it was for.
-    pub purpose: P,
+    /// What it was for; nothing when that was forgotten meanwhile.
+    pub purpose: Option<P>,
     /// The acknowledgement can only be that of this command.
     pub is_certain: bool,
     /// When its first attempt was sent: the DSP has got one of the attempts since.
@@ -109,7 +109,8 @@ pub enum Timeout<P> {
 #[derive(Clone, Copy, Debug)]
 struct Outstanding<P> {
     sending: Sending,
-    purpose: P,
+    /// Nothing when it was forgotten.
+    purpose: Option<P>,
     attempts: u32,
     /// No late acknowledgement of an earlier command of the same code can arrive any more.
     is_certain: bool,
@@ -165,7 +166,7 @@ impl<P: Copy> CommandQueue<P> {
         let sending = Sending { command, number };
         self.outstanding = Some(Outstanding {
             sending,
-            purpose,
+            purpose: Some(purpose),
             attempts: 1,
             is_certain: now >= self.late_until(command),
             first_sent: now,
@@ -196,10 +197,10 @@ impl<P: Copy> CommandQueue<P> {
         if now < outstanding.deadline {
             return None;
         }
-        if outstanding.attempts == ATTEMPTS {
-            let purpose = outstanding.purpose;
-            self.abandon_outstanding(|_| true);
-            return Some(Timeout::Failed(purpose));
+        let purpose = outstanding.purpose;
+        if outstanding.attempts == ATTEMPTS || purpose.is_none() {
+            self.abandon_outstanding();
+            return purpose.map(Timeout::Failed);
         }
         outstanding.attempts += 1;
         outstanding.sent = now;
@@ -220,10 +221,19 @@ impl<P: Copy> CommandQueue<P> {
     }
 
     /// Forgets the waiting and outstanding commands whose purpose `unwanted` picks. An outstanding one that has gone out
-    /// cannot be called back; its acknowledgement will be unmatched.
+    /// cannot be called back: the next command waits for its acknowledgement, or until the time of its present attempt is up, so
+    /// that the one is not taken for that of the other. It is not sent again.
     pub fn forget(&mut self, unwanted: impl Fn(&P) -> bool) {
         self.waiting.retain(|(_, purpose)| !unwanted(purpose));
-        self.abandon_outstanding(unwanted);
+        if let Some(outstanding) = &mut self.outstanding {
+            outstanding.purpose.take_if(|purpose| unwanted(purpose));
+        }
+    }
+
+    /// Gives up every command, at once: the DSP is another one now, or the line.
+    pub fn abandon(&mut self) {
+        self.waiting.clear();
+        self.abandon_outstanding();
     }
 
     /// Takes back a command that has not been sent; false when it was sent, or is not here.
@@ -239,14 +249,12 @@ impl<P: Copy> CommandQueue<P> {
             || self
                 .outstanding
                 .iter()
-                .any(|outstanding| wanted(&outstanding.purpose))
+                .filter_map(|outstanding| outstanding.purpose.as_ref())
+                .any(wanted)
     }
 
-    fn abandon_outstanding(&mut self, unwanted: impl Fn(&P) -> bool) {
-        let abandoned = self
-            .outstanding
-            .take_if(|outstanding| unwanted(&outstanding.purpose));
-        if let Some(outstanding) = abandoned {
+    fn abandon_outstanding(&mut self) {
+        if let Some(outstanding) = self.outstanding.take() {
             self.expect_late_ack(&outstanding);
         }
     }
@@ -268,7 +276,7 @@ mod tests {
     fn purpose_of<P: Copy>(queue: &mut CommandQueue<P>, ack: &Ack) -> Option<P> {
         queue
             .acknowledge(ack)
-            .map(|acknowledged| acknowledged.purpose)
+            .and_then(|acknowledged| acknowledged.purpose)
     }
 
     const fn ack(command: u8, data: AckData) -> Ack {
@@ -394,14 +402,27 @@ mod tests {
     }
 
     #[test]
-    fn what_is_forgotten_is_neither_sent_nor_matched() {
+    fn what_is_forgotten_serves_nothing_and_the_next_command_waits_for_its_ack() {
+        let mut queue = in_state(2);
+        queue.push(READ, "read").unwrap();
+        queue.push(Command::ActivateStatus, "activate").unwrap();
+        queue.forget(|purpose| *purpose == "clear" || *purpose == "activate");
+        assert!(queue.has(|purpose| *purpose == "read"));
+        assert!(!queue.has(|purpose| *purpose != "read"));
+        assert_eq!(queue.poll(at(0)), None, "the acknowledgement may come");
+        assert_eq!(purpose_of(&mut queue, &PLAIN), None);
+        assert_eq!(queue.poll(at(0)), Some(sending(READ, 1)));
+        assert!(queue.acknowledge(&ack(0, AckData::Bits16(1))).is_some());
+        assert_eq!(queue.poll(at(0)), None);
+    }
+
+    #[test]
+    fn what_is_forgotten_is_not_sent_again() {
         let mut queue = in_state(2);
         queue.push(READ, "read").unwrap();
         queue.forget(|purpose| *purpose == "clear");
-        assert_eq!(purpose_of(&mut queue, &PLAIN), None);
-        assert_eq!(queue.poll(at(0)), Some(sending(READ, 1)));
-        assert!(queue.has(|purpose| *purpose == "read"));
-        assert!(!queue.has(|purpose| *purpose == "clear"));
+        assert_eq!(queue.time_out(at(100)), None, "nobody waits for it");
+        assert_eq!(queue.poll(at(100)), Some(sending(READ, 1)));
     }
 
     #[test]
@@ -442,7 +463,7 @@ mod tests {
         // A command that was abandoned may be answered as well.
         queue.push(Command::ClearErrors, "abandoned").unwrap();
         queue.poll(at(3000)).unwrap();
-        queue.forget(|_| true);
+        queue.abandon();
         assert!(!second(&mut queue, 3100));
         let numbered = Ack {
             acknowledges: Some(Sequence::new(6)),

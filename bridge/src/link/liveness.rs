@@ -216,7 +216,7 @@ impl Link {
 
     /// Gives up every command and all bytes that have not left.
     pub(super) fn abandon(&mut self) {
-        self.commands.forget(|_| true);
+        self.commands.abandon();
         self.timers.stop_all();
         self.discard_waiting_bytes();
     }

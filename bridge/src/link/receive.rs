@@ -124,6 +124,9 @@ impl Link {
         if let State::Up(session) = &mut self.state {
             session.heard = session.heard.max(sent);
         }
+        let Some(purpose) = purpose else {
+            return self.empty_path();
+        };
         match purpose {
             Purpose::StartUp(step) => self.step_done(now, step, ack.data, is_certain),
             Purpose::Probe => self.probe_answered(now, ack.data, is_certain),

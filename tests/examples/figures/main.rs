@@ -2,7 +2,7 @@
 //! in virtual time. Prints the rows of its table.
 //!
 //! ```sh
-//! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000]
+//! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000] [--kind noise]
 //! cargo run --release -p ril-tests --example figures -- delivery [--seeds 0..14000]
 //! cargo run --release -p ril-tests --example figures -- bytes [--bytes 1e9] [--seed 1]
 //! ```
@@ -25,6 +25,8 @@ mod chance;
 mod config;
 #[path = "../../tests/missions/delivery.rs"]
 mod delivery;
+#[path = "../../tests/missions/dice.rs"]
+mod dice;
 #[path = "../../tests/missions/operator.rs"]
 mod operator;
 #[path = "../../tests/missions/plausible.rs"]
@@ -40,7 +42,8 @@ mod witness;
 #[path = "../../tests/missions/world.rs"]
 mod world;
 
-use std::ops::Range;
+use std::ops::{AddAssign, Range};
+use std::panic::catch_unwind;
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::thread;
@@ -53,32 +56,45 @@ use dsp_protocol::Profile;
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-const USAGE: &str =
-    "figures missions|delivery [--seeds FIRST..END]\nfigures bytes [--bytes N] [--seed N]";
+const USAGE: &str = "figures missions [--seeds FIRST..END] [--kind KIND]\nfigures delivery [--seeds FIRST..END]\n\
+     figures bytes [--bytes N] [--seed N]";
 
 /// What is to be measured.
 enum Measure {
-    Missions(Range<u64>),
+    Missions {
+        seeds: Range<u64>,
+        kind: Option<String>,
+    },
     Delivery(Range<u64>),
-    Bytes { count: u64, seed: u64 },
+    Bytes {
+        count: u64,
+        seed: u64,
+    },
 }
 
 impl Measure {
     fn parse(mut words: impl Iterator<Item = String>) -> Result<Measure, String> {
         let what = words.next().ok_or("nothing to measure")?;
-        let (mut seeds, mut count, mut seed) = (None, 100_000_000, 1);
+        let (mut seeds, mut kind, mut count, mut seed) = (None, None, 100_000_000, 1);
         while let Some(option) = words.next() {
             let value = words.next().ok_or(format!("{option} wants a value"))?;
             let bad = || format!("{value} is no value of {option}");
             match option.as_str() {
                 "--seeds" => seeds = Some(seeds::parse(&value).ok_or_else(bad)?),
+                "--kind" => {
+                    let is_known = KINDS.iter().any(|(name, ..)| *name == value);
+                    kind = Some(is_known.then(|| value.clone()).ok_or_else(bad)?);
+                }
                 "--bytes" => count = number(&value).ok_or_else(bad)?,
                 "--seed" => seed = number(&value).ok_or_else(bad)?,
                 _ => return Err(format!("{option} is no option")),
             }
         }
         match what.as_str() {
-            "missions" => Ok(Measure::Missions(seeds.unwrap_or(0..1_000))),
+            "missions" => Ok(Measure::Missions {
+                seeds: seeds.unwrap_or(0..1_000),
+                kind,
+            }),
             "delivery" => Ok(Measure::Delivery(seeds.unwrap_or(0..100))),
             "bytes" => Ok(Measure::Bytes { count, seed }),
             _ => Err(format!("{what} is nothing to measure")),
@@ -95,7 +111,7 @@ fn number(text: &str) -> Option<u64> {
 fn main() -> ExitCode {
     let started = Instant::now();
     let is_good = match Measure::parse(std::env::args().skip(1)) {
-        Ok(Measure::Missions(seeds)) => missions(&seeds),
+        Ok(Measure::Missions { seeds, kind }) => missions(&seeds, kind.as_deref()),
         Ok(Measure::Delivery(seeds)) => deliveries(seeds),
         Ok(Measure::Bytes { count, seed }) => random_bytes(count, seed),
         Err(reason) => {
@@ -110,23 +126,67 @@ fn main() -> ExitCode {
 /// A mission of chance, by its seed.
 type Fly = fn(u64) -> u64;
 
-/// Flies every kind of mission of chance with every seed. What fails panics.
-fn missions(seeds: &Range<u64>) -> bool {
-    let kinds: [(&str, Fly); 4] = [
-        ("wind and noise of the sensors", chance::fly_in_wind),
-        ("noise on the line", chance::fly_in_noise),
-        ("reckless operators", chance::be_reckless),
-        (
-            "scripts of faults, deaths of the bridge",
-            chance::fly_through_faults,
-        ),
-    ];
-    println!("| missions | seeds | flown | failed |\n|---|---|---:|---:|");
-    for (name, fly) in kinds {
-        let flown = seeds::fly_range(seeds.clone(), fly);
-        println!("| {name} | {seeds:?} | {flown} | 0 |");
+/// The kinds of missions: name, what they are, and how one is flown.
+const KINDS: [(&str, &str, Fly); 7] = [
+    ("wind", "wind and noise of the sensors", chance::fly_in_wind),
+    ("noise", "noise on the line", chance::fly_in_noise),
+    (
+        "reckless",
+        "reckless operators, everything at once",
+        chance::be_reckless,
+    ),
+    (
+        "faults",
+        "scripts of faults, bridges that are killed or end",
+        chance::fly_through_faults,
+    ),
+    (
+        "plans",
+        "plans that change in mid-path: pre-emption, stops in silence, restarts, damaged bytes",
+        chance::change_plans,
+    ),
+    ("fences", "geofences", chance::fly_fenced),
+    ("slow", "slow status", chance::fly_with_slow_status),
+];
+
+/// What became of missions.
+#[derive(Clone, Copy, Default)]
+struct Flown {
+    good: u64,
+    failed: u64,
+}
+
+impl AddAssign for Flown {
+    fn add_assign(&mut self, other: Flown) {
+        self.good += other.good;
+        self.failed += other.failed;
     }
-    true
+}
+
+/// Flies missions of one kind or of all kinds with every seed; false when one has failed.
+fn missions(seeds: &Range<u64>, only: Option<&str>) -> bool {
+    println!("| missions | seeds | flown | failed |\n|---|---|---:|---:|");
+    let mut sum = Flown::default();
+    for (name, what, fly) in KINDS {
+        if only.is_some_and(|only| only != name) {
+            continue;
+        }
+        let flown = seeds::fly_range(seeds.clone(), |seed| match catch_unwind(|| fly(seed)) {
+            Ok(good) => Flown { good, failed: 0 },
+            Err(_) => {
+                eprintln!("failed: missions --kind {name} --seeds {seed}");
+                Flown { good: 0, failed: 1 }
+            }
+        });
+        let count = flown.good + flown.failed;
+        println!(
+            "| {name}: {what} | {seeds:?} | {count} | {} |",
+            flown.failed
+        );
+        sum += flown;
+    }
+    println!("| all | | {} | {} |", sum.good + sum.failed, sum.failed);
+    sum.failed == 0
 }
 
 /// Flies the missions of the delivery row. What fails panics.

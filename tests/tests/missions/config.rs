@@ -8,6 +8,8 @@ use dsp_sim::faults::Script;
 use dsp_sim::helicopter::wind::WindModel;
 use dsp_sim::simulator::Setup;
 
+use crate::truth::Line;
+
 /// What a world is made of.
 #[derive(Clone)]
 pub struct WorldConfig {
@@ -15,6 +17,10 @@ pub struct WorldConfig {
     pub simulator: Setup,
     /// Whether every message arrives: no noise, no reboot, no port that closes.
     pub is_sound: bool,
+    /// Whether every waypoint is seen to be reached, on a line that is sound.
+    pub is_dense: bool,
+    /// Whether no byte is damaged.
+    pub loses_only: bool,
     /// When the last fault of the simulator's script is over.
     pub faults_end: Duration,
     /// Whether a sample arrives at the moment at which it was measured, without noise: then it is compared to the truth.
@@ -30,6 +36,8 @@ impl WorldConfig {
             bridge,
             simulator: Setup::default(),
             is_sound: true,
+            is_dense: true,
+            loses_only: false,
             faults_end: Duration::ZERO,
             is_exact: false,
         }
@@ -61,6 +69,27 @@ impl WorldConfig {
         self.simulator.faults = Some(script);
         self.faults_end = end;
         self.unsound()
+    }
+
+    /// A geofence: a circle around the home, and a ceiling above it.
+    pub fn fence(mut self, radius_m: f64, ceiling_m: f64) -> WorldConfig {
+        let home = self.simulator.model.home;
+        let text = format!(
+            "[fence]\nceiling_m = {:.6}\n[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\n\
+             centre = [{:.9}, {:.9}]\nradius_m = {radius_m:.6}\n",
+            home.altitude_m + ceiling_m,
+            home.latitude_deg,
+            home.longitude_deg,
+        );
+        let parsed: BridgeConfig = runtime::config::parse(&text, "a test").expect("a geofence");
+        self.bridge.fence = parsed.fence;
+        self
+    }
+
+    /// Status comes so seldom that not every waypoint is seen to be reached.
+    pub fn sparse(mut self) -> WorldConfig {
+        self.is_dense = false;
+        self
     }
 
     /// Another wind.
@@ -96,6 +125,25 @@ impl WorldConfig {
         self.bridge.link.profile = Profile::Extended;
         self.simulator.profile = Profile::Extended;
         self
+    }
+
+    /// What the line can make the bridge believe. Only in the extended profile damaged bytes are noticed for certain; scripts
+    /// that only lose messages are taken for deceptive too, unless they say otherwise.
+    pub fn line(&self) -> Line {
+        let is_noticed = self.loses_only || self.simulator.profile == Profile::Extended;
+        if self.is_sound {
+            Line::Sound
+        } else if is_noticed && self.simulator.firmware.has_waypoint_count {
+            Line::Lossy
+        } else {
+            Line::Deceptive
+        }
+    }
+
+    /// Messages get lost, but no byte is damaged.
+    pub fn loses_only(mut self) -> WorldConfig {
+        self.loses_only = true;
+        self.unsound()
     }
 
     /// Messages will be lost.

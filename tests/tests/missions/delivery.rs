@@ -179,7 +179,7 @@ fn config(seed: u64, dice: &mut Dice) -> WorldConfig {
         config = config.extended();
     }
     config.simulator.model.noise_level = 0.0;
-    config.faults(dice.script(seed), END)
+    config.faults(dice.script(seed), END).loses_only()
 }
 
 /// What makes the DSP forget its path.

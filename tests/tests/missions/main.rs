@@ -12,6 +12,7 @@ mod chain;
 mod chance;
 mod config;
 mod delivery;
+mod dice;
 mod operator;
 mod plain;
 mod plausible;

@@ -170,6 +170,21 @@ fn a_slow_line_leaves_out_whole_samples_and_the_mission_is_flown() {
 }
 
 #[test]
+fn a_take_off_and_a_landing_between_two_status_messages_are_no_refusals() {
+    for period_ms in [1000, 2500, 5000] {
+        let table = format!("status_period_ms = {period_ms}");
+        for height_m in [1.0, 2.0, 4.0, 6.0, 8.0] {
+            let mut world = World::new(&WorldConfig::new().parameters(&table));
+            fly(
+                &mut world,
+                &[Step::Start, Step::TakeOff(height_m), Step::Land],
+            );
+            world.finish();
+        }
+    }
+}
+
+#[test]
 fn errors_of_the_boot_end_nothing() {
     // Two that would end a movement, one that nobody knows, and as many more as the DSP's queue takes.
     let mut config = WorldConfig::new();

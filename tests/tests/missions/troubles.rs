@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use dsp_protocol::Group;
-use dsp_sim::faults::{Fault, Script, Times};
+use dsp_sim::faults::{Damage, Directions, Fault, Script, Times, Window};
 use dsp_sim::helicopter::Phase;
 use ipc_types::code::{Functionality, LinkState, Reason, Stage};
 use ipc_types::payload::MovementData;
@@ -154,7 +154,7 @@ fn check(what: &str, failure: Option<Outcome>, expected: Option<(Stage, Reason)>
 
 #[test]
 fn a_reboot_of_the_dsp_at_every_moment() {
-    let config = WorldConfig::new().unsound();
+    let config = WorldConfig::new().loses_only();
     for (what, when, effect) in MOMENTS {
         let (world, failure) = fly(&config, when, Trouble::Reboot);
         let expected = match effect {
@@ -170,7 +170,7 @@ fn a_reboot_of_the_dsp_at_every_moment() {
 
 #[test]
 fn a_port_that_goes_and_comes_back_at_every_moment() {
-    let config = WorldConfig::new().unsound();
+    let config = WorldConfig::new().loses_only();
     for pause in [Duration::from_millis(150), Duration::from_secs(5)] {
         for (what, when, effect) in MOMENTS {
             let (world, failure) = fly(&config, when, Trouble::PortGone(pause));
@@ -189,7 +189,7 @@ fn a_port_that_goes_and_comes_back_at_every_moment() {
 
 #[test]
 fn a_bridge_that_is_killed_and_started_again_at_every_moment() {
-    let config = WorldConfig::new().unsound();
+    let config = WorldConfig::new().loses_only();
     for away in [Duration::from_millis(50), Duration::from_secs(5)] {
         for (what, when, effect) in MOMENTS {
             let (world, failure) = fly(&config, when, Trouble::BridgeDies(away));
@@ -354,4 +354,30 @@ fn a_sample_that_comes_late_or_twice_is_not_published() {
     world.finish();
     let link = &world.witness.state.link;
     assert_eq!((link.telemetry_incoherent, link.dsp_boots), (30, 0));
+}
+
+#[test]
+fn a_dsp_without_time_is_believed_again_after_a_silence() {
+    // Its status is taken after a look at its mask. The probes of the silence make the first answer uncertain.
+    for length_s in [1.5, 2.0, 2.5, 3.0] {
+        let begin = Duration::from_secs(3);
+        let end = begin + Duration::from_secs_f64(length_s);
+        let outage = Fault::Bytes {
+            direction: Directions::Both,
+            window: Window::between(begin, end),
+            damage: Damage::Outage,
+        };
+        let script = Script {
+            seed: 1,
+            faults: vec![outage],
+        };
+        let mut config = WorldConfig::new().faults(script, end);
+        config.simulator.firmware.has_time = false;
+        let mut world = World::new(&config);
+        world.run_for(Duration::from_secs(8));
+        let samples = world.witness.samples;
+        world.run_for(Duration::from_secs(2));
+        assert!(world.witness.samples > samples + 90, "after {length_s} s");
+        world.finish();
+    }
 }

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use bridge::config::TrajectoryKind;
 use bridge::{Bridge, BridgeConfig, RequestKey};
 use dsp_protocol::Waypoint;
 use dsp_sim::faults::PortState;
@@ -15,7 +16,7 @@ use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest, Waypoint
 use crate::buffer::{Buffer, Look};
 use crate::chain::Chain;
 use crate::config::WorldConfig;
-use crate::truth::Movement;
+use crate::truth::{Line, Movement};
 use crate::wire::{Noise, Probe};
 use crate::witness::{Outcome, Witness};
 
@@ -59,7 +60,8 @@ pub struct World {
     bridge_starts: Option<Duration>,
     now: Duration,
     is_exact: bool,
-    is_sound: bool,
+    sees_everything: bool,
+    line: Line,
     /// When the last fault of the simulator's script is over.
     faults_end: Duration,
     /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
@@ -74,7 +76,7 @@ pub struct World {
     movement: Option<(u64, Movement)>,
     /// Requests that are done only when the DSP holds nothing, and what they are.
     watched: Vec<(u64, &'static str)>,
-    /// The waypoints that were sent since the last head of a path.
+    /// The waypoints that were accepted since the last head of a path.
     open_path: Vec<MovementData>,
     next_request: u64,
     steps_at_once: u32,
@@ -83,10 +85,14 @@ pub struct World {
 impl World {
     pub fn new(config: &WorldConfig) -> World {
         let seed = config.simulator.model.seed;
+        let mut probe = Probe::new(config.bridge.link.profile, config.is_sound);
+        if config.bridge.trajectory.kind == TrajectoryKind::DivideLegs {
+            probe.allow_divided_legs();
+        }
         World {
             simulator: Simulator::new(config.simulator.clone()),
             witness: Witness::new(config.is_sound),
-            probe: Probe::new(config.bridge.link.profile, config.is_sound),
+            probe,
             chain: Chain::new(),
             buffer: Buffer::new(config.is_sound),
             fewest_free_places: usize::MAX,
@@ -97,7 +103,8 @@ impl World {
             bridge_starts: None,
             now: Duration::ZERO,
             is_exact: config.is_exact,
-            is_sound: config.is_sound,
+            sees_everything: config.is_sound && config.is_dense,
+            line: config.line(),
             faults_end: config.faults_end,
             port_opens: Some(Duration::from_millis(10)),
             device: PortState::default(),
@@ -121,9 +128,9 @@ impl World {
         self.now
     }
 
-    /// Whether every message arrives.
-    pub fn is_sound(&self) -> bool {
-        self.is_sound
+    /// Whether every waypoint that is reached is seen to be.
+    pub fn sees_everything(&self) -> bool {
+        self.sees_everything
     }
 
     /// Whether nothing goes wrong any more: the bridge and its port are there, no trouble waits, and every fault of the script
@@ -204,10 +211,13 @@ impl World {
         self.bridge
             .movement(host(self.now), key, &request, &mut self.witness);
         self.exchange();
-        if request.kind() == Some(MovementKind::GoToWaypoint) {
+        let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
+        if request.kind() == Some(MovementKind::GoToWaypoint) && is_accepted {
+            if request.first == 1 {
+                self.open_path.clear();
+            }
             self.open_path.push(request);
         }
-        let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
         match (movement, allowed) {
             (Some(movement), _) if is_accepted => {
                 if path.is_none() {
@@ -253,44 +263,40 @@ impl World {
 
     /// Sends one waypoint of a path, given in the flat world, and returns the request's id. `path` is the whole path.
     pub fn waypoint(&mut self, path_id: u64, path: &[Vector], index: usize) -> u64 {
-        let position = self
-            .simulator
-            .helicopter()
-            .world()
-            .to_geographic(path[index]);
+        let request = self.waypoint_request(path_id, path, index);
+        self.movement(request)
+    }
+
+    /// The request of [`World::waypoint`].
+    pub fn waypoint_request(&self, path_id: u64, path: &[Vector], index: usize) -> MovementData {
+        let world = self.simulator.helicopter().world();
+        let position = world.to_geographic(path[index]);
         let position = WaypointPosition {
             latitude_deg: position.latitude_deg,
             longitude_deg: position.longitude_deg,
             altitude_m: position.altitude_m,
         };
         let (first, last) = (index == 0, index + 1 == path.len());
-        self.movement(MovementData::waypoint(0, path_id, position, first, last))
+        MovementData::waypoint(0, path_id, position, first, last)
     }
 
     /// The waypoints of the path that `request` would close, judged by the requests and what was said about them: those
     /// since the last head that are open or done, and this one. A waypoint is done when the next one has been accepted.
-    fn path_closed_by(&mut self, request: &MovementData) -> Option<Vec<Waypoint>> {
-        if request.first == 1 {
-            self.open_path.clear();
-        }
+    fn path_closed_by(&self, request: &MovementData) -> Option<Vec<Waypoint>> {
         if request.kind() != Some(MovementKind::GoToWaypoint) || request.last != 1 {
             return None;
         }
-        let witness = &self.witness;
-        let open = self
-            .open_path
-            .iter()
-            .filter(|waypoint| {
-                let outcome = witness.outcome(waypoint.request_id);
-                outcome.is_none_or(|outcome| outcome.is_done())
-            })
-            .chain([request])
-            .map(|waypoint| Waypoint {
-                latitude_deg: waypoint.latitude_deg,
-                longitude_deg: waypoint.longitude_deg,
-                altitude_m: waypoint.altitude_m,
-            });
-        Some(open.collect())
+        let is_open = |waypoint: &&MovementData| {
+            let outcome = self.witness.outcome(waypoint.request_id);
+            request.first == 0 && outcome.is_none_or(|outcome| outcome.is_done())
+        };
+        let path = self.open_path.iter().filter(is_open).chain([request]);
+        let path = path.map(|waypoint| Waypoint {
+            latitude_deg: waypoint.latitude_deg,
+            longitude_deg: waypoint.longitude_deg,
+            altitude_m: waypoint.altitude_m,
+        });
+        Some(path.collect())
     }
 
     /// The sender of a movement request goes.
@@ -428,7 +434,7 @@ impl World {
             movement.follow(helicopter);
             if let Some(outcome) = self.witness.outcome(*id) {
                 if outcome.is_done() {
-                    movement.assert_done(helicopter);
+                    movement.assert_done(helicopter, self.line);
                 }
                 self.movement = None;
             }
