@@ -1,6 +1,6 @@
 //! Reports as messages: a line for people, an object for programs, an exit code for scripts.
 //!
-//! Pure functions over values; nothing is printed here. [`details`] says which rule, waypoint, amount or DSP error a report
+//! Pure functions over values; nothing is printed here. [`mod@details`] says which rule, waypoint, amount or DSP error a report
 //! is about, [`object`] is the form for programs.
 
 pub mod details;

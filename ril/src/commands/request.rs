@@ -1,6 +1,6 @@
 //! `ril start | stop | takeoff | land | hold | goto | fence reload`: makes the requests of one command.
 //!
-//! [`Conversation`] sends and follows them, and [`messages`](crate::messages) has the texts and exit codes.
+//! A conversation sends and follows them, and [`messages`](crate::messages) has the texts and exit codes.
 
 use std::fs::File;
 use std::io::{self, Read};
