@@ -30,7 +30,10 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
 
     // Each line, and how often it is there.
     let lines = [
-        (vec!["request ".to_owned(), format!("request={refused} ")], 1),
+        (
+            vec!["request ".to_owned(), format!("request={refused} ")],
+            1,
+        ),
         (
             vec![
                 format!("request={refused} "),
@@ -48,7 +51,7 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
                 format!("request={take_off} "),
                 "sender=".to_owned(),
                 r#"command="takeoff""#.to_owned(),
-                "altitude_m=10".to_owned(),
+                "height_m=10".to_owned(),
             ],
             1,
         ),
@@ -79,14 +82,8 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
             vec!["phase".to_owned(), r#"doing="taking-off""#.to_owned()],
             1,
         ),
-        (
-            vec!["link".to_owned(), r#"to="up""#.to_owned()],
-            1,
-        ),
-        (
-            vec!["link".to_owned(), r#"to="gone""#.to_owned()],
-            1,
-        ),
+        (vec!["link".to_owned(), r#"to="up""#.to_owned()], 1),
+        (vec!["link".to_owned(), r#"to="gone""#.to_owned()], 1),
     ];
     for (parts, expected) in lines {
         let found = log

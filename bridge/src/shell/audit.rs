@@ -9,7 +9,9 @@ use std::time::Duration;
 
 use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{Functionality, LinkState, ModuleStatus, Reason, Stage};
+use ipc_types::code::{
+    Functionality, LinkState, ModuleStatus, MovementKind, ParameterOperation, Reason, Stage,
+};
 use ipc_types::payload::{
     ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
 };
@@ -67,36 +69,59 @@ impl Audit {
         );
     }
 
-    /// A movement request arrived.
-    pub fn movement(&self, sender: Option<u32>, request: &MovementData) {
+    /// A movement request arrived. Only values that its kind uses are logged.
+    pub fn movement(&self, sender: Option<u32>, movement: &MovementData) {
+        let kind = movement.kind();
+        let waypoint = (kind == Some(MovementKind::GoToWaypoint)).then_some(movement);
+        let take_off = (kind == Some(MovementKind::TakeOff)).then_some(movement);
         tracing::info!(
-            request = request.request_id,
+            request = movement.request_id,
             sender,
-            command = request.kind().map_or("unknown", |kind| kind.name()),
-            path = request.path_id,
-            first = request.first,
-            last = request.last,
-            latitude_deg = request.latitude_deg,
-            longitude_deg = request.longitude_deg,
-            altitude_m = request.altitude_m,
-            preempt = request.preempt,
-            repeat = request.repeat,
+            command = kind.map_or("unknown", MovementKind::name),
+            height_m = take_off.map(|to| to.altitude_m),
+            path = waypoint.map(|to| to.path_id),
+            first = waypoint.map(|to| to.first),
+            last = waypoint.map(|to| to.last),
+            latitude_deg = waypoint.map(|to| to.latitude_deg),
+            longitude_deg = waypoint.map(|to| to.longitude_deg),
+            altitude_m = waypoint.map(|to| to.altitude_m),
+            preempt = (movement.preempt != 0).then_some(true),
+            repeat = (movement.repeat != 0).then_some(true),
             "request"
         );
     }
 
-    /// A parameter request arrived.
+    /// A parameter request arrived. The description of a port is looked up for each name that an operator gives, and
+    /// commands nothing.
     pub fn parameter(&self, sender: Option<u32>, request: &ParameterRequest) {
-        tracing::info!(
-            request = request.request_id,
-            sender,
-            command = request
-                .operation()
-                .map_or("unknown", |operation| operation.name()),
-            port = request.port,
-            value = request.value,
-            "request"
-        );
+        let id = request.request_id;
+        let port = request.port;
+        match request.operation() {
+            Some(ParameterOperation::List) => {
+                tracing::debug!(
+                    request = id,
+                    sender,
+                    command = "list",
+                    index = port,
+                    "request"
+                );
+            }
+            Some(ParameterOperation::Write) => {
+                let value = request.value;
+                tracing::info!(
+                    request = id,
+                    sender,
+                    command = "write",
+                    port,
+                    value,
+                    "request"
+                );
+            }
+            Some(ParameterOperation::Read) => {
+                tracing::info!(request = id, sender, command = "read", port, "request");
+            }
+            None => tracing::info!(request = id, sender, command = "unknown", "request"),
+        }
     }
 
     /// The sender of a request is gone.
@@ -116,7 +141,9 @@ impl Audit {
         let waypoint = (report.waypoint > 0).then_some(report.waypoint);
         let (dsp_error, value) = (report.dsp_error(), report.value());
         let request = report.request_id;
+        let is_description = report.port.count > 0 && value.is_none();
         match report.stage() {
+            Some(Stage::Done) if is_description => tracing::debug!(request, stage, "report"),
             Some(Stage::Progress) => tracing::debug!(
                 request,
                 stage,
