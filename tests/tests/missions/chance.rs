@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use bridge::config::TrajectoryKind;
 use dsp_sim::faults::Script;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{MovementData, ParameterRequest};
@@ -214,7 +215,10 @@ pub fn fly_fenced(seed: u64) -> u64 {
 pub fn fly_with_slow_status(seed: u64) -> u64 {
     let mut dice = Dice::new(seed);
     let period_ms = dice.count(500, 5000);
-    let config = dice.config(seed).parameters(&format!(
+    let mut config = dice.config(seed);
+    // The points of a divided leg begin at the last known position, which here may be one on the ground.
+    config.bridge.trajectory.kind = TrajectoryKind::PassThrough;
+    let config = config.parameters(&format!(
         "status_period_ms = {period_ms}\ncruise_speed_mps = 3.0\nclimb_speed_mps = 2.0"
     ));
     let mut world = World::new(&config.sparse());
