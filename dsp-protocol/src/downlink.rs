@@ -1,10 +1,12 @@
 //! Messages from the DSP to the PC (`docs/protocol.md` section 4).
 
-use crate::decoder::{Direction, Extent, Refusal, sealed};
+use crate::decode_error::Refusal;
+use crate::decoder::Direction;
 use crate::error_code::DspErrorCode;
 use crate::frame::{Frame, Reader, Writer};
 use crate::header;
 use crate::mask::StatusMask;
+use crate::message::{Extent, Message};
 use crate::profile::{Profile, Sequence};
 
 pub use crate::group::{
@@ -68,7 +70,7 @@ impl Downlink {
 
 impl Direction for Downlink {}
 
-impl sealed::Message for Downlink {
+impl Message for Downlink {
     const EXTENDED_HEADER: u8 = header::EXTENDED_DOWNLINK;
 
     fn header(&self) -> u8 {
