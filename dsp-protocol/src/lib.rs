@@ -58,15 +58,17 @@ mod message;
 pub mod plausibility;
 pub mod port;
 pub mod profile;
+mod status;
 pub mod uplink;
 
 pub use decode_error::Refusal;
 pub use decoder::{Decoded, Decoder, Direction, Framed};
-pub use downlink::{Downlink, FlowControl, Status};
+pub use downlink::{Downlink, FlowControl};
 pub use error_code::DspErrorCode;
 pub use frame::{Frame, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, checksum, crc32};
 pub use group::{FieldSpec, Group};
 pub use mask::StatusMask;
 pub use message::Extent;
 pub use profile::{Profile, Received, Sequence};
+pub use status::Status;
 pub use uplink::{Command, Uplink, Waypoint};
