@@ -2,14 +2,16 @@
 
 use std::marker::PhantomData;
 
+use crate::decode_error::Refusal;
 use crate::frame::MAX_FRAME_LEN;
 use crate::header::is_header;
+use crate::message::{Extent, Message};
 use crate::profile::{Profile, Received};
 
 /// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
 /// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give. Its functions are those of the
 /// classic profile; a [`Decoder`] has them for both.
-pub trait Direction: sealed::Message {
+pub trait Direction: Message {
     /// How long the message is that begins with `prefix`, as far as its bytes tell. `prefix` begins with a header; it may
     /// be shorter than the message or reach beyond it. Never panics, whatever the bytes.
     fn extent(prefix: &[u8]) -> Extent {
@@ -25,42 +27,6 @@ pub trait Direction: sealed::Message {
     fn parse(frame: &[u8]) -> Result<Self, Refusal> {
         Ok(Profile::Classic.parse::<Self>(frame)?.message)
     }
-}
-
-pub(crate) mod sealed {
-    use super::{Extent, Refusal};
-    use crate::frame::{Reader, Writer};
-
-    /// What a direction's messages are between the bytes that a profile puts around them. Messages are distinguished by
-    /// their classic header, in either profile.
-    pub trait Message: Sized {
-        /// The header of all messages of this direction in the extended profile.
-        const EXTENDED_HEADER: u8;
-
-        /// The message's classic header.
-        fn header(&self) -> u8;
-
-        /// Appends the payload.
-        fn write(&self, writer: &mut Writer);
-
-        /// How long the payload of the message with this `header` is, as far as its first bytes tell. `payload` may be
-        /// shorter than that, or reach beyond it.
-        fn payload_extent(header: u8, payload: &[u8]) -> Extent;
-
-        /// Takes the message with this `header` out of its payload; the errors are those of [`super::Direction::parse`].
-        fn read(header: u8, reader: Reader<'_>) -> Result<Self, Refusal>;
-    }
-}
-
-/// What is known of a frame's length from its first bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extent {
-    /// The whole frame has this many bytes, at most [`MAX_FRAME_LEN`].
-    Exactly(usize),
-    /// The length is known once this many bytes are there; more than the prefix has.
-    AtLeast(usize),
-    /// No message begins like this.
-    Unknown(Refusal),
 }
 
 /// What a call of [`Decoder::decode`] found.
@@ -83,56 +49,6 @@ pub enum Framed<'a> {
     Frame(&'a [u8]),
     /// Bytes that were discarded, and why; never [`Refusal::Padding`] or [`Refusal::Value`].
     Refused(Refusal),
-}
-
-/// Why bytes from the line were discarded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Refusal {
-    /// Bytes without a header before them; reported once for each run of them.
-    Stray,
-    /// A header that this direction does not have.
-    UnknownHeader,
-    /// A header arrived inside a message.
-    Truncated,
-    /// The checksum or the CRC is wrong (`CHECKSUMERROR`).
-    Checksum,
-    /// The checksum is right, but the unused bits of a value are not zero.
-    Padding,
-    /// The checksum is right, but a field has a value that it cannot have.
-    Value,
-    /// A command whose code is over 7; only the DSP's side sees it, and reports it as error 30.
-    UnknownCommand,
-    /// A header that this direction has in the other profile: the ends of the line are configured differently.
-    OtherProfile,
-}
-
-impl Refusal {
-    /// All reasons, in the order of their counters.
-    pub const ALL: [Refusal; 8] = [
-        Refusal::Stray,
-        Refusal::UnknownHeader,
-        Refusal::Truncated,
-        Refusal::Checksum,
-        Refusal::Padding,
-        Refusal::Value,
-        Refusal::UnknownCommand,
-        Refusal::OtherProfile,
-    ];
-
-    /// The reason in logs and test vectors.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Refusal::Stray => "stray",
-            Refusal::UnknownHeader => "unknown_header",
-            Refusal::Truncated => "truncated",
-            Refusal::Checksum => "checksum",
-            Refusal::Padding => "padding",
-            Refusal::Value => "value",
-            Refusal::UnknownCommand => "unknown_command",
-            Refusal::OtherProfile => "other_profile",
-        }
-    }
 }
 
 /// Finds the messages of one direction in a stream of bytes, however it is cut.

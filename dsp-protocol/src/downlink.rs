@@ -1,23 +1,24 @@
 //! Messages from the DSP to the PC (`docs/protocol.md` section 4).
 
-use crate::decoder::{Direction, Extent, Refusal, sealed};
+use crate::decode_error::Refusal;
+use crate::decoder::Direction;
 use crate::error_code::DspErrorCode;
 use crate::frame::{Frame, Reader, Writer};
 use crate::header;
 use crate::mask::StatusMask;
+use crate::message::{Extent, Message};
 use crate::profile::{Profile, Sequence};
 
 pub use crate::group::{
     Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, PanTilt, References, ServoPulses,
-    Status, Supply, Xy,
+    Supply, Xy,
 };
+pub use crate::status::Status;
 
 /// Bytes of a status' payload that hold its mask, from which its length follows.
 const STATUS_MASK_LEN: usize = 3;
 /// The greatest code of a command, hence of an acknowledgement.
 const MAX_COMMAND_CODE: u8 = 7;
-/// The flying flag in the flags of a status.
-const FLYING: u8 = 1;
 
 /// One message from the DSP. Each variant carries only its own fields.
 #[expect(
@@ -68,7 +69,7 @@ impl Downlink {
 
 impl Direction for Downlink {}
 
-impl sealed::Message for Downlink {
+impl Message for Downlink {
     const EXTENDED_HEADER: u8 = header::EXTENDED_DOWNLINK;
 
     fn header(&self) -> u8 {
@@ -171,24 +172,5 @@ impl FlowControl {
             1 => Ok(FlowControl::Send),
             _ => Err(Refusal::Value),
         }
-    }
-}
-
-impl Status {
-    fn write(&self, writer: &mut Writer) {
-        writer.u16(self.mask().0);
-        writer.u7(if self.flying { FLYING } else { 0 });
-        self.write_groups(writer);
-    }
-
-    fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
-        let mask = StatusMask(reader.u16());
-        let flags = reader.u7();
-        let status = Status::read_groups(flags == FLYING, mask, &mut reader);
-        reader.finish()?;
-        if flags & !FLYING != 0 {
-            return Err(Refusal::Value);
-        }
-        Ok(status)
     }
 }

@@ -5,7 +5,7 @@
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
-use crate::decoder::Refusal;
+use crate::decode_error::Refusal;
 
 /// The longest frame of the classic profile: a status with all groups.
 pub const MAX_CLASSIC_FRAME_LEN: usize = 128;

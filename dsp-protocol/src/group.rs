@@ -1,11 +1,10 @@
 //! The sixteen groups of a status (`docs/protocol.md` sections 4.1 and 9), stated once.
 //!
-//! [`Group`], [`Status`], the structs of the groups, the lengths, encoding, decoding, the limits and the names all follow
-//! from the tables of this file. A row that is changed here changes them all.
+//! [`Group`], [`Status`](crate::Status), the structs of the groups, the lengths, encoding, decoding, the limits and the
+//! names all follow from the tables of this file. A row that is changed here changes them all.
 
 use crate::field::{Layout, Limits, Steps, U7, U14, field_spec, is_within, record};
 use crate::frame::{Reader, Writer};
-use crate::mask::StatusMask;
 
 pub use crate::field::FieldSpec;
 
@@ -163,13 +162,55 @@ record! {
     }
 }
 
+/// The table of the groups: hands its rows to the macro `$define`. Each is `Group = bit, name, field: type;`; a group of a
+/// single value has `(wire type, unit, limits)` behind its type.
+macro_rules! with_groups {
+    ($define:ident) => {
+        $define! {
+            /// Milliseconds since the DSP's boot (`tiempo_local`).
+            Time = 0, "time", time_ms: u32 (u32, "ms", CLOCK);
+            /// Latitude, longitude, altitude.
+            Geographic = 1, "geographic", geographic: Geographic;
+            /// Flat position around the first valid GPS fix.
+            Xy = 2, "xy", xy: Xy;
+            /// GPS horizontal speed, vertical speed, heading.
+            GpsVelocity = 3, "gps_velocity", gps_velocity: GpsVelocity;
+            /// GPS quality (`qos_GPS`): the NMEA fix quality, 0 … 8.
+            GpsQuality = 4, "gps_quality", gps_quality: u8 (U7, "", FIX_QUALITY);
+            /// IMU pitch, roll, yaw.
+            Attitude = 5, "attitude", attitude: Attitude;
+            /// IMU linear acceleration: the specific force.
+            Acceleration = 6, "acceleration", acceleration: Acceleration;
+            /// IMU angular rate.
+            AngularRate = 7, "angular_rate", angular_rate: AngularRate;
+            /// PWM signals from the pilot.
+            PilotPwm = 8, "pilot_pwm", pilot_pwm: ServoPulses;
+            /// Sonar, raw ADC.
+            Sonar = 9, "sonar", sonar_adc: u16 (U14, "", ADC);
+            /// Battery level, fuel level, auto/manual switch.
+            Supply = 10, "supply", supply: Supply;
+            /// Pan and tilt potentiometers.
+            PanTilt = 11, "pan_tilt", pan_tilt: PanTilt;
+            /// Main rotor speed, rpm.
+            RotorSpeed = 12, "rotor_speed", rotor_rpm: u16 (U14, "rpm", ROTOR);
+            /// Barometric altimeter, raw ADC.
+            Barometer = 13, "barometer", barometer_adc: u16 (U14, "", ADC);
+            /// Actuation values to the servos.
+            Actuation = 14, "actuation", actuation: ServoPulses;
+            /// Controller references.
+            References = 15, "references", references: References;
+        }
+    };
+}
+pub(crate) use with_groups;
+
 /// The type that lays a group out: the group's record, or a new one for a group of a single value.
 macro_rules! layout_of {
     ($group:ident, $field:ident, $record:ident) => {
-        pub(super) use super::$record as $group;
+        pub(crate) use super::$record as $group;
     };
     ($group:ident, $field:ident, $type:ty, $wire:ty, $unit:literal, $limits:expr) => {
-        pub(super) enum $group {}
+        pub(crate) enum $group {}
 
         impl Layout for $group {
             type Value = $type;
@@ -194,8 +235,7 @@ macro_rules! layout_of {
     };
 }
 
-/// Defines [`Group`] and [`Status`]. Each line is `Group = bit, name, field: type;`; a group of a single value has
-/// `(wire type, unit, limits)` behind its type.
+/// Defines [`Group`] and its layouts from the rows of [`with_groups!`].
 macro_rules! groups {
     ($(
         $(#[$doc:meta])*
@@ -235,55 +275,8 @@ macro_rules! groups {
             }
         }
 
-        /// A status message: the flying flag and the groups that the DSP's mask selects.
-        #[derive(Clone, Copy, Debug, Default, PartialEq)]
-        pub struct Status {
-            /// The helicopter is in the air (`heli_volando`).
-            pub flying: bool,
-            $($(#[$doc])* pub $field: Option<$type>,)+
-        }
-
-        impl Status {
-            /// The groups that the message carries.
-            pub const fn mask(&self) -> StatusMask {
-                StatusMask(0 $(| if self.$field.is_some() { Group::$group.bit() } else { 0 })+)
-            }
-
-            /// Takes `groups` out of the message, as if they had not been sent.
-            pub fn withdraw(&mut self, groups: StatusMask) {
-                $(if groups.contains(Group::$group) {
-                    self.$field = None;
-                })+
-            }
-
-            /// The groups of the message that hold a value outside the limits of section 9.
-            pub(crate) fn implausible_groups(&self) -> StatusMask {
-                let mut implausible = StatusMask::NONE;
-                $(if self.$field.as_ref().is_some_and(|value| !layout::$group::is_plausible(value)) {
-                    implausible = implausible.with(Group::$group);
-                })+
-                implausible
-            }
-
-            /// Appends the groups that the message carries, in the order of their bits.
-            pub(crate) fn write_groups(&self, writer: &mut Writer) {
-                $(if let Some(value) = &self.$field {
-                    layout::$group::write(value, writer);
-                })+
-            }
-
-            /// Takes the groups of `mask`; [`Reader::finish`] reports whether they were there.
-            pub(crate) fn read_groups(flying: bool, mask: StatusMask, reader: &mut Reader<'_>) -> Status {
-                // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
-                Status {
-                    flying,
-                    $($field: mask.contains(Group::$group).then(|| layout::$group::read(reader)),)+
-                }
-            }
-        }
-
         /// How each group is laid out, by the group's name.
-        mod layout {
+        pub(crate) mod layout {
             use super::*;
             use crate::field::Wire;
 
@@ -292,40 +285,7 @@ macro_rules! groups {
     };
 }
 
-groups! {
-    /// Milliseconds since the DSP's boot (`tiempo_local`).
-    Time = 0, "time", time_ms: u32 (u32, "ms", CLOCK);
-    /// Latitude, longitude, altitude.
-    Geographic = 1, "geographic", geographic: Geographic;
-    /// Flat position around the first valid GPS fix.
-    Xy = 2, "xy", xy: Xy;
-    /// GPS horizontal speed, vertical speed, heading.
-    GpsVelocity = 3, "gps_velocity", gps_velocity: GpsVelocity;
-    /// GPS quality (`qos_GPS`): the NMEA fix quality, 0 … 8.
-    GpsQuality = 4, "gps_quality", gps_quality: u8 (U7, "", FIX_QUALITY);
-    /// IMU pitch, roll, yaw.
-    Attitude = 5, "attitude", attitude: Attitude;
-    /// IMU linear acceleration: the specific force.
-    Acceleration = 6, "acceleration", acceleration: Acceleration;
-    /// IMU angular rate.
-    AngularRate = 7, "angular_rate", angular_rate: AngularRate;
-    /// PWM signals from the pilot.
-    PilotPwm = 8, "pilot_pwm", pilot_pwm: ServoPulses;
-    /// Sonar, raw ADC.
-    Sonar = 9, "sonar", sonar_adc: u16 (U14, "", ADC);
-    /// Battery level, fuel level, auto/manual switch.
-    Supply = 10, "supply", supply: Supply;
-    /// Pan and tilt potentiometers.
-    PanTilt = 11, "pan_tilt", pan_tilt: PanTilt;
-    /// Main rotor speed, rpm.
-    RotorSpeed = 12, "rotor_speed", rotor_rpm: u16 (U14, "rpm", ROTOR);
-    /// Barometric altimeter, raw ADC.
-    Barometer = 13, "barometer", barometer_adc: u16 (U14, "", ADC);
-    /// Actuation values to the servos.
-    Actuation = 14, "actuation", actuation: ServoPulses;
-    /// Controller references.
-    References = 15, "references", references: References;
-}
+with_groups!(groups);
 
 impl Group {
     /// The group's bit in the mask.
@@ -341,13 +301,6 @@ impl Group {
                 .iter()
                 .zip(values)
                 .all(|(field, value)| field.accepts(*value))
-    }
-}
-
-impl Status {
-    /// Leaves in the message only the groups that `mask` selects.
-    pub fn retain(&mut self, mask: StatusMask) {
-        self.withdraw(StatusMask(!mask.0));
     }
 }
 
@@ -377,20 +330,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn retaining_groups_withdraws_the_others() {
-        let full = Status {
-            time_ms: Some(1),
-            sonar_adc: Some(2),
-            ..Status::default()
-        };
-        let mut status = full;
-        status.retain(StatusMask::NONE.with(Group::Sonar).with(Group::Xy));
-        assert_eq!(status.mask(), StatusMask::NONE.with(Group::Sonar));
-        status = full;
-        status.retain(StatusMask::ALL);
-        assert_eq!(status, full);
     }
 }

@@ -45,6 +45,7 @@
 //! assert_eq!(events, [Decoded::Refused(Refusal::Stray), Decoded::Message(ack)]);
 //! ```
 
+mod decode_error;
 pub mod decoder;
 pub mod downlink;
 pub mod error_code;
@@ -53,16 +54,21 @@ mod frame;
 pub mod group;
 pub mod header;
 pub mod mask;
+mod message;
 pub mod plausibility;
 pub mod port;
 pub mod profile;
+mod status;
 pub mod uplink;
 
-pub use decoder::{Decoded, Decoder, Direction, Extent, Framed, Refusal};
-pub use downlink::{Downlink, FlowControl, Status};
+pub use decode_error::Refusal;
+pub use decoder::{Decoded, Decoder, Direction, Framed};
+pub use downlink::{Downlink, FlowControl};
 pub use error_code::DspErrorCode;
 pub use frame::{Frame, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, checksum, crc32};
 pub use group::{FieldSpec, Group};
 pub use mask::StatusMask;
+pub use message::Extent;
 pub use profile::{Profile, Received, Sequence};
+pub use status::Status;
 pub use uplink::{Command, Uplink, Waypoint};

@@ -1,7 +1,7 @@
 //! Which decoded values are implausible (`docs/protocol.md` section 9). The limits stand in the tables of [`crate::group`].
 
-use crate::group::Status;
 use crate::mask::StatusMask;
+use crate::status::Status;
 
 /// The groups of `status` that hold a value outside the limits of section 9. A group that is not carried is not in it.
 pub fn implausible_groups(status: &Status) -> StatusMask {

@@ -2,10 +2,10 @@
 //!
 //! A profile knows headers, numbers and check fields, never the values of a message: those are the same in both.
 
-use crate::decoder::sealed::Message;
-use crate::decoder::{Extent, Refusal};
+use crate::decode_error::Refusal;
 use crate::frame::{DIGIT_MASK, Frame, Reader, Writer, crc32};
 use crate::header;
+use crate::message::{Extent, Message};
 
 /// Classic: header and checksum.
 const CLASSIC_OVERHEAD: usize = 2;
@@ -141,17 +141,6 @@ impl Profile {
                 })
             }
             _ => Err(Refusal::Truncated),
-        }
-    }
-}
-
-impl Extent {
-    /// The extent of a frame whose payload has this extent: `front` bytes lie before it, `overhead` bytes around it.
-    fn within(self, front: usize, overhead: usize) -> Extent {
-        match self {
-            Extent::Exactly(len) => Extent::Exactly(len + overhead),
-            Extent::AtLeast(len) => Extent::AtLeast(len + front),
-            Extent::Unknown(refusal) => Extent::Unknown(refusal),
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Messages from the PC to the DSP (`docs/protocol.md` section 5).
 
-use crate::decoder::{Direction, Extent, Refusal, sealed};
+use crate::decode_error::Refusal;
+use crate::decoder::Direction;
 use crate::field::{Layout, Steps, record};
 use crate::frame::{Frame, Reader, Writer};
 use crate::group::{ALTITUDE, LATITUDE, LONGITUDE};
 use crate::header;
+use crate::message::{Extent, Message};
 use crate::profile::{Profile, Sequence};
 
 /// Lengths of the commands' payloads, by code.
@@ -36,7 +38,7 @@ impl Uplink {
 
 impl Direction for Uplink {}
 
-impl sealed::Message for Uplink {
+impl Message for Uplink {
     const EXTENDED_HEADER: u8 = header::EXTENDED_UPLINK;
 
     fn header(&self) -> u8 {

@@ -127,7 +127,7 @@ fn the_ports_are_those_of_section_6() {
             panic!("{row:?}");
         };
         let [name] = quoted(name)[..] else {
-            assert_eq!(access, "nobody: read only");
+            assert_eq!(access, "read only");
             continue;
         };
         let (number, name, access, (min, max), boot) = {
