@@ -158,7 +158,7 @@ impl Dsp {
             match decoded {
                 Decoded::Incomplete => return Ok(()),
                 Decoded::Message(Uplink::Command(command)) => self.obey(command),
-                Decoded::Message(_) | Decoded::Refused(_) => {}
+                Decoded::Message(_) | Decoded::Rejected(_) => {}
             }
         }
     }

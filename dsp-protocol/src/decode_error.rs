@@ -3,7 +3,7 @@
 /// Why bytes from the line were discarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Refusal {
+pub enum DecodeError {
     /// Bytes without a header before them; reported once for each run of them.
     Stray,
     /// A header that this direction does not have.
@@ -22,30 +22,30 @@ pub enum Refusal {
     OtherProfile,
 }
 
-impl Refusal {
+impl DecodeError {
     /// All reasons, in the order of their counters.
-    pub const ALL: [Refusal; 8] = [
-        Refusal::Stray,
-        Refusal::UnknownHeader,
-        Refusal::Truncated,
-        Refusal::Checksum,
-        Refusal::Padding,
-        Refusal::Value,
-        Refusal::UnknownCommand,
-        Refusal::OtherProfile,
+    pub const ALL: [DecodeError; 8] = [
+        DecodeError::Stray,
+        DecodeError::UnknownHeader,
+        DecodeError::Truncated,
+        DecodeError::Checksum,
+        DecodeError::Padding,
+        DecodeError::Value,
+        DecodeError::UnknownCommand,
+        DecodeError::OtherProfile,
     ];
 
     /// The reason in logs and test vectors.
     pub const fn name(self) -> &'static str {
         match self {
-            Refusal::Stray => "stray",
-            Refusal::UnknownHeader => "unknown_header",
-            Refusal::Truncated => "truncated",
-            Refusal::Checksum => "checksum",
-            Refusal::Padding => "padding",
-            Refusal::Value => "value",
-            Refusal::UnknownCommand => "unknown_command",
-            Refusal::OtherProfile => "other_profile",
+            DecodeError::Stray => "stray",
+            DecodeError::UnknownHeader => "unknown_header",
+            DecodeError::Truncated => "truncated",
+            DecodeError::Checksum => "checksum",
+            DecodeError::Padding => "padding",
+            DecodeError::Value => "value",
+            DecodeError::UnknownCommand => "unknown_command",
+            DecodeError::OtherProfile => "other_profile",
         }
     }
 }

@@ -2,10 +2,10 @@
 
 use std::marker::PhantomData;
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 use crate::frame::MAX_FRAME_LEN;
 use crate::header::is_header;
-use crate::message::{Extent, Message};
+use crate::message::{FrameLen, Message};
 use crate::profile::{Profile, Received};
 
 /// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
@@ -14,17 +14,17 @@ use crate::profile::{Profile, Received};
 pub trait Direction: Message {
     /// How long the message is that begins with `prefix`, as far as its bytes tell. `prefix` begins with a header; it may
     /// be shorter than the message or reach beyond it. Never panics, whatever the bytes.
-    fn extent(prefix: &[u8]) -> Extent {
-        Profile::Classic.extent::<Self>(prefix)
+    fn frame_len(prefix: &[u8]) -> FrameLen {
+        Profile::Classic.frame_len::<Self>(prefix)
     }
 
-    /// The message in `frame`, which is one whole frame (as [`Direction::extent`] measures it) with a right checksum.
+    /// The message in `frame`, which is one whole frame (as [`Direction::frame_len`] measures it) with a right checksum.
     /// Never panics, whatever the bytes.
     ///
     /// # Errors
-    /// [`Refusal::Padding`] or [`Refusal::Value`], in this order when both hold; other refusals only for a slice that is
-    /// not a whole frame of this direction.
-    fn parse(frame: &[u8]) -> Result<Self, Refusal> {
+    /// [`DecodeError::Padding`] or [`DecodeError::Value`], in this order when both hold; other errors only for a slice
+    /// that is not a whole frame of this direction.
+    fn parse(frame: &[u8]) -> Result<Self, DecodeError> {
         Ok(Profile::Classic.parse::<Self>(frame)?.message)
     }
 }
@@ -37,7 +37,7 @@ pub enum Decoded<M> {
     /// One whole, correct message.
     Message(M),
     /// Bytes that were discarded, and why.
-    Refused(Refusal),
+    Rejected(DecodeError),
 }
 
 /// What a call of [`Decoder::next_frame`] found.
@@ -47,13 +47,13 @@ pub enum Framed<'a> {
     Incomplete,
     /// One whole frame with a right checksum or CRC, header and check included.
     Frame(&'a [u8]),
-    /// Bytes that were discarded, and why; never [`Refusal::Padding`] or [`Refusal::Value`].
-    Refused(Refusal),
+    /// Bytes that were discarded, and why; never [`DecodeError::Padding`] or [`DecodeError::Value`].
+    Rejected(DecodeError),
 }
 
 /// Finds the messages of one direction in a stream of bytes, however it is cut.
 ///
-/// The sequence of messages and refusals depends on the bytes alone, never on how they are cut into slices. At most one
+/// The sequence of messages and rejections depends on the bytes alone, never on how they are cut into slices. At most one
 /// message is held, in a fixed buffer; a frame that lies whole in the input is read where it lies.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {
@@ -95,26 +95,26 @@ impl<M: Direction> Decoder<M> {
         let decoded = match decoded {
             Decoded::Incomplete => Decoded::Incomplete,
             Decoded::Message(received) => Decoded::Message(received.message),
-            Decoded::Refused(refusal) => Decoded::Refused(refusal),
+            Decoded::Rejected(error) => Decoded::Rejected(error),
         };
         (taken, decoded)
     }
 
-    /// Takes bytes from the front of `input` up to the end of the next message or refusal. Returns how many it took and
+    /// Takes bytes from the front of `input` up to the end of the next message or rejection. Returns how many it took and
     /// what they gave; call again with the rest until it answers [`Decoded::Incomplete`], which takes all.
     ///
-    /// A header that interrupts a message ends it as [`Refusal::Truncated`] and is itself not taken: the next call begins
-    /// with it. So a refusal may take no byte, but never twice in a row.
+    /// A header that interrupts a message ends it as [`DecodeError::Truncated`] and is itself not taken: the next call
+    /// begins with it. So a rejection may take no byte, but never twice in a row.
     pub fn receive(&mut self, input: &[u8]) -> (usize, Decoded<Received<M>>) {
         let profile = self.profile;
         let (taken, framed) = self.next_frame(input);
         let decoded = match framed {
             Framed::Frame(frame) => match profile.parse(frame) {
                 Ok(received) => Decoded::Message(received),
-                Err(refusal) => Decoded::Refused(refusal),
+                Err(error) => Decoded::Rejected(error),
             },
             Framed::Incomplete => Decoded::Incomplete,
-            Framed::Refused(refusal) => Decoded::Refused(refusal),
+            Framed::Rejected(error) => Decoded::Rejected(error),
         };
         (taken, decoded)
     }
@@ -128,7 +128,7 @@ impl<M: Direction> Decoder<M> {
         let strays = run_without_header(input);
         if strays > 0 && !self.skipping {
             self.skipping = true;
-            return (strays, Framed::Refused(Refusal::Stray));
+            return (strays, Framed::Rejected(DecodeError::Stray));
         }
         let Some(header) = input.get(strays) else {
             return (strays, Framed::Incomplete);
@@ -146,18 +146,18 @@ impl<M: Direction> Decoder<M> {
     /// A frame is open, and `input` from `taken` on goes on with it or breaks it off with a header.
     fn continue_frame<'a>(&'a mut self, mut taken: usize, input: &[u8]) -> (usize, Framed<'a>) {
         loop {
-            let wanted = match self.profile.extent::<M>(&self.buffer[..self.held]) {
-                Extent::Unknown(refusal) => {
+            let wanted = match self.profile.frame_len::<M>(&self.buffer[..self.held]) {
+                FrameLen::Unknown(error) => {
                     self.held = 0;
                     self.skipping = true;
-                    return (taken, Framed::Refused(refusal));
+                    return (taken, Framed::Rejected(error));
                 }
-                Extent::Exactly(len) if len <= self.held => {
+                FrameLen::Exactly(len) if len <= self.held => {
                     self.held = 0;
                     let frame = &self.buffer[..len];
                     return (taken, judge(self.profile, frame, sum_of(frame)));
                 }
-                Extent::Exactly(len) | Extent::AtLeast(len) => len - self.held,
+                FrameLen::Exactly(len) | FrameLen::AtLeast(len) => len - self.held,
             };
             let rest = &input[taken..];
             let offered = &rest[..wanted.min(rest.len())];
@@ -167,7 +167,7 @@ impl<M: Direction> Decoder<M> {
             taken += fresh.len();
             if fresh.len() < offered.len() {
                 self.held = 0;
-                return (taken, Framed::Refused(Refusal::Truncated));
+                return (taken, Framed::Rejected(DecodeError::Truncated));
             }
             if fresh.len() < wanted {
                 return (taken, Framed::Incomplete);
@@ -201,7 +201,7 @@ fn run_without_header(input: &[u8]) -> usize {
 /// The frame at the front of `input` and the sum of its bytes, if it lies there whole and no header breaks it off.
 fn whole_frame<M: Direction>(profile: Profile, input: &[u8]) -> Option<(&[u8], u8)> {
     // A header among the bytes that tell the length gives a wrong length, but also lies inside that length.
-    let Extent::Exactly(len) = profile.extent::<M>(input) else {
+    let FrameLen::Exactly(len) = profile.frame_len::<M>(input) else {
         return None;
     };
     let frame = input.get(..len)?;
@@ -224,6 +224,6 @@ fn judge(profile: Profile, frame: &[u8], sum: u8) -> Framed<'_> {
     if profile.is_sound(frame, sum) {
         Framed::Frame(frame)
     } else {
-        Framed::Refused(Refusal::Checksum)
+        Framed::Rejected(DecodeError::Checksum)
     }
 }

@@ -1,12 +1,12 @@
 //! Messages from the DSP to the PC (`docs/protocol.md` section 4).
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 use crate::decoder::Direction;
 use crate::error_code::DspErrorCode;
 use crate::frame::{Frame, Reader, Writer};
 use crate::header;
 use crate::mask::StatusMask;
-use crate::message::{Extent, Message};
+use crate::message::{FrameLen, Message};
 use crate::profile::{Profile, Sequence};
 
 pub use crate::group::{
@@ -101,21 +101,21 @@ impl Message for Downlink {
         }
     }
 
-    fn payload_extent(header: u8, payload: &[u8]) -> Extent {
+    fn payload_len(header: u8, payload: &[u8]) -> FrameLen {
         match (header, payload) {
             (header::STATUS, [high, middle, low, ..]) => {
-                Extent::Exactly(mask_of([*high, *middle, *low]).status_payload_len())
+                FrameLen::Exactly(mask_of([*high, *middle, *low]).status_payload_len())
             }
-            (header::STATUS, _) => Extent::AtLeast(STATUS_MASK_LEN),
-            (header::FLOW_CONTROL | header::ACK, _) => Extent::Exactly(1),
-            (header::ERROR, _) => Extent::Exactly(3),
-            (header::ACK_16, _) => Extent::Exactly(4),
-            (header::ACK_32, _) => Extent::Exactly(6),
-            _ => Extent::Unknown(Refusal::UnknownHeader),
+            (header::STATUS, _) => FrameLen::AtLeast(STATUS_MASK_LEN),
+            (header::FLOW_CONTROL | header::ACK, _) => FrameLen::Exactly(1),
+            (header::ERROR, _) => FrameLen::Exactly(3),
+            (header::ACK_16, _) => FrameLen::Exactly(4),
+            (header::ACK_32, _) => FrameLen::Exactly(6),
+            _ => FrameLen::Unknown(DecodeError::UnknownHeader),
         }
     }
 
-    fn read(header: u8, mut reader: Reader<'_>) -> Result<Self, Refusal> {
+    fn read(header: u8, mut reader: Reader<'_>) -> Result<Self, DecodeError> {
         // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
         let message = match header {
             header::STATUS => return Status::parse(reader).map(Downlink::Status),
@@ -132,7 +132,7 @@ impl Message for Downlink {
                 value: reader.f32(),
             },
             header::ERROR => Downlink::Error(DspErrorCode(reader.u16())),
-            _ => return Err(Refusal::UnknownHeader),
+            _ => return Err(DecodeError::UnknownHeader),
         };
         reader.finish()?;
         match message {
@@ -141,7 +141,7 @@ impl Message for Downlink {
             | Downlink::Ack32 { command, .. }
                 if command > MAX_COMMAND_CODE =>
             {
-                Err(Refusal::Value)
+                Err(DecodeError::Value)
             }
             _ => Ok(message),
         }
@@ -149,7 +149,7 @@ impl Message for Downlink {
 }
 
 /// The mask in the first bytes of a status' payload. Its unused bits do not count here: the length follows from the 16 bits of the
-/// mask, and the frame is refused for its padding once its checksum is known to be right.
+/// mask, and the frame is rejected for its padding once its checksum is known to be right.
 fn mask_of([high, middle, low]: [u8; 3]) -> StatusMask {
     StatusMask(u16::from(high) << 14 | u16::from(middle) << 7 | u16::from(low))
 }
@@ -164,13 +164,13 @@ pub enum FlowControl {
 }
 
 impl FlowControl {
-    fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
+    fn parse(mut reader: Reader<'_>) -> Result<Self, DecodeError> {
         let request = reader.u7();
         reader.finish()?;
         match request {
             0 => Ok(FlowControl::Stop),
             1 => Ok(FlowControl::Send),
-            _ => Err(Refusal::Value),
+            _ => Err(DecodeError::Value),
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 
 /// The longest frame of the classic profile: a status with all groups.
 pub const MAX_CLASSIC_FRAME_LEN: usize = 128;
@@ -226,13 +226,13 @@ impl<'a> Reader<'a> {
     /// Checks that all values taken were there and canonical, and that nothing is left over.
     ///
     /// # Errors
-    /// [`Refusal::Truncated`] when the payload's length is not that of the values taken, [`Refusal::Padding`] when an
-    /// unused bit was set.
-    pub(crate) fn finish(self) -> Result<(), Refusal> {
+    /// [`DecodeError::Truncated`] when the payload's length is not that of the values taken, [`DecodeError::Padding`] when
+    /// an unused bit was set.
+    pub(crate) fn finish(self) -> Result<(), DecodeError> {
         if self.short || !self.rest.is_empty() {
-            Err(Refusal::Truncated)
+            Err(DecodeError::Truncated)
         } else if self.excess != 0 {
-            Err(Refusal::Padding)
+            Err(DecodeError::Padding)
         } else {
             Ok(())
         }
@@ -295,10 +295,10 @@ mod tests {
             reader.finish().map(|()| value)
         };
         assert_eq!(read(&[0x03, 0x7F, 0x7F]), Ok(u16::MAX));
-        assert_eq!(read(&[0x04, 0, 0]), Err(Refusal::Padding));
-        assert_eq!(read(&[0, 0]), Err(Refusal::Truncated));
-        assert_eq!(read(&[0, 0, 0, 0]), Err(Refusal::Truncated));
-        assert_eq!(read(&[]), Err(Refusal::Truncated));
+        assert_eq!(read(&[0x04, 0, 0]), Err(DecodeError::Padding));
+        assert_eq!(read(&[0, 0]), Err(DecodeError::Truncated));
+        assert_eq!(read(&[0, 0, 0, 0]), Err(DecodeError::Truncated));
+        assert_eq!(read(&[]), Err(DecodeError::Truncated));
     }
 
     #[test]

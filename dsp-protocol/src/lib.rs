@@ -18,7 +18,7 @@
 //!
 //! ```
 //! use dsp_protocol::{
-//!     Command, Decoded, Decoder, Downlink, Group, Refusal, StatusMask, Uplink, port,
+//!     Command, DecodeError, Decoded, Decoder, Downlink, Group, StatusMask, Uplink, port,
 //! };
 //!
 //! let mask: StatusMask = [Group::Time, Group::Geographic].into_iter().collect();
@@ -42,7 +42,7 @@
 //!     }
 //! }
 //! let ack = Downlink::Ack { command: command.code() };
-//! assert_eq!(events, [Decoded::Refused(Refusal::Stray), Decoded::Message(ack)]);
+//! assert_eq!(events, [Decoded::Rejected(DecodeError::Stray), Decoded::Message(ack)]);
 //! ```
 
 mod decode_error;
@@ -61,14 +61,14 @@ pub mod profile;
 mod status;
 pub mod uplink;
 
-pub use decode_error::Refusal;
+pub use decode_error::DecodeError;
 pub use decoder::{Decoded, Decoder, Direction, Framed};
 pub use downlink::{Downlink, FlowControl};
 pub use error_code::DspErrorCode;
 pub use frame::{Frame, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, checksum, crc32};
 pub use group::{FieldSpec, Group};
 pub use mask::StatusMask;
-pub use message::Extent;
+pub use message::FrameLen;
 pub use profile::{Profile, Received, Sequence};
 pub use status::Status;
 pub use uplink::{Command, Uplink, Waypoint};

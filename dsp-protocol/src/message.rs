@@ -2,7 +2,7 @@
 //!
 //! [`Message`] is public only by name: it seals [`Direction`](crate::Direction), and no code outside this crate can reach it.
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 use crate::frame::{Reader, Writer};
 
 /// What a direction's messages are between the bytes that a profile puts around them. Messages are distinguished by
@@ -19,30 +19,30 @@ pub trait Message: Sized {
 
     /// How long the payload of the message with this `header` is, as far as its first bytes tell. `payload` may be
     /// shorter than that, or reach beyond it.
-    fn payload_extent(header: u8, payload: &[u8]) -> Extent;
+    fn payload_len(header: u8, payload: &[u8]) -> FrameLen;
 
     /// Takes the message with this `header` out of its payload; the errors are those of [`crate::Direction::parse`].
-    fn read(header: u8, reader: Reader<'_>) -> Result<Self, Refusal>;
+    fn read(header: u8, reader: Reader<'_>) -> Result<Self, DecodeError>;
 }
 
-/// What is known of a frame's length from its first bytes.
+/// What is known of the length of a frame, or of its payload, from the first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extent {
+pub enum FrameLen {
     /// The whole frame has this many bytes, at most [`MAX_FRAME_LEN`](crate::MAX_FRAME_LEN).
     Exactly(usize),
     /// The length is known once this many bytes are there; more than the prefix has.
     AtLeast(usize),
     /// No message begins like this.
-    Unknown(Refusal),
+    Unknown(DecodeError),
 }
 
-impl Extent {
-    /// The extent of a frame whose payload has this extent: `front` bytes lie before it, `overhead` bytes around it.
-    pub(crate) fn within(self, front: usize, overhead: usize) -> Extent {
+impl FrameLen {
+    /// The length of a frame whose payload has this length: `front` bytes lie before it, `overhead` bytes around it.
+    pub(crate) fn within(self, front: usize, overhead: usize) -> FrameLen {
         match self {
-            Extent::Exactly(len) => Extent::Exactly(len + overhead),
-            Extent::AtLeast(len) => Extent::AtLeast(len + front),
-            Extent::Unknown(refusal) => Extent::Unknown(refusal),
+            FrameLen::Exactly(len) => FrameLen::Exactly(len + overhead),
+            FrameLen::AtLeast(len) => FrameLen::AtLeast(len + front),
+            FrameLen::Unknown(error) => FrameLen::Unknown(error),
         }
     }
 }

@@ -2,10 +2,10 @@
 //!
 //! A profile knows headers, numbers and check fields, never the values of a message: those are the same in both.
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 use crate::frame::{DIGIT_MASK, Frame, Reader, Writer, crc32};
 use crate::header;
-use crate::message::{Extent, Message};
+use crate::message::{FrameLen, Message};
 
 /// Classic: header and checksum.
 const CLASSIC_OVERHEAD: usize = 2;
@@ -73,17 +73,17 @@ impl Profile {
         }
     }
 
-    /// How long the frame is that begins with `prefix`; see [`crate::Direction::extent`].
-    pub(crate) fn extent<M: Message>(self, prefix: &[u8]) -> Extent {
+    /// How long the frame is that begins with `prefix`; see [`crate::Direction::frame_len`].
+    pub(crate) fn frame_len<M: Message>(self, prefix: &[u8]) -> FrameLen {
         match (self, prefix) {
             (Profile::Classic, [header, ..]) if *header == M::EXTENDED_HEADER => {
-                Extent::Unknown(Refusal::OtherProfile)
+                FrameLen::Unknown(DecodeError::OtherProfile)
             }
             (Profile::Classic, [header, payload @ ..]) => {
-                M::payload_extent(*header, payload).within(1, CLASSIC_OVERHEAD)
+                M::payload_len(*header, payload).within(1, CLASSIC_OVERHEAD)
             }
             (Profile::Extended, [header] | [header, _]) if *header == M::EXTENDED_HEADER => {
-                Extent::AtLeast(EXTENDED_FRONT)
+                FrameLen::AtLeast(EXTENDED_FRONT)
             }
             (Profile::Extended, [header, _, kind, payload @ ..])
                 if *header == M::EXTENDED_HEADER =>
@@ -94,14 +94,14 @@ impl Profile {
                 } else {
                     0
                 };
-                M::payload_extent(header, payload)
+                M::payload_len(header, payload)
                     .within(EXTENDED_FRONT, EXTENDED_FRONT + acknowledged + CRC_LEN)
             }
-            (Profile::Extended, [header, ..]) => match M::payload_extent(*header, &[]) {
-                Extent::Unknown(refusal) => Extent::Unknown(refusal),
-                _ => Extent::Unknown(Refusal::OtherProfile),
+            (Profile::Extended, [header, ..]) => match M::payload_len(*header, &[]) {
+                FrameLen::Unknown(error) => FrameLen::Unknown(error),
+                _ => FrameLen::Unknown(DecodeError::OtherProfile),
             },
-            (_, []) => Extent::Unknown(Refusal::UnknownHeader),
+            (_, []) => FrameLen::Unknown(DecodeError::UnknownHeader),
         }
     }
 
@@ -119,7 +119,7 @@ impl Profile {
     }
 
     /// The message in `frame`; see [`crate::Direction::parse`].
-    pub(crate) fn parse<M: Message>(self, frame: &[u8]) -> Result<Received<M>, Refusal> {
+    pub(crate) fn parse<M: Message>(self, frame: &[u8]) -> Result<Received<M>, DecodeError> {
         match (self, frame) {
             (Profile::Classic, [header, payload @ .., _]) => Ok(Received {
                 message: M::read(*header, Reader::new(payload))?,
@@ -140,7 +140,7 @@ impl Profile {
                     acknowledges,
                 })
             }
-            _ => Err(Refusal::Truncated),
+            _ => Err(DecodeError::Truncated),
         }
     }
 }

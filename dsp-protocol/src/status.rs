@@ -1,6 +1,6 @@
 //! The status message (`docs/protocol.md` section 4.1): the flying flag and the groups that the status mask selects.
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 use crate::field::Layout;
 use crate::frame::{Reader, Writer};
 use crate::group::{
@@ -84,13 +84,13 @@ impl Status {
     }
 
     /// Takes a status out of its payload.
-    pub(crate) fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
+    pub(crate) fn parse(mut reader: Reader<'_>) -> Result<Self, DecodeError> {
         let mask = StatusMask(reader.u16());
         let flags = reader.u7();
         let status = Status::read_groups(flags == FLYING, mask, &mut reader);
         reader.finish()?;
         if flags & !FLYING != 0 {
-            return Err(Refusal::Value);
+            return Err(DecodeError::Value);
         }
         Ok(status)
     }

@@ -1,12 +1,12 @@
 //! Messages from the PC to the DSP (`docs/protocol.md` section 5).
 
-use crate::decode_error::Refusal;
+use crate::decode_error::DecodeError;
 use crate::decoder::Direction;
 use crate::field::{Layout, Steps, record};
 use crate::frame::{Frame, Reader, Writer};
 use crate::group::{ALTITUDE, LATITUDE, LONGITUDE};
 use crate::header;
-use crate::message::{Extent, Message};
+use crate::message::{FrameLen, Message};
 use crate::profile::{Profile, Sequence};
 
 /// Lengths of the commands' payloads, by code.
@@ -55,19 +55,19 @@ impl Message for Uplink {
         }
     }
 
-    fn payload_extent(header: u8, payload: &[u8]) -> Extent {
+    fn payload_len(header: u8, payload: &[u8]) -> FrameLen {
         match (header, payload) {
-            (header::WAYPOINT, _) => Extent::Exactly(WAYPOINT_PAYLOAD_LEN),
-            (header::COMMAND, []) => Extent::AtLeast(1),
+            (header::WAYPOINT, _) => FrameLen::Exactly(WAYPOINT_PAYLOAD_LEN),
+            (header::COMMAND, []) => FrameLen::AtLeast(1),
             (header::COMMAND, [code, ..]) => match COMMAND_PAYLOAD_LEN.get(usize::from(*code)) {
-                Some(len) => Extent::Exactly(*len),
-                None => Extent::Unknown(Refusal::UnknownCommand),
+                Some(len) => FrameLen::Exactly(*len),
+                None => FrameLen::Unknown(DecodeError::UnknownCommand),
             },
-            _ => Extent::Unknown(Refusal::UnknownHeader),
+            _ => FrameLen::Unknown(DecodeError::UnknownHeader),
         }
     }
 
-    fn read(header: u8, mut reader: Reader<'_>) -> Result<Self, Refusal> {
+    fn read(header: u8, mut reader: Reader<'_>) -> Result<Self, DecodeError> {
         match header {
             header::COMMAND => Command::parse(reader).map(Uplink::Command),
             header::WAYPOINT => {
@@ -75,7 +75,7 @@ impl Message for Uplink {
                 reader.finish()?;
                 Ok(Uplink::Waypoint(waypoint))
             }
-            _ => Err(Refusal::UnknownHeader),
+            _ => Err(DecodeError::UnknownHeader),
         }
     }
 }
@@ -152,7 +152,7 @@ impl Command {
         }
     }
 
-    fn parse(mut reader: Reader<'_>) -> Result<Self, Refusal> {
+    fn parse(mut reader: Reader<'_>) -> Result<Self, DecodeError> {
         let mut switch = 0;
         // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
         let command = match reader.u7() {
@@ -173,11 +173,11 @@ impl Command {
                 switch = reader.u7();
                 Command::Following { on: switch == 1 }
             }
-            _ => return Err(Refusal::UnknownCommand),
+            _ => return Err(DecodeError::UnknownCommand),
         };
         reader.finish()?;
         if switch > 1 {
-            return Err(Refusal::Value);
+            return Err(DecodeError::Value);
         }
         Ok(command)
     }

@@ -116,8 +116,8 @@ fn check<M: Direction + Debug + PartialEq>(frame: &[u8], bits: &[usize], next: (
     stream.extend_from_slice(next.0);
     let received = receive_all::<M>(Profile::Extended, [stream.as_slice()]);
     let (last, before) = received.split_last().expect("the next frame arrives");
-    let refused = |received: &Decoded<Received<M>>| matches!(received, Decoded::Refused(_));
-    assert!(before.iter().all(refused), "{bits:?}: {received:?}");
+    let rejected = |received: &Decoded<Received<M>>| matches!(received, Decoded::Rejected(_));
+    assert!(before.iter().all(rejected), "{bits:?}: {received:?}");
     assert!(
         matches!(last, Decoded::Message(received) if received.message == next.1),
         "{bits:?}: {received:?}"

@@ -4,8 +4,8 @@ mod common;
 
 use dsp_protocol::downlink::Status;
 use dsp_protocol::{
-    Command, Decoded, Decoder, Direction, Downlink, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, Profile,
-    Received, Refusal, Sequence, StatusMask, Uplink, Waypoint,
+    Command, DecodeError, Decoded, Decoder, Direction, Downlink, MAX_CLASSIC_FRAME_LEN,
+    MAX_FRAME_LEN, Profile, Received, Sequence, StatusMask, Uplink, Waypoint,
 };
 use proptest::prelude::*;
 
@@ -81,10 +81,10 @@ proptest! {
         ] {
             let frame = down.encode_in(sender, Sequence::FIRST, Sequence::FIRST);
             let (_, decoded) = Decoder::<Downlink>::with_profile(receiver).receive(frame.as_bytes());
-            prop_assert_eq!(decoded, Decoded::Refused(Refusal::OtherProfile));
+            prop_assert_eq!(decoded, Decoded::Rejected(DecodeError::OtherProfile));
             let frame = up.encode_in(sender, Sequence::FIRST);
             let (_, decoded) = Decoder::<Uplink>::with_profile(receiver).receive(frame.as_bytes());
-            prop_assert_eq!(decoded, Decoded::Refused(Refusal::OtherProfile));
+            prop_assert_eq!(decoded, Decoded::Rejected(DecodeError::OtherProfile));
         }
     }
 

@@ -8,8 +8,8 @@ use common::{Random, decode_all};
 use dsp_protocol::downlink::{Attitude, Geographic, References, ServoPulses, Status};
 use dsp_protocol::header::{self, is_header, kind_of, of_kind};
 use dsp_protocol::{
-    Command, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed, Profile,
-    Refusal, Sequence, Uplink, Waypoint,
+    Command, DecodeError, Decoded, Decoder, Direction, Downlink, DspErrorCode, FlowControl, Framed,
+    Profile, Sequence, Uplink, Waypoint,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -260,7 +260,7 @@ fn gives_length(profile: Profile, frame: &[u8], at: usize) -> bool {
 /// - a bit of the payload or the check that leaves the bounds of the message alone is always seen by the check;
 /// - the bits of header and kind never give another message, and the bytes behind it are discarded with it;
 /// - bit 7 of any other byte breaks the message off;
-/// - in every case the frame itself is refused, and `next` arrives.
+/// - in every case the frame itself is rejected, and `next` arrives.
 fn check_flips<M: Direction + Debug + PartialEq + Copy>(
     profile: Profile,
     frame: &[u8],
@@ -277,16 +277,16 @@ fn check_flips<M: Direction + Debug + PartialEq + Copy>(
             flipped.extend_from_slice(next);
             let decoded = decode_all::<M>(profile, [flipped.as_slice()]);
             let first = match (profile, at, bit) {
-                (_, 0, 7) => Refusal::Stray,
-                (_, 0, _) => Refusal::UnknownHeader,
-                (_, _, 7) => Refusal::Truncated,
-                (Profile::Extended, 2, _) => Refusal::UnknownHeader,
-                _ => Refusal::Checksum,
+                (_, 0, 7) => DecodeError::Stray,
+                (_, 0, _) => DecodeError::UnknownHeader,
+                (_, _, 7) => DecodeError::Truncated,
+                (Profile::Extended, 2, _) => DecodeError::UnknownHeader,
+                _ => DecodeError::Checksum,
             };
             let place = format!("bit {bit} of byte {at} of {frame:02X?}");
-            assert_eq!(decoded[0], Decoded::Refused(first), "{place}");
+            assert_eq!(decoded[0], Decoded::Rejected(first), "{place}");
             assert!(decoded.ends_with(&expected_next), "{place}: {decoded:?}");
-            // A header made of a payload byte is the only way to something else than one refusal and the next message.
+            // A header made of a payload byte is the only way to something else than one rejection and the next message.
             if at == 0 || bit < 7 {
                 assert_eq!(decoded.len(), 2, "{place}: {decoded:?}");
             }
@@ -295,7 +295,7 @@ fn check_flips<M: Direction + Debug + PartialEq + Copy>(
 }
 
 #[test]
-fn a_flipped_bit_that_leaves_the_bounds_alone_is_always_refused() {
+fn a_flipped_bit_that_leaves_the_bounds_alone_is_always_rejected() {
     for profile in Profile::ALL {
         for frame in downlink_frames(profile) {
             for next in downlink_frames(profile) {
@@ -311,7 +311,7 @@ fn a_flipped_bit_that_leaves_the_bounds_alone_is_always_refused() {
 }
 
 #[test]
-fn a_group_added_to_the_mask_by_a_flipped_bit_is_always_refused() {
+fn a_group_added_to_the_mask_by_a_flipped_bit_is_always_rejected() {
     for (profile, mask_end) in [(Profile::Classic, 3), (Profile::Extended, 5)] {
         let next = downlink_bytes(profile, &Downlink::Ack { command: 3 });
         let frame = downlink_bytes(profile, &Downlink::Status(Status::default()));
@@ -322,7 +322,7 @@ fn a_group_added_to_the_mask_by_a_flipped_bit_is_always_refused() {
             assert_eq!(
                 decode_all::<Downlink>(profile, [flipped.as_slice()]),
                 [
-                    Decoded::Refused(Refusal::Truncated),
+                    Decoded::Rejected(DecodeError::Truncated),
                     Decoded::Message(Downlink::Ack { command: 3 })
                 ],
                 "bit {bit}"
@@ -376,19 +376,19 @@ fn check_noise<M: Direction>(
         slice.extend((0..len).map(|_| byte(&mut random)));
         fed += len;
         let mut rest = slice.as_slice();
-        let mut empty_refusals = 0;
+        let mut empty_rejections = 0;
         loop {
             let (used, decoded) = decoder.decode(rest);
             rest = &rest[used..];
             taken += used;
-            empty_refusals = if used == 0 { empty_refusals + 1 } else { 0 };
+            empty_rejections = if used == 0 { empty_rejections + 1 } else { 0 };
             match decoded {
                 Decoded::Incomplete => break,
                 Decoded::Message(_) => found[0] += 1,
-                Decoded::Refused(_) => found[1] += 1,
+                Decoded::Rejected(_) => found[1] += 1,
             }
             // Both the first call of a slice and an interrupting header may end a message without taking a byte.
-            assert!(empty_refusals < 2, "no progress");
+            assert!(empty_rejections < 2, "no progress");
         }
     }
     assert_eq!(taken, fed);
@@ -410,7 +410,7 @@ fn frames_come_out_as_they_went_in_whole_or_in_pieces() {
                     match framed {
                         Framed::Incomplete => break,
                         Framed::Frame(frame) => got.push(frame.to_vec()),
-                        Framed::Refused(refusal) => panic!("{refusal:?}"),
+                        Framed::Rejected(error) => panic!("{error:?}"),
                     }
                 }
             }
@@ -429,7 +429,7 @@ fn a_frame_with_a_value_that_cannot_be_is_still_a_frame() {
     );
     assert_eq!(
         Decoder::<Downlink>::new().decode(&bytes),
-        (3, Decoded::Refused(Refusal::Value))
+        (3, Decoded::Rejected(DecodeError::Value))
     );
 }
 
@@ -450,29 +450,29 @@ fn noise_never_panics_and_every_byte_is_accounted_for() {
         _ => random.below(128) as u8,
     };
     for profile in Profile::ALL {
-        for [_, refused] in [
+        for [_, rejected] in [
             check_noise::<Downlink>(profile, 1, noise),
             check_noise::<Uplink>(profile, 2, noise),
         ] {
-            assert!(refused > 0);
+            assert!(rejected > 0);
         }
     }
-    for [messages, refused] in [
+    for [messages, rejected] in [
         check_noise::<Downlink>(Profile::Classic, 3, frames),
         check_noise::<Uplink>(Profile::Classic, 4, frames),
     ] {
-        assert!(messages > 0 && refused > 0, "{messages}, {refused}");
+        assert!(messages > 0 && rejected > 0, "{messages}, {rejected}");
     }
-    for [messages, refused] in [
+    for [messages, rejected] in [
         check_noise::<Downlink>(Profile::Extended, 3, extended),
         check_noise::<Uplink>(Profile::Extended, 4, extended),
     ] {
-        assert!(messages == 0 && refused > 0, "{messages}, {refused}");
+        assert!(messages == 0 && rejected > 0, "{messages}, {rejected}");
     }
 }
 
 #[test]
-fn no_slice_makes_extent_or_parse_panic() {
+fn no_slice_makes_frame_len_or_parse_panic() {
     let mut random = Random::new(5);
     for _ in 0..200_000 {
         let len = random.below(140);
@@ -481,6 +481,6 @@ fn no_slice_makes_extent_or_parse_panic() {
         // Noise is no frame: whatever these say, a message needs a header of its direction.
         assert!(header_first || Downlink::parse(&bytes).is_err());
         assert!(header_first || Uplink::parse(&bytes).is_err());
-        let _ = (Downlink::extent(&bytes), Uplink::extent(&bytes));
+        let _ = (Downlink::frame_len(&bytes), Uplink::frame_len(&bytes));
     }
 }

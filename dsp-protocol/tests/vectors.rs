@@ -11,8 +11,8 @@ use dsp_protocol::downlink::{
     Status, Supply, Xy,
 };
 use dsp_protocol::{
-    Command, Decoded, Direction, Downlink, DspErrorCode, FlowControl, Profile, Received, Refusal,
-    Sequence, StatusMask, Uplink, Waypoint,
+    Command, DecodeError, Decoded, Direction, Downlink, DspErrorCode, FlowControl, Profile,
+    Received, Sequence, StatusMask, Uplink, Waypoint,
 };
 
 const DOWNLINK: &str = include_str!("../vectors/downlink.tsv");
@@ -312,7 +312,7 @@ fn outcomes<M: Direction + Debug>(name: &str, profile: Profile, bytes: &[u8]) ->
             .iter()
             .map(|decoded| match decoded {
                 Decoded::Message(_) => "message",
-                Decoded::Refused(refusal) => refusal.name(),
+                Decoded::Rejected(error) => error.name(),
                 Decoded::Incomplete => unreachable!("not collected"),
             })
             .collect();
@@ -373,8 +373,8 @@ fn the_vectors_cover_every_message_every_group_and_every_refusal() {
             .into_iter()
             .flat_map(|[.., outcomes]| outcomes.split(' '))
             .collect();
-        for refusal in Refusal::ALL {
-            assert!(outcomes.contains(refusal.name()), "{refusal:?}");
+        for error in DecodeError::ALL {
+            assert!(outcomes.contains(error.name()), "{error:?}");
         }
     }
 }

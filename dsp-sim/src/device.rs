@@ -33,7 +33,7 @@ use std::time::Duration;
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{
-    Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Group, Profile, Refusal, Sequence,
+    DecodeError, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Group, Profile, Sequence,
     Status, StatusMask, Uplink, Waypoint, port,
 };
 
@@ -72,8 +72,8 @@ pub struct Counters {
     pub pc_timeouts: u64,
     /// Flow control messages that asked for a waypoint.
     pub waypoint_requests: u64,
-    /// Refusals of the decoder, in the order of [`Refusal::ALL`].
-    pub refusals: [u64; Refusal::ALL.len()],
+    /// What the decoder rejected, by the reasons of [`DecodeError::ALL`].
+    pub rejections: [u64; DecodeError::ALL.len()],
     /// Status messages that were queued.
     pub statuses: u64,
     /// Status messages that were left out because the serial link was too slow.
@@ -165,7 +165,7 @@ impl Dsp {
             bytes = bytes.get(taken..).unwrap_or_default();
             match decoded {
                 Decoded::Incomplete => {}
-                Decoded::Refused(refusal) => self.refuse(now, refusal),
+                Decoded::Rejected(error) => self.reject(now, error),
                 Decoded::Message(received) => {
                     match received.message {
                         Uplink::Command(command) => {
@@ -301,17 +301,17 @@ impl Dsp {
         self.errors.push(error);
     }
 
-    /// Counts bytes that were refused, and queues an error for those that have one.
-    fn refuse(&mut self, now: Duration, refusal: Refusal) {
-        if let Some(count) = self.counters.refusals.get_mut(refusal as usize) {
+    /// Counts bytes that were rejected, and queues an error for those that have one.
+    fn reject(&mut self, now: Duration, error: DecodeError) {
+        if let Some(count) = self.counters.rejections.get_mut(error as usize) {
             *count += 1;
         }
-        self.errors.push(match refusal {
-            Refusal::Stray | Refusal::Truncated => return,
-            Refusal::OtherProfile => return self.report_other_profile(now),
-            Refusal::UnknownHeader => DspErrorCode::UNKNOWN_HEADER,
-            Refusal::Checksum => DspErrorCode::PC_CHECKSUM,
-            Refusal::Padding | Refusal::Value | Refusal::UnknownCommand => {
+        self.errors.push(match error {
+            DecodeError::Stray | DecodeError::Truncated => return,
+            DecodeError::OtherProfile => return self.report_other_profile(now),
+            DecodeError::UnknownHeader => DspErrorCode::UNKNOWN_HEADER,
+            DecodeError::Checksum => DspErrorCode::PC_CHECKSUM,
+            DecodeError::Padding | DecodeError::Value | DecodeError::UnknownCommand => {
                 DspErrorCode::INVALID_COMMAND
             }
         });

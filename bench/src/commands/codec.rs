@@ -125,8 +125,8 @@ fn decode(profile: Profile, stream: &[u8]) -> usize {
                     black_box(&received);
                     messages += 1;
                 }
-                Decoded::Refused(refusal) => {
-                    black_box(refusal);
+                Decoded::Rejected(error) => {
+                    black_box(error);
                 }
             }
         }
@@ -147,8 +147,8 @@ fn next_frames(stream: &[u8]) -> usize {
                     black_box(frame);
                     messages += 1;
                 }
-                Framed::Refused(refusal) => {
-                    black_box(refusal);
+                Framed::Rejected(error) => {
+                    black_box(error);
                 }
             }
             slice = &slice[taken..];

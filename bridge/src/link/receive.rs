@@ -1,7 +1,7 @@
 //! Bytes from the DSP: decoded, judged, and turned into events.
 
 use dsp_protocol::{
-    Decoded, Downlink, FlowControl, Group, Received, Refusal, Status, StatusMask, plausibility,
+    DecodeError, Decoded, Downlink, FlowControl, Group, Received, Status, StatusMask, plausibility,
 };
 use ipc_types::MonotonicNs;
 
@@ -18,7 +18,7 @@ impl Link {
             *input = input.get(used..).unwrap_or_default();
             match decoded {
                 Decoded::Incomplete => {}
-                Decoded::Refused(refusal) => self.count_rejected(refusal),
+                Decoded::Rejected(error) => self.count_rejected(error),
                 Decoded::Message(received) => self.received(now, &received),
             }
         }
@@ -159,16 +159,18 @@ impl Link {
         }
     }
 
-    fn count_rejected(&mut self, refusal: Refusal) {
-        let counter = match refusal {
-            Refusal::Stray => &mut self.rejected.stray,
+    fn count_rejected(&mut self, error: DecodeError) {
+        let counter = match error {
+            DecodeError::Stray => &mut self.rejected.stray,
             // The DSP sends no commands; its decoder never gives that one.
-            Refusal::UnknownHeader | Refusal::UnknownCommand => &mut self.rejected.unknown_header,
-            Refusal::OtherProfile => &mut self.rejected.other_profile,
-            Refusal::Truncated => &mut self.rejected.truncated,
-            Refusal::Checksum => &mut self.rejected.checksum,
-            Refusal::Padding => &mut self.rejected.padding,
-            Refusal::Value => &mut self.rejected.value,
+            DecodeError::UnknownHeader | DecodeError::UnknownCommand => {
+                &mut self.rejected.unknown_header
+            }
+            DecodeError::OtherProfile => &mut self.rejected.other_profile,
+            DecodeError::Truncated => &mut self.rejected.truncated,
+            DecodeError::Checksum => &mut self.rejected.checksum,
+            DecodeError::Padding => &mut self.rejected.padding,
+            DecodeError::Value => &mut self.rejected.value,
         };
         increment(counter);
     }

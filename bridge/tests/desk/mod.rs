@@ -9,7 +9,7 @@ use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
 use dsp_protocol::downlink::{Geographic, ServoPulses, Supply};
 use dsp_protocol::{
-    Command, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile, Refusal,
+    Command, DecodeError, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile,
     Sequence, Status, StatusMask, Uplink, Waypoint, port,
 };
 use ipc_types::MonotonicNs;
@@ -208,11 +208,11 @@ impl ScriptedDsp {
                     answers.extend(answer.map(|answer| self.frame(&answer, received.sequence)));
                 }
                 Decoded::Incomplete => {}
-                Decoded::Refused(Refusal::OtherProfile) => {
+                Decoded::Rejected(DecodeError::OtherProfile) => {
                     let error = Downlink::Error(DspErrorCode::UNKNOWN_HEADER);
                     answers.push(self.frame(&error, None));
                 }
-                Decoded::Refused(refusal) => panic!("the bridge sent garbage: {refusal:?}"),
+                Decoded::Rejected(error) => panic!("the bridge sent garbage: {error:?}"),
             }
         }
         answers

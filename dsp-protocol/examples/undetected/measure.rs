@@ -2,7 +2,7 @@
 
 use std::ops::AddAssign;
 
-use dsp_protocol::{Decoded, Decoder, Downlink, Frame, Profile, Refusal, Uplink};
+use dsp_protocol::{DecodeError, Decoded, Decoder, Downlink, Frame, Profile, Uplink};
 
 use super::damage::{Damage, Line};
 use super::random::Random;
@@ -114,12 +114,12 @@ impl<M: Traffic> Receiver<M> {
                     tally.accepted += 1;
                     tally.implausible += u64::from(message.is_implausible());
                 }
-                Decoded::Refused(Refusal::Checksum) => tally.judged += 1,
-                Decoded::Refused(Refusal::Padding | Refusal::Value) => {
+                Decoded::Rejected(DecodeError::Checksum) => tally.judged += 1,
+                Decoded::Rejected(DecodeError::Padding | DecodeError::Value) => {
                     tally.judged += 1;
                     tally.passed += 1;
                 }
-                Decoded::Refused(_) => {}
+                Decoded::Rejected(_) => {}
             }
         }
         let (message, frame) = next;

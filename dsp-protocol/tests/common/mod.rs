@@ -220,7 +220,7 @@ pub fn uplink() -> impl Strategy<Value = Uplink> {
     ]
 }
 
-/// All messages and refusals of a stream of `profile` that arrives in these slices, with the numbers of the messages.
+/// All messages and rejections of a stream of `profile` that arrives in these slices, with the numbers of the messages.
 pub fn receive_all<'a, M: Direction>(
     profile: Profile,
     slices: impl IntoIterator<Item = &'a [u8]>,
@@ -250,7 +250,7 @@ pub fn decode_all<'a, M: Direction>(
         .into_iter()
         .map(|decoded| match decoded {
             Decoded::Message(Received { message, .. }) => Decoded::Message(message),
-            Decoded::Refused(refusal) => Decoded::Refused(refusal),
+            Decoded::Rejected(error) => Decoded::Rejected(error),
             Decoded::Incomplete => unreachable!("not collected"),
         })
         .collect()

@@ -332,7 +332,7 @@ fn a_command_that_arrives_twice_has_the_effect_of_one() {
 }
 
 #[test]
-fn what_the_decoder_refuses_is_reported_by_its_code() {
+fn what_the_decoder_rejects_is_reported_by_its_code() {
     let good = Uplink::Command(Command::ClearErrors).encode();
     let mut wrong_sum = good.as_bytes().to_vec();
     wrong_sum[2] ^= 1;

@@ -2,7 +2,7 @@
 //!
 //! Bytes are held until they make a message or cannot make one: a decoder of `dsp-protocol` decides which. So a
 //! message is dropped, repeated or moved as a whole, and never put into the middle of another. Bytes that are no
-//! message pass untouched, for the receiver to refuse. Holding them changes nothing for a receiver, which acts on the
+//! message pass untouched, for the receiver to reject. Holding them changes nothing for a receiver, which acts on the
 //! last byte of a message.
 
 use std::collections::VecDeque;

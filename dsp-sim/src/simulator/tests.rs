@@ -57,7 +57,7 @@ impl Pc {
                 match decoded {
                     Decoded::Message(message) => messages.push(message),
                     Decoded::Incomplete => {}
-                    Decoded::Refused(refusal) => panic!("{refusal:?}"),
+                    Decoded::Rejected(error) => panic!("{error:?}"),
                 }
             }
             bytes.len()

@@ -20,7 +20,7 @@ pub fn fly_in_wind(seed: u64) -> u64 {
     fly(&mut world, &mission);
     world.finish();
     let dsp = world.simulator.dsp().counters();
-    let refused: u64 = dsp.refusals.iter().sum();
+    let refused: u64 = dsp.rejections.iter().sum();
     assert_eq!((dsp.waypoints_discarded, refused), (0, 0));
     assert_eq!(world.witness.state.refused.implausible_groups, 0);
     1

@@ -30,7 +30,11 @@ fn square() -> Vec<Vector> {
 fn assert_undisturbed(world: &World, waypoints: u64) {
     let dsp = world.simulator.dsp().counters();
     assert_eq!((dsp.waypoints, dsp.waypoints_discarded), (waypoints, 0));
-    assert_eq!(dsp.refusals.iter().sum::<u64>(), 0, "the DSP refused bytes");
+    assert_eq!(
+        dsp.rejections.iter().sum::<u64>(),
+        0,
+        "the DSP rejected bytes"
+    );
     let state = &world.witness.state;
     let refused = &state.refused;
     let bytes = [

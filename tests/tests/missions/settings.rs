@@ -164,7 +164,7 @@ fn a_slow_line_leaves_out_whole_samples_and_the_mission_is_flown() {
             (fewest..=most).contains(&per_second),
             "{per_second} samples a second at {baud} baud"
         );
-        let refused: u64 = world.simulator.dsp().counters().refusals.iter().sum();
+        let refused: u64 = world.simulator.dsp().counters().rejections.iter().sum();
         assert_eq!(refused, 0, "the DSP refused bytes");
     }
 }

@@ -293,7 +293,7 @@ fn noise_at_every_moment_publishes_nothing_implausible_and_ends() {
             let refused = &world.witness.state.refused;
             let bytes = refused.checksum + refused.truncated + refused.unknown_header;
             // During the start-up the DSP says nothing but answers to what it understands.
-            let refusals = world.simulator.dsp().counters().refusals;
+            let refusals = world.simulator.dsp().counters().rejections;
             let count = u64::from(bytes) + refusals.iter().sum::<u64>();
             assert!(count > 0, "{what}: the noise was not heard, {refused:?}");
         }

@@ -120,7 +120,7 @@ impl Probe {
                 Decoded::Message(Uplink::Command(command)) => self.command(command),
                 Decoded::Message(Uplink::Waypoint(waypoint)) => self.waypoint(&waypoint),
                 Decoded::Incomplete => {}
-                Decoded::Refused(refusal) => panic!("the bridge sent bytes that are {refusal:?}"),
+                Decoded::Rejected(error) => panic!("the bridge sent bytes that are {error:?}"),
             }
         }
     }

@@ -175,8 +175,8 @@ fn told_by_the_other(profile: Profile) {
     }
     harness.wait(ms(100));
     assert_eq!(harness.bytes(frame.as_bytes()), error);
-    let refusals = harness.dsp.counters().refusals;
-    assert_eq!(refusals[Refusal::OtherProfile as usize], 11);
+    let rejections = harness.dsp.counters().rejections;
+    assert_eq!(rejections[DecodeError::OtherProfile as usize], 11);
     assert_eq!(harness.dsp.errors().len(), 0, "it is not reported twice");
     assert_eq!(harness.command(Command::ActivateStatus).len(), 1);
 }

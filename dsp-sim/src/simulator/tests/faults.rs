@@ -21,11 +21,11 @@ fn with_faults(faults: Vec<Fault>) -> Setup {
     }
 }
 
-/// A PC whose serial link may be noisy: it skips what is refused.
+/// A PC whose serial link may be noisy: it skips what is rejected.
 struct Listener {
     simulator: Simulator,
     decoder: Decoder<Downlink>,
-    refusals: u32,
+    rejections: u32,
 }
 
 impl Listener {
@@ -34,7 +34,7 @@ impl Listener {
         let mut listener = Listener {
             simulator: Simulator::new(setup),
             decoder: Decoder::new(),
-            refusals: 0,
+            rejections: 0,
         };
         listener.send(Command::Write16 {
             port: port::STATUS_MASK,
@@ -54,7 +54,7 @@ impl Listener {
         let mut messages = Vec::new();
         while let Some(next) = self.simulator.next_deadline().filter(|next| *next <= end) {
             self.simulator.advance(next);
-            let (decoder, refusals) = (&mut self.decoder, &mut self.refusals);
+            let (decoder, rejections) = (&mut self.decoder, &mut self.rejections);
             self.simulator.transmit(|bytes| {
                 let mut rest = bytes;
                 while !rest.is_empty() {
@@ -63,7 +63,7 @@ impl Listener {
                     match decoded {
                         Decoded::Message(message) => messages.push((next, message)),
                         Decoded::Incomplete => {}
-                        Decoded::Refused(_) => *refusals += 1,
+                        Decoded::Rejected(_) => *rejections += 1,
                     }
                 }
                 bytes.len()
@@ -190,7 +190,7 @@ fn a_dsp_that_hangs_neither_hears_nor_speaks_and_then_goes_on() {
     assert!((24..=26).contains(&statuses.len()), "{}", statuses.len());
     listener.send(Command::ClearErrors);
     assert_eq!(acks(&listener.listen(ms(1_010))).len(), 1);
-    assert_eq!(listener.refusals, 0, "no frame is cut");
+    assert_eq!(listener.rejections, 0, "no frame is cut");
 }
 
 #[test]
@@ -205,7 +205,7 @@ fn a_frame_that_a_hang_cuts_goes_on_after_it() {
     let messages = listener.listen(ms(400));
     let first = statuses(&messages)[0];
     assert!((325..335).contains(&first.0) && first.1 < 25, "{first:?}");
-    assert_eq!(listener.refusals, 0);
+    assert_eq!(listener.rejections, 0);
 }
 
 #[test]
@@ -236,7 +236,7 @@ fn acknowledgements_are_late_by_what_the_script_says() {
     };
     // 3 bytes there and 3 back take half a millisecond, and a status may be on the serial link.
     assert!((270..273).contains(&at), "{at}");
-    assert_eq!(listener.refusals, 0, "it is not put into a frame");
+    assert_eq!(listener.rejections, 0, "it is not put into a frame");
 }
 
 #[test]
@@ -281,7 +281,7 @@ fn a_stalled_line_delivers_all_at_its_end() {
     let held = statuses.iter().filter(|(at, _)| *at == 400).count();
     assert!((14..=16).contains(&held), "{held}");
     assert!(statuses.iter().all(|(at, _)| !(101..400).contains(at)));
-    assert_eq!(listener.refusals, 0);
+    assert_eq!(listener.rejections, 0);
 }
 
 #[test]

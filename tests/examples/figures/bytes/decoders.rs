@@ -27,7 +27,7 @@ struct Listener<M> {
     profile: Profile,
     decoder: Decoder<M>,
     messages: u64,
-    refused: u64,
+    rejected: u64,
 }
 
 impl<M: Encode> Listener<M> {
@@ -36,7 +36,7 @@ impl<M: Encode> Listener<M> {
             profile,
             decoder: Decoder::with_profile(profile),
             messages: 0,
-            refused: 0,
+            rejected: 0,
         }
     }
 
@@ -53,7 +53,7 @@ impl<M: Encode> Listener<M> {
             bytes = &bytes[used..];
             match decoded {
                 Decoded::Incomplete => assert!(bytes.is_empty(), "bytes were left"),
-                Decoded::Refused(_) => self.refused += 1,
+                Decoded::Rejected(_) => self.rejected += 1,
                 Decoded::Message(message) => {
                     self.messages += 1;
                     self.check(&message);
@@ -99,13 +99,13 @@ impl Decoders {
         self.uplink.iter_mut().for_each(|one| one.hear(bytes));
     }
 
-    /// Messages and refusals of all of them.
+    /// Messages and rejections of all of them.
     pub fn heard(&self) -> (u64, u64) {
-        let down = self.downlink.iter().map(|one| (one.messages, one.refused));
-        let up = self.uplink.iter().map(|one| (one.messages, one.refused));
+        let down = self.downlink.iter().map(|one| (one.messages, one.rejected));
+        let up = self.uplink.iter().map(|one| (one.messages, one.rejected));
         down.chain(up)
-            .fold((0, 0), |(messages, refused), (more, bad)| {
-                (messages + more, refused + bad)
+            .fold((0, 0), |(messages, rejected), (more, bad)| {
+                (messages + more, rejected + bad)
             })
     }
 }

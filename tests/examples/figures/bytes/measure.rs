@@ -31,7 +31,7 @@ pub struct Tally {
     pub heap: Heap,
     /// Messages that were understood, or samples that were published.
     pub messages: u64,
-    /// What else there was: refusals of the decoders, or requests to the core.
+    /// What else there was: rejections by the decoders, or requests to the core.
     pub others: u64,
     /// Waypoints that the core sent.
     pub waypoints: u64,
@@ -71,12 +71,12 @@ pub fn decoders(bytes: u64, seed: u64) -> Tally {
         decoders.hear(&line);
         line.len()
     });
-    let (messages, refused) = decoders.heard();
+    let (messages, rejected) = decoders.heard();
     Tally {
         bytes,
         heap,
         messages,
-        others: refused,
+        others: rejected,
         waypoints: 0,
     }
 }
