@@ -309,8 +309,10 @@ fn the_state_shows_an_error_as_long_as_it_holds() {
     desk.run(3000);
     assert_eq!(desk.imi_error(), ImiError::None);
 
-    // A start-up that was never answered.
+    // A port that cannot be opened, and a start-up that was never answered.
     let mut desk = Desk::closed(&BridgeConfig::default());
+    desk.bridge.advance(desk.now, &mut desk.out);
+    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
     desk.dsp.silent = true;
     desk.open();
     assert_eq!(desk.imi_error(), ImiError::None, "not known yet");

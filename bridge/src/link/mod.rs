@@ -307,9 +307,8 @@ impl Link {
     /// Whether something is wrong with the link now: it is lost, or the DSP does not acknowledge what it must.
     pub fn is_in_trouble(&self) -> bool {
         match self.state {
-            State::Gone => self.health.port_openings > 0,
+            State::Gone | State::Silent(_) => true,
             State::Connecting(_) => self.failed_start_ups > 0,
-            State::Silent(_) => true,
             State::Up(_) => self.cannot_empty_path,
         }
     }
