@@ -5,6 +5,7 @@
 //! * The first waypoint of a path is sent to an empty buffer, so none of an ended path is in it.
 //! * After an early end the bridge sends *invalidate path* as long as the buffer is not known to be empty and the link is up,
 //!   and on a line that loses nothing the buffer is empty soon.
+//! * A DSP that has the time-out for the PC holds nothing soon after the bridge is gone.
 //!
 //! It looks at the simulator, at the published states and reports, and at the wire: never into the bridge.
 
@@ -24,6 +25,9 @@ const EMPTY_WITHIN: Duration = Duration::from_secs(1);
 /// The same on a line that loses and damages messages. A DSP that does not hear the bridge flies on for so long at most.
 const EMPTY_AT_LAST: Duration = Duration::from_secs(60);
 
+/// Longest time from the end of a bridge until a DSP that was told 2 s has stopped by itself.
+const STOPS_WITHIN: Duration = Duration::from_millis(2500);
+
 /// What is looked at.
 pub struct Look<'a> {
     pub now: Duration,
@@ -33,6 +37,8 @@ pub struct Look<'a> {
     pub state: Option<&'a ModuleState>,
     /// *Invalidate path* sent so far.
     pub attempts: usize,
+    /// For how long a DSP that stops by itself has been without a bridge.
+    pub without_bridge: Duration,
 }
 
 /// See the module's documentation.
@@ -85,6 +91,13 @@ impl Buffer {
         if std::mem::replace(&mut self.attempts, look.attempts) != look.attempts {
             self.without_attempt = Duration::ZERO;
         }
+        assert!(
+            look.held == 0 || look.without_bridge <= STOPS_WITHIN,
+            "at {:?} the DSP has {} waypoints, {:?} after the bridge was gone",
+            look.now,
+            look.held,
+            look.without_bridge
+        );
         let Some(state) = look.state else {
             self.without_attempt = Duration::ZERO;
             return;
@@ -150,6 +163,7 @@ mod tests {
                 held,
                 state: Some(&state),
                 attempts: second as usize / every,
+                without_bridge: Duration::ZERO,
             });
         }
     }
@@ -170,6 +184,18 @@ mod tests {
     #[should_panic(expected = "of a movement that has ended")]
     fn a_buffer_that_stays_full_is_noticed() {
         watch(true, DspPathState::Unknown, 3, 2, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "after the bridge was gone")]
+    fn a_dsp_that_flies_on_without_a_bridge_is_noticed() {
+        Buffer::new(true).look(&Look {
+            now: 10 * SECOND,
+            held: 1,
+            state: None,
+            attempts: 0,
+            without_bridge: 3 * SECOND,
+        });
     }
 
     #[test]
