@@ -1,6 +1,7 @@
 //! What the simulated DSP's path buffer truly holds, against what the bridge says about it (requirement H1).
 //!
 //! * While the bridge publishes that the buffer is empty, it is.
+//! * It is published to hold waypoints of the path under way only while a path is under way.
 //! * When a movement, a hold or a stop is reported as done, it is empty.
 //! * The first waypoint of a path is sent to an empty buffer, so none of an ended path is in it.
 //! * After an early end the bridge sends *invalidate path* as long as the buffer is not known to be empty and the link is up,
@@ -11,7 +12,7 @@
 
 use std::time::Duration;
 
-use ipc_types::code::{DspPathState, LinkState};
+use ipc_types::code::{DspPathState, Functionality, LinkState};
 use ipc_types::payload::ModuleState;
 
 /// Longest time with the link up between two *invalidate path* while the buffer is not known to be empty: an acknowledgement
@@ -111,6 +112,12 @@ impl Buffer {
                 look.now, look.held
             );
         }
+        assert!(
+            path != Some(DspPathState::Ours)
+                || state.functionality() == Some(Functionality::FollowingPath),
+            "at {:?} the DSP holds waypoints of a path that is not under way: {state:?}",
+            look.now
+        );
         if path != Some(DspPathState::Unknown) || !is_up {
             self.without_attempt = Duration::ZERO;
         } else {
@@ -150,6 +157,7 @@ mod tests {
         let mut state = ModuleState::default();
         state.link.state = LinkState::Up.code();
         state.link.dsp_path = path.code();
+        state.functionality = Functionality::FollowingPath.code();
         state
     }
 
@@ -172,6 +180,20 @@ mod tests {
     #[should_panic(expected = "publishes an empty path buffer")]
     fn a_waypoint_in_a_buffer_that_is_published_as_empty_is_noticed() {
         watch(true, DspPathState::Empty, 1, 0, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "a path that is not under way")]
+    fn waypoints_of_a_path_that_has_ended_are_noticed() {
+        let mut state = state(DspPathState::Ours);
+        state.functionality = Functionality::AtRest.code();
+        Buffer::new(false).look(&Look {
+            now: SECOND,
+            held: 1,
+            state: Some(&state),
+            attempts: 0,
+            without_bridge: Duration::ZERO,
+        });
     }
 
     #[test]
