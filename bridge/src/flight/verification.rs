@@ -12,8 +12,8 @@
 //! | checking | nothing | as before: send again · one more: next · else: failed |
 //! | unverified | send → unverified | – |
 //!
-//! In the classic profile a late or repeated answer to a read of another port can be taken for the count. A value that is
-//! none is believed only when it comes three times in a row.
+//! In the classic profile a late or repeated answer to a read of another port can be taken for the count. A port that does not
+//! exist reads 0, so any other value without the bit is none: it is asked for again, three times in a row at most.
 
 use ipc_types::code::Reason;
 
@@ -24,7 +24,7 @@ const COUNTS: u16 = 0x8000;
 /// more than this; then the path is reported as failed, which is true as well.
 pub const MAX_SENDINGS: u32 = 16;
 
-/// So many values in a row that are no count mean that the DSP does not count.
+/// So many values in a row that are neither a count nor 0 mean that the DSP does not count.
 const NO_COUNTS: u32 = 3;
 
 /// What to do with the waypoint that flow control asks for.
@@ -108,7 +108,12 @@ impl Verification {
     pub fn counted(&mut self, value: u16) -> Counted {
         let counts = value & COUNTS != 0;
         let now = value & !COUNTS;
-        self.no_counts = if counts { 0 } else { self.no_counts + 1 };
+        let is_of_another_port = !counts && value != 0;
+        self.no_counts = if is_of_another_port {
+            self.no_counts + 1
+        } else {
+            0
+        };
         let is_awaited = matches!(self.phase, Phase::Asking | Phase::Checking { .. });
         if is_awaited && (1..NO_COUNTS).contains(&self.no_counts) {
             return Counted::AskAgain;
@@ -230,10 +235,10 @@ mod tests {
     fn the_value_of_another_port_is_not_taken_for_a_dsp_that_does_not_count() {
         let mut verification = Verification::begin();
         assert_eq!(verification.counted(2000), Counted::AskAgain);
-        assert_eq!(verification.counted(0), Counted::AskAgain);
+        assert_eq!(verification.counted(2000), Counted::AskAgain);
         assert_eq!(verification.counted(0x8005), Counted::Ready);
         verification.sent();
-        assert_eq!(verification.counted(0), Counted::AskAgain);
+        assert_eq!(verification.counted(1), Counted::AskAgain);
         assert_eq!(verification.counted(0x8006), Counted::Arrived);
     }
 
