@@ -132,6 +132,7 @@ impl Flight {
                 self.route.refusals = 0;
                 self.next_waypoint(cx);
             }
+            Counted::AskAgain => self.count_waypoints(cx),
             Counted::Lost => cx.link.count_repeated_waypoint(),
             Counted::Failed(reason) => self.fatal(ImiError::CommunicationFatalError, reason, cx),
         }

@@ -11,6 +11,9 @@
 //! | may send | send, then ask → checking | – |
 //! | checking | nothing | as before: send again · one more: next · else: failed |
 //! | unverified | send → unverified | – |
+//!
+//! In the classic profile a late or repeated answer to a read of another port can be taken for the count. A port that does not
+//! exist reads 0, so any other value without the bit is none: it is asked for again, three times in a row at most.
 
 use ipc_types::code::Reason;
 
@@ -20,6 +23,9 @@ const COUNTS: u16 = 0x8000;
 /// Times that one waypoint is sent. With three in ten messages lost in either direction, one waypoint in 10⁶ needs
 /// more than this; then the path is reported as failed, which is true as well.
 pub const MAX_SENDINGS: u32 = 16;
+
+/// So many values in a row that are neither a count nor 0 mean that the DSP does not count.
+const NO_COUNTS: u32 = 3;
 
 /// What to do with the waypoint that flow control asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +43,8 @@ pub enum OnGrant {
 pub enum Counted {
     /// The first waypoint may be sent.
     Ready,
+    /// The value is no count, and may be that of another port: it is to be read again.
+    AskAgain,
     /// The DSP does not count: delivery is unverified.
     Unverified,
     /// The waypoint arrived; the next one's turn.
@@ -59,6 +67,8 @@ enum Phase {
 #[derive(Clone, Copy, Debug)]
 pub struct Verification {
     phase: Phase,
+    /// Values in a row that were no count.
+    no_counts: u32,
 }
 
 impl Verification {
@@ -66,6 +76,7 @@ impl Verification {
     pub const fn begin() -> Self {
         Verification {
             phase: Phase::Asking,
+            no_counts: 0,
         }
     }
 
@@ -97,6 +108,16 @@ impl Verification {
     pub fn counted(&mut self, value: u16) -> Counted {
         let counts = value & COUNTS != 0;
         let now = value & !COUNTS;
+        let is_of_another_port = !counts && value != 0;
+        self.no_counts = if is_of_another_port {
+            self.no_counts + 1
+        } else {
+            0
+        };
+        let is_awaited = matches!(self.phase, Phase::Asking | Phase::Checking { .. });
+        if is_awaited && (1..NO_COUNTS).contains(&self.no_counts) {
+            return Counted::AskAgain;
+        }
         match self.phase {
             Phase::Asking if counts => {
                 self.phase = Phase::MaySend {
@@ -199,11 +220,26 @@ mod tests {
             ),
         ];
         for (phase, grant, value, counted, after) in table {
-            let mut verification = Verification { phase };
+            // A value that is no count has come twice before.
+            let mut verification = Verification {
+                phase,
+                no_counts: NO_COUNTS - 1,
+            };
             assert_eq!(verification.on_grant(), grant, "{phase:?}");
             assert_eq!(verification.counted(value), counted, "{phase:?} {value:#x}");
             assert_eq!(verification.phase, after, "{phase:?} {value:#x}");
         }
+    }
+
+    #[test]
+    fn the_value_of_another_port_is_not_taken_for_a_dsp_that_does_not_count() {
+        let mut verification = Verification::begin();
+        assert_eq!(verification.counted(2000), Counted::AskAgain);
+        assert_eq!(verification.counted(2000), Counted::AskAgain);
+        assert_eq!(verification.counted(0x8005), Counted::Ready);
+        verification.sent();
+        assert_eq!(verification.counted(1), Counted::AskAgain);
+        assert_eq!(verification.counted(0x8006), Counted::Arrived);
     }
 
     #[test]

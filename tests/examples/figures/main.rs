@@ -51,6 +51,7 @@ use std::time::Instant;
 
 use bytes::heap::Counting;
 use bytes::measure::{self, Tally};
+use chance::Seen;
 use dsp_protocol::Profile;
 
 #[global_allocator]
@@ -124,10 +125,10 @@ fn main() -> ExitCode {
 }
 
 /// A mission of chance, by its seed.
-type Fly = fn(u64) -> u64;
+type Fly = fn(u64) -> Seen;
 
 /// The kinds of missions: name, what they are, and how one is flown.
-const KINDS: [(&str, &str, Fly); 7] = [
+const KINDS: [(&str, &str, Fly); 8] = [
     ("wind", "wind and noise of the sensors", chance::fly_in_wind),
     ("noise", "noise on the line", chance::fly_in_noise),
     (
@@ -141,6 +142,11 @@ const KINDS: [(&str, &str, Fly); 7] = [
         chance::fly_through_faults,
     ),
     (
+        "damaged",
+        "a few bits damaged in both directions: every step is done",
+        chance::fly_with_damaged_bytes,
+    ),
+    (
         "plans",
         "plans that change in mid-path: pre-emption, stops in silence, restarts, damaged bytes",
         chance::change_plans,
@@ -152,7 +158,7 @@ const KINDS: [(&str, &str, Fly); 7] = [
 /// What became of missions.
 #[derive(Clone, Copy, Default)]
 struct Flown {
-    good: u64,
+    good: Seen,
     failed: u64,
 }
 
@@ -175,17 +181,25 @@ fn missions(seeds: &Range<u64>, only: Option<&str>) -> bool {
             Ok(good) => Flown { good, failed: 0 },
             Err(_) => {
                 eprintln!("failed: missions --kind {name} --seeds {seed}");
-                Flown { good: 0, failed: 1 }
+                Flown {
+                    failed: 1,
+                    ..Flown::default()
+                }
             }
         });
-        let count = flown.good + flown.failed;
+        let count = flown.good.missions + flown.failed;
         println!(
             "| {name}: {what} | {seeds:?} | {count} | {} |",
             flown.failed
         );
         sum += flown;
     }
-    println!("| all | | {} | {} |", sum.good + sum.failed, sum.failed);
+    println!(
+        "| all | | {} | {} |\n\n{}",
+        sum.good.missions + sum.failed,
+        sum.failed,
+        sum.good
+    );
     sum.failed == 0
 }
 

@@ -1,16 +1,18 @@
 //! What the simulated DSP's path buffer truly holds, against what the bridge says about it (requirement H1).
 //!
 //! * While the bridge publishes that the buffer is empty, it is.
+//! * It is published to hold waypoints of the path under way only while a path is under way.
 //! * When a movement, a hold or a stop is reported as done, it is empty.
 //! * The first waypoint of a path is sent to an empty buffer, so none of an ended path is in it.
 //! * After an early end the bridge sends *invalidate path* as long as the buffer is not known to be empty and the link is up,
 //!   and on a line that loses nothing the buffer is empty soon.
+//! * A DSP that has the time-out for the PC holds nothing soon after the bridge is gone.
 //!
 //! It looks at the simulator, at the published states and reports, and at the wire: never into the bridge.
 
 use std::time::Duration;
 
-use ipc_types::code::{DspPathState, LinkState};
+use ipc_types::code::{DspPathState, Functionality, LinkState};
 use ipc_types::payload::ModuleState;
 
 /// Longest time with the link up between two *invalidate path* while the buffer is not known to be empty: an acknowledgement
@@ -24,6 +26,9 @@ const EMPTY_WITHIN: Duration = Duration::from_secs(1);
 /// The same on a line that loses and damages messages. A DSP that does not hear the bridge flies on for so long at most.
 const EMPTY_AT_LAST: Duration = Duration::from_secs(60);
 
+/// Longest time from the end of a bridge until a DSP that was told 2 s has stopped by itself.
+const STOPS_WITHIN: Duration = Duration::from_millis(2500);
+
 /// What is looked at.
 pub struct Look<'a> {
     pub now: Duration,
@@ -33,6 +38,8 @@ pub struct Look<'a> {
     pub state: Option<&'a ModuleState>,
     /// *Invalidate path* sent so far.
     pub attempts: usize,
+    /// For how long a DSP that stops by itself has been without a bridge.
+    pub without_bridge: Duration,
 }
 
 /// See the module's documentation.
@@ -85,6 +92,13 @@ impl Buffer {
         if std::mem::replace(&mut self.attempts, look.attempts) != look.attempts {
             self.without_attempt = Duration::ZERO;
         }
+        assert!(
+            look.held == 0 || look.without_bridge <= STOPS_WITHIN,
+            "at {:?} the DSP has {} waypoints, {:?} after the bridge was gone",
+            look.now,
+            look.held,
+            look.without_bridge
+        );
         let Some(state) = look.state else {
             self.without_attempt = Duration::ZERO;
             return;
@@ -98,6 +112,12 @@ impl Buffer {
                 look.now, look.held
             );
         }
+        assert!(
+            path != Some(DspPathState::Ours)
+                || state.functionality() == Some(Functionality::FollowingPath),
+            "at {:?} the DSP holds waypoints of a path that is not under way: {state:?}",
+            look.now
+        );
         if path != Some(DspPathState::Unknown) || !is_up {
             self.without_attempt = Duration::ZERO;
         } else {
@@ -137,6 +157,7 @@ mod tests {
         let mut state = ModuleState::default();
         state.link.state = LinkState::Up.code();
         state.link.dsp_path = path.code();
+        state.functionality = Functionality::FollowingPath.code();
         state
     }
 
@@ -150,6 +171,7 @@ mod tests {
                 held,
                 state: Some(&state),
                 attempts: second as usize / every,
+                without_bridge: Duration::ZERO,
             });
         }
     }
@@ -158,6 +180,20 @@ mod tests {
     #[should_panic(expected = "publishes an empty path buffer")]
     fn a_waypoint_in_a_buffer_that_is_published_as_empty_is_noticed() {
         watch(true, DspPathState::Empty, 1, 0, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "a path that is not under way")]
+    fn waypoints_of_a_path_that_has_ended_are_noticed() {
+        let mut state = state(DspPathState::Ours);
+        state.functionality = Functionality::AtRest.code();
+        Buffer::new(false).look(&Look {
+            now: SECOND,
+            held: 1,
+            state: Some(&state),
+            attempts: 0,
+            without_bridge: Duration::ZERO,
+        });
     }
 
     #[test]
@@ -170,6 +206,18 @@ mod tests {
     #[should_panic(expected = "of a movement that has ended")]
     fn a_buffer_that_stays_full_is_noticed() {
         watch(true, DspPathState::Unknown, 3, 2, 1);
+    }
+
+    #[test]
+    #[should_panic(expected = "after the bridge was gone")]
+    fn a_dsp_that_flies_on_without_a_bridge_is_noticed() {
+        Buffer::new(true).look(&Look {
+            now: 10 * SECOND,
+            held: 1,
+            state: None,
+            attempts: 0,
+            without_bridge: 3 * SECOND,
+        });
     }
 
     #[test]

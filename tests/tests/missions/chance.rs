@@ -1,33 +1,115 @@
 //! Missions of chance: paths, heights, wind, noise of the sensors and of the line, and faults of every kind, by seed.
 
+use std::fmt::{self, Display};
+use std::ops::AddAssign;
 use std::time::Duration;
 
 use bridge::config::TrajectoryKind;
-use dsp_sim::faults::Script;
+use dsp_sim::faults::{Damage, Directions, Fault, Script, Window};
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{MovementData, ParameterRequest};
 
 use crate::dice::{Dice, FAULTS_END};
 use crate::operator::{Step, await_link, bring_home, carry_out, fly, fly_through_trouble, follow};
+use crate::truth::Line;
 use crate::world::{Trouble, World};
 
+/// What missions have seen.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seen {
+    pub missions: u64,
+    /// Movements that ended early, or bridges that were gone, while the DSP held waypoints.
+    pub held_at_an_early_end: u64,
+    pub stops_in_silence: u64,
+    /// Bridges that were killed or ended.
+    pub restarts: u64,
+    /// Requests that another movement replaced.
+    pub replaced: u64,
+    /// Waypoints that were sent.
+    pub waypoints: u64,
+}
+
+impl AddAssign for Seen {
+    fn add_assign(&mut self, other: Seen) {
+        self.missions += other.missions;
+        self.held_at_an_early_end += other.held_at_an_early_end;
+        self.stops_in_silence += other.stops_in_silence;
+        self.restarts += other.restarts;
+        self.replaced += other.replaced;
+        self.waypoints += other.waypoints;
+    }
+}
+
+impl Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Seen {
+            missions,
+            held_at_an_early_end,
+            stops_in_silence,
+            restarts,
+            replaced,
+            waypoints,
+        } = self;
+        write!(
+            f,
+            "{missions} missions; {held_at_an_early_end} early ends while the DSP held waypoints, {stops_in_silence} stops while \
+             the link was silent, {restarts} bridges killed or ended, {replaced} requests replaced, {waypoints} waypoints sent"
+        )
+    }
+}
+
+/// Ends the world of a mission, and says what it has seen.
+fn seen(mut world: World) -> Seen {
+    world.finish();
+    Seen {
+        missions: 1,
+        held_at_an_early_end: world.buffer.cleared,
+        stops_in_silence: world.silent_stops,
+        restarts: world.deaths.into(),
+        replaced: world.witness.count(Reason::Replaced),
+        waypoints: world.probe.waypoints as u64,
+    }
+}
+
 /// A mission in wind and with noisy sensors, on a line that is sound.
-pub fn fly_in_wind(seed: u64) -> u64 {
+pub fn fly_in_wind(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let config = dice.config(seed);
     let mission = dice.mission();
     let mut world = World::new(&config);
     fly(&mut world, &mission);
-    world.finish();
     let dsp = world.simulator.dsp().counters();
     let refused: u64 = dsp.rejections.iter().sum();
     assert_eq!((dsp.waypoints_discarded, refused), (0, 0));
     assert_eq!(world.witness.state.refused.implausible_groups, 0);
-    1
+    seen(world)
+}
+
+/// A mission on a line on which a few bits are damaged in both directions. In the extended profile every damage is noticed, and
+/// a repetition cures it: every step is done.
+pub fn fly_with_damaged_bytes(seed: u64) -> Seen {
+    let mut dice = Dice::new(seed);
+    let mut config = dice.config(seed);
+    let bit_error_rate = 10_f64.powf(dice.within(-6.0, -4.5));
+    let faults = vec![Fault::Bytes {
+        direction: Directions::Both,
+        window: Window::ALWAYS,
+        damage: Damage::FlipBits { bit_error_rate },
+    }];
+    config = config.faults(Script { seed, faults }, Duration::MAX);
+    let is_noticed = config.line() == Line::Lossy;
+    let mission = dice.mission();
+    let mut world = World::new(&config);
+    if is_noticed {
+        fly(&mut world, &mission);
+    } else {
+        fly_through_trouble(&mut world, &mission);
+    }
+    seen(world)
 }
 
 /// A mission with noise on the line from a moment of chance on.
-pub fn fly_in_noise(seed: u64) -> u64 {
+pub fn fly_in_noise(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let config = dice.config(seed).unsound();
     let mission = dice.mission();
@@ -43,12 +125,11 @@ pub fn fly_in_noise(seed: u64) -> u64 {
     world.plan(Trouble::Noise(time), when);
     fly_through_trouble(&mut world, &mission);
     assert!(!world.simulator.helicopter().is_flying());
-    world.finish();
-    1
+    seen(world)
 }
 
 /// An operator who sends anything at any time, while everything goes wrong at once.
-pub fn be_reckless(seed: u64) -> u64 {
+pub fn be_reckless(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);
     let corruption = dice.once_in(2).then(|| dice.corruption());
@@ -79,12 +160,11 @@ pub fn be_reckless(seed: u64) -> u64 {
     }
     bring_home(&mut world);
     assert!(!world.simulator.helicopter().is_flying());
-    world.finish();
-    1
+    seen(world)
 }
 
 /// A mission under a script of faults, as `ril sim --faults` takes it; half of the bridges are killed or ended on the way.
-pub fn fly_through_faults(seed: u64) -> u64 {
+pub fn fly_through_faults(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);
     if dice.once_in(2) {
@@ -100,14 +180,13 @@ pub fn fly_through_faults(seed: u64) -> u64 {
     if world.simulator.helicopter().is_flying() {
         bring_home(&mut world);
     }
-    world.finish();
-    1
+    seen(world)
 }
 
 /// An operator who changes plans in the middle of paths, on a line that damages bytes and falls silent at times: another path,
 /// a landing, a hold or a stop takes the place of the one under way, also in silence; the bridge is killed or ended; the DSP
 /// reboots.
-pub fn change_plans(seed: u64) -> u64 {
+pub fn change_plans(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);
     let mut faults = Vec::new();
@@ -138,8 +217,7 @@ pub fn change_plans(seed: u64) -> u64 {
     }
     bring_home(&mut world);
     assert!(!world.simulator.helicopter().is_flying());
-    world.finish();
-    1
+    seen(world)
 }
 
 /// Starts and takes off, where that is possible now.
@@ -179,7 +257,7 @@ fn change_plan(world: &mut World, dice: &mut Dice) {
 const FENCE_MARGIN_M: f64 = 0.05;
 
 /// Paths in a geofence, half of which break it: those are refused with the reason, and nothing of them is sent.
-pub fn fly_fenced(seed: u64) -> u64 {
+pub fn fly_fenced(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let (radius_m, ceiling_m) = (dice.within(8.0, 16.0), dice.within(9.0, 13.0));
     let config = dice.config(seed).fence(radius_m, ceiling_m);
@@ -207,12 +285,11 @@ pub fn fly_fenced(seed: u64) -> u64 {
         }
     }
     bring_home(&mut world);
-    world.finish();
-    1
+    seen(world)
 }
 
 /// A DSP whose status comes every few seconds.
-pub fn fly_with_slow_status(seed: u64) -> u64 {
+pub fn fly_with_slow_status(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let period_ms = dice.count(500, 5000);
     let mut config = dice.config(seed);
@@ -224,8 +301,7 @@ pub fn fly_with_slow_status(seed: u64) -> u64 {
     let mut world = World::new(&config.sparse());
     let mission = dice.mission();
     fly(&mut world, &mission);
-    world.finish();
-    1
+    seen(world)
 }
 
 #[cfg(test)]
@@ -249,8 +325,18 @@ mod tests {
     }
 
     #[test]
+    fn missions_with_damaged_bytes() {
+        seeds::fly_each(7000..7100, fly_with_damaged_bytes);
+    }
+
+    #[test]
     fn plans_that_change() {
-        seeds::fly_each(4000..4250, change_plans);
+        let seen = seeds::fly_each(4000..4200, change_plans);
+        println!("{seen}");
+        if seen.missions > 100 {
+            assert!(seen.held_at_an_early_end > 0 && seen.stops_in_silence > 0);
+            assert!(seen.restarts > 0 && seen.replaced > 0);
+        }
     }
 
     #[test]

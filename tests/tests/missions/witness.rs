@@ -98,6 +98,14 @@ impl Witness {
         self.requests.len() as u64
     }
 
+    /// How many requests ended for this reason.
+    pub fn count(&self, reason: Reason) -> u64 {
+        let reports = self.requests.values().filter_map(|words| words.last());
+        reports
+            .filter(|report| report.is_final() && report.reason() == Some(reason))
+            .count() as u64
+    }
+
     /// All words about a request.
     pub fn words(&self, request_id: u64) -> &[RequestReport] {
         &self.requests[&request_id]

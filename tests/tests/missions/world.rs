@@ -10,7 +10,7 @@ use dsp_sim::faults::PortState;
 use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ControlCommand, MovementKind, Stage};
+use ipc_types::code::{ControlCommand, LinkState, MovementKind, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest, WaypointPosition};
 
 use crate::buffer::{Buffer, Look};
@@ -50,6 +50,8 @@ pub struct World {
     pub fewest_free_places: usize,
     /// How often the bridge was killed, or ended.
     pub deaths: u32,
+    /// How often a stop was asked for while the link was silent.
+    pub silent_stops: u64,
     /// Id of the last request that was sent before a bridge was killed or ended; 0 when none was.
     pub requests_of_the_dead: u64,
     bridge: Bridge,
@@ -64,6 +66,10 @@ pub struct World {
     line: Line,
     /// When the last fault of the simulator's script is over.
     faults_end: Duration,
+    /// Whether the DSP stops by itself when the bridge is gone, and nothing holds up what the bridge said last.
+    stops_alone: bool,
+    /// When the last bridge was gone.
+    gone_since: Option<Duration>,
     /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
     port_opens: Option<Duration>,
     /// The device as it was last seen.
@@ -97,6 +103,7 @@ impl World {
             buffer: Buffer::new(config.is_sound),
             fewest_free_places: usize::MAX,
             deaths: 0,
+            silent_stops: 0,
             bridge: Bridge::new(&config.bridge),
             bridge_config: config.bridge.clone(),
             ending: None,
@@ -105,6 +112,9 @@ impl World {
             is_exact: config.is_exact,
             sees_everything: config.is_sound && config.is_dense,
             line: config.line(),
+            stops_alone: config.simulator.firmware.has_pc_timeout
+                && config.simulator.faults.is_none(),
+            gone_since: None,
             faults_end: config.faults_end,
             port_opens: Some(Duration::from_millis(10)),
             device: PortState::default(),
@@ -182,6 +192,7 @@ impl World {
         let key = RequestKey::Control(id);
         if request.command() == Some(ControlCommand::Stop) {
             self.watched.push((id, "a stop"));
+            self.silent_stops += u64::from(self.bridge.link() == LinkState::Silent);
         }
         if self.is_alive() {
             self.bridge
@@ -467,6 +478,10 @@ impl World {
             held,
             state: self.bridge_starts.is_none().then_some(&self.witness.state),
             attempts: self.probe.path_emptyings,
+            without_bridge: match self.gone_since {
+                Some(since) if !self.is_alive() && self.stops_alone => self.now - since,
+                _ => Duration::ZERO,
+            },
         });
     }
 }

@@ -87,6 +87,7 @@ impl World {
     fn bridge_gone(&mut self, starts: Duration) {
         self.deaths += 1;
         self.ending = None;
+        self.gone_since = Some(self.now);
         self.requests_of_the_dead = self.next_request;
         self.probe.interrupted();
         self.probe.path_closes(&[]);
