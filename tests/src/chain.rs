@@ -54,6 +54,12 @@ impl Chain {
             &folder,
             &["sim", "--link", "dsp", "--seed", "1"],
         );
+        // A machine that stalls for seconds must end no flight.
+        std::fs::write(
+            folder.link("bridge.toml"),
+            "[link]\npc_timeout_ms = 60000\n",
+        )
+        .expect("a file in the test's folder");
         let bridge = spawn(domain, binary, &folder, &["bridge", "--port", "dsp"]);
         let status = spawn(domain, binary, &folder, &["status"]);
         wait_for_telemetry(domain);

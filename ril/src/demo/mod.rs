@@ -182,8 +182,12 @@ fn fly(
     })
 }
 
-/// The bridge of the demonstration: a brisk helicopter, and an acceptance radius that fits its speed.
+/// The bridge of the demonstration: a brisk helicopter, and an acceptance radius that fits its speed. A machine that is
+/// busy with something else may stop the bridge for seconds, which must not end the flight that it shows.
 const BRIDGE_CONFIG: &str = "\
+[link]
+pc_timeout_ms = 30000
+
 [parameters]
 cruise_speed_mps = 8.0
 climb_speed_mps = 4.0

@@ -95,8 +95,12 @@ impl Rig {
         sim
     }
 
-    /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet.
+    /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet. Without a `bridge.toml` of the
+    /// test it gets one with which a machine that stalls for seconds ends no flight.
     pub fn bridge(&self, robot: u32) -> Process {
+        if !self.folder().join("bridge.toml").exists() {
+            self.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
+        }
         let mut bridge = self.start(&format!("bridge --robot {robot} --port dsp-{robot}"));
         bridge.wait_for_text("ready");
         bridge
