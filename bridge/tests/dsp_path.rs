@@ -210,6 +210,25 @@ fn a_dsp_that_may_have_dropped_the_path_ends_it() {
 }
 
 #[test]
+fn a_bridge_that_was_stopped_for_so_long_that_the_dsp_dropped_the_path_ends_it() {
+    let mut desk = Desk::flying();
+    let path = mid_path(&mut desk);
+    desk.dsp.grants = false;
+    desk.dsp.acknowledges = false;
+    // A sign of life is on its way, and then the process stands still, for longer than the DSP waits.
+    desk.run(700);
+    desk.now = ipc_types::MonotonicNs(desk.now.0 + 1_500_000_000);
+    desk.say(dsp_protocol::Downlink::Ack16 {
+        command: 0,
+        value: 2000,
+    });
+    assert_eq!(desk.last(path[3]).0, Stage::Unknown);
+    desk.dsp.acknowledges = true;
+    desk.run(3000);
+    assert_eq!(dsp_path(&desk), DspPathState::Empty);
+}
+
+#[test]
 fn a_bridge_that_ends_in_flight_empties_the_buffer_before_it_goes() {
     let mut desk = Desk::flying();
     let path = mid_path(&mut desk);

@@ -255,6 +255,10 @@ impl Link {
             return false;
         }
         let is_first = session.path == DspPath::Empty;
+        if is_first {
+            // An empty buffer cannot be dropped; from here on the DSP counts the silence of the PC.
+            session.heard = now;
+        }
         session.path.add_waypoint();
         self.waypoint_number = number;
         increment(&mut self.health.waypoints_sent);

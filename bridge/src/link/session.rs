@@ -1,5 +1,7 @@
 //! [`Session`]: what is known of a DSP that was started up, above all what its path buffer may hold.
 
+use std::time::Duration;
+
 use dsp_protocol::{Command, StatusMask};
 use ipc_types::MonotonicNs;
 
@@ -43,6 +45,11 @@ impl Session {
             has_pc_timeout: start_up.has_pc_timeout,
             ..Session::default()
         }
+    }
+
+    /// Whether the DSP may have taken the PC for gone when it got nothing of it for this time.
+    pub fn would_have_dropped_path(&self, silence: Duration, pc_timeout: Duration) -> bool {
+        self.has_pc_timeout && self.path == DspPath::Ours && silence >= pc_timeout
     }
 
     /// Takes status with these groups from now on.
@@ -128,7 +135,8 @@ impl Link {
         if session.path == DspPath::Empty {
             return;
         }
-        if now.since(session.heard) >= self.config.link.pc_timeout() {
+        let silence = now.since(session.heard);
+        if session.would_have_dropped_path(silence, self.config.link.pc_timeout()) {
             self.events.push_back(LinkEvent::PathDropped);
         }
         self.schedule_keep_alive(now);

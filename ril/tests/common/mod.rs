@@ -98,10 +98,16 @@ impl Rig {
     /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet. Without a `bridge.toml` of the
     /// test it gets one with which a machine that stalls for seconds ends no flight.
     pub fn bridge(&self, robot: u32) -> Process {
-        if !self.folder().join("bridge.toml").exists() {
-            self.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
-        }
-        let mut bridge = self.start(&format!("bridge --robot {robot} --port dsp-{robot}"));
+        let is_configured = self.folder().join("bridge.toml").exists();
+        let options = if is_configured {
+            ""
+        } else {
+            self.write("patient.toml", "[link]\npc_timeout_ms = 60000\n");
+            "--config patient.toml"
+        };
+        let mut bridge = self.start(&format!(
+            "bridge --robot {robot} --port dsp-{robot} {options}"
+        ));
         bridge.wait_for_text("ready");
         bridge
     }
