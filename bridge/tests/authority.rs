@@ -388,3 +388,19 @@ fn groups_that_were_not_asked_for_are_left_out() {
             .all(|sample| sample.valid_groups == 0b11)
     );
 }
+
+#[test]
+fn a_dsp_without_time_whose_mask_had_to_be_written_again_is_believed() {
+    let mut desk = Desk::up(&BridgeConfig::default());
+    desk.dsp.sends_status = false;
+    desk.dsp.mask = 0xFFFE;
+    let mut status = desk.dsp.status;
+    status.time_ms = None;
+    for _ in 0..300 {
+        desk.run(20);
+        desk.say(dsp_protocol::Downlink::Status(status));
+        desk.dsp.sends_status = false;
+    }
+    assert_eq!(desk.dsp.mask, 0xFFFF, "it was written again");
+    assert!(desk.out.telemetry.len() > 100);
+}

@@ -51,7 +51,7 @@ impl Link {
 
     /// Whether a status has the groups that were asked for. One that comes with others again and again makes the link ask for
     /// the DSP's mask; when that is ours all the same, the groups are taken as they come.
-    pub(super) fn judge_mask(&mut self, status: &Status) -> MaskVerdict {
+    pub(super) fn judge_mask(&mut self, now: MonotonicNs, status: &Status) -> MaskVerdict {
         let ours = self.config.status.mask();
         let groups = status.mask();
         let (State::Up(session) | State::Silent(session)) = &mut self.state else {
@@ -74,6 +74,7 @@ impl Link {
             _ => 1,
         };
         session.odd_mask = Some((groups, count));
+        session.odd_mask_at = now;
         if count == ODD_STATUSES {
             let instead = Some(groups);
             self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead });
@@ -81,7 +82,7 @@ impl Link {
         MaskVerdict::Odd
     }
 
-    /// Nobody knows why status comes in another mask, or not at all: the next ones that do make the link ask again.
+    /// Why status comes in another mask, or not at all, is not known: the next one makes the link ask again.
     pub(super) fn mask_not_read(&mut self) {
         if let State::Up(session) | State::Silent(session) = &mut self.state {
             session.odd_mask = None;
@@ -95,6 +96,8 @@ impl Link {
         instead: Option<StatusMask>,
         data: AckData,
     ) {
+        // Status that has been coming in another mask all the time is what came instead.
+        let instead = instead.or_else(|| self.odd_groups(now));
         match (instead, self.is_our_mask(data)) {
             (None, true) => self.ask_for_status(Command::ActivateStatus, Purpose::ReactivateStatus),
             (None, false) => self.lost_its_mask(now),
@@ -109,6 +112,18 @@ impl Link {
                 let write = write_mask(&self.config);
                 self.ask_for_status(write, Purpose::RewriteMask);
             }
+        }
+    }
+
+    /// The groups of the status that comes now, if it comes in another mask again and again.
+    fn odd_groups(&self, now: MonotonicNs) -> Option<StatusMask> {
+        let State::Up(session) = self.state else {
+            return None;
+        };
+        let is_recent = now.since(session.odd_mask_at) <= self.status_fresh_for();
+        match session.odd_mask {
+            Some((groups, count)) if is_recent && count >= ODD_STATUSES => Some(groups),
+            _ => None,
         }
     }
 

@@ -69,7 +69,7 @@ impl Link {
         let asked_for = self.config.status.mask();
         let has_time = status.time_ms.is_some() || !asked_for.contains(Group::Time);
         let has_others = status.mask().0 & !asked_for.0 != 0;
-        match self.judge_mask(&status) {
+        match self.judge_mask(now, &status) {
             // Fewer groups than asked for, time among them: a sensor has no values.
             MaskVerdict::Odd if has_others || !has_time => {
                 // Made for another mask, or damaged; it could overtake one that is held back.

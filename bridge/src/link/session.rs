@@ -26,8 +26,9 @@ pub(super) struct Session {
     pub heard: MonotonicNs,
     /// Probes in a row that were answered without any other message.
     pub probe_only_replies: u32,
-    /// A mask that is not ours, in the last status and how often in a row.
+    /// A mask that is not ours, in the last status and how often in a row, and when that came.
     pub odd_mask: Option<(StatusMask, u32)>,
+    pub odd_mask_at: MonotonicNs,
     /// Masks that are not ours but are taken, because the DSP says that it has ours; the newest first.
     pub accepted_masks: [Option<StatusMask>; ACCEPTED_MASKS],
 }
@@ -56,6 +57,7 @@ impl Session {
     pub fn accept(&mut self, groups: StatusMask) {
         self.accepted_masks.rotate_right(1);
         self.accepted_masks[0] = Some(groups);
+        self.odd_mask = None;
     }
 }
 
