@@ -107,6 +107,51 @@ fn a_take_off_that_is_over_when_its_port_is_read_is_done() {
     assert_eq!(desk.last(take_off).0, Stage::Done);
 }
 
+/// The DSP sends flow control 1 between the acknowledgement of the order and the next status message.
+fn granted_before_a_status() -> (Desk, u64) {
+    let mut desk = Desk::started();
+    desk.dsp.grants = false;
+    desk.dsp.sends_status = false;
+    let take_off = desk.take_off();
+    desk.run(40);
+    desk.say(dsp_protocol::Downlink::FlowControl(FlowControl::Send));
+    desk.run(600);
+    (desk, take_off)
+}
+
+#[test]
+fn a_late_flow_control_does_not_end_a_take_off_whose_port_reads_one() {
+    let (mut desk, take_off) = granted_before_a_status();
+    assert_eq!(desk.functionality(), Functionality::TakingOff);
+    // Nor does it count afterwards, when the DSP has given the take-off up on the ground.
+    desk.dsp.obeys = false;
+    desk.dsp.sends_status = true;
+    desk.run(1200);
+    assert_eq!(desk.last(take_off), aborted(Reason::RefusedByDsp));
+}
+
+#[test]
+fn a_take_off_that_is_over_before_a_status_came_is_done_when_its_port_reads_zero_too() {
+    let (mut desk, take_off) = granted_before_a_status();
+    desk.dsp.obeys = false;
+    desk.say(dsp_protocol::Downlink::FlowControl(FlowControl::Send));
+    desk.run(100);
+    assert_eq!(desk.last(take_off).0, Stage::Done);
+}
+
+#[test]
+fn a_take_off_that_the_dsp_refused_is_not_done_by_a_late_flow_control() {
+    let mut desk = Desk::started();
+    desk.dsp.grants = false;
+    desk.dsp.sends_status = false;
+    desk.dsp.obeys = false;
+    let take_off = desk.take_off();
+    desk.dsp_error(30);
+    desk.say(dsp_protocol::Downlink::FlowControl(FlowControl::Send));
+    desk.run(600);
+    assert_eq!(desk.last(take_off), aborted(Reason::RefusedByDsp));
+}
+
 #[test]
 fn a_second_take_off_order_that_the_dsp_refuses_in_the_air_harms_nobody() {
     let mut desk = Desk::started();

@@ -9,6 +9,7 @@
 //! | ordering | 1 is written to port 10121 | 1 is written to port 10122 |
 //! | confirming | the port reads 1, or the flying flag is 1 → under way | the port reads 1 → under way; flag 0 and port 0 → done |
 //! | under way | flow control 1 in the air, or port 0 in the air → done | flag 0 and port 0 → done |
+//! | either, no flag since the order | flow control 1, then port 0 → done | – |
 //! | refused | error 30 and the port reads 0 on the ground, or 0 for a second | error 30 and the port reads 0 in the air, or 0 for a second |
 
 use std::time::Duration;
@@ -57,6 +58,7 @@ impl Flight {
             order: Order::of(*header),
             height_m,
             ground_altitude_m: position.altitude_m,
+            is_granted: false,
             step: DspOrder::Preparing,
         });
         self.begin(Some(header), MovementKind::TakeOff, 0, motion, cx);
@@ -201,6 +203,7 @@ impl Flight {
             return;
         };
         if is_under_way {
+            self.note_grant(false);
             if let DspOrder::Confirming { .. } = step {
                 self.under_way(cx);
             }
@@ -208,6 +211,7 @@ impl Flight {
         }
         let is_taking_off = matches!(self.motion, Motion::TakingOff(_));
         match (self.observation.flying(cx.now), step) {
+            (None, _) if self.is_over_by_grant() => self.dsp_order_done(cx),
             // In the air after a take-off, on the ground with the rotor stopped after a landing.
             (Some(flying), DspOrder::Confirming { .. } | DspOrder::UnderWay)
                 if flying == is_taking_off =>
@@ -264,7 +268,7 @@ impl Flight {
     }
 
     /// Flow control 1: the DSP flies, and neither takes off nor lands. A flying flag that was received since the order and
-    /// says otherwise makes it a damaged message.
+    /// says otherwise makes it a damaged message. Without a flag it may be a late one: the port must say the same.
     pub(super) fn granted_in_dsp_order<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         let is_begun = matches!(
             self.dsp_order(),
@@ -273,11 +277,31 @@ impl Flight {
         let flying = self.observation.flying(cx.now);
         match self.motion {
             _ if !is_begun || flying == Some(false) => {}
-            Motion::TakingOff(_) => self.dsp_order_done(cx),
+            Motion::TakingOff(_) if flying.is_some() => self.dsp_order_done(cx),
+            Motion::TakingOff(_) => {
+                self.note_grant(true);
+                self.look(cx);
+            }
             // It has ended the landing by itself, or has not begun it yet: the port tells.
             Motion::Landing(_) if !self.timers.is_armed(FlightTimer::Step) => self.look(cx),
             _ => {}
         }
+    }
+
+    fn note_grant(&mut self, is_granted: bool) {
+        if let Motion::TakingOff(take_off) = &mut self.motion {
+            take_off.is_granted = is_granted;
+        }
+    }
+
+    /// A take-off whose port reads 0 is over when flow control 1 came since the port last read 1, unless error 30 came too.
+    fn is_over_by_grant(&self) -> bool {
+        let Motion::TakingOff(take_off) = &self.motion else {
+            return false;
+        };
+        let is_refused =
+            matches!(take_off.step, DspOrder::Confirming { doubt, .. } if doubt.is_refused);
+        take_off.is_granted && !is_refused
     }
 
     /// The DSP's own word: the movement is over.

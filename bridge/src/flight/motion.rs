@@ -91,6 +91,8 @@ pub struct TakeOff {
     pub height_m: f32,
     /// Altitude of the point of take-off, m.
     pub ground_altitude_m: f64,
+    /// Flow control 1 came since the order, before a flying flag did, and the port has not read 1 after it.
+    pub is_granted: bool,
     /// How far it is.
     pub step: DspOrder,
 }
@@ -329,6 +331,7 @@ mod tests {
         order: ORDER,
         height_m: 5.0,
         ground_altitude_m: 0.0,
+        is_granted: false,
         step: DspOrder::Preparing,
     });
     const LANDING: Motion = Motion::Landing(Landing {
