@@ -167,10 +167,14 @@ impl Dsp {
     /// the next one can be ordered.
     fn obey(&mut self, command: Command) {
         let code = command.code();
+        let ends_landing = command == (Command::Read16 { port: port::LAND });
+        if ends_landing {
+            self.say_whether_it_flies(false);
+        }
         let answer = match command {
             Command::Read16 { .. } => Downlink::Ack16 {
                 command: code,
-                value: 1,
+                value: u16::from(!ends_landing),
             },
             Command::Read32 { .. } => Downlink::Ack32 {
                 command: code,
@@ -179,11 +183,13 @@ impl Dsp {
             _ => Downlink::Ack { command: code },
         };
         self.unsent.extend_from_slice(answer.encode().as_bytes());
-        if command == (Command::Read16 { port: port::LAND }) {
-            for is_flying in [false, true] {
-                self.is_flying = is_flying;
-                self.send_frame();
-            }
+        if ends_landing {
+            self.say_whether_it_flies(true);
         }
+    }
+
+    fn say_whether_it_flies(&mut self, is_flying: bool) {
+        self.is_flying = is_flying;
+        self.send_frame();
     }
 }
