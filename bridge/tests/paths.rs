@@ -221,6 +221,14 @@ impl Trajectory for Midpoints {
     }
 }
 
+/// How far north each waypoint lies that was sent, in the steps of [`north`].
+fn steps_sent(desk: &Desk) -> Vec<i64> {
+    let waypoints = desk.dsp.waypoints.iter();
+    waypoints
+        .map(|waypoint| ((waypoint.latitude_deg - HOME.latitude_deg) * 1e5).round() as i64)
+        .collect()
+}
+
 #[test]
 fn a_trajectory_generator_fits_in_without_any_other_change() {
     let bridge = Bridge::with_trajectory(&BridgeConfig::default(), Box::<Midpoints>::default());
@@ -230,13 +238,7 @@ fn a_trajectory_generator_fits_in_without_any_other_change() {
     desk.lift_off();
     let path = desk.path(1, &[north(4), north(8)]);
     desk.run(500);
-    let steps: Vec<i64> = desk
-        .dsp
-        .waypoints
-        .iter()
-        .map(|waypoint| ((waypoint.latitude_deg - HOME.latitude_deg) * 1e5).round() as i64)
-        .collect();
-    assert_eq!(steps, [2, 4, 6, 8]);
+    assert_eq!(steps_sent(&desk), [2, 4, 6, 8]);
     assert_eq!(
         desk.last_report(path[1]).waypoints_sent,
         2,
@@ -258,13 +260,7 @@ fn the_configuration_chooses_the_trajectory_generator() {
     desk.lift_off();
     let path = desk.path(1, &[north(4), north(8)]);
     desk.run(600);
-    let steps: Vec<i64> = desk
-        .dsp
-        .waypoints
-        .iter()
-        .map(|waypoint| ((waypoint.latitude_deg - HOME.latitude_deg) * 1e5).round() as i64)
-        .collect();
-    assert_eq!(steps, [2, 4, 6, 8]);
+    assert_eq!(steps_sent(&desk), [2, 4, 6, 8]);
     assert_eq!(desk.last_report(path[1]).waypoints_sent, 2);
 }
 

@@ -40,6 +40,7 @@ use ipc_types::payload::{MovementState, SafetyState};
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
 use crate::link::commands::AckData;
+use crate::link::dsp_path::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent, Sample};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
@@ -451,7 +452,7 @@ impl Flight {
     }
 
     fn stop_if_done<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let is_empty = cx.link.path() == crate::link::dsp_path::DspPath::Empty;
+        let is_empty = cx.link.path() == DspPath::Empty;
         if let Motion::Stopping {
             errors_cleared: true,
             then,

@@ -16,7 +16,6 @@ use super::request::RequestHeader;
 use super::{Context, Flight, FlightTimer};
 use crate::link::FlightCommand;
 use crate::link::commands::AckData;
-use crate::link::start_up::read_back;
 use crate::outputs::Outputs;
 
 /// Parameter requests that may be open at once. One more is refused with `too-many-requests`.
@@ -308,14 +307,8 @@ fn access(port: Port) -> Access {
 
 fn read(port: Port) -> Command {
     match port {
-        Port::Bits16(port) => read_back(Command::Write16 {
-            port: port.number,
-            value: 0,
-        }),
-        Port::Bits32(port) => read_back(Command::Write32 {
-            port: port.number,
-            value: 0.0,
-        }),
+        Port::Bits16(port) => Command::Read16 { port: port.number },
+        Port::Bits32(port) => Command::Read32 { port: port.number },
     }
 }
 

@@ -112,9 +112,22 @@ impl Safety {
         }
     }
 
+    /// What a report says of a rule that refuses or ends a movement.
     fn intervene(&mut self, violation: Violation, leg: usize) -> Refusal {
+        self.count_intervention();
+        Refusal {
+            reason: violation.reason(),
+            error: ImiError::None,
+            detail: Detail {
+                violation: Some(violation),
+                waypoint: leg as u32,
+                ..Detail::default()
+            },
+        }
+    }
+
+    fn count_intervention(&mut self) {
         self.interventions = self.interventions.saturating_add(1);
-        refusal(violation, leg)
     }
 
     /// Looks at the helicopter; returns the most severe rule that is broken.
@@ -177,12 +190,13 @@ impl Safety {
 impl Flight {
     /// After each sample: a rule that is broken ends what it must end.
     pub(super) fn enforce_safety<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let before = self.safety.present;
+        let before = self.safety.present.map(key);
         let flying = self.observation.flying(cx.now) == Some(true);
         // Take-off and landing pass every altitude; they are vertical, and the fence was asked before.
         let is_flown = flying && !self.motion.unable_to_abort();
         let present = self.safety.look(&self.observation, cx.now, is_flown);
-        if before.map(key) != present.map(key) {
+        let is_new = before != present.map(key);
+        if is_new {
             self.is_changed = true;
             cx.out.notice(&Notice::Safety { violation: present });
         }
@@ -190,61 +204,42 @@ impl Flight {
         let Some(violation) = present else { return };
         match violation.action {
             SafetyAction::Warn | SafetyAction::Refuse => {}
-            SafetyAction::Hold if violation.rule == SafetyRule::PilotSwitch => {
-                self.end_for_safety(violation, true, cx);
-            }
-            SafetyAction::Hold => self.end_for_safety(violation, false, cx),
+            SafetyAction::Hold => self.end_for_safety(violation, cx),
             SafetyAction::Land => {
-                self.end_for_safety(violation, false, cx);
-                self.land_for_safety(flying, before.map(key) != present.map(key), cx);
+                self.end_for_safety(violation, cx);
+                if is_new {
+                    self.land_for_safety(flying, cx);
+                }
             }
         }
     }
 
-    /// Ends a path, and with `all` also take-off and landing, because of a rule. The module stays started.
-    fn end_for_safety<O: Outputs>(
-        &mut self,
-        violation: Violation,
-        all: bool,
-        cx: &mut Context<'_, O>,
-    ) {
-        self.break_path_for(&violation, cx);
-        let ends = match self.motion {
-            Motion::Following(_) => true,
-            Motion::TakingOff(_) | Motion::Landing(_) => all,
-            _ => false,
+    /// Ends a path because of a rule; the pilot's switch also ends take-off and landing. The module stays started.
+    fn end_for_safety<O: Outputs>(&mut self, violation: Violation, cx: &mut Context<'_, O>) {
+        self.break_path(violation.reason(), cx);
+        let leg = match self.motion {
+            Motion::Following(_) => self.movement.waypoints_reached as usize + 1,
+            Motion::TakingOff(_) | Motion::Landing(_)
+                if violation.rule == SafetyRule::PilotSwitch =>
+            {
+                0
+            }
+            _ => return,
         };
-        if ends {
-            self.safety.interventions = self.safety.interventions.saturating_add(1);
-            let leg = self.movement.waypoints_reached as usize + 1;
-            let detail = detail(
-                violation,
-                if self.motion.unable_to_abort() {
-                    0
-                } else {
-                    leg
-                },
-            );
-            let verdict = Verdict::aborted(violation.reason()).about(detail);
-            self.give_up_movement(&verdict, Rest::Ready, cx);
-        }
+        let refusal = self.safety.intervene(violation, leg);
+        let verdict = Verdict::aborted(refusal.reason).about(refusal.detail);
+        self.give_up_movement(&verdict, Rest::Ready, cx);
     }
 
-    fn break_path_for<O: Outputs>(&mut self, violation: &Violation, cx: &mut Context<'_, O>) {
-        if self.is_receiving_path() {
-            self.break_path(violation.reason(), cx);
-        }
-    }
-
-    /// Lands once for each time that a rule with this action begins to be broken.
-    fn land_for_safety<O: Outputs>(&mut self, flying: bool, is_new: bool, cx: &mut Context<'_, O>) {
-        let may_land = matches!(self.motion, Motion::Idle(_) | Motion::Holding { .. });
-        if is_new && flying && may_land && cx.link.is_up() {
-            self.safety.interventions = self.safety.interventions.saturating_add(1);
-            let then = match self.motion {
-                Motion::Idle(rest) => rest,
-                _ => Rest::Ready,
-            };
+    /// Lands because of a rule, if nothing else is under way.
+    fn land_for_safety<O: Outputs>(&mut self, flying: bool, cx: &mut Context<'_, O>) {
+        let then = match self.motion {
+            Motion::Idle(rest) => rest,
+            Motion::Holding { .. } => Rest::Ready,
+            _ => return,
+        };
+        if flying && cx.link.is_up() {
+            self.safety.count_intervention();
             let requester = None;
             self.order_landing(Order { requester, then }, cx);
         }
@@ -268,7 +263,7 @@ impl Flight {
             violation: Some(violation),
         });
         if violation.action == SafetyAction::Land {
-            self.land_for_safety(flying, true, cx);
+            self.land_for_safety(flying, cx);
         }
     }
 
@@ -292,9 +287,8 @@ impl Flight {
                 breach.map(|breach| (reached + index + 1, breach))
             });
         if let Some((leg, breach)) = breach {
-            self.safety.interventions = self.safety.interventions.saturating_add(1);
-            let violation = refuse(breach);
-            let verdict = Verdict::aborted(Reason::FenceBreach).about(detail(violation, leg));
+            let refusal = self.safety.intervene(refuse(breach), leg);
+            let verdict = Verdict::aborted(refusal.reason).about(refusal.detail);
             self.give_up_movement(&verdict, Rest::Ready, cx);
         }
     }
@@ -342,22 +336,6 @@ impl SupplyWatch {
             }
         }
         worst
-    }
-}
-
-fn refusal(violation: Violation, waypoint: usize) -> Refusal {
-    Refusal {
-        reason: violation.reason(),
-        error: ImiError::None,
-        detail: detail(violation, waypoint),
-    }
-}
-
-fn detail(violation: Violation, waypoint: usize) -> Detail {
-    Detail {
-        violation: Some(violation),
-        waypoint: waypoint as u32,
-        ..Detail::default()
     }
 }
 

@@ -49,25 +49,21 @@ impl Link {
         self.expect_status(now);
     }
 
-    /// Whether a status has the groups that were asked for. One that comes with others again and again makes the link ask for
+    /// Whether a status has the groups that were asked for, or others that are taken instead. One that comes with others again and again makes the link ask for
     /// the DSP's mask; when that is ours all the same, the groups are taken as they come.
-    pub(super) fn judge_mask(&mut self, now: MonotonicNs, status: &Status) -> MaskVerdict {
+    pub(super) fn takes_mask(&mut self, now: MonotonicNs, status: &Status) -> bool {
         let ours = self.config.status.mask();
         let groups = status.mask();
         let (State::Up(session) | State::Silent(session)) = &mut self.state else {
             // Nothing can be asked yet: only what cannot be wrong is taken.
-            return if groups == ours {
-                MaskVerdict::Ours
-            } else {
-                MaskVerdict::Odd
-            };
+            return groups == ours;
         };
         if groups == ours {
             session.odd_mask = None;
-            return MaskVerdict::Ours;
+            return true;
         }
         if session.accepted_masks.contains(&Some(groups)) {
-            return MaskVerdict::Accepted;
+            return true;
         }
         let count = match session.odd_mask {
             Some((mask, count)) if mask == groups => count.saturating_add(1),
@@ -79,7 +75,7 @@ impl Link {
             let instead = Some(groups);
             self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead });
         }
-        MaskVerdict::Odd
+        false
     }
 
     /// Why status comes in another mask, or not at all, is not known: the next one makes the link ask again.
@@ -254,17 +250,6 @@ impl Link {
             let _ = self.commands.push(READ_MASK, Purpose::Probe);
         }
     }
-}
-
-/// What a status' groups say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum MaskVerdict {
-    /// Those that were asked for.
-    Ours,
-    /// Others, but the DSP says that it has our mask.
-    Accepted,
-    /// Others, and nothing is known about it yet.
-    Odd,
 }
 
 /// Whether `data` is the value that `written` wrote.

@@ -6,7 +6,7 @@ use dsp_protocol::{
 use ipc_types::MonotonicNs;
 
 use super::commands::{Ack, AckData, Acknowledged};
-use super::liveness::{MaskVerdict, PROBE_ONLY_REPLIES};
+use super::liveness::PROBE_ONLY_REPLIES;
 use super::{Link, LinkEvent, Purpose, Sample, State, increment};
 
 impl Link {
@@ -69,13 +69,10 @@ impl Link {
         let asked_for = self.config.status.mask();
         let has_time = status.time_ms.is_some() || !asked_for.contains(Group::Time);
         let has_others = status.mask().0 & !asked_for.0 != 0;
-        match self.judge_mask(now, &status) {
-            // Fewer groups than asked for, time among them: a sensor has no values.
-            MaskVerdict::Odd if has_others || !has_time => {
-                // Made for another mask, or damaged; it could overtake one that is held back.
-                return increment(&mut self.health.telemetry_incoherent);
-            }
-            MaskVerdict::Ours | MaskVerdict::Accepted | MaskVerdict::Odd => {}
+        // Fewer groups than asked for, time among them: a sensor has no values.
+        if !self.takes_mask(now, &status) && (has_others || !has_time) {
+            // Made for another mask, or damaged; it could overtake one that is held back.
+            return increment(&mut self.health.telemetry_incoherent);
         }
         self.expect_status(now);
         status.withdraw(StatusMask(!asked_for.0));

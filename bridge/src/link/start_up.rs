@@ -102,7 +102,7 @@ pub fn write_mask(config: &BridgeConfig) -> Command {
 }
 
 /// The command that reads the port that `write` writes.
-pub fn read_back(write: Command) -> Command {
+fn read_back(write: Command) -> Command {
     match write {
         Command::Write16 { port, .. } => Command::Read16 { port },
         Command::Write32 { port, .. } => Command::Read32 { port },
