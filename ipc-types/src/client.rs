@@ -4,7 +4,7 @@
 //! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.
 
 use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::pending_response::PendingResponse;
@@ -14,16 +14,19 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::domain::ProviderWatch;
-use crate::ear::{Ear, Signal};
-use crate::event::Channel;
+use crate::doorbell;
+use crate::event::{Channel, Event};
+use crate::follow::Follower;
+use crate::generation::Generation;
 use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
+use crate::provider::ProviderWatch;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{SAFETY_BOUND, WaitError, Waiter, Wake, sealed};
+use crate::wake::{WakeReceiver, WakeSender};
 
 /// How often a waiting client looks whether its server still lives, which takes two system calls.
 const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
@@ -52,14 +55,25 @@ pub enum SendError {
 
 /// Sends requests and follows their reports.
 pub struct Client<R: Request> {
-    // First, so that the server sees the requests closed before it is woken by the end of the signal.
+    // First, so that the server sees the requests closed before it is woken by the end of the sender.
     outstanding: Vec<Outstanding<R>>,
-    port: iceoryx2::port::client::Client<Svc, R, (), RequestReport, ()>,
-    responses: Ear,
-    requests: Signal,
+    /// Nothing while no server has been there.
+    port: Option<Port<R>>,
+    /// The port of the former generation, for as long as requests are open there.
+    former: Option<Port<R>>,
+    follower: Follower,
     waiter: Waiter,
     server: ServerWatch,
-    session: Rc<Session>,
+    session: Arc<Session>,
+}
+
+/// A client's part in one generation.
+struct Port<R: Request> {
+    port: iceoryx2::port::client::Client<Svc, R, (), RequestReport, ()>,
+    responses: WakeReceiver,
+    requests: WakeSender,
+    // Last: its node must outlive the ports.
+    generation: Generation,
 }
 
 /// Remembers which server lives, so that looking at reports takes no system call.
@@ -81,13 +95,14 @@ struct Outstanding<R: Request> {
 type Pending<R> = PendingResponse<Svc, R, (), RequestReport, ()>;
 type Report = iceoryx2::response::Response<Svc, RequestReport, ()>;
 
-impl<R: Request> Client<R> {
-    pub(crate) fn open(session: &Rc<Session>) -> Result<Client<R>, OpenError> {
+impl<R: Request> Port<R> {
+    fn open(session: &Arc<Session>, generation: Generation) -> Result<Port<R>, OpenError> {
         let robot = session.robot();
-        let service = open::request::<R>(session, robot)?;
-        let responses = Ear::make(session, R::SERVICE, Channel::Responses)?;
+        let service = open::open_request::<R>(&generation, robot)?;
+        let event = |channel| Event::open(&generation, robot, R::SERVICE, channel);
+        let responses = WakeReceiver::new(event(Channel::Responses)?);
+        let requests = event(Channel::Requests)?;
         let port = open::port(
-            session,
             &R::SERVICE.name(robot),
             ("clients", MAX_CLIENTS),
             |error| error == ClientCreateError::ExceedsMaxSupportedClients,
@@ -100,47 +115,12 @@ impl<R: Request> Client<R> {
                     .create()
             },
         )?;
-        let requests = Signal::make(session, R::SERVICE, Channel::Requests)?;
-        Ok(Client {
-            outstanding: Vec::with_capacity(MAX_OUTSTANDING),
+        Ok(Port {
             port,
             responses,
-            requests,
-            waiter: Waiter::new(),
-            server: ServerWatch::new(session.watch(R::SERVICE)),
-            session: Rc::clone(session),
+            requests: WakeSender::make(session, requests, R::SERVICE, Channel::Requests)?,
+            generation,
         })
-    }
-
-    /// Sends a request. Its reports come out of [`Client::drain`], the last with a final stage.
-    ///
-    /// # Errors
-    ///
-    /// See [`SendError`]; nothing was sent then.
-    pub fn send(&mut self, request: &R) -> Result<(), SendError> {
-        if self.outstanding.len() >= MAX_OUTSTANDING {
-            return Err(SendError::TooManyOutstanding);
-        }
-        let server_since_ns = self.server.look().ok_or_else(|| self.no_server())?;
-        let pending = match self.deliver(request) {
-            // The full queue may be that of a dead server, which nobody has cleaned up after yet.
-            Err(SendError::ServerFull) => {
-                self.session.clean_dead();
-                self.deliver(request)?
-            }
-            delivered => delivered?,
-        };
-        if pending.number_of_server_connections() == 0 {
-            return Err(self.no_server());
-        }
-        self.outstanding.push(Outstanding {
-            pending,
-            request_id: request.request_id(),
-            path_id: request.path_id(),
-            server_since_ns,
-        });
-        self.requests.raise();
-        Ok(())
     }
 
     fn deliver(&self, request: &R) -> Result<Pending<R>, SendError> {
@@ -157,11 +137,77 @@ impl<R: Request> Client<R> {
                 error => SendError::Failed(format!("{error:?}")),
             })
     }
+}
+
+impl<R: Request> Client<R> {
+    pub(crate) fn open(session: &Arc<Session>) -> Result<Client<R>, OpenError> {
+        let mut client = Client {
+            outstanding: Vec::with_capacity(MAX_OUTSTANDING),
+            port: None,
+            former: None,
+            follower: Follower::new(session, R::SERVICE),
+            waiter: Waiter::new(),
+            server: ServerWatch::new(session.watch(R::SERVICE)),
+            session: Arc::clone(session),
+        };
+        match client.follow() {
+            // Its server has gone in this moment, or goes: the next one will be followed.
+            Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
+                tracing::debug!(%error, "there is no server yet");
+            }
+            result => result?,
+        }
+        Ok(client)
+    }
+
+    /// Enters another generation if there is one, unless requests are open in two already.
+    fn follow(&mut self) -> Result<(), OpenError> {
+        if self.outstanding.is_empty() {
+            self.former = None;
+        }
+        if self.former.is_some() {
+            return Ok(());
+        }
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        if let Some(port) = self.follower.follow(present, Port::open)? {
+            let former = self.port.replace(port);
+            self.former = former.filter(|_| !self.outstanding.is_empty());
+        }
+        Ok(())
+    }
+
+    /// Sends a request. Its reports come out of [`Client::drain`], the last with a final stage.
+    ///
+    /// # Errors
+    ///
+    /// See [`SendError`]; nothing was sent then.
+    pub fn send(&mut self, request: &R) -> Result<(), SendError> {
+        if self.outstanding.len() >= MAX_OUTSTANDING {
+            return Err(SendError::TooManyOutstanding);
+        }
+        let server_since_ns = self.server.look().ok_or_else(|| self.no_server())?;
+        self.follow().map_err(|error| SendError::Failed(error.to_string()))?;
+        let port = self.port.as_ref().ok_or_else(|| self.no_server())?;
+        let pending = port.deliver(request)?;
+        if pending.number_of_server_connections() == 0 {
+            return Err(self.no_server());
+        }
+        port.requests.wake();
+        self.outstanding.push(Outstanding {
+            pending,
+            request_id: request.request_id(),
+            path_id: request.path_id(),
+            server_since_ns,
+        });
+        Ok(())
+    }
 
     /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
     /// report from here: [`Stage::Unknown`], [`Reason::BridgeGone`].
     pub fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
-        self.responses.take();
+        for port in self.port.iter().chain(&self.former) {
+            port.responses.take();
+        }
         // Before the reports are read: whatever a server said before it went comes out first.
         if !self.outstanding.is_empty() {
             self.server.look_in_time();
@@ -200,7 +246,9 @@ impl<R: Request> Client<R> {
     pub fn give_up(&mut self) {
         if !self.outstanding.is_empty() {
             self.outstanding.clear();
-            self.requests.raise();
+            for port in self.port.iter().chain(&self.former) {
+                port.requests.wake();
+            }
         }
     }
 
@@ -317,6 +365,11 @@ impl<R: Request> sealed::Source for Client<R> {
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
-        sealed::Sense::Ear(&self.responses)
+        sealed::Sense::Port {
+            doorbell: self.session.doorbell(),
+            bits: doorbell::bits(R::SERVICE, Channel::Responses),
+            receiver: self.port.as_ref().map(|port| &port.responses),
+            by_descriptor: false,
+        }
     }
 }

@@ -1,18 +1,19 @@
 //! The event services that belong to each service, which wake the other side.
 //!
-//! An event carries nothing but a reason to drain; all of them are opened with every setting of the table.
+//! An event carries nothing but a reason to drain. The provider makes both of its service's, with every setting of the table;
+//! the others open them.
 
 use iceoryx2::prelude::EventId;
-use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 
+use crate::generation::Generation;
 use crate::iox::{EventService, Listener, Notifier};
-use crate::open::{self, OpenError, Verdict};
+use crate::open::{self, OpenError};
 use crate::robot::RobotId;
 use crate::service::{self, EventCode, ServiceId};
-use crate::session::Session;
+use crate::files;
 
 /// Which of a service's events.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Channel {
     /// From publisher to subscribers: the service's own name.
     Samples,
@@ -24,8 +25,8 @@ pub(crate) enum Channel {
     Responses,
 }
 
-/// Name, listeners and notifiers of an event service.
-fn event_limits(channel: Channel) -> (&'static str, usize, usize) {
+/// End of the name, listeners and notifiers of an event service.
+fn limits(channel: Channel) -> (&'static str, usize, usize) {
     match channel {
         Channel::Samples => ("", service::MAX_SUBSCRIBERS, service::MAX_PROVIDERS),
         Channel::Subscribers => (
@@ -45,27 +46,17 @@ pub(crate) struct Event {
     limits: (usize, usize),
 }
 
-/// Opens one of the event services that belong to `id`.
-pub(crate) fn open(
-    session: &Session,
-    robot: RobotId,
-    id: ServiceId,
-    channel: Channel,
-) -> Result<Event, OpenError> {
-    let (suffix, listeners, notifiers) = event_limits(channel);
-    let name = format!("{}{suffix}", id.name(robot));
-    let service = open::service_name(&name)?;
-    let opened = open::with_retries(
-        session,
-        &name,
-        judge,
-        // Events carry no layout; iceoryx2 objects to attributes only when some are asked for.
-        || open::failed(&name, EventOpenOrCreateError::SystemInFlux),
-        || {
-            session
-                .node()
-                .service_builder(&service)
-                .event()
+impl Event {
+    /// Makes one of the event services that belong to `id`.
+    pub(crate) fn create(
+        generation: &Generation,
+        robot: RobotId,
+        id: ServiceId,
+        channel: Channel,
+    ) -> Result<Event, OpenError> {
+        let (suffix, listeners, notifiers) = limits(channel);
+        Event::make(generation, robot, id, channel, |builder| {
+            builder
                 .max_listeners(listeners)
                 .max_notifiers(notifiers)
                 .max_nodes(service::MAX_NODES)
@@ -74,52 +65,54 @@ pub(crate) fn open(
                 .notifier_dropped_event(event_id(EventCode::Left))
                 .notifier_dead_event(event_id(EventCode::Died))
                 .disable_deadline()
-                .open_or_create()
-        },
-    )?;
-    Ok(Event {
-        name,
-        service: opened,
-        limits: (listeners, notifiers),
-    })
-}
-
-fn judge(error: EventOpenOrCreateError) -> Verdict {
-    match error {
-        EventOpenOrCreateError::SystemInFlux => Verdict::Transient,
-        EventOpenOrCreateError::EventCreateError(error) => match error {
-            EventCreateError::InsufficientPermissions => Verdict::Fatal,
-            _ => Verdict::Transient,
-        },
-        EventOpenOrCreateError::EventOpenError(error) => match error {
-            EventOpenError::Interrupt
-            | EventOpenError::DoesNotExist
-            | EventOpenError::InternalFailure
-            | EventOpenError::ServiceInCorruptedState
-            | EventOpenError::HangsInCreation
-            | EventOpenError::IsMarkedForDestruction
-            | EventOpenError::UnableToCreateServiceTag => Verdict::Transient,
-            EventOpenError::InsufficientPermissions | EventOpenError::ExceedsMaxNumberOfNodes => {
-                Verdict::Fatal
-            }
-            _ => Verdict::Settings,
-        },
+                .create()
+                .map_err(|error| open::failed(&format!("{}{suffix}", id.name(robot)), error))
+        })
     }
-}
 
-pub(crate) fn event_id(code: EventCode) -> EventId {
-    EventId::new(code as usize)
-}
+    /// Opens one of the event services that belong to `id`.
+    pub(crate) fn open(
+        generation: &Generation,
+        robot: RobotId,
+        id: ServiceId,
+        channel: Channel,
+    ) -> Result<Event, OpenError> {
+        let (suffix, ..) = limits(channel);
+        Event::make(generation, robot, id, channel, |builder| {
+            builder
+                .open()
+                .map_err(|error| open::failed(&format!("{}{suffix}", id.name(robot)), error))
+        })
+    }
 
-impl Event {
+    fn make(
+        generation: &Generation,
+        robot: RobotId,
+        id: ServiceId,
+        channel: Channel,
+        make: impl FnOnce(
+            iceoryx2::service::builder::event::Builder<crate::iox::Svc>,
+        ) -> Result<EventService, OpenError>,
+    ) -> Result<Event, OpenError> {
+        let (suffix, listeners, notifiers) = limits(channel);
+        let name = format!("{}{suffix}", id.name(robot));
+        let service_name = open::service_name(&name)?;
+        let builder = generation.node().service_builder(&service_name).event();
+        let service = files::while_no_port_opens(|| make(builder))?;
+        Ok(Event {
+            name,
+            service,
+            limits: (listeners, notifiers),
+        })
+    }
+
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    pub(crate) fn listener(&self, session: &Session) -> Result<Listener, OpenError> {
+    pub(crate) fn listener(&self) -> Result<Listener, OpenError> {
         use iceoryx2::port::listener::ListenerCreateError as Error;
         open::port(
-            session,
             &self.name,
             ("listeners", self.limits.0),
             |error| error == Error::ExceedsMaxSupportedListeners,
@@ -127,10 +120,9 @@ impl Event {
         )
     }
 
-    pub(crate) fn notifier(&self, session: &Session) -> Result<Notifier, OpenError> {
+    pub(crate) fn notifier(&self) -> Result<Notifier, OpenError> {
         use iceoryx2::port::notifier::NotifierCreateError as Error;
         open::port(
-            session,
             &self.name,
             ("notifiers", self.limits.1),
             |error| error == Error::ExceedsMaxSupportedNotifiers,
@@ -142,6 +134,10 @@ impl Event {
             },
         )
     }
+}
+
+fn event_id(code: EventCode) -> EventId {
+    EventId::new(code as usize)
 }
 
 /// Drains a listener and says how many notifications it had.

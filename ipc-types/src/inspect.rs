@@ -1,8 +1,7 @@
-//! What is there of a domain, without touching it: for `ril doctor`, and for whoever wants to show it.
+//! What is there of a domain, without joining it: for `ril doctor`, and for whatever wants to show it.
 //!
-//! Nothing here judges, creates, locks for longer than a look, or removes; [`Domain::repair`] does what can be done. A
-//! root that belongs to somebody else is not entered: what is in it is that user's choice, and could hold up whoever
-//! reads it.
+//! Nothing here judges. Only [`Domain::repair`] and [`Domain::remove_if_dead`] remove something, and only what is certainly
+//! dead. A root that belongs to another user is not entered: what is in it is that user's choice.
 
 use std::fs;
 use std::io;
@@ -12,32 +11,64 @@ use std::path::{Path, PathBuf};
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, LogLevel, NodeState, set_log_level_from_env_or};
 
-use crate::domain::owner::OWNERS_DIR;
-use crate::domain::{
-    Domain, DomainError, Provider, ProviderWatch, SHM_DIR, dead, management, remains,
-};
+use crate::domain::{Domain, SHM_DIR};
+use crate::domain_error::DomainError;
+use crate::generation;
 use crate::iox::{Node, Svc};
+use crate::provider::{Provider, ProviderWatch};
 use crate::robot::RobotId;
-use crate::service::ServiceId;
+use crate::robot_folder::{self, is_ours};
+use crate::service::{SERVICES, ServiceId};
+use crate::session::service_folder;
 
 /// What is there of a domain.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inspection {
     /// The root folder; nothing when it does not exist.
     pub root: Option<Entry>,
-    /// The management segments, usually one; none when no process has been here since the last one left.
-    pub management: Vec<Management>,
-    /// Nodes, live ones first; empty when the root is not ours.
-    pub nodes: Vec<NodeFacts>,
-    /// Things that processes left half made or half removed when they were killed, and that belong to nobody. What a
-    /// process is just making counts for a moment.
-    pub unfinished: usize,
+    /// The robots that have a folder, in ascending order.
+    pub robots: Vec<RobotFacts>,
+    /// What processes left that were killed while they deleted: folders, and segments without a folder.
+    pub leftovers: usize,
     /// Files, folders and segments of the domain, all in all, the root with them.
     pub entries: usize,
-    /// What lies in the root and is not the domain's. Nobody touches it, and the root stays as long as it is there.
-    pub strangers: Vec<PathBuf>,
-    /// Segments of other users under the domain's prefix. They are not the domain's, and nobody opens them.
-    pub foreign: Vec<Entry>,
+}
+
+/// What is there of a robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RobotFacts {
+    /// Which robot.
+    pub robot: RobotId,
+    /// Whether a process takes part.
+    pub is_live: bool,
+    /// Generations of its services, those that are left behind included.
+    pub generations: usize,
+    /// Members of the current generations, live ones first.
+    pub members: Vec<Member>,
+}
+
+/// A process's part in the current generation of a service.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Member {
+    /// How its process is.
+    pub life: Life,
+    /// Its process, as it is numbered in its own PID namespace.
+    pub pid: u32,
+    /// The name that it joined with; empty when that cannot be read any more.
+    pub process: String,
+    /// Key of the service.
+    pub service: &'static str,
+}
+
+/// How the process of a member is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Life {
+    /// It lives: the kernel keeps its lock.
+    Live,
+    /// It cannot be told.
+    Unclear,
+    /// It is dead.
+    Dead,
 }
 
 /// A file, folder or segment.
@@ -49,45 +80,36 @@ pub struct Entry {
     pub is_folder: bool,
     /// Its owner.
     pub uid: u32,
-    /// Who may do what with it: the lowest twelve bits.
+    /// Access rights: the lowest twelve bits.
     pub mode: u32,
 }
 
-/// A management segment.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Management {
-    /// Where, whose, and who may do what.
-    pub entry: Entry,
-    /// Why it would keep nodes from being made, as the end of a sentence; nothing when all is well as far as can be seen.
-    pub defect: Option<&'static str>,
+/// What became of a domain that was to be removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Removal {
+    /// There was nothing.
+    Nothing,
+    /// So many files, folders and segments were removed.
+    Removed(usize),
+    /// A live process uses the domain; what it uses was not touched.
+    InUse,
 }
 
-/// A node: what a process has in the domain for each of its parts.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NodeFacts {
-    /// How its process is.
-    pub life: Life,
-    /// Its process, as it is numbered where that runs.
-    pub pid: u32,
-    /// The name that it joined with; empty when that cannot be read any more.
-    pub process: String,
+/// What [`Domain::repair`] removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Repair {
+    /// Folders of robots in which no process is.
+    pub robots: usize,
+    /// Generations in which no process is.
+    pub generations: usize,
+    /// Folders and segments that a killed process was deleting.
+    pub leftovers: usize,
 }
 
-/// How the process of a node is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Life {
-    /// It lives: the kernel keeps its lock.
-    Live,
-    /// It cannot be told.
-    Unclear,
-    /// It is dead.
-    Dead,
-}
-
-impl Inspection {
-    /// Nodes of this kind.
-    pub fn nodes_that_are(&self, life: Life) -> impl Iterator<Item = &NodeFacts> {
-        self.nodes.iter().filter(move |node| node.life == life)
+impl Repair {
+    /// Whether there was nothing to remove.
+    pub fn is_nothing(self) -> bool {
+        self == Repair::default()
     }
 }
 
@@ -111,45 +133,27 @@ impl Entry {
     pub fn others_may_write(&self) -> bool {
         self.mode & 0o022 != 0
     }
-
-    /// Whether others than the owner may do anything with it.
-    pub fn others_may_enter(&self) -> bool {
-        self.mode & management::OTHERS != 0
-    }
 }
 
 impl Domain {
-    /// Looks at what is there. Takes milliseconds, whatever state the domain is in.
+    /// Looks at what is there. Takes milliseconds, and longer when there are very many segments of whomever in `/dev/shm`.
     pub fn inspect(&self) -> Inspection {
         set_log_level_from_env_or(LogLevel::Error);
         let root = Entry::of(self.root());
-        let is_enterable = root
-            .as_ref()
-            .is_some_and(|root| root.is_folder && root.is_ours());
-        let (mut nodes, mut unfinished) = (Vec::new(), 0);
-        let (mut entries, mut strangers) = (self.residue(), Vec::new());
-        if is_enterable {
-            strangers = remains::strangers(self);
-            entries.retain(|path| !strangers.iter().any(|stranger| path.starts_with(stranger)));
-            nodes = self.nodes();
-            let listed = nodes.iter().map(|(id, _)| *id).collect();
-            unfinished = dead::count_abandoned(self, &listed);
+        if !self.is_enterable() {
+            return Inspection {
+                root,
+                ..Inspection::default()
+            };
         }
         Inspection {
-            management: management::find(self)
-                .iter()
-                .filter_map(|path| look_at_management(path))
-                .collect(),
-            unfinished,
-            nodes: nodes.into_iter().map(|(_, node)| node).collect(),
-            entries: entries.len(),
-            strangers,
-            foreign: remains::with_prefix(Path::new(SHM_DIR), self.prefix())
-                .iter()
-                .filter_map(|path| Entry::of(path))
-                .filter(|entry| !entry.is_ours())
-                .collect(),
             root,
+            robots: robot_folder::robots(self)
+                .into_iter()
+                .map(|robot| robot_facts(self, robot))
+                .collect(),
+            leftovers: robot_folder::discarded(self).len() + generation::orphans(self).len(),
+            entries: self.residue().len(),
         }
     }
 
@@ -163,7 +167,7 @@ impl Domain {
         robot: RobotId,
         service: ServiceId,
     ) -> Result<Option<Provider>, DomainError> {
-        ProviderWatch::new(self, robot, service.spec().key).look()
+        ProviderWatch::new(&service_folder(self, robot, service)).look()
     }
 
     /// The robots whose `service` a live process provides, in ascending order.
@@ -172,81 +176,148 @@ impl Domain {
     ///
     /// When the domain's folder cannot be read.
     pub fn robots(&self, service: ServiceId) -> Result<Vec<RobotId>, DomainError> {
-        let is_ours = |root: &Entry| root.is_folder && root.is_ours();
-        if !Entry::of(self.root()).as_ref().is_some_and(is_ours) {
-            return Ok(Vec::new());
-        }
-        let folder = self.root().join(OWNERS_DIR);
-        let files = match fs::read_dir(&folder) {
-            Ok(files) => files,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-            Err(error) => return Err(DomainError::io("read", &folder, error)),
-        };
-        let mut robots = Vec::new();
-        for file in files {
-            let file = file.map_err(|error| DomainError::io("read", &folder, error))?;
-            // The file of a service that was provided once stays; its lock says whether the provider lives.
-            let robot = file.file_name().to_str().and_then(|name| {
-                let (robot, key) = name.split_once('.')?;
-                (key == service.spec().key).then(|| robot.parse().ok())?
-            });
-            if let Some(robot) = robot
-                && self.provider(robot, service)?.is_some()
-            {
-                robots.push(robot);
+        let mut live = Vec::new();
+        if self.is_enterable() {
+            for robot in robot_folder::robots(self) {
+                if self.provider(robot, service)?.is_some() {
+                    live.push(robot);
+                }
             }
         }
-        robots.sort_unstable();
-        Ok(robots)
+        Ok(live)
     }
 
-    fn nodes(&self) -> Vec<(u128, NodeFacts)> {
-        let mut nodes = Vec::new();
-        let Ok(config) = self.config() else {
-            return nodes;
-        };
-        let listed = Node::list(&config, |state| {
-            let id = *state.node_id();
-            let (life, details) = match &state {
-                NodeState::Alive(node) => (Life::Live, node.details().as_ref()),
-                NodeState::Dead(node) => (Life::Dead, node.details().as_ref()),
-                NodeState::Inaccessible(_) | NodeState::Undefined(_) => (Life::Unclear, None),
-            };
-            let process = details.map(|details| details.name().to_string());
-            let pid = id.pid::<Svc>().map_or(0, |pid| pid.value());
-            let node = NodeFacts {
-                life,
-                pid: u32::try_from(pid).unwrap_or(0),
-                process: process.unwrap_or_default(),
-            };
-            nodes.push((id.value(), node));
-            CallbackProgression::Continue
-        });
-        if let Err(error) = listed {
-            tracing::debug!(?error, "nodes cannot be listed");
+    /// The domains of all users in the usual place: each one's root, and its owner.
+    pub fn others() -> Vec<Entry> {
+        let entries = fs::read_dir(SHM_DIR).into_iter().flatten().flatten();
+        let mut found: Vec<Entry> = entries
+            .filter(|entry| entry.file_name().to_string_lossy().starts_with("hero"))
+            .filter_map(|entry| Entry::of(&entry.path()))
+            .filter(|entry| entry.is_folder && !entry.is_ours())
+            .collect();
+        found.sort_by(|one, other| one.path.cmp(&other.path));
+        found
+    }
+
+    /// Everything of the domain that exists now: the root, files in it, segments. Empty when nothing is left.
+    pub fn residue(&self) -> Vec<PathBuf> {
+        let mut found = Vec::new();
+        if fs::symlink_metadata(self.root()).is_ok() {
+            found.push(self.root().to_owned());
+            if self.is_enterable() {
+                walk(self.root(), &mut found);
+            }
         }
-        nodes.sort_by(|(a, one), (b, other)| {
-            (one.life, one.pid, a).cmp(&(other.life, other.pid, b))
-        });
-        nodes
+        found.extend(generation::segments_of(self));
+        found
+    }
+
+    /// Removes everything of the domain that no live process uses.
+    ///
+    /// # Errors
+    ///
+    /// When something cannot be removed.
+    pub fn remove_if_dead(&self) -> Result<Removal, DomainError> {
+        let before = self.residue().len();
+        if before == 0 {
+            return Ok(Removal::Nothing);
+        }
+        self.repair()?;
+        match fs::remove_dir(self.root()) {
+            Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => Ok(Removal::InUse),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(DomainError::io("remove", self.root(), error))
+            }
+            _ => Ok(Removal::Removed(before)),
+        }
+    }
+
+    /// Removes what is certainly dead: robots and generations in which no process is, and what was half deleted.
+    ///
+    /// Nothing of it is needed: it is what the processes of the robot do by themselves.
+    ///
+    /// # Errors
+    ///
+    /// When something cannot be removed.
+    pub fn repair(&self) -> Result<Repair, DomainError> {
+        let mut repair = Repair::default();
+        if !self.is_enterable() {
+            return Ok(repair);
+        }
+        for robot in robot_folder::robots(self) {
+            if robot_folder::delete_if_dead(self, robot)? {
+                repair.robots += 1;
+                continue;
+            }
+            for spec in &SERVICES {
+                let service = service_folder(self, robot, spec.id);
+                repair.generations += generation::delete_dead(self, &service);
+            }
+        }
+        repair.leftovers =
+            robot_folder::delete_discarded(self) + generation::delete_orphans(self);
+        Ok(repair)
+    }
+
+    /// Whether the root is a folder of this user.
+    fn is_enterable(&self) -> bool {
+        fs::symlink_metadata(self.root())
+            .is_ok_and(|metadata| metadata.is_dir() && is_ours(&metadata))
     }
 }
 
-fn look_at_management(path: &Path) -> Option<Management> {
-    let entry = Entry::of(path)?;
-    // Somebody else's may be anything.
-    let defect = entry.is_ours().then(|| management::defect(path)).flatten();
-    Some(Management { entry, defect })
+fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        found.push(entry.path());
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            walk(&entry.path(), found);
+        }
+    }
 }
 
-/// Bytes that are free in `/dev/shm`. [`REQUIRED_SHM_BYTES`](crate::session::REQUIRED_SHM_BYTES) must be.
-///
-/// # Errors
-///
-/// When there is no `/dev/shm`.
-pub fn free_memory() -> io::Result<u64> {
-    let stat = rustix::fs::statvfs(SHM_DIR)?;
-    Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
+fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
+    let mut facts = RobotFacts {
+        robot,
+        is_live: robot_folder::is_anybody_in(domain, robot),
+        generations: 0,
+        members: Vec::new(),
+    };
+    for spec in &SERVICES {
+        let service = service_folder(domain, robot, spec.id);
+        facts.generations += generation::names(&service).len();
+        if let Some(name) = generation::current(&service) {
+            facts.members.extend(members(domain, &service, &name, spec.key));
+        }
+    }
+    facts.members.sort();
+    facts
+}
+
+fn members(domain: &Domain, service: &Path, name: &str, key: &'static str) -> Vec<Member> {
+    let mut members = Vec::new();
+    let Ok(config) = generation::config_of(domain, service, name) else {
+        return members;
+    };
+    let listed = Node::list(&config, |state| {
+        let id = *state.node_id();
+        let (life, details) = match &state {
+            NodeState::Alive(node) => (Life::Live, node.details().as_ref()),
+            NodeState::Dead(node) => (Life::Dead, node.details().as_ref()),
+            NodeState::Inaccessible(_) | NodeState::Undefined(_) => (Life::Unclear, None),
+        };
+        let pid = id.pid::<Svc>().map_or(0, |pid| pid.value());
+        members.push(Member {
+            life,
+            pid: u32::try_from(pid).unwrap_or(0),
+            process: details.map_or_else(String::new, |details| details.name().to_string()),
+            service: key,
+        });
+        CallbackProgression::Continue
+    });
+    if let Err(error) = listed {
+        tracing::debug!(?error, "members cannot be listed");
+    }
+    members
 }
 
 #[cfg(test)]
@@ -261,47 +332,44 @@ mod tests {
     #[test]
     fn a_domain_that_is_not_there_stays_that_way() {
         let domain = Domain::isolated();
-        let nothing = Inspection {
-            root: None,
-            management: Vec::new(),
-            nodes: Vec::new(),
-            unfinished: 0,
-            entries: 0,
-            strangers: Vec::new(),
-            foreign: Vec::new(),
-        };
-        assert_eq!(domain.inspect(), nothing);
+        assert_eq!(domain.inspect(), Inspection::default());
         let service = ServiceId::DspTelemetry;
         assert_eq!(domain.provider(RobotId::DEFAULT, service).unwrap(), None);
+        assert_eq!(domain.remove_if_dead().unwrap(), Removal::Nothing);
+        assert!(domain.repair().unwrap().is_nothing());
         assert!(domain.residue().is_empty());
     }
 
     #[test]
-    fn who_is_there_is_seen_with_what_it_provides() {
+    fn a_robot_is_seen_with_its_members_and_providers() {
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "bridge").unwrap();
-        let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let other = Ipc::join(&domain, RobotId::DEFAULT, "ril").unwrap();
+        let subscriber = other.subscriber::<DspTelemetry>().unwrap();
         let seen = domain.inspect();
         let root = seen.root.as_ref().unwrap();
-        assert!(root.is_folder && root.is_ours() && !root.others_may_enter());
-        let names: Vec<&str> = seen
-            .nodes_that_are(Life::Live)
-            .map(|node| node.process.as_str())
-            .collect();
-        assert_eq!(names, ["bridge", "ril"]);
-        assert!(seen.nodes.iter().all(|node| node.pid == std::process::id()));
-        let [management] = &seen.management[..] else {
+        assert!(root.is_folder && root.is_ours() && root.mode == 0o700);
+        let [robot] = &seen.robots[..] else {
             panic!("{seen:?}");
         };
-        assert_eq!(management.entry.mode, 0o600);
-        assert_eq!((management.defect, seen.unfinished), (None, 0));
-
+        assert!(robot.is_live);
+        assert_eq!((robot.robot, robot.generations), (RobotId::DEFAULT, 1));
+        let names: Vec<&str> = robot
+            .members
+            .iter()
+            .map(|member| member.process.as_str())
+            .collect();
+        assert_eq!(names, ["bridge", "ril"]);
+        for member in &robot.members {
+            assert_eq!(member.pid, std::process::id());
+            assert_eq!((member.life, member.service), (Life::Live, "dsp_telemetry"));
+        }
         let provider = |service| domain.provider(RobotId::DEFAULT, service).unwrap();
-        let publisher = provider(ServiceId::DspTelemetry).unwrap();
-        assert_eq!(publisher.process, "bridge");
+        assert_eq!(provider(ServiceId::DspTelemetry).unwrap().process, "bridge");
         assert_eq!(provider(ServiceId::Movement), None);
-        drop((other, _publisher, ipc));
+        assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
+        drop((subscriber, other, publisher, ipc));
         assert_eq!(domain.inspect().entries, 0);
     }
 
@@ -318,11 +386,6 @@ mod tests {
         let other = second.publisher::<DspTelemetry>().unwrap();
         assert_eq!(robots(), [one, ten]);
         assert_eq!(domain.robots(ServiceId::Movement).unwrap(), []);
-        // Whatever else lies in the folder is no robot.
-        let owners = domain.root().join(OWNERS_DIR);
-        for name in ["x.dsp_telemetry", "0.dsp_telemetry", "2", "3.dsp_telemetry"] {
-            fs::write(owners.join(name), "").unwrap();
-        }
         drop(other);
         assert_eq!(robots(), [ten]);
         drop((publisher, first, second));
@@ -330,17 +393,22 @@ mod tests {
     }
 
     #[test]
-    fn a_root_that_cannot_be_trusted_is_described() {
+    fn a_root_that_cannot_be_trusted_is_described_and_refused() {
         let folder = test_folder();
         fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o1777)).unwrap();
-        let domain = Domain::new("seen_", folder.path()).unwrap();
+        let domain = Domain::new(folder.path()).unwrap();
         let root = domain.inspect().root.unwrap();
         assert!(root.others_may_write());
         assert_eq!(root.mode, 0o1777);
+        let Err(error) = Ipc::join(&domain, RobotId::DEFAULT, "test") else {
+            panic!("it was joined");
+        };
+        assert!(error.to_string().contains("others may write"), "{error}");
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        let domain = Domain::new("seen_", &file).unwrap();
+        let domain = Domain::new(&file).unwrap();
         assert!(!domain.inspect().root.unwrap().is_folder);
+        assert!(Ipc::join(&domain, RobotId::DEFAULT, "test").is_err());
     }
 
     #[test]
@@ -349,41 +417,43 @@ mod tests {
         fs::write(folder.path().join("letter.txt"), "dear").unwrap();
         let link = folder.path().join("link");
         std::os::unix::fs::symlink(folder.path(), &link).unwrap();
-        let seen = Domain::new("seen_", &link).unwrap().inspect();
-        assert!(!seen.root.unwrap().is_folder);
-        assert_eq!((seen.entries, seen.strangers.len()), (1, 0));
+        let domain = Domain::new(&link).unwrap();
+        assert!(!domain.inspect().root.unwrap().is_folder);
+        assert_eq!(domain.residue(), [link]);
     }
 
     #[test]
-    fn what_is_not_the_domain_s_is_told_apart() {
+    fn what_the_dead_left_is_removed() {
         let domain = Domain::isolated();
-        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
-        let entries = domain.inspect().entries;
-        let letters = domain.root().join("letters");
-        while_no_port_opens(|| fs::create_dir(&letters)).unwrap();
-        fs::write(letters.join("letter.txt"), "dear").unwrap();
-        let seen = domain.inspect();
-        assert_eq!(
-            (seen.entries, seen.strangers),
-            (entries, vec![letters.clone()])
-        );
-        drop(ipc);
-        let seen = domain.inspect();
-        assert_eq!((seen.entries, seen.strangers), (1, vec![letters.clone()]));
-        fs::remove_dir_all(domain.root()).unwrap();
+        let make = |path: &str| {
+            let path = domain.root().join(path);
+            while_no_port_opens(|| fs::create_dir_all(path)).unwrap();
+        };
+        make("1/movement/abcdef");
+        make("2~abcdefgh/movement/abcdef");
+        let segment = Path::new(SHM_DIR).join(format!("{}ghijkl_x", domain.tag()));
+        fs::write(&segment, "x").unwrap();
+        fs::write(domain.root().join("1/doorbell"), "").unwrap();
+        assert_eq!(domain.inspect().leftovers, 2);
+        let repair = domain.repair().unwrap();
+        assert_eq!((repair.robots, repair.leftovers), (1, 2));
+        assert!(matches!(domain.remove_if_dead().unwrap(), Removal::Removed(_)));
+        assert!(domain.residue().is_empty());
     }
 
     #[test]
-    fn a_pipe_in_the_place_of_an_owner_holds_up_nobody() {
+    fn a_pipe_in_the_place_of_a_lock_holds_up_nothing() {
         use rustix::fs::{CWD, Mode, mkfifoat};
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
-        let owners = domain.root().join("owners");
-        while_no_port_opens(|| fs::create_dir_all(&owners)).unwrap();
         let service = ServiceId::Movement;
-        let name = format!("{}.{}", RobotId::DEFAULT, service.spec().key);
-        mkfifoat(CWD, owners.join(name), Mode::RUSR | Mode::WUSR).unwrap();
+        let folder = service_folder(&domain, RobotId::DEFAULT, service);
+        while_no_port_opens(|| fs::create_dir_all(&folder)).unwrap();
+        for name in ["lock", "current"] {
+            mkfifoat(CWD, folder.join(name), Mode::RUSR | Mode::WUSR).unwrap();
+        }
         assert_eq!(domain.provider(RobotId::DEFAULT, service).unwrap(), None);
+        assert_eq!(generation::current(&folder), None);
         drop(ipc);
         assert!(domain.residue().is_empty());
     }

@@ -1,13 +1,54 @@
-//! Short names for what this crate takes from iceoryx2. Nothing of this module is public.
+//! What this crate takes from iceoryx2: its service variant, and short names. Nothing of this module is public.
 
 use std::fmt::Debug;
 
+use iceoryx2::service::Service;
+use iceoryx2::service::internal::ServiceInternal;
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
+use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
+use iceoryx2_cal::{
+    arc_sync_policy, bag, event, hash, monitoring, reactor, resizable_shared_memory, serialize,
+    shared_memory, static_storage, zero_copy_connection,
+};
+
 pub(crate) use iceoryx2::prelude::{NodeBuilder, ZeroCopySend};
 
-/// The service variant of the whole contract: processes of one machine, ports that stay on their thread.
-///
-/// A foreign consumer must use the same one: two variants in one domain clean up after each other wrongly.
-pub(crate) type Svc = iceoryx2::prelude::ipc::Service;
+use crate::segment::Segment;
+
+/// The service variant of the whole contract: iceoryx2's `ipc`, with ports that may change their thread, and with
+/// [`Segment`]s. A program with iceoryx2's own variant `ipc` shares its services.
+#[derive(Clone, Debug)]
+pub struct Svc;
+
+impl Service for Svc {
+    type StaticStorage = static_storage::recommended::Ipc;
+    type ConfigSerializer = serialize::recommended::Recommended;
+    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Segment<T>;
+    type Bag = bag::recommended::Recommended;
+    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Segment<T>;
+    type ServiceNameHasher = hash::recommended::Recommended;
+    type SharedMemory = Memory<PoolAllocator>;
+    type ResizableSharedMemory =
+        resizable_shared_memory::dynamic::DynamicMemory<PoolAllocator, Self::SharedMemory>;
+    type Connection = zero_copy_connection::common::details::Connection<
+        Segment<zero_copy_connection::common::details::SharedManagementData>,
+    >;
+    type Event = event::recommended::Ipc;
+    type Monitoring = monitoring::recommended::Ipc;
+    type Reactor = reactor::recommended::Ipc;
+    type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> =
+        arc_sync_policy::mutex_protected::MutexProtected<T>;
+    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Segment<T>;
+    type BlackboardPayload = Memory<iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator>;
+    type UniqueId = iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
+}
+
+impl ServiceInternal<Svc> for Svc {}
+
+type Memory<Allocator> = shared_memory::common::details::Memory<
+    Allocator,
+    Segment<shared_memory::common::details::AllocatorDetails<Allocator>>,
+>;
 
 pub(crate) type Node = iceoryx2::prelude::Node<Svc>;
 pub(crate) type Listener = iceoryx2::port::listener::Listener<Svc>;

@@ -36,23 +36,30 @@
 //! # }
 //! ```
 
-mod bell;
 pub mod client;
 pub mod code;
-pub mod continuity;
 pub mod domain;
-mod ear;
+mod domain_error;
+mod doorbell;
 mod event;
 pub mod files;
+mod follow;
+mod generation;
 pub mod group;
+mod housekeeper;
 pub mod inspect;
 mod iox;
 pub mod open;
 pub mod payload;
+pub mod provider;
 pub mod publisher;
+mod random;
 pub mod request_id;
 pub mod robot;
+mod robot_folder;
 pub mod scheduling;
+mod segment;
+pub mod sequence;
 pub mod server;
 pub mod service;
 pub mod session;
@@ -60,16 +67,20 @@ pub mod subscriber;
 pub mod ticket;
 pub mod time;
 pub mod waiter;
+mod wake;
 
 pub use client::{Client, SendError};
-pub use continuity::Losses;
-pub use domain::{Cleaning, Domain, DomainError, Provider, Removal, Repair};
+pub use domain::Domain;
+pub use domain_error::DomainError;
 pub use group::TelemetryGroup;
+pub use inspect::{Removal, Repair};
 pub use open::OpenError;
+pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
 pub use scheduling::{Place, wake_promptly};
+pub use sequence::Losses;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::{Ipc, JoinError};

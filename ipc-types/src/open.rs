@@ -1,26 +1,27 @@
-//! Opens or creates the services of the contract, always with every quality-of-service value of the table.
+//! Makes and opens the services of the contract.
 //!
-//! A service that exists with another layout is refused, and the error names both layouts. Transient trouble (a
-//! service that is being created or removed, the remains of a dead process) is cleaned up and tried again a bounded
-//! number of times.
+//! A provider makes its service in a generation of its own, with every quality-of-service value of the table. All others open
+//! it; a service that carries another layout is refused, and the error names both layouts.
 
 use std::fmt::Debug;
+use std::io;
 
-use iceoryx2::prelude::{AttributeVerifier, MessagingPattern, Service, ServiceName};
+use iceoryx2::prelude::{
+    AttributeSpecifier, AttributeVerifier, MessagingPattern, Service, ServiceName,
+};
 use iceoryx2::service::attribute::{AttributeKey, AttributeSet, AttributeValue};
-use iceoryx2::service::builder::publish_subscribe::{
-    PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
-};
-use iceoryx2::service::builder::request_response::{
-    RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
-};
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 
-use crate::domain::{DomainError, Provider};
+use crate::domain::SHM_DIR;
+use crate::domain_error::DomainError;
+use crate::files;
+use crate::generation::{EnterError, Generation};
 use crate::iox::{RequestService, Svc, TopicService};
 use crate::payload::RequestReport;
+use crate::provider::Provider;
 use crate::robot::RobotId;
 use crate::service::{self, Request, ServiceId, Topic};
-use crate::session::Session;
 
 /// A port cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -36,16 +37,6 @@ pub enum OpenError {
         wanted: String,
         /// Layout and hash that the service has.
         found: String,
-    },
-    /// The service was created with other settings than those of the table.
-    #[error(
-        "service `{service}` was created with other settings ({reason}): consumers in other languages must open services, not create them; stop every process that uses it and start again"
-    )]
-    OtherSettings {
-        /// Name of the service.
-        service: String,
-        /// What iceoryx2 objects to.
-        reason: String,
     },
     /// Another live process provides the service.
     #[error(
@@ -72,10 +63,16 @@ pub enum OpenError {
     /// The folder of the domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// iceoryx2 failed, also after cleaning up and trying again.
+    /// `/dev/shm` is full.
     #[error(
-        "service `{service}` cannot be opened ({reason}): if it stays like this, stop every process of the domain; the next one cleans up"
+        "service `{service}` finds no room in /dev/shm: remove what fills it (see `df -h /dev/shm` and `df -i /dev/shm`), or enlarge it (`mount -o remount,size=256m /dev/shm`)"
     )]
+    NoRoom {
+        /// Name of the service.
+        service: String,
+    },
+    /// iceoryx2 failed.
+    #[error("service `{service}` cannot be opened ({reason}): try again; `ril doctor` looks for the cause")]
     Failed {
         /// Name of the service.
         service: String,
@@ -91,57 +88,38 @@ fn describe(provider: Option<&Provider>) -> String {
     }
 }
 
-/// How often opening is tried. iceoryx2 itself waits up to a second in each for a service in the making, so that this
-/// is also the limit of time: four seconds.
-const OPEN_ATTEMPTS: u32 = 4;
-
-/// What to do with a failure of iceoryx2.
-pub(crate) enum Verdict {
-    /// Clean up and try again.
-    Transient,
-    /// Another layout.
-    Layout,
-    /// Other settings.
-    Settings,
-    /// Give up.
-    Fatal,
-}
-
-/// Tries, cleans up and tries again.
-pub(crate) fn with_retries<S, E: Debug + Copy>(
-    session: &Session,
-    service: &str,
-    judge: impl Fn(E) -> Verdict,
-    mismatch: impl Fn() -> OpenError,
-    open: impl Fn() -> Result<S, E>,
-) -> Result<S, OpenError> {
-    let mut attempt = 1;
-    loop {
-        let error = match session.make(&open) {
-            Ok(opened) => return Ok(opened),
-            Err(error) => error,
-        };
-        match judge(error) {
-            Verdict::Transient if attempt < OPEN_ATTEMPTS => {
-                tracing::debug!(service, ?error, attempt, "opening again");
-                session.clean_dead();
-                attempt += 1;
-            }
-            Verdict::Layout => return Err(mismatch()),
-            Verdict::Settings => {
-                return Err(OpenError::OtherSettings {
-                    service: service.to_owned(),
-                    reason: format!("{error:?}"),
-                });
-            }
-            Verdict::Transient | Verdict::Fatal => return Err(failed(service, error)),
+impl OpenError {
+    /// Of a generation of `service`.
+    pub(crate) fn enter(service: &str, error: EnterError) -> OpenError {
+        match error {
+            EnterError::Domain(error) => OpenError::Domain(error),
+            EnterError::Ended => failed(service, "its generation has ended"),
+            EnterError::Node(reason) => failed(service, reason),
         }
     }
 }
 
+/// Free bytes and inodes below which a failure is laid to them.
+const LOW_BYTES: u64 = 4 << 20;
+const LOW_INODES: u64 = 32;
+
+/// Whether `/dev/shm` is as good as full.
+pub(crate) fn is_memory_full() -> bool {
+    rustix::fs::statvfs(SHM_DIR).is_ok_and(|status| {
+        let bytes = status.f_bavail.saturating_mul(status.f_frsize);
+        // A file system without a limit of inodes has none in all.
+        bytes < LOW_BYTES || (status.f_files > 0 && status.f_favail < LOW_INODES)
+    })
+}
+
+/// A failure of iceoryx2, which does not say when memory is full.
 pub(crate) fn failed(service: &str, error: impl Debug) -> OpenError {
+    let service = service.to_owned();
+    if is_memory_full() {
+        return OpenError::NoRoom { service };
+    }
     OpenError::Failed {
-        service: service.to_owned(),
+        service,
         reason: format!("{error:?}"),
     }
 }
@@ -151,7 +129,10 @@ pub(crate) fn service_name(name: &str) -> Result<ServiceName, OpenError> {
 }
 
 /// The attributes that a service of the contract carries, and that every port asks for.
-fn attributes(id: ServiceId, robot: RobotId) -> Result<AttributeVerifier, OpenError> {
+fn attributes(
+    id: ServiceId,
+    robot: RobotId,
+) -> Result<(AttributeSpecifier, AttributeVerifier), OpenError> {
     let name = id.name(robot);
     let spec = id.spec();
     let values = [
@@ -159,21 +140,24 @@ fn attributes(id: ServiceId, robot: RobotId) -> Result<AttributeVerifier, OpenEr
         ("layout", spec.layout.to_owned()),
         ("layout_hash", format!("{:016x}", spec.layout_hash)),
     ];
-    let mut verifier = AttributeVerifier::new();
+    let (mut specifier, mut verifier) = (AttributeSpecifier::new(), AttributeVerifier::new());
     for (key, value) in values {
         let key = AttributeKey::try_from(key).map_err(|error| failed(&name, error))?;
         let value =
             AttributeValue::try_from(value.as_str()).map_err(|error| failed(&name, error))?;
+        specifier = specifier
+            .define(&key, &value)
+            .map_err(|error| failed(&name, error))?;
         verifier = verifier
             .require(&key, &value)
             .map_err(|error| failed(&name, error))?;
     }
-    Ok(verifier)
+    Ok((specifier, verifier))
 }
 
 /// The error for a service with another layout, with what can be read of the one that is there.
 fn layout_mismatch(
-    session: &Session,
+    generation: &Generation,
     id: ServiceId,
     robot: RobotId,
     pattern: MessagingPattern,
@@ -183,7 +167,7 @@ fn layout_mismatch(
     let found = service_name(&service)
         .ok()
         .and_then(|name| {
-            Svc::details(&name, session.config(), pattern)
+            Svc::details(&name, generation.config(), pattern)
                 .ok()
                 .flatten()
         })
@@ -223,156 +207,138 @@ fn attribute(present: &AttributeSet, key: &str) -> Option<String> {
     present.key_value(&key, 0).map(ToString::to_string)
 }
 
-/// Opens the published service of `T`.
-pub(crate) fn topic<T: Topic>(
-    session: &Session,
+/// Makes the published service of `T`.
+pub(crate) fn create_topic<T: Topic>(
+    generation: &Generation,
     robot: RobotId,
 ) -> Result<TopicService<T>, OpenError> {
     let name = T::SERVICE.name(robot);
     let service = service_name(&name)?;
-    let verifier = attributes(T::SERVICE, robot)?;
-    with_retries(
-        session,
-        &name,
-        judge_topic,
-        || {
-            layout_mismatch(
-                session,
+    let (attributes, _) = attributes(T::SERVICE, robot)?;
+    let builder = generation
+        .node()
+        .service_builder(&service)
+        .publish_subscribe::<T>()
+        .max_publishers(service::MAX_PROVIDERS)
+        .max_subscribers(service::MAX_SUBSCRIBERS)
+        .max_nodes(service::MAX_NODES)
+        .subscriber_max_buffer_size(service::SUBSCRIBER_BUFFER)
+        .subscriber_max_borrowed_samples(service::MAX_BORROWED_SAMPLES)
+        .history_size(service::HISTORY)
+        .enable_safe_overflow(true);
+    files::while_no_port_opens(|| builder.create_with_attributes(&attributes))
+        .map_err(|error| failed(&name, error))
+}
+
+/// Opens the published service of `T`.
+pub(crate) fn open_topic<T: Topic>(
+    generation: &Generation,
+    robot: RobotId,
+) -> Result<TopicService<T>, OpenError> {
+    use PublishSubscribeOpenError as Error;
+    let name = T::SERVICE.name(robot);
+    let service = service_name(&name)?;
+    let (_, attributes) = attributes(T::SERVICE, robot)?;
+    let builder = generation
+        .node()
+        .service_builder(&service)
+        .publish_subscribe::<T>();
+    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
+        |error| match error {
+            Error::IncompatibleTypes | Error::IncompatibleAttributes => layout_mismatch(
+                generation,
                 T::SERVICE,
                 robot,
                 MessagingPattern::PublishSubscribe,
-            )
-        },
-        || {
-            session
-                .node()
-                .service_builder(&service)
-                .publish_subscribe::<T>()
-                .max_publishers(service::MAX_PROVIDERS)
-                .max_subscribers(service::MAX_SUBSCRIBERS)
-                .max_nodes(service::MAX_NODES)
-                .subscriber_max_buffer_size(service::SUBSCRIBER_BUFFER)
-                .subscriber_max_borrowed_samples(service::MAX_BORROWED_SAMPLES)
-                .history_size(service::HISTORY)
-                .enable_safe_overflow(true)
-                .open_or_create_with_attributes(&verifier)
+            ),
+            Error::ExceedsMaxNumberOfNodes => full(&name, ("processes", service::MAX_NODES)),
+            error => failed(&name, error),
         },
     )
 }
 
-fn judge_topic(error: PublishSubscribeOpenOrCreateError) -> Verdict {
-    use PublishSubscribeCreateError as Create;
-    use PublishSubscribeOpenError as Open;
-    match error {
-        PublishSubscribeOpenOrCreateError::SystemInFlux => Verdict::Transient,
-        PublishSubscribeOpenOrCreateError::PublishSubscribeCreateError(error) => match error {
-            Create::InsufficientPermissions => Verdict::Fatal,
-            _ => Verdict::Transient,
-        },
-        PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(error) => match error {
-            Open::IncompatibleTypes | Open::IncompatibleAttributes => Verdict::Layout,
-            Open::Interrupt
-            | Open::DoesNotExist
-            | Open::InternalFailure
-            | Open::ServiceInCorruptedState
-            | Open::HangsInCreation
-            | Open::IsMarkedForDestruction
-            | Open::UnableToCreateServiceTag => Verdict::Transient,
-            Open::InsufficientPermissions | Open::ExceedsMaxNumberOfNodes => Verdict::Fatal,
-            _ => Verdict::Settings,
-        },
-    }
-}
-
-/// Opens the request service of `R`.
-pub(crate) fn request<R: Request>(
-    session: &Session,
+/// Makes the request service of `R`.
+pub(crate) fn create_request<R: Request>(
+    generation: &Generation,
     robot: RobotId,
 ) -> Result<RequestService<R>, OpenError> {
     let name = R::SERVICE.name(robot);
     let service = service_name(&name)?;
-    let verifier = attributes(R::SERVICE, robot)?;
-    with_retries(
-        session,
-        &name,
-        judge_request,
-        || {
-            layout_mismatch(
-                session,
-                R::SERVICE,
-                robot,
-                MessagingPattern::RequestResponse,
-            )
-        },
-        || {
-            session
-                .node()
-                .service_builder(&service)
-                .request_response::<R, RequestReport>()
-                .max_servers(service::MAX_PROVIDERS)
-                .max_clients(service::MAX_CLIENTS)
-                .max_nodes(service::MAX_NODES)
-                .max_active_requests_per_client(service::MAX_OUTSTANDING)
-                .max_loaned_requests(service::MAX_LOANED_REQUESTS)
-                .max_response_buffer_size(service::RESPONSE_BUFFER)
-                .max_borrowed_responses_per_pending_response(service::MAX_BORROWED_REPORTS)
-                .enable_fire_and_forget_requests(false)
-                .enable_safe_overflow_for_requests(false)
-                .enable_safe_overflow_for_responses(false)
-                .open_or_create_with_attributes(&verifier)
+    let (attributes, _) = attributes(R::SERVICE, robot)?;
+    let builder = generation
+        .node()
+        .service_builder(&service)
+        .request_response::<R, RequestReport>()
+        .max_servers(service::MAX_PROVIDERS)
+        .max_clients(service::MAX_CLIENTS)
+        .max_nodes(service::MAX_NODES)
+        .max_active_requests_per_client(service::MAX_OUTSTANDING)
+        .max_loaned_requests(service::MAX_LOANED_REQUESTS)
+        .max_response_buffer_size(service::RESPONSE_BUFFER)
+        .max_borrowed_responses_per_pending_response(service::MAX_BORROWED_REPORTS)
+        .enable_fire_and_forget_requests(false)
+        .enable_safe_overflow_for_requests(false)
+        .enable_safe_overflow_for_responses(false);
+    files::while_no_port_opens(|| builder.create_with_attributes(&attributes))
+        .map_err(|error| failed(&name, error))
+}
+
+/// Opens the request service of `R`.
+pub(crate) fn open_request<R: Request>(
+    generation: &Generation,
+    robot: RobotId,
+) -> Result<RequestService<R>, OpenError> {
+    use RequestResponseOpenError as Error;
+    let name = R::SERVICE.name(robot);
+    let service = service_name(&name)?;
+    let (_, attributes) = attributes(R::SERVICE, robot)?;
+    let builder = generation
+        .node()
+        .service_builder(&service)
+        .request_response::<R, RequestReport>();
+    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
+        |error| match error {
+            Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => {
+                layout_mismatch(
+                    generation,
+                    R::SERVICE,
+                    robot,
+                    MessagingPattern::RequestResponse,
+                )
+            }
+            Error::ExceedsMaxNumberOfNodes => full(&name, ("processes", service::MAX_NODES)),
+            error => failed(&name, error),
         },
     )
 }
 
-fn judge_request(error: RequestResponseOpenOrCreateError) -> Verdict {
-    use RequestResponseCreateError as Create;
-    use RequestResponseOpenError as Open;
-    match error {
-        RequestResponseOpenOrCreateError::SystemInFlux => Verdict::Transient,
-        RequestResponseOpenOrCreateError::RequestResponseCreateError(error) => match error {
-            Create::InsufficientPermissions => Verdict::Fatal,
-            _ => Verdict::Transient,
-        },
-        RequestResponseOpenOrCreateError::RequestResponseOpenError(error) => match error {
-            Open::IncompatibleRequestOrResponseType | Open::IncompatibleAttributes => {
-                Verdict::Layout
-            }
-            Open::Interrupt
-            | Open::DoesNotExist
-            | Open::InternalFailure
-            | Open::ServiceInCorruptedState
-            | Open::HangsInCreation
-            | Open::IsMarkedForDestruction
-            | Open::UnableToCreateServiceTag => Verdict::Transient,
-            Open::InsufficientPermissions | Open::ExceedsMaxNumberOfNodes => Verdict::Fatal,
-            _ => Verdict::Settings,
-        },
+/// Makes a port.
+pub(crate) fn port<P, E: Debug + Copy>(
+    service: &str,
+    limit: (&'static str, usize),
+    is_full: impl Fn(E) -> bool,
+    create: impl FnOnce() -> Result<P, E>,
+) -> Result<P, OpenError> {
+    files::while_no_port_opens(create).map_err(|error| match is_full(error) {
+        true => full(service, limit),
+        false => failed(service, error),
+    })
+}
+
+fn full(service: &str, (what, max): (&'static str, usize)) -> OpenError {
+    OpenError::Full {
+        service: service.to_owned(),
+        what,
+        max,
     }
 }
 
-/// Makes a port; when the service is full, cleans up after the dead and tries once more.
-pub(crate) fn port<P, E: Debug + Copy>(
-    session: &Session,
-    service: &str,
-    (what, max): (&'static str, usize),
-    is_full: impl Fn(E) -> bool,
-    create: impl Fn() -> Result<P, E>,
-) -> Result<P, OpenError> {
-    let error = match session.make(&create) {
-        Ok(port) => return Ok(port),
-        Err(error) => error,
-    };
-    tracing::debug!(service, what, ?error, "making the port again");
-    session.clean_dead();
-    session.make(&create).map_err(|error| {
-        if is_full(error) {
-            OpenError::Full {
-                service: service.to_owned(),
-                what,
-                max,
-            }
-        } else {
-            failed(service, error)
-        }
-    })
+/// Bytes free in `/dev/shm`.
+///
+/// # Errors
+///
+/// When the operating system does not say.
+pub fn free_memory() -> io::Result<u64> {
+    let status = rustix::fs::statvfs(SHM_DIR)?;
+    Ok(status.f_bavail.saturating_mul(status.f_frsize))
 }

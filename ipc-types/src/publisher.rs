@@ -3,22 +3,32 @@
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 makes a handle of 48 bytes on the heap for each sample.
 
-use std::cell::Cell;
-use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
 
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 
-use crate::domain::OwnerLock;
-use crate::ear::{Ear, Signal};
-use crate::event::Channel;
+use crate::doorbell;
+use crate::event::{Channel, Event};
+use crate::generation::Generation;
+use crate::housekeeper::Tended;
 use crate::iox::Svc;
 use crate::open::{self, OpenError};
+use crate::provider::ProviderLock;
 use crate::service::{MAX_PROVIDERS, Topic};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
+use crate::wake::{WakeReceiver, WakeSender};
+
+/// How long a publisher feeds its former generation beside the new one. Subscribers change within a
+/// [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND); this is four of them.
+const OVERLAP: Duration = Duration::from_secs(1);
+
+/// How long after a failure the publisher tries again to begin a new generation.
+const RETRY: Duration = Duration::from_secs(1);
 
 /// A sample could not be published. Its number in the sequence may be missing then, as that of any lost sample.
 #[derive(Debug, thiserror::Error)]
@@ -30,59 +40,115 @@ pub struct PublishError {
 
 /// The writing end of a published service, of which a robot has one.
 ///
-/// Give it to the [`Waiter`](crate::Waiter) as well and call [`Publisher::welcome`] after every wake: subscribers that
+/// Give it to the [`Waiter`](crate::Waiter) as well and call [`Publisher::tend`] after every wake: subscribers that
 /// join between two samples then get the latest at once, not with the next one.
 pub struct Publisher<T: Topic> {
-    /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers gave
-    /// back costs more than the rest of publishing, and then nobody waits for it.
-    blank: Option<Blank<T>>,
-    port: iceoryx2::port::publisher::Publisher<Svc, T, ()>,
-    samples: Signal,
-    subscribers: Ear,
-    /// Arrivals that [`Publisher::welcome`] has seen, as the bell counts them.
-    welcomed: Cell<u32>,
+    port: Port<T>,
+    /// The former generation, and until when it is fed.
+    former: Option<(Port<T>, MonotonicNs)>,
+    /// When to try again to begin a new generation.
+    retry: MonotonicNs,
+    generations: u64,
+    /// A copy of the last sample, for those that come to a new generation before the next one.
+    latest: T,
     epoch_ns: u64,
     sequence: u64,
-    _owner: OwnerLock,
-    _session: Rc<Session>,
+    _lock: ProviderLock,
+    session: Arc<Session>,
 }
 
-type Blank<T> = iceoryx2::sample_mut::SampleMut<Svc, T, ()>;
+/// A publisher's part in one generation.
+struct Port<T: Topic> {
+    /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers gave
+    /// back costs more than the rest of publishing, and then nobody waits for it.
+    preloaned: Option<Preloaned<T>>,
+    port: iceoryx2::port::publisher::Publisher<Svc, T, ()>,
+    samples: WakeSender,
+    subscribers: WakeReceiver,
+    /// Subscribers that [`Publisher::tend`] has served, as the doorbell counts them.
+    served: u32,
+    tended: Arc<Tended>,
+    // Last: its node must outlive the ports.
+    _generation: Generation,
+}
+
+type Preloaned<T> = iceoryx2::sample_mut::SampleMut<Svc, T, ()>;
+
+impl<T: Topic> Port<T> {
+    fn make(session: &Arc<Session>) -> Result<Port<T>, OpenError> {
+        session.begin(T::SERVICE, |generation, tended| {
+            let robot = session.robot();
+            let service = open::create_topic::<T>(&generation, robot)?;
+            let event = |channel| Event::create(&generation, robot, T::SERVICE, channel);
+            let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
+            // Consumers in other languages announce themselves by this alone.
+            subscribers.listener()?;
+            let samples = event(Channel::Samples)?;
+            let port = open::port(
+                &T::SERVICE.name(robot),
+                ("publishers", MAX_PROVIDERS),
+                |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
+                || {
+                    service
+                        .publisher_builder()
+                        .max_loaned_samples(1)
+                        // Without effect while the oldest gives way to the newest, but never anything that waits.
+                        .backpressure_strategy(BackpressureStrategy::DiscardData)
+                        .create()
+                },
+            )?;
+            Ok(Port {
+                preloaned: None,
+                port,
+                samples: WakeSender::make(session, samples, T::SERVICE, Channel::Samples)?,
+                subscribers,
+                served: session.doorbell().joined(T::SERVICE),
+                tended,
+                _generation: generation,
+            })
+        })
+    }
+
+    fn loan(&mut self) -> Result<Preloaned<T>, PublishError> {
+        match self.preloaned.take() {
+            Some(preloaned) => Ok(preloaned),
+            None => self.port.loan().map_err(publish_error::<T>),
+        }
+    }
+
+    fn send(&mut self, sample: Preloaned<T>) -> Result<(), PublishError> {
+        sample.send().map_err(publish_error::<T>)?;
+        self.samples.wake();
+        // Without one, the next call tries again and says why.
+        self.preloaned = self.port.loan().ok();
+        Ok(())
+    }
+
+    /// Connects subscribers that have joined, which gives them the latest sample.
+    fn connect(&self) {
+        if let Err(error) = self.port.update_connections() {
+            tracing::debug!(
+                service = T::SERVICE.spec().key,
+                ?error,
+                "a subscriber was not reached"
+            );
+        }
+    }
+}
 
 impl<T: Topic> Publisher<T> {
-    pub(crate) fn open(session: &Rc<Session>) -> Result<Publisher<T>, OpenError> {
-        let robot = session.robot();
-        let owner = session.provide(T::SERVICE)?;
-        let service = open::topic::<T>(session, robot)?;
-        let subscribers = Ear::make(session, T::SERVICE, Channel::Subscribers)?;
-        // Consumers in other languages announce themselves by this alone.
-        subscribers.listener()?;
-        let port = open::port(
-            session,
-            &T::SERVICE.name(robot),
-            ("publishers", MAX_PROVIDERS),
-            |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
-            || {
-                service
-                    .publisher_builder()
-                    .max_loaned_samples(1)
-                    // Without effect while the oldest gives way to the newest, but never anything that waits.
-                    .backpressure_strategy(BackpressureStrategy::DiscardData)
-                    .create()
-            },
-        )?;
-        // Last, because it announces the publisher.
-        let samples = Signal::make(session, T::SERVICE, Channel::Samples)?;
+    pub(crate) fn open(session: &Arc<Session>) -> Result<Publisher<T>, OpenError> {
+        let lock = session.provide(T::SERVICE)?;
         Ok(Publisher {
-            blank: None,
-            port,
-            samples,
-            subscribers,
-            welcomed: Cell::new(0),
+            port: Port::make(session)?,
+            former: None,
+            retry: MonotonicNs::default(),
+            generations: 1,
+            latest: T::default(),
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
-            _owner: owner,
-            _session: Rc::clone(session),
+            _lock: lock,
+            session: Arc::clone(session),
         })
     }
 
@@ -95,50 +161,75 @@ impl<T: Topic> Publisher<T> {
     /// [`PublishError`] when there is no memory for it, which does not happen with the settings of the table, or when
     /// a connection is broken.
     pub fn publish(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
-        let mut sample = match self.blank.take() {
-            Some(blank) => blank,
-            None => self.port.loan().map_err(publish_error::<T>)?,
-        };
+        let mut sample = self.port.loan()?;
         let sequence = self.sequence + 1;
         let payload = sample.payload_mut();
         fill(payload);
         payload.stamp(sequence, self.epoch_ns);
         // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
-        sample.send().map_err(publish_error::<T>)?;
-        self.samples.raise();
-        // Without one, the next call tries again and says why.
-        self.blank = self.port.loan().ok();
+        self.latest = *payload;
+        if let Some((former, _)) = &mut self.former
+            && let Ok(mut copy) = former.loan()
+        {
+            *copy.payload_mut() = self.latest;
+            // Whoever still reads there is on the way to the new generation.
+            let _ = former.send(copy);
+        }
+        self.port.send(sample)?;
         Ok(sequence)
     }
 
-    /// Gives the latest sample to subscribers that joined since the last call. Costs next to nothing when none did.
-    pub fn welcome(&mut self) {
-        let has_arrivals = self.has_arrivals();
-        if self.subscribers.take() == 0 && !has_arrivals {
+    /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
+    /// is worn. Costs next to nothing when there is nothing to do.
+    pub fn tend(&mut self) {
+        self.change_generation();
+        let joined = self.joined();
+        if self.port.subscribers.take() == 0 && joined == self.port.served {
             return;
         }
-        self.welcomed.set(self.arrivals());
-        if let Err(error) = self.port.update_connections() {
-            tracing::debug!(
-                service = T::SERVICE.spec().key,
-                ?error,
-                "a subscriber was not reached"
-            );
+        self.port.served = joined;
+        self.port.connect();
+        if let Some((former, _)) = &self.former {
+            former.connect();
         }
         if self.sequence > 0 {
-            self.samples.raise();
+            self.port.samples.wake();
         }
     }
 
-    /// Subscribers that have come so far, as the bell counts them.
-    fn arrivals(&self) -> u32 {
-        let bell = self.subscribers.bell();
-        bell.map_or(0, |(bell, _)| bell.arrivals(T::SERVICE))
+    fn change_generation(&mut self) {
+        if self.former.is_none() && !self.port.tended.is_worn() {
+            return;
+        }
+        let now = MonotonicNs::now();
+        if let Some((former, _)) = self.former.take_if(|(_, until)| now >= *until) {
+            self.session.housekeeper().drop_later(former);
+        }
+        if self.former.is_some() || !self.port.tended.is_worn() || now < self.retry {
+            return;
+        }
+        self.retry = now + RETRY;
+        match Port::<T>::make(&self.session) {
+            Ok(mut port) => {
+                self.generations += 1;
+                if self.sequence > 0
+                    && let Ok(mut copy) = port.loan()
+                {
+                    *copy.payload_mut() = self.latest;
+                    // When it fails, late joiners wait for the next sample.
+                    let _ = port.send(copy);
+                }
+                let former = std::mem::replace(&mut self.port, port);
+                self.former = Some((former, now + OVERLAP));
+            }
+            Err(error) => tracing::warn!(%error, "the generation stays as it is"),
+        }
     }
 
-    fn has_arrivals(&self) -> bool {
-        self.arrivals() != self.welcomed.get()
+    /// Subscribers that have come so far, as the doorbell counts them.
+    fn joined(&self) -> u32 {
+        self.session.doorbell().joined(T::SERVICE)
     }
 
     /// Number of the last sample, 0 before the first.
@@ -149,6 +240,23 @@ impl<T: Topic> Publisher<T> {
     /// When this publisher began, host monotonic ns; it is in every sample.
     pub fn epoch_ns(&self) -> u64 {
         self.epoch_ns
+    }
+
+    /// Generations of shared memory that this publisher has begun, the first included.
+    pub fn generations(&self) -> u64 {
+        self.generations
+    }
+
+    /// Begins a new generation at the next [`Publisher::tend`], as if the present one were worn: for tests.
+    #[doc(hidden)]
+    pub fn wear_out(&self) {
+        self.port.tended.wear_out("it was asked for");
+    }
+}
+
+impl<T: Topic> Drop for Publisher<T> {
+    fn drop(&mut self) {
+        self.session.withdraw(T::SERVICE);
     }
 }
 
@@ -161,10 +269,17 @@ fn publish_error<T: Topic>(error: impl std::fmt::Debug) -> PublishError {
 
 impl<T: Topic> sealed::Source for Publisher<T> {
     fn has_something(&self) -> bool {
-        self.subscribers.is_pending() || self.has_arrivals()
+        self.port.subscribers.is_pending()
+            || self.joined() != self.port.served
+            || self.port.tended.is_worn() && MonotonicNs::now() >= self.retry
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
-        sealed::Sense::Ear(&self.subscribers)
+        sealed::Sense::Port {
+            doorbell: self.session.doorbell(),
+            bits: doorbell::bits(T::SERVICE, Channel::Subscribers),
+            receiver: Some(&self.port.subscribers),
+            by_descriptor: false,
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! [`Server`]: takes requests and answers each with a stream of reports that ends in a final word.
 
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::active_request::ActiveRequest;
@@ -10,17 +10,20 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 
 use crate::code::{Reason, Stage};
-use crate::domain::OwnerLock;
-use crate::ear::{Ear, Signal};
-use crate::event::Channel;
+use crate::doorbell;
+use crate::event::{Channel, Event};
+use crate::generation::Generation;
+use crate::housekeeper::Tended;
 use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
+use crate::provider::ProviderLock;
 use crate::service::{MAX_PROVIDERS, Request};
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, Waiter, Wake, sealed};
+use crate::wake::{WakeReceiver, WakeSender};
 
 /// Requests that may be open at a server at once: three whole paths of 64 waypoints and 64 single requests.
 ///
@@ -69,14 +72,16 @@ pub struct Server<R: Request> {
     // First, so that open requests are closed before the port goes, and their clients woken last of all.
     tickets: Tickets<Open<R>>,
     port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
-    requests: Ear,
-    responses: Signal,
+    requests: WakeReceiver,
+    responses: WakeSender,
     waiter: Waiter,
     refused_full: u64,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
-    _owner: OwnerLock,
-    _session: Rc<Session>,
+    _tended: Arc<Tended>,
+    _generation: Generation,
+    _lock: ProviderLock,
+    session: Arc<Session>,
 }
 
 struct Open<R: Request> {
@@ -99,39 +104,43 @@ impl<R: Request> Open<R> {
 }
 
 impl<R: Request> Server<R> {
-    pub(crate) fn open(session: &Rc<Session>) -> Result<Server<R>, OpenError> {
+    pub(crate) fn open(session: &Arc<Session>) -> Result<Server<R>, OpenError> {
         let robot = session.robot();
-        let owner = session.provide(R::SERVICE)?;
-        let service = open::request::<R>(session, robot)?;
-        let requests = Ear::make(session, R::SERVICE, Channel::Requests)?;
-        requests.listener()?;
-        let port = open::port(
-            session,
-            &R::SERVICE.name(robot),
-            ("servers", MAX_PROVIDERS),
-            |error| error == ServerCreateError::ExceedsMaxSupportedServers,
-            || {
-                service
-                    .server_builder()
-                    .max_loaned_responses_per_request(1)
-                    .override_response_preallocation(|_| MAX_REPORTS_IN_FLIGHT)
-                    .backpressure_strategy(BackpressureStrategy::DiscardData)
-                    // Not in silence: the caller must know that a report was not taken.
-                    .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
-                    .create()
-            },
-        )?;
-        let responses = Signal::make(session, R::SERVICE, Channel::Responses)?;
-        Ok(Server {
-            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
-            port,
-            requests,
-            responses,
-            waiter: Waiter::new(),
-            refused_full: 0,
-            is_quiet: false,
-            _owner: owner,
-            _session: Rc::clone(session),
+        let lock = session.provide(R::SERVICE)?;
+        session.begin(R::SERVICE, |generation, tended| {
+            let service = open::create_request::<R>(&generation, robot)?;
+            let event = |channel| Event::create(&generation, robot, R::SERVICE, channel);
+            let requests = WakeReceiver::new(event(Channel::Requests)?);
+            requests.listener()?;
+            let responses = event(Channel::Responses)?;
+            let port = open::port(
+                &R::SERVICE.name(robot),
+                ("servers", MAX_PROVIDERS),
+                |error| error == ServerCreateError::ExceedsMaxSupportedServers,
+                || {
+                    service
+                        .server_builder()
+                        .max_loaned_responses_per_request(1)
+                        .override_response_preallocation(|_| MAX_REPORTS_IN_FLIGHT)
+                        .backpressure_strategy(BackpressureStrategy::DiscardData)
+                        // Not in silence: the caller must know that a report was not taken.
+                        .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+                        .create()
+                },
+            )?;
+            Ok(Server {
+                tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
+                port,
+                requests,
+                responses: WakeSender::make(session, responses, R::SERVICE, Channel::Responses)?,
+                waiter: Waiter::new(),
+                refused_full: 0,
+                is_quiet: false,
+                _tended: tended,
+                _generation: generation,
+                _lock: lock,
+                session: Arc::clone(session),
+            })
         })
     }
 
@@ -188,7 +197,7 @@ impl<R: Request> Server<R> {
         if let Err(error) = entry.send(&report) {
             tracing::debug!(%error, "a refusal was not sent");
         }
-        self.responses.raise();
+        self.responses.wake();
     }
 
     /// Answers a request. A final stage closes it; its ticket is then worth nothing.
@@ -246,14 +255,14 @@ impl<R: Request> Server<R> {
     /// Wakes the clients if there was a quiet report since the last time.
     pub fn wake_clients(&mut self) {
         if std::mem::take(&mut self.is_quiet) {
-            self.responses.raise();
+            self.responses.wake();
         }
     }
 
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
     ///
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
-    /// when somebody cleans up after it: see [`Ipc::clean_dead`](crate::Ipc::clean_dead).
+    /// when somebody cleans up after it.
     pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
         // Also brings the port's list of clients up to date.
         let _ = self.port.has_requests();
@@ -304,7 +313,7 @@ impl<R: Request> Server<R> {
             |_, _| is_sent = true,
         );
         if is_sent {
-            self.responses.raise();
+            self.responses.wake();
         }
     }
 }
@@ -324,6 +333,11 @@ impl<R: Request> sealed::Source for Server<R> {
 
     /// Clients of other languages, and those that vanish, are only heard by the listener.
     fn sense(&self) -> sealed::Sense<'_> {
-        sealed::Sense::Listener(&self.requests)
+        sealed::Sense::Port {
+            doorbell: self.session.doorbell(),
+            bits: doorbell::bits(R::SERVICE, Channel::Requests),
+            receiver: Some(&self.requests),
+            by_descriptor: true,
+        }
     }
 }

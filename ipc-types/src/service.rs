@@ -31,9 +31,9 @@ pub enum ServiceId {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
     /// Publish/subscribe, the latest value wins; the source's non-secure slot.
-    Latest,
+    PublishSubscribe,
     /// Request/response with a stream of reports, nothing is lost; the source's secure slot.
-    Secure,
+    RequestResponse,
 }
 
 /// One row of the table.
@@ -69,7 +69,7 @@ pub const SERVICES: [ServiceSpec; 6] = [
         key: "dsp_telemetry",
         original: "UAV_SLOT_DSP_SENSORS_STATE",
         slot_offset: 0,
-        pattern: Pattern::Latest,
+        pattern: Pattern::PublishSubscribe,
         layout: DspTelemetry::TYPE_NAME,
         layout_hash: layout_hash(&[DspTelemetry::FIELDS]),
     },
@@ -78,7 +78,7 @@ pub const SERVICES: [ServiceSpec; 6] = [
         key: "hero_telemetry",
         original: "UAV_SLOT_SENSORS_STATE",
         slot_offset: 1,
-        pattern: Pattern::Latest,
+        pattern: Pattern::PublishSubscribe,
         layout: HeroTelemetry::TYPE_NAME,
         layout_hash: layout_hash(&[HeroTelemetry::FIELDS]),
     },
@@ -87,7 +87,7 @@ pub const SERVICES: [ServiceSpec; 6] = [
         key: "module_state",
         original: "UAV_BRIDGE_MODULE_STATUS_SLOT",
         slot_offset: 2,
-        pattern: Pattern::Latest,
+        pattern: Pattern::PublishSubscribe,
         layout: ModuleState::TYPE_NAME,
         layout_hash: layout_hash(&[ModuleState::FIELDS]),
     },
@@ -96,7 +96,7 @@ pub const SERVICES: [ServiceSpec; 6] = [
         key: "module_control",
         original: "UAV_SLOT_MODULE_CONTROL",
         slot_offset: 3,
-        pattern: Pattern::Secure,
+        pattern: Pattern::RequestResponse,
         layout: request_layout!("hero.ModuleControl.v1"),
         layout_hash: layout_hash(&[ModuleControl::FIELDS, RequestReport::FIELDS]),
     },
@@ -105,7 +105,7 @@ pub const SERVICES: [ServiceSpec; 6] = [
         key: "movement",
         original: "UAV_BRIDGE_DATA_SLOT",
         slot_offset: 4,
-        pattern: Pattern::Secure,
+        pattern: Pattern::RequestResponse,
         layout: request_layout!("hero.MovementData.v2"),
         layout_hash: layout_hash(&[MovementData::FIELDS, RequestReport::FIELDS]),
     },
@@ -114,7 +114,7 @@ pub const SERVICES: [ServiceSpec; 6] = [
         key: "parameters",
         original: "-",
         slot_offset: 5,
-        pattern: Pattern::Secure,
+        pattern: Pattern::RequestResponse,
         layout: request_layout!("hero.ParameterRequest.v1"),
         layout_hash: layout_hash(&[ParameterRequest::FIELDS, RequestReport::FIELDS]),
     },
@@ -231,12 +231,8 @@ impl Request for ParameterRequest {
     }
 }
 
-/// Providers (publishers or servers) that may be registered at a service.
-///
-/// One lives at a time, by the lock of its owner file. The rest is room for registrations that a `kill -9` during
-/// start-up left behind and that nobody could clean: they would otherwise keep the robot from starting again for as
-/// long as any other process of the domain lives.
-pub const MAX_PROVIDERS: usize = 4;
+/// Providers (publishers or servers) of one generation of a service: the process that began it.
+pub const MAX_PROVIDERS: usize = 1;
 
 /// Subscribers of a published service, in all processes. One more is refused at its creation.
 pub const MAX_SUBSCRIBERS: usize = 32;
@@ -249,8 +245,12 @@ pub const SUBSCRIBER_BUFFER: usize = 128;
 /// Samples that a subscriber may hold at once: one that is being read, one of reserve.
 pub const MAX_BORROWED_SAMPLES: usize = 2;
 
-/// Samples that a late joiner gets at once: a blackboard slot holds one value.
-pub const HISTORY: usize = 1;
+/// Samples that a subscriber gets at once that comes to a service for the first time: a blackboard slot holds one value.
+pub const LATEST: usize = 1;
+
+/// Samples that a subscriber can get at once that was there before the publisher, or follows it to a new generation. It enters
+/// some milliseconds after the publisher has begun: a tenth of a second at 500 Hz is enough for a machine that stalls.
+pub const HISTORY: usize = 50;
 
 /// Clients of a request service, in all processes. One more is refused at its creation.
 pub const MAX_CLIENTS: usize = 16;

@@ -2,23 +2,26 @@
 
 use std::hint;
 use std::os::fd::BorrowedFd;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::port::subscriber::SubscriberCreateError;
 
-use crate::continuity::{Continuity, Losses};
-use crate::ear::{Ear, Signal};
-use crate::event::Channel;
-use crate::iox::{Svc, TopicService};
+use crate::doorbell;
+use crate::event::{Channel, Event};
+use crate::follow::Follower;
+use crate::generation::Generation;
+use crate::iox::Svc;
 use crate::open::{self, OpenError};
-use crate::service::{HISTORY, MAX_PROVIDERS, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
+use crate::sequence::{Losses, SequenceTracker};
+use crate::service::{HISTORY, LATEST, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{self, WaitError, Waiter, Wake, sealed};
+use crate::wake::{WakeReceiver, WakeSender};
 
-/// Most samples of one [`Subscriber::drain`]: all buffers full. What comes meanwhile waits for the next.
-const MAX_SAMPLES_PER_DRAIN: usize = SUBSCRIBER_BUFFER * MAX_PROVIDERS;
+/// Most samples of one [`Subscriber::drain`] and generation: a full buffer. What comes meanwhile waits for the next.
+const MAX_SAMPLES_PER_DRAIN: usize = SUBSCRIBER_BUFFER;
 
 /// How often [`Subscriber::spin`] looks for samples before it looks at the clock, which takes about as long as a look.
 const SPINS_PER_LOOK: u32 = 16;
@@ -35,69 +38,153 @@ pub struct ReceiveError {
 ///
 /// It may be there before its publisher, and stays over the publisher's restarts.
 pub struct Subscriber<T: Topic> {
-    port: Port<T>,
-    ear: Ear,
+    /// Nothing while no publisher has been there.
+    port: Option<Port<T>>,
+    follower: Follower,
     waiter: Waiter,
-    continuity: Continuity,
-    reconnects: u64,
-    service: TopicService<T>,
-    arrival: Signal,
-    session: Rc<Session>,
+    tracker: SequenceTracker,
+    generations: u64,
+    session: Arc<Session>,
 }
 
-type Port<T> = iceoryx2::port::subscriber::Subscriber<Svc, T, ()>;
+/// A subscriber's part in one generation.
+struct Port<T: Topic> {
+    port: iceoryx2::port::subscriber::Subscriber<Svc, T, ()>,
+    samples: WakeReceiver,
+    /// Announces the subscriber to publishers that listen to events.
+    _joined: WakeSender,
+    // Last: its node must outlive the ports.
+    generation: Generation,
+}
+
+impl<T: Topic> Port<T> {
+    /// `history` samples of those that were published before come at once.
+    fn open(
+        session: &Arc<Session>,
+        generation: Generation,
+        history: usize,
+    ) -> Result<Port<T>, OpenError> {
+        let robot = session.robot();
+        let service = open::open_topic::<T>(&generation, robot)?;
+        let event = |channel| Event::open(&generation, robot, T::SERVICE, channel);
+        let samples = WakeReceiver::new(event(Channel::Samples)?);
+        let subscribers = event(Channel::Subscribers)?;
+        let port = open::port(
+            &T::SERVICE.name(robot),
+            ("subscribers", MAX_SUBSCRIBERS),
+            |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
+            || {
+                service
+                    .subscriber_builder()
+                    .buffer_size(SUBSCRIBER_BUFFER)
+                    .history_request(history)
+                    .create()
+            },
+        )?;
+        // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
+        let joined = WakeSender::make(session, subscribers, T::SERVICE, Channel::Subscribers)?;
+        session.doorbell().join(T::SERVICE);
+        Ok(Port {
+            port,
+            samples,
+            _joined: joined,
+            generation,
+        })
+    }
+
+    /// Hands on the samples that the tracker accepts, and says how many those were.
+    fn drain(
+        &self,
+        tracker: &mut SequenceTracker,
+        mut take: impl FnMut(&T),
+    ) -> Result<usize, ReceiveError> {
+        self.samples.take();
+        let mut taken = 0;
+        for _ in 0..MAX_SAMPLES_PER_DRAIN {
+            match self.port.receive() {
+                Ok(None) => break,
+                Ok(Some(sample)) => {
+                    if tracker.accept(sample.epoch_ns(), sample.sequence()) {
+                        take(&sample);
+                        taken += 1;
+                    }
+                }
+                Err(error) => return Err(receive_error::<T>(format!("{error:?}"))),
+            }
+        }
+        Ok(taken)
+    }
+
+    /// Trouble counts as something: draining then says what it is.
+    fn has_samples(&self) -> bool {
+        self.port.has_samples().unwrap_or(true)
+    }
+}
 
 impl<T: Topic> Subscriber<T> {
-    pub(crate) fn open(session: &Rc<Session>) -> Result<Subscriber<T>, OpenError> {
-        let robot = session.robot();
-        let service = open::topic::<T>(session, robot)?;
-        let ear = Ear::make(session, T::SERVICE, Channel::Samples)?;
-        let port = make_port(session, &service)?;
-        // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
-        let arrival = Signal::make(session, T::SERVICE, Channel::Subscribers)?;
-        announce::<T>(session);
-        Ok(Subscriber {
-            port,
-            ear,
+    pub(crate) fn open(session: &Arc<Session>) -> Result<Subscriber<T>, OpenError> {
+        let mut subscriber = Subscriber {
+            port: None,
+            follower: Follower::new(session, T::SERVICE),
             waiter: Waiter::new(),
-            continuity: Continuity::default(),
-            reconnects: 0,
-            service,
-            arrival,
-            session: Rc::clone(session),
-        })
+            tracker: SequenceTracker::default(),
+            generations: 0,
+            session: Arc::clone(session),
+        };
+        match subscriber.follow(LATEST) {
+            // Its publisher has gone in this moment, or goes: the next one will be followed.
+            Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
+                tracing::debug!(%error, "there is no publisher yet");
+            }
+            Err(error) => return Err(error),
+            Ok(former) => debug_assert!(former.is_none()),
+        }
+        Ok(subscriber)
+    }
+
+    /// Enters another generation if there is one. Returns the former port, in which there may be samples still.
+    fn follow(&mut self, history: usize) -> Result<Option<Port<T>>, OpenError> {
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        let open = |session: &_, generation| Port::open(session, generation, history);
+        let Some(port) = self.follower.follow(present, open)? else {
+            return Ok(None);
+        };
+        self.generations += 1;
+        Ok(self.port.replace(port))
     }
 
     /// Hands on every sample that is there, in order, and says how many those were.
     ///
     /// # Errors
     ///
-    /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The port is then made
-    /// again by the next call.
+    /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries again.
     pub fn drain(&mut self, mut take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
-        self.ear.take();
         let mut taken = 0;
-        for _ in 0..MAX_SAMPLES_PER_DRAIN {
-            match self.port.receive() {
-                Ok(None) => break,
-                Ok(Some(sample)) => {
-                    let (epoch_ns, sequence) = (sample.epoch_ns(), sample.sequence());
-                    if self.continuity.accept(MonotonicNs::now, epoch_ns, sequence) {
-                        take(&sample);
-                        taken += 1;
-                    }
-                }
-                Err(error) => {
-                    // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
-                    self.reconnect();
-                    return Err(ReceiveError {
-                        service: T::SERVICE.spec().key,
-                        reason: format!("{error:?}"),
-                    });
-                }
+        match self.follow(HISTORY) {
+            Ok(None) => {}
+            // Samples that the former generation got go first. From now on the publisher feeds the new one.
+            Ok(Some(former)) => {
+                taken += former.drain(&mut self.tracker, &mut take).unwrap_or(0);
+            }
+            Err(error) => {
+                self.drain_port(&mut take)?;
+                return Err(receive_error::<T>(error.to_string()));
             }
         }
-        Ok(taken)
+        Ok(taken + self.drain_port(take)?)
+    }
+
+    fn drain_port(&mut self, take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
+        let Some(port) = &self.port else {
+            return Ok(0);
+        };
+        let drained = port.drain(&mut self.tracker, take);
+        if drained.is_err() {
+            // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
+            self.port = None;
+            self.follower.forget();
+        }
+        drained
     }
 
     /// The newest sample that was not handed on yet, or nothing when there is no new one. Older ones are dropped.
@@ -140,7 +227,8 @@ impl<T: Topic> Subscriber<T> {
     }
 
     /// A file descriptor that can be read once there are samples, for a reactor of the caller's own such as `epoll` or an
-    /// asynchronous runtime; [`Subscriber::drain`] empties it. Nothing else may read it.
+    /// asynchronous runtime; [`Subscriber::drain`] empties it. Nothing else may read it. Nothing while there has been no
+    /// publisher; another one after [`Subscriber::generations`] has changed.
     ///
     /// Drain after every wake, whatever caused it, and at least every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND):
     /// iceoryx2 can lose a wake-up.
@@ -148,72 +236,47 @@ impl<T: Topic> Subscriber<T> {
     /// # Errors
     ///
     /// When there are more listeners than the contract allows.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, OpenError> {
-        self.ear.lend_descriptor()
+    pub fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+        self.port
+            .as_ref()
+            .map(|port| port.samples.lend_descriptor())
+            .transpose()
     }
 
     /// What was received and missed so far.
     pub fn losses(&self) -> Losses {
-        self.continuity.losses()
+        self.tracker.losses()
     }
 
-    /// How often the port had to be made again because a publisher could not be reached.
-    pub fn reconnects(&self) -> u64 {
-        self.reconnects
+    /// Generations of shared memory that this subscriber has entered.
+    pub fn generations(&self) -> u64 {
+        self.generations
     }
 
     /// As [`Waiter::missed`], of this subscriber's own [`wait`](Subscriber::wait).
     pub fn missed_wakeups(&self) -> u64 {
         self.waiter.missed()
     }
+}
 
-    fn reconnect(&mut self) {
-        self.reconnects += 1;
-        match make_port(&self.session, &self.service) {
-            Ok(port) => {
-                self.port = port;
-                announce::<T>(&self.session);
-                self.arrival.raise();
-            }
-            Err(error) => tracing::debug!(%error, "the subscriber was not made again"),
-        }
+fn receive_error<T: Topic>(reason: String) -> ReceiveError {
+    ReceiveError {
+        service: T::SERVICE.spec().key,
+        reason,
     }
-}
-
-fn make_port<T: Topic>(session: &Session, service: &TopicService<T>) -> Result<Port<T>, OpenError> {
-    open::port(
-        session,
-        &T::SERVICE.name(session.robot()),
-        ("subscribers", MAX_SUBSCRIBERS),
-        |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
-        || {
-            service
-                .subscriber_builder()
-                .buffer_size(SUBSCRIBER_BUFFER)
-                .history_request(HISTORY)
-                .create()
-        },
-    )
-}
-
-/// Asks the publisher for the latest sample, by the bell; listeners are told when a notifier is made or notifies.
-fn announce<T: Topic>(session: &Session) {
-    if let Some(bell) = session.bell() {
-        bell.arrive(T::SERVICE);
-    }
-}
-
-/// Trouble counts as something: draining then says what it is.
-fn has_samples<T: Topic>(port: &Port<T>) -> bool {
-    port.has_samples().unwrap_or(true)
 }
 
 impl<T: Topic> sealed::Source for Subscriber<T> {
     fn has_something(&self) -> bool {
-        has_samples(&self.port)
+        self.port.as_ref().is_some_and(Port::has_samples) || self.follower.is_due()
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
-        sealed::Sense::Ear(&self.ear)
+        sealed::Sense::Port {
+            doorbell: self.session.doorbell(),
+            bits: doorbell::bits(T::SERVICE, Channel::Samples),
+            receiver: self.port.as_ref().map(|port| &port.samples),
+            by_descriptor: false,
+        }
     }
 }

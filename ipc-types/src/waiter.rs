@@ -1,29 +1,29 @@
 //! [`Waiter`]: sleeps until one of several ports or file descriptors has something, or a deadline passes.
 //!
-//! It only says that there is something. Whoever is woken, for whatever reason, drains everything: each subscriber,
+//! It only says that there is something. A process that is woken, for whatever reason, drains everything: each subscriber,
 //! server and client, and each file descriptor.
 //!
-//! Who waits for ports alone sleeps on the bell, and is woken in about the time of a futex. With a file descriptor, or a
-//! port that has no bell, among the sources it is one `poll` of all of them.
+//! A wait for ports of one robot alone sleeps on the doorbell, and ends in about the time of a futex. With a file
+//! descriptor or a server among the sources it is one `poll` of all of them.
 //!
 //! iceoryx2 can lose a wake-up: a notification that comes while a listener is being emptied may be swallowed, and the
 //! listener then stays marked as notified, so that later notifiers send nothing. Two things make that harmless here.
 //! Before each sleep every port is asked for data; and no sleep is longer than [`SAFETY_BOUND`], which is also how often
-//! every listener is emptied, whatever the kernel says of it. The bell loses nothing, but a publisher of another
-//! language may not ring it: the bound holds there too, and who is woken by nothing else goes over to events.
+//! every listener is emptied, whatever the kernel says of it. The doorbell loses nothing, but a publisher of another
+//! language may not ring it: the bound holds there too, and a waiter that is woken by nothing else falls back to events for
+//! a while.
 
 use std::cell::Cell;
 use std::os::fd::BorrowedFd;
-use std::rc::Rc;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::bell::{Bell, Bits, Slept};
-use crate::ear::Ear;
+use crate::doorbell::{Bits, Doorbell, Slept};
 use crate::open::OpenError;
 use crate::time::MonotonicNs;
+use crate::wake::WakeReceiver;
 
 /// Longest uninterrupted sleep.
 ///
@@ -36,14 +36,17 @@ const BOUND_SLACK: Duration = Duration::from_millis(50);
 
 /// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
 /// deadlines does not also wake for that. Each listener takes two system calls.
-const HEARING_PERIOD: Duration = Duration::from_millis(150);
+const DRAIN_PERIOD: Duration = Duration::from_millis(150);
 
 /// Most sources of one wait: the ports of one process and its file descriptors, several times over.
 pub const MAX_SOURCES: usize = 16;
 
-/// How often in a row data must be found that nobody rang for, until a waiter relies on events instead. Once may be a
-/// publisher that was held up between its data and the bell.
+/// How often in a row data must be found that nobody rang for, until a waiter falls back to events. Once may be a
+/// publisher that was held up between its data and the doorbell.
 const MAX_UNRUNG: u8 = 2;
+
+/// How long a waiter relies on events before it tries the doorbell again.
+const FALL_BACK: Duration = Duration::from_secs(10);
 
 /// Waiting failed.
 #[derive(Debug, thiserror::Error)]
@@ -119,7 +122,7 @@ pub trait Source: sealed::Source {}
 impl<T: sealed::Source> Source for T {}
 
 pub(crate) mod sealed {
-    use super::{BorrowedFd, Ear};
+    use super::{Bits, BorrowedFd, Doorbell, WakeReceiver};
 
     /// The part of a source that only this crate may implement.
     pub trait Source {
@@ -133,10 +136,15 @@ pub(crate) mod sealed {
     /// How to wait for a source.
     #[derive(Clone, Copy)]
     pub enum Sense<'a> {
-        /// A port's ear.
-        Ear(&'a Ear),
-        /// A port's ear that must be waited for by its descriptor, because not everybody rings the bell for it.
-        Listener(&'a Ear),
+        /// A port.
+        Port {
+            doorbell: &'a Doorbell,
+            bits: Bits,
+            /// Nothing while the other side has not been there yet.
+            receiver: Option<&'a WakeReceiver>,
+            /// Whether to wait by the receiver's descriptor, because not every partner rings the doorbell for it.
+            by_descriptor: bool,
+        },
         /// A file descriptor, of which the kernel knows.
         Descriptor(BorrowedFd<'a>),
     }
@@ -173,9 +181,11 @@ impl sealed::Source for Descriptor<'_> {
 #[derive(Debug, Default)]
 pub struct Waiter {
     /// When all listeners were last emptied.
-    heard_all: Cell<MonotonicNs>,
+    drained_all: Cell<MonotonicNs>,
     /// How often in a row data was found that nobody had rung for.
     unrung: Cell<u8>,
+    /// Until when the waiter relies on events.
+    fallen_back_until: Cell<MonotonicNs>,
     missed: Cell<u64>,
 }
 
@@ -215,24 +225,24 @@ impl Waiter {
             Some(timeout) => MonotonicNs::now() + timeout,
             None => MonotonicNs(u64::MAX),
         };
-        match bell_of(sources) {
-            Some((bell, bits)) if self.unrung.get() < MAX_UNRUNG => {
-                self.wait_for_bell(bell, bits, sources, deadline)
+        match doorbell_of(sources) {
+            Some((doorbell, bits)) if MonotonicNs::now() >= self.fallen_back_until.get() => {
+                self.wait_for_doorbell(doorbell, bits, sources, deadline)
             }
             _ => self.wait_for_descriptors(sources, deadline),
         }
     }
 
-    fn wait_for_bell(
+    fn wait_for_doorbell(
         &self,
-        bell: &Bell,
+        doorbell: &Doorbell,
         bits: Bits,
         sources: &[&dyn Source],
         deadline: MonotonicNs,
     ) -> Result<Wake, WaitError> {
         let mut ready = look(sources);
         while ready.is_empty() {
-            let heard = bell.listen(bits);
+            let seen = doorbell.listen(bits);
             ready = look(sources);
             if !ready.is_empty() {
                 break;
@@ -241,25 +251,33 @@ impl Waiter {
             if now >= deadline {
                 return Ok(Wake::TimedOut);
             }
-            match bell.sleep(heard, bits, deadline.min(now + SAFETY_BOUND))? {
+            match doorbell.sleep(seen, bits, deadline.min(now + SAFETY_BOUND))? {
                 Slept::Rung => {
                     self.unrung.set(0);
-                    // Who drains looks for himself.
+                    // Draining looks by itself.
                     return Ok(Wake::Ready(Ready::all(sources.len())));
                 }
                 Slept::Passed => {}
                 Slept::Interrupted => return Ok(Wake::Interrupted),
                 Slept::TimedOut => {
-                    hear_all(sources);
+                    drain_all(sources);
                     ready = look(sources);
-                    if !ready.is_empty() && bell.is_awaited(bits) {
-                        self.unrung.set(self.unrung.get().saturating_add(1));
+                    if !ready.is_empty() && doorbell.is_awaited(bits) {
                         self.missed.set(self.missed.get() + 1);
+                        self.found_unrung();
                     }
                 }
             }
         }
         Ok(Wake::Ready(ready))
+    }
+
+    fn found_unrung(&self) {
+        self.unrung.set(self.unrung.get().saturating_add(1));
+        if self.unrung.get() >= MAX_UNRUNG {
+            self.unrung.set(0);
+            self.fallen_back_until.set(MonotonicNs::now() + FALL_BACK);
+        }
     }
 
     fn wait_for_descriptors(
@@ -272,9 +290,9 @@ impl Waiter {
         let mut slept = None;
         loop {
             let now = MonotonicNs::now();
-            if now.since(self.heard_all.get()) >= HEARING_PERIOD {
-                hear_all(sources);
-                self.heard_all.set(now);
+            if now.since(self.drained_all.get()) >= DRAIN_PERIOD {
+                drain_all(sources);
+                self.drained_all.set(now);
             }
             let mut ready = look(sources);
             if slept == Some(Slept::TimedOut) && !ready.is_empty() {
@@ -283,7 +301,7 @@ impl Waiter {
             if slept.is_some() && now >= deadline && ready.is_empty() {
                 return Ok(Wake::TimedOut);
             }
-            let bound = self.heard_all.get() + SAFETY_BOUND;
+            let bound = self.drained_all.get() + SAFETY_BOUND;
             // With something to do already, the kernel is only asked what else there is.
             let until = match ready.is_empty() {
                 true if deadline <= bound + BOUND_SLACK => deadline,
@@ -302,21 +320,26 @@ impl Waiter {
     }
 }
 
-/// The one bell that wakes for all sources, and by which bits.
-fn bell_of<'a>(sources: &[&'a dyn Source]) -> Option<(&'a Bell, Bits)> {
-    let mut found: Option<(&Rc<Bell>, Bits)> = None;
+/// The one doorbell that wakes for all sources, and by which bits.
+fn doorbell_of<'a>(sources: &[&'a dyn Source]) -> Option<(&'a Doorbell, Bits)> {
+    let mut found: Option<(&Doorbell, Bits)> = None;
     for source in sources {
-        let Sense::Ear(ear) = source.sense() else {
+        let Sense::Port {
+            doorbell,
+            bits,
+            by_descriptor: false,
+            ..
+        } = source.sense()
+        else {
             return None;
         };
-        let (bell, bits) = ear.bell()?;
         found = match found {
-            None => Some((bell, bits)),
-            Some((other, all)) if Rc::ptr_eq(bell, other) => Some((bell, all | bits)),
+            None => Some((doorbell, bits)),
+            Some((other, all)) if std::ptr::eq(doorbell, other) => Some((doorbell, all | bits)),
             Some(_) => return None,
         };
     }
-    found.map(|(bell, bits)| (bell.as_ref(), bits))
+    found
 }
 
 /// Which sources have something.
@@ -330,45 +353,57 @@ pub(crate) fn look(sources: &[&dyn Source]) -> Ready {
     ready
 }
 
-fn hear_all(sources: &[&dyn Source]) {
+fn drain_all(sources: &[&dyn Source]) {
     for source in sources {
-        hear(*source);
+        drain(*source);
     }
 }
 
-fn hear(source: &dyn Source) {
-    match source.sense() {
-        Sense::Ear(ear) | Sense::Listener(ear) => ear.hear(),
-        Sense::Descriptor(_) => {}
+fn drain(source: &dyn Source) {
+    if let Sense::Port {
+        receiver: Some(receiver),
+        ..
+    } = source.sense()
+    {
+        receiver.drain();
     }
 }
 
-/// The descriptors of all sources; the rest of the array repeats the first.
-fn descriptors<'a>(sources: &[&'a dyn Source]) -> Result<[BorrowedFd<'a>; MAX_SOURCES], WaitError> {
-    let mut descriptors = [descriptor(sources[0])?; MAX_SOURCES];
-    for (descriptor_of, source) in descriptors.iter_mut().zip(sources) {
-        *descriptor_of = descriptor(*source)?;
+/// The sources' descriptors, each with the index of its source; a port whose other side was never there has none.
+type Descriptors<'a> = [Option<BorrowedFd<'a>>; MAX_SOURCES];
+
+fn descriptors<'a>(sources: &[&'a dyn Source]) -> Result<Descriptors<'a>, WaitError> {
+    let mut descriptors = [None; MAX_SOURCES];
+    for (descriptor, source) in descriptors.iter_mut().zip(sources) {
+        *descriptor = match source.sense() {
+            Sense::Port { receiver, .. } => receiver.map(WakeReceiver::descriptor).transpose()?,
+            Sense::Descriptor(descriptor) => Some(descriptor),
+        };
     }
     Ok(descriptors)
-}
-
-fn descriptor<'a>(source: &'a dyn Source) -> Result<BorrowedFd<'a>, WaitError> {
-    Ok(match source.sense() {
-        Sense::Ear(ear) | Sense::Listener(ear) => ear.descriptor()?,
-        Sense::Descriptor(descriptor) => descriptor,
-    })
 }
 
 /// Sleeps once, and adds what is ready; the listeners among them are emptied.
 fn poll_once(
     sources: &[&dyn Source],
-    descriptors: &[BorrowedFd<'_>; MAX_SOURCES],
+    descriptors: &Descriptors<'_>,
     timeout: Duration,
     ready: &mut Ready,
 ) -> Result<Slept, WaitError> {
-    let mut polled =
-        descriptors.map(|descriptor| PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
-    let polled = &mut polled[..sources.len()];
+    let mut indices = [0; MAX_SOURCES];
+    // Filled from the front; what stays is not polled.
+    let mut polled: [PollFd<'_>; MAX_SOURCES] = std::array::from_fn(|_| {
+        PollFd::from_borrowed_fd(rustix::stdio::stdin(), PollFlags::empty())
+    });
+    let mut count = 0;
+    for (index, descriptor) in descriptors.iter().enumerate() {
+        if let Some(descriptor) = descriptor {
+            polled[count] = PollFd::from_borrowed_fd(*descriptor, PollFlags::IN);
+            indices[count] = index;
+            count += 1;
+        }
+    }
+    let polled = &mut polled[..count];
     // Too long for the kernel is as good as for ever: the bound is shorter.
     let timeout = Timespec::try_from(timeout).ok();
     match poll(polled, timeout.as_ref()) {
@@ -377,10 +412,10 @@ fn poll_once(
         Err(Errno::INTR) => return Ok(Slept::Interrupted),
         Err(errno) => return Err(errno.into()),
     }
-    for (index, (polled, source)) in polled.iter().zip(sources).enumerate() {
+    for (polled, index) in polled.iter().zip(indices) {
         if !polled.revents().is_empty() {
             ready.insert(index);
-            hear(*source);
+            drain(sources[index]);
         }
     }
     Ok(Slept::Rung)

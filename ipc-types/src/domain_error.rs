@@ -1,0 +1,88 @@
+//! What can be wrong with a domain, and what to do about it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The domain cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DomainError {
+    /// The root is not usable.
+    #[error(
+        "`{}` is no root for shared memory: use an absolute path of letters, digits, `-`, `_`, `.` and `/`, without `..`", root.display()
+    )]
+    InvalidRoot {
+        /// What was given.
+        root: PathBuf,
+    },
+    /// The root is too long for a socket's name.
+    #[error(
+        "root `{}` has {len} bytes, {max} are possible: choose a shorter root, such as a folder in /tmp", root.display()
+    )]
+    TooLong {
+        /// The root.
+        root: PathBuf,
+        /// Its bytes.
+        len: usize,
+        /// Most bytes.
+        max: usize,
+    },
+    /// A folder of the domain belongs to another user, or others may write to it.
+    #[error("`{}` is not safe to use: {reason}; {next_step}", path.display())]
+    Unsafe {
+        /// Which folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+        /// What the operator can do.
+        next_step: &'static str,
+    },
+    /// A lock changed hands too often.
+    #[error(
+        "`{}` was removed and created again {attempts} times while this process tried to lock it: try again", path.display()
+    )]
+    Unsettled {
+        /// The lock file.
+        path: PathBuf,
+        /// How often it was tried.
+        attempts: u32,
+    },
+    /// There is no room for what this process must create.
+    #[error(
+        "no room in `{}` for the shared memory of this process: remove what fills it (see `df -h` and `df -i`), or enlarge it (`mount -o remount,size=256m /dev/shm`)", path.display()
+    )]
+    NoRoom {
+        /// What could not be created or written.
+        path: PathBuf,
+    },
+    /// The operating system refused something.
+    #[error("cannot {action} `{}`", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// Why not.
+        #[source]
+        source: io::Error,
+    },
+}
+
+impl DomainError {
+    pub(crate) fn io(
+        action: &'static str,
+        path: &Path,
+        source: impl Into<io::Error>,
+    ) -> DomainError {
+        let (path, source) = (path.to_owned(), source.into());
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                DomainError::NoRoom { path }
+            }
+            _ => DomainError::Io {
+                action,
+                path,
+                source,
+            },
+        }
+    }
+}

@@ -1,0 +1,343 @@
+//! The doorbell: wakes processes that sleep for shared memory in about the time of a futex.
+//!
+//! iceoryx2's own events go through a socket: two system calls to send one, two to read it, and one to wait, for each
+//! listener. The doorbell is one page in shared memory for each robot. All its sleepers sleep on one word of it; each says
+//! with a bit for every event which of them are to wake it, so that one sleep serves several ports.
+//!
+//! ```text
+//! sleeper                                  ringer
+//!   seen = rings                             write the data
+//!   sleepers |= my bits                      unless sleepers & bits: done
+//!   look for data: there is some, done       sleepers &= !bits
+//!   sleep while rings == seen                rings += 1, wake those who sleep for bits
+//! ```
+//!
+//! Either the ringer sees the sleeper's bit, or the sleeper sees the data: both write before they read, with a full
+//! barrier between. And a process that has looked in vain either still finds `rings` changed, or is asleep and is woken. So no
+//! wake-up is lost, and while nobody sleeps ringing costs a barrier and a load.
+//!
+//! Nothing of it can be left broken: a sleeper that is killed leaves at most its bit, which costs the next ringer one
+//! system call; a ringer that is killed between data and doorbell leaves a sleep that its bound ends. The numbers in the
+//! page are only hints to look at the data.
+
+use std::fs::File;
+use std::io;
+use std::num::NonZeroU32;
+use std::ptr::{self, NonNull};
+use std::sync::atomic::{AtomicU32, Ordering, fence};
+
+use rustix::fs::{FallocateFlags, fallocate};
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::thread::futex;
+
+use crate::event::Channel;
+use crate::service::{SERVICES, ServiceId};
+use crate::time::MonotonicNs;
+
+/// Length of the page, bytes.
+const LEN: usize = size_of::<Page>();
+
+/// Services that the page tells apart. Those beyond share a place, which wakes a process for nothing now and then.
+const PLACES: usize = 15;
+
+/// What lies in the file. `docs/ipc.md` has it as a table; another layout needs another name for the file.
+#[repr(C, align(64))]
+struct Page {
+    /// Counts the rings; the word to sleep on.
+    rings: AtomicU32,
+    /// The bits that a process sleeps for.
+    sleepers: AtomicU32,
+    /// Counts the generations of the robot's services: another value is a reason to look which one is current.
+    generations: AtomicU32,
+    reserved: u32,
+    /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
+    joined: [AtomicU32; PLACES + 1],
+}
+
+/// Which events wake a sleeper, or are rung.
+pub type Bits = NonZeroU32;
+
+/// Rung when a service has another generation. Every sleeper sleeps for it.
+const GENERATION: Bits = Bits::new(1 << 31).unwrap();
+
+/// A service's place in the page.
+fn place(service: ServiceId) -> usize {
+    const { assert!(SERVICES.len() <= PLACES) };
+    service as usize
+}
+
+/// The bit of one of a service's events.
+pub(crate) fn bits(service: ServiceId, channel: Channel) -> Bits {
+    let direction = match channel {
+        Channel::Samples | Channel::Responses => 0,
+        Channel::Subscribers | Channel::Requests => 1,
+    };
+    const TWO: Bits = Bits::new(2).unwrap();
+    TWO.saturating_pow(2 * place(service) as u32 + direction)
+}
+
+/// How a sleep ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Slept {
+    /// One of the bits was rung.
+    Rung,
+    /// Something was rung before the sleep began: look at the data.
+    Passed,
+    /// The time has come.
+    TimedOut,
+    /// A signal came.
+    Interrupted,
+}
+
+/// The number of rings that a sleeper has seen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen(u32);
+
+/// The doorbell of a robot.
+#[derive(Debug)]
+pub struct Doorbell {
+    page: NonNull<Page>,
+}
+
+// SAFETY: the page is shared between processes, and nothing but atomics.
+#[allow(unsafe_code)]
+unsafe impl Send for Doorbell {}
+// SAFETY: as above.
+#[allow(unsafe_code)]
+unsafe impl Sync for Doorbell {}
+
+impl Doorbell {
+    /// Maps the doorbell that is the content of `file`. A new one is all zeros, so that nobody finds it half made.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory is full.
+    pub(crate) fn map(file: &File) -> io::Result<Doorbell> {
+        // Memory that is full is an error now, not a SIGBUS later.
+        fallocate(file, FallocateFlags::empty(), 0, LEN as u64)?;
+        // SAFETY: a new mapping at an address of the kernel's choice; the file has been made long enough.
+        #[allow(unsafe_code)]
+        let page = unsafe {
+            let access = ProtFlags::READ | ProtFlags::WRITE;
+            mmap(ptr::null_mut(), LEN, access, MapFlags::SHARED, file, 0)?
+        };
+        let page = NonNull::new(page.cast()).ok_or(io::ErrorKind::OutOfMemory)?;
+        Ok(Doorbell { page })
+    }
+
+    fn page(&self) -> &Page {
+        // SAFETY: mapped until the doorbell is dropped, aligned to a page, and nothing but atomics and an unused word, for
+        // which every pattern of bits is a value. Only this user can cut the file short, whom the contract trusts not to.
+        #[allow(unsafe_code)]
+        unsafe {
+            self.page.as_ref()
+        }
+    }
+
+    /// Wakes the processes that sleep for one of `bits`. The data must have been written before.
+    pub(crate) fn ring(&self, bits: Bits) {
+        let page = self.page();
+        fence(Ordering::SeqCst);
+        if page.sleepers.load(Ordering::Relaxed) & bits.get() == 0 {
+            return;
+        }
+        page.sleepers.fetch_and(!bits.get(), Ordering::SeqCst);
+        page.rings.fetch_add(1, Ordering::SeqCst);
+        // All of them; the kernel counts with a signed number.
+        let result = futex::wake_bitset(&page.rings, futex::Flags::empty(), i32::MAX as u32, bits);
+        if let Err(error) = result {
+            tracing::debug!(%error, "nobody was woken");
+        }
+    }
+
+    /// Announces a sleeper. Look for data afterwards, then [`sleep`](Doorbell::sleep).
+    pub(crate) fn listen(&self, bits: Bits) -> Seen {
+        let page = self.page();
+        let seen = page.rings.load(Ordering::SeqCst);
+        page.sleepers
+            .fetch_or((bits | GENERATION).get(), Ordering::SeqCst);
+        fence(Ordering::SeqCst);
+        Seen(seen)
+    }
+
+    /// Sleeps until one of `bits` is rung, or a service has another generation, unless that was since `seen`.
+    ///
+    /// # Errors
+    ///
+    /// When the kernel cannot do that.
+    pub(crate) fn sleep(
+        &self,
+        seen: Seen,
+        bits: Bits,
+        until: MonotonicNs,
+    ) -> Result<Slept, Errno> {
+        let rings = &self.page().rings;
+        let (until, bits) = (until.timespec(), bits | GENERATION);
+        match futex::wait_bitset(rings, futex::Flags::empty(), seen.0, Some(&until), bits) {
+            Ok(()) => Ok(Slept::Rung),
+            Err(Errno::AGAIN) => Ok(Slept::Passed),
+            Err(Errno::TIMEDOUT) => Ok(Slept::TimedOut),
+            Err(Errno::INTR) => Ok(Slept::Interrupted),
+            Err(errno) => Err(errno),
+        }
+    }
+
+    /// Whether a process still waits for all of `bits`: then nobody has rung since it listened.
+    pub(crate) fn is_awaited(&self, bits: Bits) -> bool {
+        !self.page().sleepers.load(Ordering::SeqCst) & bits.get() == 0
+    }
+
+    /// Counts a new subscriber of `service` and wakes its publisher.
+    pub(crate) fn join(&self, service: ServiceId) {
+        self.page().joined[place(service)].fetch_add(1, Ordering::SeqCst);
+        self.ring(bits(service, Channel::Subscribers));
+    }
+
+    /// How many subscribers of `service` have joined so far, wrapping around.
+    pub(crate) fn joined(&self, service: ServiceId) -> u32 {
+        self.page().joined[place(service)].load(Ordering::SeqCst)
+    }
+
+    /// Says that a service has another generation, or none, and wakes every sleeper.
+    pub(crate) fn change_generation(&self) {
+        self.page().generations.fetch_add(1, Ordering::SeqCst);
+        self.ring(GENERATION);
+    }
+
+    /// Another value than before: a service has another generation.
+    pub(crate) fn generations(&self) -> u32 {
+        self.page().generations.load(Ordering::SeqCst)
+    }
+}
+
+impl Drop for Doorbell {
+    fn drop(&mut self) {
+        // SAFETY: mapped by `map` with this length, and no reference to the page outlives the doorbell.
+        #[allow(unsafe_code)]
+        let result = unsafe { munmap(self.page.as_ptr().cast(), LEN) };
+        if let Err(error) = result {
+            tracing::debug!(%error, "the doorbell stays mapped");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    const DATA: ServiceId = ServiceId::HeroTelemetry;
+
+    fn samples() -> Bits {
+        bits(DATA, Channel::Samples)
+    }
+
+    /// Two processes' views of one doorbell.
+    fn doorbells() -> [Doorbell; 2] {
+        let file = tempfile::tempfile().unwrap();
+        [(); 2].map(|()| Doorbell::map(&file).unwrap())
+    }
+
+    fn soon() -> MonotonicNs {
+        MonotonicNs::now() + Duration::from_millis(1)
+    }
+
+    fn late() -> MonotonicNs {
+        MonotonicNs::now() + Duration::from_secs(30)
+    }
+
+    #[test]
+    fn every_event_has_a_bit_of_its_own() {
+        let channels = [
+            Channel::Samples,
+            Channel::Subscribers,
+            Channel::Requests,
+            Channel::Responses,
+        ];
+        let mut all = vec![GENERATION.get()];
+        for spec in &SERVICES {
+            for channel in channels {
+                all.push(bits(spec.id, channel).get());
+            }
+        }
+        assert!(all.iter().all(|bits| bits.count_ones() == 1));
+        all.sort_unstable();
+        all.dedup();
+        // A service publishes or serves, and so needs two of the four.
+        assert_eq!(all.len(), 2 * SERVICES.len() + 1);
+    }
+
+    #[test]
+    fn a_process_that_was_rung_after_listening_does_not_sleep() {
+        let [sleeper, ringer] = doorbells();
+        let seen = sleeper.listen(samples());
+        ringer.ring(samples());
+        assert_eq!(sleeper.sleep(seen, samples(), late()), Ok(Slept::Passed));
+    }
+
+    #[test]
+    fn a_new_generation_wakes_every_sleeper() {
+        let [sleeper, ringer] = doorbells();
+        let before = sleeper.generations();
+        let seen = sleeper.listen(samples());
+        ringer.change_generation();
+        assert_ne!(sleeper.generations(), before);
+        assert_eq!(sleeper.sleep(seen, samples(), late()), Ok(Slept::Passed));
+    }
+
+    #[test]
+    fn a_process_is_not_woken_by_what_it_does_not_sleep_for() {
+        let [sleeper, ringer] = doorbells();
+        let seen = sleeper.listen(samples());
+        ringer.ring(bits(DATA, Channel::Subscribers));
+        ringer.ring(bits(ServiceId::DspTelemetry, Channel::Samples));
+        let slept = sleeper.sleep(seen, samples(), soon());
+        assert_eq!(slept, Ok(Slept::TimedOut));
+        // A bit that was left, as by a process that was killed, does no harm.
+        ringer.ring(samples());
+        ringer.ring(samples());
+        let seen = sleeper.listen(samples());
+        let slept = sleeper.sleep(seen, samples(), soon());
+        assert_eq!(slept, Ok(Slept::TimedOut));
+    }
+
+    /// Both sides keep a count in the place of data. A lost wake-up would be a sleep until `late`.
+    #[test]
+    fn no_ring_is_lost_between_looking_and_sleeping() {
+        const ROUNDS: u32 = 20_000;
+        let doorbells = doorbells();
+        let data = [const { AtomicU32::new(0) }; 2];
+        let sides = [samples(), bits(DATA, Channel::Subscribers)];
+        let play = |me: usize| {
+            let doorbell = &doorbells[me];
+            for round in 1..=ROUNDS {
+                data[me].store(round, Ordering::Release);
+                doorbell.ring(sides[me]);
+                loop {
+                    let seen = doorbell.listen(sides[1 - me]);
+                    if data[1 - me].load(Ordering::Acquire) >= round {
+                        break;
+                    }
+                    let slept = doorbell.sleep(seen, sides[1 - me], late()).unwrap();
+                    assert_ne!(slept, Slept::TimedOut, "round {round}");
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for me in 0..2 {
+                scope.spawn(move || play(me));
+            }
+        });
+    }
+
+    #[test]
+    fn subscribers_are_counted_for_each_service() {
+        let [subscriber, publisher] = doorbells();
+        subscriber.join(DATA);
+        subscriber.join(DATA);
+        assert_eq!(publisher.joined(DATA), 2);
+        assert_eq!(publisher.joined(ServiceId::DspTelemetry), 0);
+    }
+}

@@ -1,0 +1,76 @@
+//! [`Follower`]: which generation of a service is current, and when to open another one.
+
+use std::cell::Cell;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::generation::{self, Generation};
+use crate::open::OpenError;
+use crate::service::ServiceId;
+use crate::session::Session;
+use crate::time::MonotonicNs;
+
+/// How long after a failure the same generation is tried again. A generation that its provider has announced can be opened;
+/// failing means that memory is full, that the service has as many members as it can, or that the provider has just gone.
+const RETRY: Duration = Duration::from_millis(100);
+
+/// Watches the generations of a service for a process that does not provide it.
+pub(crate) struct Follower {
+    session: Arc<Session>,
+    service: ServiceId,
+    folder: PathBuf,
+    /// What the doorbell said at the last look; nothing before the first.
+    seen: Cell<Option<u32>>,
+    /// When to try again what failed.
+    retry: Cell<Option<MonotonicNs>>,
+}
+
+impl Follower {
+    pub(crate) fn new(session: &Arc<Session>, service: ServiceId) -> Follower {
+        Follower {
+            session: Arc::clone(session),
+            service,
+            folder: session.service_folder(service),
+            seen: Cell::new(None),
+            retry: Cell::new(None),
+        }
+    }
+
+    /// Whether there may be another generation than the one that was last looked at.
+    pub(crate) fn is_due(&self) -> bool {
+        self.seen.get() != Some(self.session.doorbell().generations())
+            || self.retry.get().is_some_and(|retry| retry <= MonotonicNs::now())
+    }
+
+    /// Enters the current generation and makes something in it, unless `present` is the current one, or there is none.
+    pub(crate) fn follow<P>(
+        &self,
+        present: Option<&str>,
+        make: impl FnOnce(&Arc<Session>, Generation) -> Result<P, OpenError>,
+    ) -> Result<Option<P>, OpenError> {
+        if !self.is_due() {
+            return Ok(None);
+        }
+        // Before `current` is read: what changes later is seen by the next look.
+        self.seen.set(Some(self.session.doorbell().generations()));
+        self.retry.set(None);
+        let Some(name) = generation::current(&self.folder).filter(|name| present != Some(name))
+        else {
+            return Ok(None);
+        };
+        let made = self
+            .session
+            .enter(self.service, &name)
+            .and_then(|generation| make(&self.session, generation));
+        if made.is_err() {
+            self.retry.set(Some(MonotonicNs::now() + RETRY));
+        }
+        made.map(Some)
+    }
+
+    /// Looks again at the next opportunity, whatever the doorbell says.
+    pub(crate) fn forget(&self) {
+        self.seen.set(None);
+    }
+}

@@ -1,0 +1,368 @@
+//! [`Generation`]: one life of a provider. It begins with an empty folder and a prefix that nobody else has, and when nobody is
+//! in it any more it is deleted as a whole. Nothing in it is ever repaired.
+//!
+//! Its provider makes everything of it and then writes its name into `current`. Others only open what is there. Each of them
+//! holds a shared `flock` on the generation's lock; whoever gets it exclusively knows that nobody is there, and deletes folder
+//! and segments without a look into them.
+
+use std::collections::HashSet;
+use std::ffi::OsStr;
+use std::fs::{self, DirBuilder, File};
+use std::io::{self, Read};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use iceoryx2::prelude::{Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode};
+use rustix::fs::FlockOperation;
+
+use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
+use crate::domain_error::DomainError;
+use crate::iox::{Node, NodeBuilder, Svc};
+use crate::robot_folder::{flock, is_at, is_ours, open_lock_file, open_to_look};
+use crate::{files, random};
+
+/// The file whose lock says that somebody is in the generation.
+const LOCK_FILE: &str = "lock";
+
+/// The file with the name of the generation that lives.
+const CURRENT_FILE: &str = "current";
+
+/// Ends the name of a generation of which nobody knows yet.
+const DRAFT: &str = ".new";
+
+/// How often a process begins anew whose draft was removed before it was locked.
+const BEGIN_ATTEMPTS: u32 = 4;
+
+/// How long iceoryx2 waits for what is half made. A generation is announced when all of it is made; what its members make
+/// later takes microseconds.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// One life of a provider, and this process's part in it.
+#[derive(Debug)]
+pub(crate) struct Generation {
+    /// Nothing only while dropping: the node must go before the lock.
+    node: Option<Node>,
+    lock: File,
+    config: Config,
+    name: String,
+    path: PathBuf,
+    prefix: String,
+}
+
+/// Why a generation cannot be entered.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum EnterError {
+    /// It is being deleted, or is gone: there will be another one.
+    #[error("it has ended")]
+    Ended,
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// iceoryx2 cannot make a node.
+    #[error("iceoryx2 cannot make a node ({0})")]
+    Node(String),
+}
+
+impl Generation {
+    /// Begins a generation in the folder of a service. Nobody knows of it before [`announce`].
+    pub(crate) fn begin(
+        domain: &Domain,
+        service: &Path,
+        process_name: &str,
+    ) -> Result<Generation, EnterError> {
+        let mut attempt = 1;
+        loop {
+            match Generation::try_begin(domain, service, process_name) {
+                // Somebody who removes what is dead took it for that before it was locked.
+                Err(EnterError::Ended) if attempt < BEGIN_ATTEMPTS => attempt += 1,
+                result => return result,
+            }
+        }
+    }
+
+    fn try_begin(
+        domain: &Domain,
+        service: &Path,
+        process_name: &str,
+    ) -> Result<Generation, EnterError> {
+        let name = random::name(GENERATION_LEN);
+        let draft = service.join(format!("{name}{DRAFT}"));
+        let created =
+            files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
+        created.map_err(|error| DomainError::io("create", &draft, error))?;
+        // Locked before it gets its name: a folder without a lock belongs to nobody.
+        let lock = open_lock_file(&draft.join(LOCK_FILE))?.ok_or(EnterError::Ended)?;
+        let path = service.join(&name);
+        if !flock(&lock, FlockOperation::NonBlockingLockShared, &path)? {
+            return Err(EnterError::Ended);
+        }
+        match fs::rename(&draft, &path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Err(EnterError::Ended),
+            Err(error) => Err(DomainError::io("rename", &draft, error).into()),
+            Ok(()) => Generation::with_node(domain, name, path, lock, process_name),
+        }
+    }
+
+    /// Enters a generation that its provider has announced.
+    pub(crate) fn enter(
+        domain: &Domain,
+        service: &Path,
+        name: &str,
+        process_name: &str,
+    ) -> Result<Generation, EnterError> {
+        let path = service.join(name);
+        let lock_path = path.join(LOCK_FILE);
+        let lock = match open_to_look(&lock_path) {
+            Ok(lock) => lock,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(EnterError::Ended),
+            Err(error) => return Err(DomainError::io("open", &lock_path, error).into()),
+        };
+        if !flock(&lock, FlockOperation::NonBlockingLockShared, &lock_path)?
+            || !is_at(&lock, &lock_path)
+        {
+            return Err(EnterError::Ended);
+        }
+        Generation::with_node(domain, name.to_owned(), path, lock, process_name)
+    }
+
+    fn with_node(
+        domain: &Domain,
+        name: String,
+        path: PathBuf,
+        lock: File,
+        process_name: &str,
+    ) -> Result<Generation, EnterError> {
+        let prefix = prefix(domain, &name);
+        let config = config(&path, &prefix)?;
+        let mut generation = Generation {
+            node: None,
+            lock,
+            config,
+            name,
+            path,
+            prefix,
+        };
+        let node_name = NodeName::new(process_name)
+            .map_err(|error| EnterError::Node(format!("{error:?}")))?;
+        let node = files::while_no_port_opens(|| {
+            NodeBuilder::new()
+                .name(&node_name)
+                .config(&generation.config)
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .create::<Svc>()
+        });
+        generation.node = Some(node.map_err(|error| EnterError::Node(format!("{error:?}")))?);
+        Ok(generation)
+    }
+
+    pub(crate) fn node(&self) -> &Node {
+        // Only dropping takes the node away, and nobody can borrow a generation that is being dropped.
+        self.node.as_ref().expect("a generation has a node")
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Drop for Generation {
+    fn drop(&mut self) {
+        drop(self.node.take());
+        let lock_path = self.path.join(LOCK_FILE);
+        let is_last = flock(
+            &self.lock,
+            FlockOperation::NonBlockingLockExclusive,
+            &lock_path,
+        );
+        if is_last.unwrap_or(false) && is_at(&self.lock, &lock_path) {
+            let result = delete(&self.path, HashSet::from([self.prefix.clone()]));
+            if let Err(error) = result {
+                tracing::debug!(%error, "a generation was left behind");
+            }
+        }
+    }
+}
+
+/// Makes the generation the one that others enter.
+pub(crate) fn announce(service: &Path, name: &str) -> Result<(), DomainError> {
+    let path = service.join(CURRENT_FILE);
+    let draft = service.join(format!("{CURRENT_FILE}.{name}"));
+    files::while_no_port_opens(|| fs::write(&draft, name))
+        .and_then(|()| fs::rename(&draft, &path))
+        .map_err(|error| DomainError::io("write", &path, error))
+}
+
+/// Says that no generation lives.
+pub(crate) fn withdraw(service: &Path) {
+    let path = service.join(CURRENT_FILE);
+    if let Err(error) = fs::remove_file(&path) {
+        tracing::debug!(path = %path.display(), %error, "not removed");
+    }
+}
+
+/// The name of the generation that others may enter.
+pub(crate) fn current(service: &Path) -> Option<String> {
+    let file = open_to_look(&service.join(CURRENT_FILE)).ok()?;
+    let mut name = String::new();
+    // One byte more tells a longer one.
+    let limit = GENERATION_LEN as u64 + 1;
+    file.take(limit).read_to_string(&mut name).ok()?;
+    is_name(&name).then_some(name)
+}
+
+fn is_name(name: &str) -> bool {
+    name.len() == GENERATION_LEN && name.bytes().all(|byte| byte.is_ascii_alphanumeric())
+}
+
+fn prefix(domain: &Domain, name: &str) -> String {
+    format!("{}{name}_", domain.tag())
+}
+
+/// What iceoryx2 is told. Only what names the generation matters; the rest is set service by service.
+fn config(path: &Path, prefix: &str) -> Result<Config, DomainError> {
+    let too_long = || DomainError::TooLong {
+        root: path.to_owned(),
+        len: path.as_os_str().len(),
+        max: MAX_GENERATION_LEN - PREFIX_LEN,
+    };
+    if path.as_os_str().len() + prefix.len() > MAX_GENERATION_LEN {
+        return Err(too_long());
+    }
+    let prefix = FileName::new(prefix.as_bytes()).map_err(|_| too_long())?;
+    let root = IoxPath::new(path.as_os_str().as_bytes()).map_err(|_| too_long())?;
+    let mut config = Config::default();
+    config.global.prefix = prefix;
+    config.global.set_root_path(&root);
+    config.global.creation_timeout = CREATION_TIMEOUT;
+    // Only a provider removes what dead members left, and never while it opens something.
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    Ok(config)
+}
+
+/// What iceoryx2 is told of a generation.
+pub(crate) fn config_of(domain: &Domain, service: &Path, name: &str) -> Result<Config, DomainError> {
+    config(&service.join(name), &prefix(domain, name))
+}
+
+/// The generations of a service that there are, drafts included, as names of folders.
+pub(crate) fn names(service: &Path) -> Vec<String> {
+    fs::read_dir(service)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| is_name(without_draft(name)))
+        .collect()
+}
+
+fn without_draft(name: &str) -> &str {
+    name.strip_suffix(DRAFT).unwrap_or(name)
+}
+
+/// Deletes the generations of a service in which nobody is. Returns how many those were.
+pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
+    let mut count = 0;
+    for name in names(service) {
+        let path = service.join(&name);
+        let lock_path = path.join(LOCK_FILE);
+        let Ok(lock) = open_to_look(&lock_path) else {
+            // Its maker was killed before it made the lock, or is about to make it and will then begin anew.
+            let _ = fs::remove_dir(&path);
+            continue;
+        };
+        let is_dead = flock(&lock, FlockOperation::NonBlockingLockExclusive, &lock_path);
+        let prefixes = HashSet::from([prefix(domain, without_draft(&name))]);
+        if is_dead.unwrap_or(false) && is_at(&lock, &lock_path) && delete(&path, prefixes).is_ok() {
+            count += 1;
+        }
+    }
+    count
+}
+
+/// The prefixes of all generations in a robot's folder.
+fn prefixes_in(domain: &Domain, robot_folder: &Path) -> HashSet<String> {
+    let services = fs::read_dir(robot_folder).into_iter().flatten().flatten();
+    services
+        .flat_map(|service| names(&service.path()))
+        .map(|name| prefix(domain, without_draft(&name)))
+        .collect()
+}
+
+/// Deletes a robot's folder that nobody can enter any more, with all generations in it.
+pub(crate) fn delete_robot_folder(domain: &Domain, folder: &Path) -> Result<(), DomainError> {
+    delete(folder, prefixes_in(domain, folder))
+}
+
+/// Deletes segments, then the folder, whose existence is the record of them.
+fn delete(folder: &Path, prefixes: HashSet<String>) -> Result<(), DomainError> {
+    if !prefixes.is_empty() {
+        for path in segments(|name| prefix_of(name).is_some_and(|prefix| prefixes.contains(prefix)))
+        {
+            // Another process may be deleting the same.
+            let _ = fs::remove_file(path);
+        }
+    }
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(DomainError::io("delete", folder, error))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The first letters of a segment's name.
+fn prefix_of(name: &[u8]) -> Option<&str> {
+    str::from_utf8(name.get(..PREFIX_LEN)?).ok()
+}
+
+/// This user's segments with such a name. Costs in proportion to everybody's segments.
+fn segments(mut is_wanted: impl FnMut(&[u8]) -> bool) -> Vec<PathBuf> {
+    fs::read_dir(SHM_DIR)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| is_wanted(OsStr::as_bytes(&entry.file_name())))
+        .filter(|entry| entry.metadata().is_ok_and(|metadata| is_ours(&metadata)))
+        .map(|entry| entry.path())
+        .collect()
+}
+
+/// The domain's segments, in whichever generation.
+pub(crate) fn segments_of(domain: &Domain) -> Vec<PathBuf> {
+    let tag = domain.tag();
+    segments(|name| {
+        prefix_of(name).is_some_and(|prefix| prefix.starts_with(&tag) && prefix.ends_with('_'))
+    })
+}
+
+/// Segments of generations that have no folder any more: nobody can open them, and nobody will delete them.
+pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
+    // Listed before the folders: a generation has its folder before its first segment.
+    let mut segments = segments_of(domain);
+    if !segments.is_empty() {
+        let robots = fs::read_dir(domain.root()).into_iter().flatten().flatten();
+        let known: HashSet<String> = robots
+            .flat_map(|robot| prefixes_in(domain, &robot.path()))
+            .collect();
+        segments.retain(|path| {
+            let name = path.file_name().map(OsStr::as_bytes).unwrap_or_default();
+            prefix_of(name).is_some_and(|prefix| !known.contains(prefix))
+        });
+    }
+    segments
+}
+
+/// Deletes the [`orphans`]. Returns how many those were.
+pub(crate) fn delete_orphans(domain: &Domain) -> usize {
+    orphans(domain)
+        .iter()
+        .filter(|path| fs::remove_file(path).is_ok())
+        .count()
+}

@@ -1,0 +1,195 @@
+//! The thread of a process that provides something: it removes what dead members left, beside everything that carries data.
+//!
+//! Removing is best effort, through iceoryx2's own means, and only the provider of a generation does it. What cannot be
+//! removed is left behind: when it becomes much, or removing stalls, the provider begins a new generation, and the old one is
+//! deleted when its last member has gone.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Weak};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{DeadNodeView, NodeDetails, NodeView};
+use iceoryx2::prelude::{CallbackProgression, NodeState};
+
+use crate::domain::Domain;
+use crate::generation::{self, Generation};
+use crate::iox::{Node, Svc};
+use crate::{files, robot_folder};
+
+/// How often it looks for dead members: their partners are told of the death after that time.
+const PERIOD: Duration = Duration::from_millis(500);
+
+/// Deaths in one generation after which another begins. A member that was killed while it started can leave some files that
+/// nobody knows of, up to 2 MB.
+const MAX_DEATHS: u32 = 256;
+
+/// Dead members that cannot be removed, after which another generation begins.
+const MAX_STUCK: u32 = 8;
+
+/// A generation that is looked after.
+#[derive(Debug)]
+pub(crate) struct Tended {
+    config: Config,
+    domain: Domain,
+    /// The folder of the service.
+    service: PathBuf,
+    deaths: AtomicU32,
+    is_worn: AtomicBool,
+}
+
+impl Tended {
+    pub(crate) fn new(domain: &Domain, service: PathBuf, generation: &Generation) -> Arc<Tended> {
+        Arc::new(Tended {
+            config: generation.config().clone(),
+            domain: domain.clone(),
+            service,
+            deaths: AtomicU32::new(0),
+            is_worn: AtomicBool::new(false),
+        })
+    }
+
+    /// Whether its provider should begin another generation.
+    pub(crate) fn is_worn(&self) -> bool {
+        self.is_worn.load(Ordering::Relaxed)
+    }
+
+    /// Asks its provider to begin another generation.
+    pub(crate) fn wear_out(&self, why: &str) {
+        if !self.is_worn.swap(true, Ordering::Relaxed) {
+            tracing::info!(service = %self.service.display(), why, "a new generation of shared memory begins");
+        }
+    }
+
+    fn tend(&self) {
+        let pass = catch_unwind(AssertUnwindSafe(|| {
+            files::while_no_port_opens(|| remove_dead(&self.config))
+        }));
+        let Ok(pass) = pass else {
+            return self.wear_out("a dead process could not be removed");
+        };
+        let deaths = self.deaths.fetch_add(pass.removed, Ordering::Relaxed) + pass.removed;
+        if deaths >= MAX_DEATHS {
+            self.wear_out("many processes died in the old one");
+        } else if pass.stuck >= MAX_STUCK {
+            self.wear_out("dead processes cannot be removed");
+        }
+        generation::delete_dead(&self.domain, &self.service);
+    }
+}
+
+/// What a pass over the members of a generation did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Pass {
+    /// Dead members that were removed.
+    pub(crate) removed: u32,
+    /// Dead members that could not be.
+    pub(crate) stuck: u32,
+}
+
+fn remove_dead(config: &Config) -> Pass {
+    let mut pass = Pass::default();
+    let listed = Node::list(config, |state| {
+        if let NodeState::Dead(node) = state {
+            let result = match node.details() {
+                Some(_) => node.try_remove_stale_resources(),
+                // iceoryx2 itself would look in its global configuration.
+                None => DeadNodeView::<Svc>::__internal_try_remove_stale_resources(
+                    *node.id(),
+                    NodeDetails::__internal_new(&None, config),
+                ),
+            };
+            match result {
+                Ok(()) => pass.removed += 1,
+                Err(error) => {
+                    tracing::debug!(?error, "a dead process was not removed");
+                    pass.stuck += 1;
+                }
+            }
+        }
+        CallbackProgression::Continue
+    });
+    if let Err(error) = listed {
+        tracing::debug!(?error, "the members of a generation cannot be listed");
+    }
+    pass
+}
+
+/// What the thread is told.
+enum Order {
+    Tend(Weak<Tended>),
+    /// Something whose removal may take long.
+    Drop(Box<dyn Any + Send>),
+}
+
+/// The thread; it ends when this is dropped.
+#[derive(Debug)]
+pub(crate) struct Housekeeper {
+    /// Nothing only while dropping.
+    orders: Option<Sender<Order>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Housekeeper {
+    pub(crate) fn start(domain: &Domain) -> Housekeeper {
+        let (sender, orders) = mpsc::channel();
+        let domain = domain.clone();
+        let thread = thread::Builder::new()
+            .name("housekeeper".to_owned())
+            .spawn(move || keep_house(&domain, &orders))
+            .inspect_err(|error| tracing::warn!(%error, "nobody removes what dead processes leave"))
+            .ok();
+        Housekeeper {
+            orders: Some(sender),
+            thread,
+        }
+    }
+
+    /// Looks after a generation for as long as it is held.
+    pub(crate) fn tend(&self, tended: &Arc<Tended>) {
+        self.order(Order::Tend(Arc::downgrade(tended)));
+    }
+
+    /// Drops something on the thread.
+    pub(crate) fn drop_later(&self, thing: impl Any + Send) {
+        self.order(Order::Drop(Box::new(thing)));
+    }
+
+    fn order(&self, order: Order) {
+        if let Some(orders) = &self.orders {
+            // Without the thread the order is dropped here, and with it what it holds.
+            let _ = orders.send(order);
+        }
+    }
+}
+
+impl Drop for Housekeeper {
+    fn drop(&mut self) {
+        drop(self.orders.take());
+        if let Some(thread) = self.thread.take() {
+            // A panic in it has been reported.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
+    robot_folder::delete_discarded(domain);
+    generation::delete_orphans(domain);
+    let mut tended: Vec<Weak<Tended>> = Vec::new();
+    loop {
+        match orders.recv_timeout(PERIOD) {
+            Ok(Order::Tend(one)) => tended.push(one),
+            Ok(Order::Drop(thing)) => drop(thing),
+            Err(RecvTimeoutError::Timeout) => {
+                tended.retain(|one| one.upgrade().inspect(|one| one.tend()).is_some());
+            }
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! Who provides a service of a robot: one live process at most.
+//!
+//! It holds an exclusive `flock` on the lock in the service's folder, and has written into it who it is. The file stays when
+//! the provider goes, for the next one.
+
+use std::fs::{self, File};
+use std::io::{self, Seek, Write};
+use std::os::unix::fs::{FileExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rustix::fs::FlockOperation;
+
+use crate::domain_error::DomainError;
+use crate::robot_folder::{flock, make_folder, open_lock_file, open_to_look};
+
+/// The file in a service's folder that its provider has locked.
+const LOCK_FILE: &str = "lock";
+
+/// How often and how long a provider waits for processes that only look whether there is one.
+///
+/// A look takes microseconds; a live provider keeps its lock for good. Twenty looks in a row at one service are not
+/// chance.
+const ATTEMPTS: u32 = 20;
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// Largest content: a process, a time, two namespaces and a name.
+const MAX_LEN: usize = 256;
+
+/// Who provides a service.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Provider {
+    /// Its process, as it is numbered in its own PID namespace.
+    pub pid: u32,
+    /// The name that the process joined with.
+    pub process: String,
+    /// When it began to provide the service, host monotonic ns: tells a restarted provider from its predecessor.
+    pub since_ns: u64,
+    /// The PID namespace of its process; 0 when the operating system did not say.
+    pub pid_namespace: u64,
+    /// The time namespace of its process; 0 when the operating system did not say. In another one the monotonic clock has
+    /// another zero.
+    pub time_namespace: u64,
+}
+
+impl Provider {
+    /// This process, which begins to provide something at `since_ns`.
+    pub(crate) fn this_process(process: &str, since_ns: u64) -> Provider {
+        Provider {
+            pid: std::process::id(),
+            process: process.to_owned(),
+            since_ns,
+            pid_namespace: namespace("pid"),
+            time_namespace: namespace("time"),
+        }
+    }
+
+    /// Whether its process id means the same process here.
+    pub fn shares_pids(&self) -> bool {
+        self.pid_namespace == namespace("pid")
+    }
+
+    /// Whether its times mean the same moments here.
+    pub fn shares_clock(&self) -> bool {
+        self.time_namespace == namespace("time")
+    }
+}
+
+/// The number of a namespace of this process.
+fn namespace(kind: &str) -> u64 {
+    fs::metadata(format!("/proc/self/ns/{kind}")).map_or(0, |metadata| metadata.ino())
+}
+
+/// The one live provider of a service of a robot: an exclusive lock.
+#[derive(Debug)]
+pub(crate) struct ProviderLock {
+    _file: File,
+}
+
+impl ProviderLock {
+    /// Becomes the provider of the service in `folder`, or says who is.
+    pub(crate) fn acquire(
+        folder: &Path,
+        provider: &Provider,
+    ) -> Result<Result<ProviderLock, Option<Provider>>, DomainError> {
+        make_folder(folder)?;
+        let path = folder.join(LOCK_FILE);
+        let Some(mut file) = open_lock_file(&path)? else {
+            return Err(DomainError::Unsettled { path, attempts: 1 });
+        };
+        for _ in 0..ATTEMPTS {
+            if flock(&file, FlockOperation::NonBlockingLockExclusive, &path)? {
+                write(&mut file, provider)
+                    .map_err(|error| DomainError::io("write", &path, error))?;
+                return Ok(Ok(ProviderLock { _file: file }));
+            }
+            std::thread::sleep(PAUSE);
+        }
+        Ok(Err(read(&file)))
+    }
+}
+
+/// Looks for the live provider of a service, time and again: two system calls each time while there is one.
+#[derive(Debug)]
+pub(crate) struct ProviderWatch {
+    path: PathBuf,
+    /// Kept while the provider lives: its file is not removed before the robot's folder is.
+    file: Option<File>,
+}
+
+impl ProviderWatch {
+    /// Watches the service in `folder`, which need not have been provided yet.
+    pub(crate) fn new(folder: &Path) -> ProviderWatch {
+        ProviderWatch {
+            path: folder.join(LOCK_FILE),
+            file: None,
+        }
+    }
+
+    /// The live provider, if there is one now.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be opened or locked.
+    pub(crate) fn look(&mut self) -> Result<Option<Provider>, DomainError> {
+        let file = match self.file.take() {
+            Some(file) => file,
+            None => match open_to_look(&self.path) {
+                Ok(file) => file,
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+                Err(error) => return Err(DomainError::io("open", &self.path, error)),
+            },
+        };
+        // When it is got, nobody has it; closing the file gives it back.
+        if flock(&file, FlockOperation::NonBlockingLockShared, &self.path)? {
+            return Ok(None);
+        }
+        // A provider that has the lock but not yet written its name counts as being there.
+        let provider = read(&file).unwrap_or(Provider {
+            pid: 0,
+            process: "unknown".to_owned(),
+            since_ns: 0,
+            pid_namespace: 0,
+            time_namespace: 0,
+        });
+        self.file = Some(file);
+        Ok(Some(provider))
+    }
+}
+
+fn write(file: &mut File, provider: &Provider) -> io::Result<()> {
+    let Provider {
+        pid,
+        process,
+        since_ns,
+        pid_namespace,
+        time_namespace,
+    } = provider;
+    let text = format!("{pid} {since_ns} {pid_namespace} {time_namespace} {process}\n");
+    file.set_len(0)?;
+    file.rewind()?;
+    file.write_all(text.as_bytes())
+}
+
+fn read(file: &File) -> Option<Provider> {
+    let mut text = [0; MAX_LEN];
+    let len = file.read_at(&mut text, 0).ok()?;
+    parse(str::from_utf8(&text[..len]).ok()?)
+}
+
+fn parse(text: &str) -> Option<Provider> {
+    let mut words = text.trim_end().splitn(5, ' ');
+    Some(Provider {
+        pid: words.next()?.parse().ok()?,
+        since_ns: words.next()?.parse().ok()?,
+        pid_namespace: words.next()?.parse().ok()?,
+        time_namespace: words.next()?.parse().ok()?,
+        process: words.next()?.to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_service_has_one_provider_who_can_be_named() {
+        let folder = crate::files::test_folder();
+        let service = folder.path().join("service");
+        let mut watch = ProviderWatch::new(&service);
+        assert_eq!(watch.look().unwrap(), None);
+        let [one, other] = [7, 8].map(|since_ns| Provider::this_process("bridge", since_ns));
+        let lock = ProviderLock::acquire(&service, &one).unwrap().unwrap();
+        assert_eq!(watch.look().unwrap().as_ref(), Some(&one));
+        assert!(one.shares_pids() && one.shares_clock());
+        let refused = ProviderLock::acquire(&service, &other).unwrap();
+        assert_eq!(refused.unwrap_err(), Some(one));
+        drop(lock);
+        assert_eq!(watch.look().unwrap(), None);
+        let _lock = ProviderLock::acquire(&service, &other).unwrap().unwrap();
+        assert_eq!(watch.look().unwrap(), Some(other));
+    }
+
+    #[test]
+    fn half_a_line_names_nobody() {
+        for text in ["", "7", "7 8 9 10", "x 8 9 10 bridge"] {
+            assert_eq!(parse(text), None, "{text}");
+        }
+    }
+}
