@@ -188,11 +188,13 @@ impl Drop for Generation {
     }
 }
 
-/// Makes the generation the one that others enter.
-pub(crate) fn announce(service: &Path, name: &str) -> Result<(), DomainError> {
+/// Makes the generation the one that others enter: its name, and the prefix of its segments, which programs need that use
+/// iceoryx2 by themselves.
+pub(crate) fn announce(domain: &Domain, service: &Path, name: &str) -> Result<(), DomainError> {
     let path = service.join(CURRENT_FILE);
     let draft = service.join(format!("{CURRENT_FILE}.{name}"));
-    files::while_no_port_opens(|| fs::write(&draft, name))
+    let text = format!("{name} {}\n", prefix(domain, name));
+    files::while_no_port_opens(|| fs::write(&draft, text))
         .and_then(|()| fs::rename(&draft, &path))
         .map_err(|error| DomainError::io("write", &path, error))
 }
@@ -208,11 +210,11 @@ pub(crate) fn withdraw(service: &Path) {
 /// The name of the generation that others may enter.
 pub(crate) fn current(service: &Path) -> Option<String> {
     let file = open_to_look(&service.join(CURRENT_FILE)).ok()?;
-    let mut name = String::new();
-    // One byte more tells a longer one.
-    let limit = GENERATION_LEN as u64 + 1;
-    file.take(limit).read_to_string(&mut name).ok()?;
-    is_name(&name).then_some(name)
+    let mut text = String::new();
+    let limit = GENERATION_LEN + 1 + PREFIX_LEN + 1;
+    file.take(limit as u64).read_to_string(&mut text).ok()?;
+    let (name, _prefix) = text.trim_end().split_once(' ')?;
+    is_name(name).then(|| name.to_owned())
 }
 
 fn is_name(name: &str) -> bool {

@@ -172,7 +172,7 @@ impl Session {
         let tended = Tended::new(domain, folder.clone(), &generation);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
-        generation::announce(&folder, &name)?;
+        generation::announce(domain, &folder, &name)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)

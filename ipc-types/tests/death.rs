@@ -166,7 +166,7 @@ fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
         epochs.dedup();
         assert_eq!(epochs.len(), 3);
         let losses = subscriber.losses();
-        assert_eq!((losses.lost, losses.publisher_changes), (0, 2));
+        assert_eq!((losses.lost, losses.publisher_restarts), (0, 2));
         // The last one's remains are still there: nobody came after it.
         assert_eq!((ipc.clean_dead().removed, ipc.clean_dead().removed), (1, 0));
     });

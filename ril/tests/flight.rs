@@ -257,7 +257,7 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     // Telemetry in SI units came from the same status all the time.
     let finished = end(echo, Signal::INT);
     assert!(
-        says(&finished.stderr, " 0 publisher changes"),
+        says(&finished.stderr, " 0 publisher restarts"),
         "{finished:#?}"
     );
     crew.status

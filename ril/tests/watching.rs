@@ -54,7 +54,7 @@ fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
         "{finished:#?}"
     );
     assert!(
-        summary(&finished).ends_with("0 lost, 0 publisher changes"),
+        summary(&finished).ends_with("0 lost, 0 publisher restarts"),
         "{finished:#?}"
     );
 }
@@ -111,7 +111,7 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
     let finished = echo.wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
     assert!(
-        summary(&finished).ends_with("0 lost, 1 publisher changes"),
+        summary(&finished).ends_with("0 lost, 1 publisher restarts"),
         "{finished:#?}"
     );
 
@@ -151,7 +151,7 @@ fn losses_are_counted_and_never_hidden() {
     assert!(printed.is_sorted());
     let lost = SAMPLES - printed.len() as u64;
     assert!(lost > 0, "nothing was lost, so nothing was tested");
-    let expected = format!(", {lost} lost, 0 publisher changes");
+    let expected = format!(", {lost} lost, 0 publisher restarts");
     assert!(
         summary(&finished).ends_with(&expected),
         "{expected}: {}",

@@ -32,7 +32,7 @@ pub struct InputCounts {
     /// Samples that were published and not received.
     pub lost: u64,
     /// How often another bridge took over.
-    pub publisher_changes: u64,
+    pub publisher_restarts: u64,
 }
 
 /// Something that the operator should know.
@@ -169,7 +169,7 @@ impl Status {
 
     /// Takes note of what the subscriber has counted by `now`.
     pub fn count(&mut self, counts: InputCounts, now: MonotonicNs) {
-        if counts.publisher_changes > self.input.counts.publisher_changes {
+        if counts.publisher_restarts > self.input.counts.publisher_restarts {
             self.events.push(Event::PublisherRestarted);
         }
         self.input.counts = counts;
@@ -347,7 +347,7 @@ mod tests {
         let counts = |received, lost| InputCounts {
             received,
             lost,
-            publisher_changes: 0,
+            publisher_restarts: 0,
         };
         status.count(counts(1, 0), START);
         assert!(events(&mut status).is_empty());
@@ -366,7 +366,7 @@ mod tests {
     fn another_bridge_is_reported() {
         let mut status = without_logs();
         let counts = InputCounts {
-            publisher_changes: 1,
+            publisher_restarts: 1,
             ..InputCounts::default()
         };
         status.count(counts, START);

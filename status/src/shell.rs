@@ -25,10 +25,6 @@ use crate::estimator::Estimator;
 use crate::log::store::{FileStore, Store};
 use log_thread::{END_TIMEOUT, LogThreads};
 
-/// How often the resources of dead processes are removed, so that a bridge that was killed is noticed and its place is
-/// free for the next.
-const CLEANING_PERIOD: Duration = Duration::from_secs(1);
-
 /// The process with its surroundings.
 pub struct Shell {
     status: Status,
@@ -39,7 +35,6 @@ pub struct Shell {
     output: Publisher<HeroTelemetry>,
     ipc: Ipc,
     notifier: Notifier,
-    next_cleaning: MonotonicNs,
     next_watchdog: Option<MonotonicNs>,
     /// Whether the last attempt to receive failed, so that a series of failures is logged once.
     input_failing: bool,
@@ -101,7 +96,6 @@ impl Shell {
             input,
             output,
             ipc,
-            next_cleaning: now + CLEANING_PERIOD,
             next_watchdog: notifier.watchdog_period().map(|period| now + period),
             notifier,
             input_failing: false,
@@ -148,22 +142,18 @@ impl Shell {
 
     /// Services every source that may have woken us, and does what is due.
     fn step(&mut self) {
-        self.output.welcome();
+        self.output.tend();
         self.drain();
         let now = MonotonicNs::now();
         let losses = self.input.losses();
         let counts = InputCounts {
             received: losses.received,
             lost: losses.lost,
-            publisher_changes: losses.publisher_changes,
+            publisher_restarts: losses.publisher_restarts,
         };
         self.status.count(counts, now);
         self.status.on_time(now);
         self.log_events();
-        if self.next_cleaning <= now {
-            self.next_cleaning = now + CLEANING_PERIOD;
-            self.ipc.clean_dead();
-        }
         if self.next_watchdog.is_some_and(|due| due <= now) {
             self.next_watchdog = self.notifier.watchdog_period().map(|period| now + period);
             self.notifier.watchdog();
@@ -193,7 +183,7 @@ impl Shell {
         [self.status.deadline(), self.next_watchdog]
             .into_iter()
             .flatten()
-            .fold(self.next_cleaning, MonotonicNs::min)
+            .fold(MonotonicNs(u64::MAX), MonotonicNs::min)
     }
 
     fn log_events(&mut self) {

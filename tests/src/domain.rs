@@ -58,23 +58,6 @@ impl TestDomain {
         }
     }
 
-    /// Writes the settings file of the domain, for programs in other languages (docs/ipc.md section 10). Somebody must have
-    /// joined. It goes with the domain.
-    ///
-    /// The processes of the RIL write it by themselves. Who joins an isolated domain does not, because the settings are
-    /// those of a whole process, and one with tests joins many domains.
-    ///
-    /// # Panics
-    ///
-    /// When the folder of the domain does not exist, because nobody has joined.
-    pub fn write_settings(&self) {
-        let (root, prefix) = (self.root().display(), self.prefix());
-        let text = format!("[global]\nroot-path = \"{root}\"\nprefix = \"{prefix}\"\n");
-        if let Err(error) = std::fs::write(self.root().join("iceoryx2.toml"), text) {
-            panic!("the settings of the test's domain cannot be written: {error}");
-        }
-    }
-
     /// Asserts that nothing of the domain exists at this moment: for tests that go on after everybody left.
     ///
     /// # Panics
@@ -158,7 +141,6 @@ mod tests {
         let domain = TestDomain::new();
         domain.assert_empty();
         let ipc = domain.join("consumer");
-        domain.write_settings();
         assert!(!domain.residue().is_empty());
         drop(ipc);
         domain.assert_empty();

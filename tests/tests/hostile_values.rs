@@ -75,7 +75,7 @@ fn nothing_that_cannot_be_is_translated_whatever_was_published() {
         let counts = InputCounts {
             received: dsp.sequence,
             lost: dsp.epoch_ns,
-            publisher_changes: dsp.received_ns,
+            publisher_restarts: dsp.received_ns,
         };
         status.count(counts, now);
         status.on_time(now);

@@ -67,8 +67,8 @@ impl Services {
 
     /// Takes everything that is there into `inbox`, which keeps its memory.
     pub fn drain(&mut self, inbox: &mut Vec<Incoming>) {
-        self.telemetry.welcome();
-        self.state.welcome();
+        self.telemetry.tend();
+        self.state.tend();
         let audit = &self.audit;
         drain(
             &mut self.control,

@@ -21,9 +21,9 @@ use crate::safety::fence::Fence;
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
 
-/// How often dead processes are cleaned up after, so that the death of a client is noticed: at the first wake after that
-/// time, no process is woken for it.
-const CLEANING_PERIOD: Duration = Duration::from_millis(500);
+/// How often the services are drained though nothing has woken the bridge for them, and the supervisor is told that the bridge
+/// works: at the first wake after that time, no process is woken for it.
+const ROUND_PERIOD: Duration = Duration::from_millis(500);
 
 /// The place of the serial port among the sources of a wait: the last, because it may be absent.
 const LINE: usize = 6;
@@ -81,7 +81,7 @@ pub fn run(
         other_profile: false,
     };
     let waiter = Waiter::new();
-    let mut next_cleaning = MonotonicNs::now() + CLEANING_PERIOD;
+    let mut next_round = MonotonicNs::now() + ROUND_PERIOD;
     shell.open_port(MonotonicNs::now())?;
     wake_promptly(Place::Provider);
     supervisor.ready();
@@ -92,11 +92,10 @@ pub fn run(
     while !shell.may_end(&mut end, termination.requested(), wind_down_time(config)) {
         shell.drain(wake)?;
         let now = MonotonicNs::now();
-        if now >= next_cleaning {
-            ipc.clean_dead();
+        if now >= next_round {
             supervisor.watchdog();
-            next_cleaning = now + CLEANING_PERIOD;
-            // Also for what causes no wake-up: a sender that has room again for its final report.
+            next_round = now + ROUND_PERIOD;
+            // For what causes no wake-up: a sender that has room again for its final report.
             shell.serve(now);
         }
         wake = shell.sleep(&waiter, termination, end)?;

@@ -142,8 +142,8 @@ impl Seen {
         } else {
             String::new()
         };
-        let (lost, changes) = (losses.lost, losses.publisher_changes);
-        format!("{count} samples{rate}, {lost} lost, {changes} publisher changes")
+        let (lost, changes) = (losses.lost, losses.publisher_restarts);
+        format!("{count} samples{rate}, {lost} lost, {changes} publisher restarts")
     }
 }
 
@@ -201,12 +201,12 @@ mod tests {
         let mut seen = Seen::default();
         let losses = Losses {
             lost: 3,
-            publisher_changes: 1,
+            publisher_restarts: 1,
             ..Losses::default()
         };
         assert_eq!(
             seen.summary(losses),
-            "0 samples, 3 lost, 1 publisher changes"
+            "0 samples, 3 lost, 1 publisher restarts"
         );
         for index in 0..5 {
             seen.take(&DspTelemetry {
@@ -216,7 +216,7 @@ mod tests {
         }
         assert_eq!(
             seen.summary(Losses::default()),
-            "5 samples at 50.0 a second, 0 lost, 0 publisher changes"
+            "5 samples at 50.0 a second, 0 lost, 0 publisher restarts"
         );
     }
 }

@@ -39,8 +39,6 @@ pub(super) fn watch<T: Topic>(
                 session.wait(&[&*samples], Some(until))?;
             }
             Next::Look => {
-                // Nobody else may be there to notice that a publisher was killed.
-                session.ipc.clean_dead();
                 patience.provider(session.is_provided(T::SERVICE)?, now);
             }
             end => return Ok(end),

@@ -142,12 +142,10 @@ pub struct Counts {
     pub lost: u64,
     /// The same in percent of those that should have come.
     pub lost_percent: f64,
-    /// Samples of an earlier publisher that came late, and were dropped.
-    pub stale: u64,
     /// Samples that came twice; the second was dropped.
     pub repeated: u64,
     /// How often another publisher took over.
-    pub publisher_changes: u64,
+    pub publisher_restarts: u64,
 }
 
 impl Counts {
@@ -161,9 +159,8 @@ impl Counts {
             seconds: rounded(seconds, 6),
             lost: losses.lost,
             lost_percent: rounded(100.0 * losses.lost as f64 / due.max(1) as f64, 4),
-            stale: losses.stale,
             repeated: losses.repeated,
-            publisher_changes: losses.publisher_changes,
+            publisher_restarts: losses.publisher_restarts,
         }
     }
 }
@@ -172,14 +169,14 @@ impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{} of robot {}: {} samples in {:.3} s, {} lost ({:.2} %), {} publisher changes",
+            "{} of robot {}: {} samples in {:.3} s, {} lost ({:.2} %), {} publisher restarts",
             self.service,
             self.robot,
             self.samples,
             self.seconds,
             self.lost,
             self.lost_percent,
-            self.publisher_changes
+            self.publisher_restarts
         )
     }
 }

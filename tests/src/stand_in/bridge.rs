@@ -369,8 +369,8 @@ impl Ports for BridgePorts {
     }
 
     fn drain(&mut self) -> bool {
-        self.telemetry.welcome();
-        self.state.welcome();
+        self.telemetry.tend();
+        self.state.tend();
         let mut gone = Vec::new();
         self.control.vanished(|_, id| gone.push(id));
         self.movement.vanished(|_, id| gone.push(id));

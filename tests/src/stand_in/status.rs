@@ -68,7 +68,7 @@ impl Ports for StatusPorts {
     }
 
     fn drain(&mut self) -> bool {
-        self.telemetry.welcome();
+        self.telemetry.tend();
         true
     }
 }
