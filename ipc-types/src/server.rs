@@ -1,11 +1,14 @@
 //! [`Server`]: takes requests and answers each with a stream of reports that ends in a final word.
 
+use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
 use iceoryx2::active_request::ActiveRequest;
-use iceoryx2::port::{BackpressureAction, LoanError, SendError as IoxSendError};
-use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::identifiers::UniqueClientId;
+use iceoryx2::port::update_connections::{ConnectionFailure, UpdateConnections};
+use iceoryx2::port::{BackpressureAction, LoanError, ReceiveError, SendError as IoxSendError};
+use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 
@@ -13,28 +16,48 @@ use crate::code::{Reason, Stage};
 use crate::domain::OwnerLock;
 use crate::ear::{Ear, Signal};
 use crate::event::Channel;
-use crate::iox::Svc;
+use crate::iox::{RequestService, Svc};
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
-use crate::service::{MAX_PROVIDERS, Request};
+use crate::service::{
+    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER, Request,
+};
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, Waiter, Wake, sealed};
 
-/// Requests that may be open at a server at once: three whole paths of 64 waypoints and 64 single requests.
+/// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for requests
+/// that their clients gave up, from one call of [`Server::vanished`] to the next.
 ///
-/// One more is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
-pub const MAX_OPEN_TICKETS: u32 = 256;
+/// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who vanished,
+/// is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
+pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
-/// Reports that may be on their way to clients at once, at one server: eight for each open request.
+/// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that the
+/// client has given up; and the request that is being filled in.
+const CHANNELS_PER_CLIENT: usize = MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1;
+
+/// Memory for reports: as many as clients can leave unread in all channels, and hold in those of open requests, and one that
+/// is being filled in. So a client that never reads does not take the memory for the reports to another.
 ///
-/// iceoryx2 would reserve for the worst case of all clients at once, 30 MB for every client that connects. At the bound
-/// the server is told [`ReportError::BufferFull`], as when one client's buffer is full.
-const MAX_REPORTS_IN_FLIGHT: usize = 8 * MAX_OPEN_TICKETS as usize;
+/// iceoryx2's own number counts only the channels of requests that are open or were given up just now. What a client has
+/// not read of earlier ones lies in the other channels until the client uses them again and reads.
+const MAX_REPORTS: usize = MAX_CLIENTS
+    * (CHANNELS_PER_CLIENT * RESPONSE_BUFFER + MAX_OUTSTANDING * MAX_BORROWED_REPORTS)
+    + 1;
 
-/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop.
-const MAX_REQUESTS_PER_DRAIN: usize = 256;
+/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop: all that all clients can
+/// have open, 128, and as many of clients that have gone.
+const MAX_REQUESTS_PER_DRAIN: usize = 2 * MAX_CLIENTS * MAX_OUTSTANDING;
+
+/// From so many incidents on, each of which may have made iceoryx2 keep a connection for good, a server [is
+/// worn](Server::is_worn): half of the 128 that it can keep before it ends the process.
+const MAX_WEAR: u32 = 64;
+
+/// How long a client may stay without a connection until the server [is worn](Server::is_worn). One that died meanwhile has
+/// been cleaned up after by then.
+const UNCONNECTED_TIME: Duration = Duration::from_secs(2);
 
 /// Requests could not be received.
 #[derive(Debug, thiserror::Error)]
@@ -65,37 +88,92 @@ pub enum ReportError {
 ///
 /// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
 /// final stage closes it.
+///
+/// # What iceoryx2 0.10 asks of a server
+///
+/// iceoryx2 addresses a report by the client's place in the list of clients, which another client may have taken meanwhile;
+/// and a connection to a client that is gone is kept as long as the server holds a request of it. Both change only while the
+/// connections are updated, which receiving does, and asking for requests. Therefore:
+///
+/// * after each update, and before anything is sent or dropped, the requests of clients that are not in the list any more
+///   are closed here. A client leaves the list before its place is given away, and never comes back: so whoever is missing
+///   in an update is missing in a later look at the list;
+/// * a request whose end would close the channel of another client is held back until it does not (`held_back`);
+/// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its list
+///   when one that is still held lies before two that are not (`port/details/receiver.rs:450`, `skip` and then
+///   `enumerate`).
+///
+/// Places where iceoryx2 ends the process because of what a client did, and why they are not reached:
+///
+/// | place | when | |
+/// |---|---|---|
+/// | `port/details/receiver.rs:313` | 129 clients are gone of which requests are held | none is held, see above |
+/// | `port/details/receiver.rs:239` | 144 connections are kept | as above; [`Server::is_worn`] tells in time |
+/// | `port/client.rs` `loan_chunk`, `release_request` | the client's own channels are used up | in the client only |
+/// | `port/details/sender.rs` `allocate` | a chunk is given out twice | needs a client that writes where it must not |
+/// | `zero_copy_connection/common.rs` `channels[…]`, `reclaim`; `segment_state.rs` | a channel, an offset or a size that is none | needs a client that writes where it must not |
+///
+/// The last two are beyond what a port can do: processes of one user trust one another (docs/ipc.md, section 1).
 pub struct Server<R: Request> {
     // First, so that open requests are closed before the port goes, and their clients woken last of all.
-    tickets: Tickets<Open<R>>,
+    tickets: Tickets<Entry<R>>,
+    /// Requests of clients that are gone. Each looks like an open request of the client that came after.
+    held_back: Vec<Active<R>>,
     port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
+    service: RequestService<R>,
+    round: Round<R>,
+    /// Whether connections may have been updated since the requests of those that are gone were closed.
+    is_updated: Cell<bool>,
     requests: Ear,
     responses: Signal,
     waiter: Waiter,
     refused_full: u64,
+    wear: u32,
+    /// An update of the connections failed while it was only looked whether there is something.
+    failure: Cell<Option<ConnectionFailure>>,
+    /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
+    unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
     _owner: OwnerLock,
     _session: Rc<Session>,
 }
 
-struct Open<R: Request> {
-    active: ActiveRequest<Svc, R, (), RequestReport, ()>,
+type Active<R> = ActiveRequest<Svc, R, (), RequestReport, ()>;
+
+/// A request that has a ticket.
+struct Entry<R: Request> {
+    /// Nothing when the client has given it up or is gone; the owner of the ticket has then still to be told.
+    active: Option<Active<R>>,
     request_id: u64,
     /// The final word, while the client has no room for it.
     unsent: Option<RequestReport>,
 }
 
-impl<R: Request> Open<R> {
-    fn send(&self, report: &RequestReport) -> Result<(), ReportError> {
-        match self.active.send_copy(*report) {
-            Ok(()) => Ok(()),
-            Err(
-                IoxSendError::UnableToDeliver | IoxSendError::LoanError(LoanError::OutOfMemory),
-            ) => Err(ReportError::BufferFull),
-            Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
-        }
+impl<R: Request> Entry<R> {
+    fn is_open(&self) -> bool {
+        self.active.as_ref().is_some_and(Active::is_connected)
     }
+}
+
+fn send<R: Request>(to: &Active<R>, report: &RequestReport) -> Result<(), ReportError> {
+    match to.send_copy(*report) {
+        Ok(()) => Ok(()),
+        Err(IoxSendError::UnableToDeliver | IoxSendError::LoanError(LoanError::OutOfMemory)) => {
+            Err(ReportError::BufferFull)
+        }
+        Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
+    }
+}
+
+/// What one [`Server::drain`] has read. Empty between two of them; kept for its memory.
+struct Round<R: Request> {
+    /// Requests to hand on, with how many of the same client came before.
+    taken: Vec<(usize, Ticket, R)>,
+    /// Whose they are, one for each.
+    senders: Vec<UniqueClientId>,
+    /// Requests that were given up or refused. A client has its share of a round as long as iceoryx2 counts them as held.
+    ended: Vec<Active<R>>,
 }
 
 impl<R: Request> Server<R> {
@@ -114,7 +192,7 @@ impl<R: Request> Server<R> {
                 service
                     .server_builder()
                     .max_loaned_responses_per_request(1)
-                    .override_response_preallocation(|_| MAX_REPORTS_IN_FLIGHT)
+                    .override_response_preallocation(|_| MAX_REPORTS)
                     .backpressure_strategy(BackpressureStrategy::DiscardData)
                     // Not in silence: the caller must know that a report was not taken.
                     .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
@@ -124,57 +202,97 @@ impl<R: Request> Server<R> {
         let responses = Signal::make(session, R::SERVICE, Channel::Responses)?;
         Ok(Server {
             tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
+            held_back: Vec::new(),
             port,
+            service,
+            round: Round {
+                taken: Vec::new(),
+                senders: Vec::new(),
+                ended: Vec::new(),
+            },
+            is_updated: Cell::new(false),
             requests,
             responses,
             waiter: Waiter::new(),
             refused_full: 0,
+            wear: 0,
+            failure: Cell::new(None),
+            unconnected: None,
             is_quiet: false,
             _owner: owner,
             _session: Rc::clone(session),
         })
     }
 
-    /// Hands on every request that is there, each with its ticket, and says how many those were.
+    /// Hands on the requests that are there, each with its ticket, and says how many those were.
     ///
-    /// A request that finds no free ticket is refused here, with [`Reason::TooManyRequests`].
+    /// Clients are served in turn: the first request of each, then the second of each. Each has a share of
+    /// [`MAX_OUTSTANDING`] in one call, however quickly it sends; what it sends beyond waits for the next.
+    ///
+    /// A request whose client has given it up, or is gone, is dropped unseen. One that finds no free ticket is refused here,
+    /// with [`Reason::TooManyRequests`]. Ask before who has [`vanished`](Server::vanished).
     ///
     /// # Errors
     ///
     /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
         self.requests.take();
+        let mut result = self.update();
+        self.close_given_up();
         self.send_unsent();
-        let mut taken = 0;
         for _ in 0..MAX_REQUESTS_PER_DRAIN {
-            let active = match self.port.receive() {
-                Ok(None) => break,
-                Ok(Some(active)) => active,
+            match self.receive() {
+                Ok(true) => {}
+                Ok(false) => break,
                 Err(error) => {
-                    return Err(ServeError {
-                        service: R::SERVICE.spec().key,
-                        reason: format!("{error:?}"),
-                    });
+                    result = Err(error);
+                    break;
                 }
-            };
-            let request = *active.payload();
-            let entry = Open {
-                active,
-                request_id: request.request_id(),
-                unsent: None,
-            };
-            match self.tickets.insert(entry) {
-                Ok(ticket) => {
-                    take(ticket, &request);
-                    taken += 1;
-                }
-                Err(entry) => self.refuse_full(&entry, &request),
             }
         }
-        Ok(taken)
+        self.round.senders.clear();
+        self.round.ended.clear();
+        self.round.taken.sort_by_key(|(turn, _, _)| *turn);
+        let taken = self.round.taken.len();
+        for (_, ticket, request) in self.round.taken.drain(..) {
+            take(ticket, &request);
+        }
+        result.map(|()| taken)
     }
 
-    fn refuse_full(&mut self, entry: &Open<R>, request: &R) {
+    /// Reads one request into the round; `false` when there is none, or each client that has one has had its share.
+    fn receive(&mut self) -> Result<bool, ServeError> {
+        let active = match self.port.receive() {
+            Ok(Some(active)) => active,
+            // All that a client can have open is held of each that has more.
+            Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
+            Err(error) => return Err(self.failed(&error)),
+        };
+        let sender = active.origin();
+        if !active.is_connected() {
+            self.round.ended.push(active);
+            // Before iceoryx2 looks for the next one: its client may be gone, and others with it.
+            self.close_departed();
+            return Ok(true);
+        }
+        let request = *active.payload();
+        let entry = Entry {
+            active: Some(active),
+            request_id: request.request_id(),
+            unsent: None,
+        };
+        match self.tickets.insert(entry) {
+            Ok(ticket) => {
+                let earlier = self.round.senders.iter().filter(|of| **of == sender);
+                self.round.taken.push((earlier.count(), ticket, request));
+                self.round.senders.push(sender);
+            }
+            Err(entry) => self.refuse_full(entry, &request),
+        }
+        Ok(true)
+    }
+
+    fn refuse_full(&mut self, entry: Entry<R>, request: &R) {
         self.refused_full += 1;
         let report = RequestReport {
             request_id: request.request_id(),
@@ -184,11 +302,88 @@ impl<R: Request> Server<R> {
             reason: Reason::TooManyRequests.code(),
             ..RequestReport::default()
         };
-        // A new request's buffer is empty. If it fails all the same, closing the stream tells the client.
-        if let Err(error) = entry.send(&report) {
-            tracing::debug!(%error, "a refusal was not sent");
+        if let Some(active) = entry.active {
+            // A new request's buffer is empty. If it fails all the same, closing the stream tells the client.
+            if let Err(error) = send(&active, &report) {
+                tracing::debug!(%error, "a refusal was not sent");
+            }
+            self.round.ended.push(active);
         }
         self.responses.raise();
+    }
+
+    /// Connects new clients, and lets go of those that are gone.
+    fn update(&mut self) -> Result<(), ServeError> {
+        let failure = self.port.update_connections().err().or(self.failure.take());
+        self.close_departed();
+        if let Some(error) = failure {
+            return Err(self.failed(&ReceiveError::ConnectionFailure(error)));
+        }
+        // Another list was another attempt.
+        self.unconnected = self
+            .unconnected
+            .take()
+            .filter(|(_, then)| *then == self.clients());
+        Ok(())
+    }
+
+    /// Closes the requests of clients that are not in the list any more: see [`Server`].
+    fn close_departed(&mut self) {
+        self.is_updated.set(false);
+        if self.tickets.len() == 0 && self.held_back.is_empty() && self.round.ended.is_empty() {
+            return;
+        }
+        let present = self.clients();
+        let has_left = |active: &Active<R>| !present.contains(&active.origin());
+        let mut left = Vec::new();
+        for entry in self.tickets.entries_mut() {
+            left.extend(entry.active.take_if(|active| has_left(active)));
+        }
+        left.extend(self.round.ended.extract_if(.., |active| has_left(active)));
+        let held_before = self.held_back.len();
+        self.held_back.append(&mut left);
+        // Dropping one closes its channel if that is open for a request of the same number.
+        self.held_back.retain(Active::is_connected);
+        let held = self.held_back.len().saturating_sub(held_before);
+        self.wear = self.wear.saturating_add(held as u32);
+    }
+
+    /// Closes the requests that their clients have given up.
+    fn close_given_up(&mut self) {
+        for entry in self.tickets.entries_mut() {
+            entry.active.take_if(|active| !active.is_connected());
+        }
+    }
+
+    /// The clients in iceoryx2's list.
+    fn clients(&self) -> Vec<UniqueClientId> {
+        let mut clients = Vec::with_capacity(MAX_CLIENTS);
+        self.service.dynamic_config().list_clients(|client| {
+            clients.push(client.client_id);
+            CallbackProgression::Continue
+        });
+        clients
+    }
+
+    fn failed(&mut self, error: &ReceiveError) -> ServeError {
+        self.wear = self.wear.saturating_add(1);
+        self.unconnected = Some((MonotonicNs::now(), self.clients()));
+        ServeError {
+            service: R::SERVICE.spec().key,
+            reason: format!("{error:?}"),
+        }
+    }
+
+    /// Whether a new server should take this one's place at the next opportunity.
+    ///
+    /// Either as much has gone wrong as may have made iceoryx2 keep 64 connections for good, half of what it can keep; or a
+    /// client that could not be connected is still there after two seconds: its requests do not arrive. In a healthy domain
+    /// neither happens.
+    pub fn is_worn(&self) -> bool {
+        let is_deaf = |(since, clients): &(MonotonicNs, Vec<UniqueClientId>)| {
+            MonotonicNs::now().since(*since) >= UNCONNECTED_TIME && *clients == self.clients()
+        };
+        self.wear >= MAX_WEAR || self.unconnected.as_ref().is_some_and(is_deaf)
     }
 
     /// Answers a request. A final stage closes it; its ticket is then worth nothing.
@@ -216,14 +411,17 @@ impl<R: Request> Server<R> {
         ticket: Ticket,
         report: &RequestReport,
     ) -> Result<(), ReportError> {
+        if self.is_updated.get() {
+            self.close_departed();
+        }
         let entry = self.tickets.get_mut(ticket).ok_or(ReportError::NotOpen)?;
         if entry.unsent.is_some() {
             return Err(ReportError::NotOpen);
         }
-        if !entry.active.is_connected() {
+        let Some(active) = entry.active.as_ref().filter(|active| active.is_connected()) else {
             self.tickets.remove(ticket);
             return Err(ReportError::Vanished);
-        }
+        };
         let mut report = *report;
         report.request_id = entry.request_id;
         if report.reported_ns == 0 {
@@ -231,7 +429,7 @@ impl<R: Request> Server<R> {
         }
         // An unknown stage is not final: the stream goes on.
         let is_final = Stage::from_code(report.stage).is_some_and(Stage::is_final);
-        match entry.send(&report) {
+        match send(active, &report) {
             Ok(()) if is_final => {
                 self.tickets.remove(ticket);
             }
@@ -255,10 +453,10 @@ impl<R: Request> Server<R> {
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
     /// when somebody cleans up after it: see [`Ipc::clean_dead`](crate::Ipc::clean_dead).
     pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
-        // Also brings the port's list of clients up to date.
-        let _ = self.port.has_requests();
+        // What fails is told by draining.
+        let _ = self.update();
         self.tickets.remove_where(
-            |entry| !entry.active.is_connected(),
+            |entry| !entry.is_open(),
             |ticket, entry| {
                 // A request that had its final word, though the client never read it, is over for the caller.
                 if entry.unsent.is_none() {
@@ -279,11 +477,11 @@ impl<R: Request> Server<R> {
 
     /// The process that sent a request which is open, by its id in the sender's own PID namespace.
     pub fn sender(&self, ticket: Ticket) -> Option<u32> {
-        let id = self.tickets.get(ticket)?.active.origin().value();
+        let id = self.tickets.get(ticket)?.active.as_ref()?.origin().value();
         u32::try_from(UniqueSystemId::from(id).pid().value()).ok()
     }
 
-    /// Requests that are open.
+    /// Requests that have a ticket.
     pub fn open_tickets(&self) -> usize {
         self.tickets.len()
     }
@@ -297,9 +495,10 @@ impl<R: Request> Server<R> {
     fn send_unsent(&mut self) {
         let mut is_sent = false;
         self.tickets.remove_where(
-            |entry| match &entry.unsent {
-                Some(report) => entry.send(report).is_ok(),
-                None => false,
+            |entry| match (&entry.unsent, &entry.active) {
+                (Some(report), Some(active)) => send(active, report).is_ok(),
+                // It was given up: over for the caller as well.
+                (unsent, active) => unsent.is_some() && active.is_none(),
             },
             |_, _| is_sent = true,
         );
@@ -309,17 +508,18 @@ impl<R: Request> Server<R> {
     }
 }
 
-/// Trouble counts as something: draining then says what it is.
-fn has_requests<R: Request>(
-    port: &iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
-) -> bool {
-    port.has_requests().unwrap_or(true)
-}
-
 impl<R: Request> sealed::Source for Server<R> {
     /// A notification counts without a request too: a client may have given one up.
     fn has_something(&self) -> bool {
-        self.requests.is_pending() || has_requests(&self.port)
+        if self.requests.is_pending() {
+            return true;
+        }
+        self.is_updated.set(true);
+        self.port.has_requests().unwrap_or_else(|failure| {
+            // Trouble counts as something: draining then says what it is. iceoryx2 tells of it once.
+            self.failure.set(Some(failure));
+            true
+        })
     }
 
     /// Clients of other languages, and those that vanish, are only heard by the listener.
