@@ -161,6 +161,18 @@ fn each_leg_of_a_path_must_keep_to_the_fence() {
     assert_eq!(desk.last(path[1]).0, Stage::Accepted);
 }
 
+/// Otherwise a client whose waypoints are refused, again and again, would keep everybody from sending a path.
+#[test]
+fn a_path_that_the_fence_refuses_at_once_disturbs_no_other() {
+    let mut desk = flying_with(FENCE);
+    let opening = desk.waypoint(1, 1, 0, north(-10));
+    let strangers = desk.waypoint(2, 1, 1, north(30));
+    assert_eq!(desk.last(strangers), refused(Reason::FenceBreach));
+    assert_eq!(desk.last(opening).0, Stage::Accepted);
+    let closing = desk.waypoint(1, 0, 1, north(-30));
+    assert_eq!(desk.last(closing).0, Stage::Accepted);
+}
+
 #[test]
 fn a_take_off_beyond_the_ceiling_is_refused() {
     let mut desk = Desk::up(&config("[fence]\nceiling_m = 15.0\n"));

@@ -65,6 +65,6 @@ pub(crate) type RequestService<R> = iceoryx2::service::port_factory::request_res
 >;
 
 /// What lies in shared memory: implemented for every struct of the contract, and for nothing else.
-pub trait Wire: ZeroCopySend + Debug + Default + Copy + 'static {}
+pub trait Wire: ZeroCopySend + Debug + Default + Copy + Send + 'static {}
 
-impl<T: ZeroCopySend + crate::payload::SharedStruct + Debug> Wire for T {}
+impl<T: ZeroCopySend + crate::payload::SharedStruct + Debug + Send> Wire for T {}

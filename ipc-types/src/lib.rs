@@ -62,6 +62,7 @@ mod segment;
 pub mod sequence;
 pub mod server;
 pub mod service;
+mod serving_port;
 pub mod session;
 pub mod subscriber;
 pub mod ticket;

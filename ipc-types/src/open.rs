@@ -276,7 +276,7 @@ pub(crate) fn create_request<R: Request>(
         .max_loaned_requests(service::MAX_LOANED_REQUESTS)
         .max_response_buffer_size(service::RESPONSE_BUFFER)
         .max_borrowed_responses_per_pending_response(service::MAX_BORROWED_REPORTS)
-        .enable_fire_and_forget_requests(false)
+        .enable_fire_and_forget_requests(service::FIRE_AND_FORGET)
         .enable_safe_overflow_for_requests(false)
         .enable_safe_overflow_for_responses(false);
     files::while_no_port_opens(|| builder.create_with_attributes(&attributes))

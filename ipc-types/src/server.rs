@@ -1,50 +1,45 @@
-//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final word.
+//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
 
-use iceoryx2::active_request::ActiveRequest;
-use iceoryx2::port::{BackpressureAction, LoanError, SendError as IoxSendError};
-use iceoryx2::prelude::BackpressureStrategy;
-use iceoryx2::service::port_factory::server::ServerCreateError;
-use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
-
-use crate::code::{Reason, Stage};
+use crate::code::Stage;
 use crate::doorbell;
-use crate::event::{Channel, Event};
-use crate::generation::Generation;
-use crate::housekeeper::Tended;
-use crate::iox::Svc;
-use crate::open::{self, OpenError};
+use crate::event::Channel;
+use crate::open::OpenError;
 use crate::payload::RequestReport;
 use crate::provider::ProviderLock;
-use crate::service::{MAX_PROVIDERS, Request};
+use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
+use crate::serving_port::{Entry, ServingPort};
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, Waiter, Wake, sealed};
-use crate::wake::{WakeReceiver, WakeSender};
 
-/// Requests that may be open at a server at once: three whole paths of 64 waypoints and 64 single requests.
+/// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for requests
+/// that their clients gave up, from one call of [`Server::vanished`] to the next.
 ///
-/// One more is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
-pub const MAX_OPEN_TICKETS: u32 = 256;
+/// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who vanished,
+/// is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
+pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
-/// Reports that may be on their way to clients at once, at one server: eight for each open request.
-///
-/// iceoryx2 would reserve for the worst case of all clients at once, 30 MB for every client that connects. At the bound
-/// the server is told [`ReportError::BufferFull`], as when one client's buffer is full.
-const MAX_REPORTS_IN_FLIGHT: usize = 8 * MAX_OPEN_TICKETS as usize;
+/// How long a server at least takes requests in its former generation too. Clients change with their next request.
+const OVERLAP: Duration = Duration::from_secs(1);
 
-/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop.
-const MAX_REQUESTS_PER_DRAIN: usize = 256;
+/// How long after a failure the server tries again to begin a new generation.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Former generations in which requests are open still. When there are more, the oldest is given up: what becomes of its
+/// requests cannot be known to their clients.
+const MAX_FORMER: usize = 3;
 
 /// Requests could not be received.
 #[derive(Debug, thiserror::Error)]
 #[error("requests of {service} cannot be received ({reason}); the next call tries again")]
 pub struct ServeError {
-    service: &'static str,
-    reason: String,
+    pub(crate) service: &'static str,
+    pub(crate) reason: String,
 }
 
 /// A report could not be sent.
@@ -69,135 +64,125 @@ pub enum ReportError {
 /// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
 /// final stage closes it.
 pub struct Server<R: Request> {
-    // First, so that open requests are closed before the port goes, and their clients woken last of all.
-    tickets: Tickets<Open<R>>,
-    port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
-    requests: WakeReceiver,
-    responses: WakeSender,
+    // First, so that open requests are closed before the ports go, and their clients woken last of all.
+    tickets: Tickets<Entry<R>>,
+    port: ServingPort<R>,
+    /// The ports of former generations, until their last request is answered, and when they began to be former.
+    former: Vec<(ServingPort<R>, MonotonicNs)>,
+    /// When to try again to begin a new generation.
+    retry: MonotonicNs,
     waiter: Waiter,
     refused_full: u64,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
-    _tended: Arc<Tended>,
-    _generation: Generation,
     _lock: ProviderLock,
     session: Arc<Session>,
 }
 
-struct Open<R: Request> {
-    active: ActiveRequest<Svc, R, (), RequestReport, ()>,
-    request_id: u64,
-    /// The final word, while the client has no room for it.
-    unsent: Option<RequestReport>,
-}
-
-impl<R: Request> Open<R> {
-    fn send(&self, report: &RequestReport) -> Result<(), ReportError> {
-        match self.active.send_copy(*report) {
-            Ok(()) => Ok(()),
-            Err(
-                IoxSendError::UnableToDeliver | IoxSendError::LoanError(LoanError::OutOfMemory),
-            ) => Err(ReportError::BufferFull),
-            Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
-        }
-    }
-}
-
 impl<R: Request> Server<R> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Server<R>, OpenError> {
-        let robot = session.robot();
         let lock = session.provide(R::SERVICE)?;
-        session.begin(R::SERVICE, |generation, tended| {
-            let service = open::create_request::<R>(&generation, robot)?;
-            let event = |channel| Event::create(&generation, robot, R::SERVICE, channel);
-            let requests = WakeReceiver::new(event(Channel::Requests)?);
-            requests.listener()?;
-            let responses = event(Channel::Responses)?;
-            let port = open::port(
-                &R::SERVICE.name(robot),
-                ("servers", MAX_PROVIDERS),
-                |error| error == ServerCreateError::ExceedsMaxSupportedServers,
-                || {
-                    service
-                        .server_builder()
-                        .max_loaned_responses_per_request(1)
-                        .override_response_preallocation(|_| MAX_REPORTS_IN_FLIGHT)
-                        .backpressure_strategy(BackpressureStrategy::DiscardData)
-                        // Not in silence: the caller must know that a report was not taken.
-                        .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
-                        .create()
-                },
-            )?;
-            Ok(Server {
-                tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
-                port,
-                requests,
-                responses: WakeSender::make(session, responses, R::SERVICE, Channel::Responses)?,
-                waiter: Waiter::new(),
-                refused_full: 0,
-                is_quiet: false,
-                _tended: tended,
-                _generation: generation,
-                _lock: lock,
-                session: Arc::clone(session),
-            })
+        Ok(Server {
+            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
+            port: ServingPort::make(session, 1)?,
+            former: Vec::with_capacity(MAX_FORMER),
+            retry: MonotonicNs::default(),
+            waiter: Waiter::new(),
+            refused_full: 0,
+            is_quiet: false,
+            _lock: lock,
+            session: Arc::clone(session),
         })
     }
 
-    /// Hands on every request that is there, each with its ticket, and says how many those were.
+    /// Hands on the requests that are there, each with its ticket, and says how many those were.
     ///
-    /// A request that finds no free ticket is refused here, with [`Reason::TooManyRequests`].
+    /// Clients are served in turn: the first request of each, then the second of each. Each has a share of
+    /// [`MAX_OUTSTANDING`] in one call, however quickly it sends; what it sends beyond waits for the next.
+    ///
+    /// A request whose client has given it up, or is gone, is dropped unseen. One that finds no free ticket is refused here,
+    /// with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests). Ask before who has
+    /// [`vanished`](Server::vanished).
     ///
     /// # Errors
     ///
     /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
-        self.requests.take();
-        self.send_unsent();
+        self.change_generation();
         let mut taken = 0;
-        for _ in 0..MAX_REQUESTS_PER_DRAIN {
-            let active = match self.port.receive() {
-                Ok(None) => break,
-                Ok(Some(active)) => active,
-                Err(error) => {
-                    return Err(ServeError {
-                        service: R::SERVICE.spec().key,
-                        reason: format!("{error:?}"),
-                    });
-                }
-            };
-            let request = *active.payload();
-            let entry = Open {
-                active,
-                request_id: request.request_id(),
-                unsent: None,
-            };
-            match self.tickets.insert(entry) {
-                Ok(ticket) => {
-                    take(ticket, &request);
-                    taken += 1;
-                }
-                Err(entry) => self.refuse_full(&entry, &request),
-            }
+        for (former, _) in &mut self.former {
+            // What fails there has no consequence: its clients change to the new generation.
+            taken += former.drain(&mut self.tickets, &mut take).unwrap_or(0);
         }
-        Ok(taken)
+        let (port, tickets) = (&mut self.port, &mut self.tickets);
+        match catch_unwind(AssertUnwindSafe(|| port.drain(tickets, &mut take))) {
+            Ok(drained) => drained.map(|count| taken + count),
+            Err(panic) => self.replace_broken(panic),
+        }
     }
 
-    fn refuse_full(&mut self, entry: &Open<R>, request: &R) {
-        self.refused_full += 1;
-        let report = RequestReport {
-            request_id: request.request_id(),
-            path_id: request.path_id(),
-            reported_ns: MonotonicNs::now().0,
-            stage: Stage::Refused.code(),
-            reason: Reason::TooManyRequests.code(),
-            ..RequestReport::default()
+    /// Begins a new generation in the place of one in which iceoryx2 has panicked.
+    fn replace_broken(
+        &mut self,
+        panic: Box<dyn std::any::Any + Send>,
+    ) -> Result<usize, ServeError> {
+        let Ok(port) = ServingPort::make(&self.session, self.port.number() + 1) else {
+            std::panic::resume_unwind(panic);
         };
-        // A new request's buffer is empty. If it fails all the same, closing the stream tells the client.
-        if let Err(error) = entry.send(&report) {
-            tracing::debug!(%error, "a refusal was not sent");
+        let broken = std::mem::replace(&mut self.port, port);
+        let number = broken.number();
+        // Their clients see that they are not served any more. Nothing of the broken port is touched again.
+        self.tickets.remove_where(
+            |entry| entry.is_of(number),
+            |_, entry| std::mem::forget(entry),
+        );
+        std::mem::forget(broken);
+        Err(ServeError {
+            service: R::SERVICE.spec().key,
+            reason: "iceoryx2 panicked; a new generation has begun".to_owned(),
+        })
+    }
+
+    fn change_generation(&mut self) {
+        self.drop_former();
+        let is_worn = self.port.tended.is_worn() || self.port.is_worn();
+        if !is_worn {
+            return;
         }
-        self.responses.wake();
+        let now = MonotonicNs::now();
+        if now < self.retry {
+            return;
+        }
+        self.retry = now + RETRY;
+        match ServingPort::make(&self.session, self.port.number() + 1) {
+            Ok(port) => {
+                let former = std::mem::replace(&mut self.port, port);
+                if self.former.len() == MAX_FORMER {
+                    let (oldest, _) = self.former.remove(0);
+                    self.tickets
+                        .remove_where(|entry| entry.is_of(oldest.number()), |_, _| ());
+                    self.session.housekeeper().drop_later(oldest);
+                }
+                self.former.push((former, now));
+            }
+            Err(error) => tracing::warn!(%error, "the generation stays as it is"),
+        }
+    }
+
+    /// Drops former ports whose requests are all answered.
+    fn drop_former(&mut self) {
+        if self.former.is_empty() {
+            return;
+        }
+        let now = MonotonicNs::now();
+        let tickets = &mut self.tickets;
+        for (former, _) in self.former.extract_if(.., |(former, since)| {
+            let number = former.number();
+            now.since(*since) >= OVERLAP && !tickets.entries_mut().any(|entry| entry.is_of(number))
+        }) {
+            self.refused_full += former.refused_full();
+            self.session.housekeeper().drop_later(former);
+        }
     }
 
     /// Answers a request. A final stage closes it; its ticket is then worth nothing.
@@ -207,7 +192,7 @@ impl<R: Request> Server<R> {
     ///
     /// # Errors
     ///
-    /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final word always comes.
+    /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final report always comes.
     pub fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
         let result = self.report_quietly(ticket, report);
         self.wake_clients();
@@ -225,13 +210,13 @@ impl<R: Request> Server<R> {
         ticket: Ticket,
         report: &RequestReport,
     ) -> Result<(), ReportError> {
+        self.port.settle(&mut self.tickets);
+        for (former, _) in &mut self.former {
+            former.settle(&mut self.tickets);
+        }
         let entry = self.tickets.get_mut(ticket).ok_or(ReportError::NotOpen)?;
         if entry.unsent.is_some() {
             return Err(ReportError::NotOpen);
-        }
-        if !entry.active.is_connected() {
-            self.tickets.remove(ticket);
-            return Err(ReportError::Vanished);
         }
         let mut report = *report;
         report.request_id = entry.request_id;
@@ -241,12 +226,16 @@ impl<R: Request> Server<R> {
         // An unknown stage is not final: the stream goes on.
         let is_final = Stage::from_code(report.stage).is_some_and(Stage::is_final);
         match entry.send(&report) {
-            Ok(()) if is_final => {
+            None => {
+                self.tickets.remove(ticket);
+                return Err(ReportError::Vanished);
+            }
+            Some(Ok(())) if is_final => {
                 self.tickets.remove(ticket);
             }
-            Ok(()) => {}
-            Err(ReportError::BufferFull) if is_final => entry.unsent = Some(report),
-            Err(error) => return Err(error),
+            Some(Ok(())) => {}
+            Some(Err(ReportError::BufferFull)) if is_final => entry.unsent = Some(report),
+            Some(Err(error)) => return Err(error),
         }
         self.is_quiet = true;
         Ok(())
@@ -255,21 +244,27 @@ impl<R: Request> Server<R> {
     /// Wakes the clients if there was a quiet report since the last time.
     pub fn wake_clients(&mut self) {
         if std::mem::take(&mut self.is_quiet) {
-            self.responses.wake();
+            self.port.responses.wake();
+            for (former, _) in &self.former {
+                former.responses.wake();
+            }
         }
     }
 
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
     ///
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
-    /// when somebody cleans up after it.
+    /// within a second.
     pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
-        // Also brings the port's list of clients up to date.
-        let _ = self.port.has_requests();
+        // What fails is reported by draining.
+        let _ = self.port.update(&mut self.tickets);
+        for (former, _) in &mut self.former {
+            let _ = former.update(&mut self.tickets);
+        }
         self.tickets.remove_where(
-            |entry| !entry.active.is_connected(),
+            |entry| !entry.is_open(),
             |ticket, entry| {
-                // A request that had its final word, though the client never read it, is over for the caller.
+                // A request that had its final report, though the client never read it, is over for the caller.
                 if entry.unsent.is_none() {
                     gone(ticket, entry.request_id);
                 }
@@ -288,47 +283,40 @@ impl<R: Request> Server<R> {
 
     /// The process that sent a request which is open, by its id in the sender's own PID namespace.
     pub fn sender(&self, ticket: Ticket) -> Option<u32> {
-        let id = self.tickets.get(ticket)?.active.origin().value();
-        u32::try_from(UniqueSystemId::from(id).pid().value()).ok()
+        self.tickets.get(ticket)?.sender()
     }
 
-    /// Requests that are open.
+    /// Requests that have a ticket.
     pub fn open_tickets(&self) -> usize {
         self.tickets.len()
     }
 
     /// Requests that were refused because too many were open.
     pub fn refused_full(&self) -> u64 {
-        self.refused_full
+        self.refused_full + self.port.refused_full()
     }
 
-    /// Tries again to send the final words that found no room.
-    fn send_unsent(&mut self) {
-        let mut is_sent = false;
-        self.tickets.remove_where(
-            |entry| match &entry.unsent {
-                Some(report) => entry.send(report).is_ok(),
-                None => false,
-            },
-            |_, _| is_sent = true,
-        );
-        if is_sent {
-            self.responses.wake();
-        }
+    /// Generations of shared memory that this server has begun, the first included.
+    pub fn generations(&self) -> u64 {
+        self.port.number()
+    }
+
+    /// Begins a new generation at the next [`Server::drain`], as if the present one were worn: for tests.
+    #[doc(hidden)]
+    pub fn wear_out(&self) {
+        self.port.tended.wear_out("it was asked for");
     }
 }
 
-/// Trouble counts as something: draining then says what it is.
-fn has_requests<R: Request>(
-    port: &iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
-) -> bool {
-    port.has_requests().unwrap_or(true)
+impl<R: Request> Drop for Server<R> {
+    fn drop(&mut self) {
+        self.session.withdraw(R::SERVICE);
+    }
 }
 
 impl<R: Request> sealed::Source for Server<R> {
-    /// A notification counts without a request too: a client may have given one up.
     fn has_something(&self) -> bool {
-        self.requests.is_pending() || has_requests(&self.port)
+        self.port.has_something() || self.former.iter().any(|(former, _)| former.has_something())
     }
 
     /// Clients of other languages, and those that vanish, are only heard by the listener.
@@ -336,7 +324,7 @@ impl<R: Request> sealed::Source for Server<R> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
             bits: doorbell::bits(R::SERVICE, Channel::Requests),
-            receiver: Some(&self.requests),
+            receiver: Some(&self.port.requests),
             by_descriptor: true,
         }
     }

@@ -1,6 +1,6 @@
 //! The one table of services: names, slot numbers, patterns, payloads and every quality-of-service value.
 //!
-//! iceoryx2's defaults lose data without an error (subscriber buffer 2, history 0, fire-and-forget requests), therefore
+//! iceoryx2's defaults lose data without an error (subscriber buffer 2, history 0, overflow of requests), therefore
 //! nothing is left to a default here. `docs/ipc.md` shows the same table for consumers in other languages.
 
 use crate::iox::Wire;
@@ -255,13 +255,23 @@ pub const HISTORY: usize = 50;
 /// Clients of a request service, in all processes. One more is refused at its creation.
 pub const MAX_CLIENTS: usize = 16;
 
-/// Requests that a client may have open: a path's 64 waypoints stay open until it is closed, and 16 of reserve.
-pub const MAX_OUTSTANDING: usize = 80;
+/// Requests that a client may have open: a path keeps two open at a time, the rest is reserve.
+///
+/// The server's memory, the cost of each report and the time that it takes to let a dead client go all grow with this
+/// number: iceoryx2 makes `MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1` channels for every client, 65, and looks at each of
+/// them for each report.
+pub const MAX_OUTSTANDING: usize = 8;
 
-/// Reports that wait for a client that does not read: accepted, progress and final many times over.
+/// Reports that wait for a client that does not read: accepted, progress and final twice over.
 ///
 /// At the bound progress is refused to the server, and the final word is kept by it until there is room.
-pub const RESPONSE_BUFFER: usize = 16;
+pub const RESPONSE_BUFFER: usize = 8;
+
+/// Whether a server is given the requests of clients that are gone. Our server drops these unseen.
+///
+/// Switched off, iceoryx2 drops them itself and forgets to give them back: it then keeps what it had mapped of each such
+/// client, and ends the process at the 129th (`port/server.rs:698`, `port/details/receiver.rs:313`).
+pub const FIRE_AND_FORGET: bool = true;
 
 /// Reports about one request that a client may hold at once: the one being read, and the anchor of its round.
 pub const MAX_BORROWED_REPORTS: usize = 2;

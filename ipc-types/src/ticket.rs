@@ -92,6 +92,12 @@ impl<E> Tickets<E> {
         place.entry.take()
     }
 
+    pub(crate) fn entries_mut(&mut self) -> impl Iterator<Item = &mut E> {
+        self.places
+            .iter_mut()
+            .filter_map(|place| place.entry.as_mut())
+    }
+
     /// Removes the entries that `leaves` says so of, and hands each on.
     pub(crate) fn remove_where(
         &mut self,

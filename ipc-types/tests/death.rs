@@ -4,6 +4,7 @@
 
 mod support;
 
+use std::collections::HashSet;
 use std::io::BufRead;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -16,12 +17,15 @@ use std::time::Duration;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::inspect::Life;
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
-use ipc_types::{Domain, Ipc, Removal, RobotId, ServiceId, Source, Waiter, Wake, fresh_request_id};
+use ipc_types::{
+    Domain, Ipc, Removal, ReportError, RobotId, Server, ServiceId, Source, Ticket, Waiter, Wake,
+    fresh_request_id,
+};
 use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, utimensat};
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal, kill_process};
 
-use support::{Role, WATCHDOG, in_domain, join, until};
+use support::{Role, WATCHDOG, in_domain, join, open_descriptors, until};
 
 const TESTS: &[(&str, fn())] = &[
     (
@@ -35,6 +39,14 @@ const TESTS: &[(&str, fn())] = &[
     (
         "a_killed_client_is_seen_as_vanished_after_cleaning_up",
         a_killed_client_is_seen_as_vanished_after_cleaning_up,
+    ),
+    (
+        "clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server",
+        clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server,
+    ),
+    (
+        "clients_that_are_killed_in_groups_leave_nothing_at_the_server",
+        clients_that_are_killed_in_groups_leave_nothing_at_the_server,
     ),
     (
         "a_stopped_subscriber_holds_up_nobody",
@@ -234,6 +246,109 @@ fn a_killed_client_is_seen_as_vanished_after_cleaning_up() {
     });
 }
 
+/// The requests that are there.
+fn take(server: &mut Server<ModuleControl>) -> Vec<(Ticket, ModuleControl)> {
+    let mut requests = Vec::new();
+    server
+        .drain(|ticket, request| requests.push((ticket, *request)))
+        .unwrap();
+    requests
+}
+
+/// A request that is on its way when its client leaves stays with iceoryx2 until the server has read it. iceoryx2 ends the
+/// process when 128 such clients are kept.
+fn clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server() {
+    const ROUNDS: usize = 60;
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut before = None;
+        for round in 0..ROUNDS {
+            let mut clients: Vec<_> = (0..6)
+                .map(|_| ipc.client::<ModuleControl>().unwrap())
+                .collect();
+            // Half of them have an open request, all have one that the server knows of and has not read.
+            for client in clients.iter_mut().step_by(2) {
+                client.send(&start()).unwrap();
+            }
+            let open = take(&mut server);
+            assert_eq!(open.len(), 3, "round {round}");
+            for client in &mut clients {
+                client.send(&start()).unwrap();
+            }
+            assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+            drop(clients);
+            assert!(take(&mut server).is_empty(), "nobody waits for them");
+            let mut gone = 0;
+            server.vanished(|ticket, _| {
+                assert!(open.iter().any(|(open, _)| *open == ticket));
+                gone += 1;
+            });
+            assert_eq!(gone, 3, "round {round}");
+            // Whatever iceoryx2 keeps until the next look is given back by it.
+            assert!(take(&mut server).is_empty());
+            let descriptors = open_descriptors();
+            assert_eq!(
+                *before.get_or_insert(descriptors),
+                descriptors,
+                "round {round}"
+            );
+        }
+        assert_eq!(server.open_tickets(), 0);
+        assert!(!server.is_worn());
+    });
+}
+
+/// As an operator's scripts end: several at once, each with a request that the server has read, or has not. The clients that
+/// come next clean up after those that went, while the server is reading.
+fn clients_that_are_killed_in_groups_leave_nothing_at_the_server() {
+    const GROUPS: usize = 30;
+    const GROUP: usize = 6;
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut before = None;
+        let mut open = HashSet::new();
+        for _ in 0..GROUPS {
+            let mut clients: Vec<_> = (0..GROUP).map(|_| Role::start(domain, "client")).collect();
+            for (index, client) in clients.iter_mut().enumerate() {
+                assert_eq!(client.next_line(), "sent");
+                if index % 2 == 0 {
+                    serve(&mut server, &mut open);
+                }
+            }
+            for client in &mut clients {
+                client.kill();
+            }
+            ipc.clean_dead();
+            until("the dead are seen", || {
+                serve(&mut server, &mut open);
+                open.is_empty()
+            });
+            let descriptors = open_descriptors();
+            assert!(descriptors <= *before.get_or_insert(descriptors));
+        }
+        assert!(!server.is_worn());
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        client.send(&start()).unwrap();
+        assert_eq!(take(&mut server).len(), 1);
+    });
+}
+
+/// One round of a server; `open` has the requests that it knows of.
+fn serve(server: &mut Server<ModuleControl>, open: &mut HashSet<u64>) {
+    server.vanished(|_, request_id| assert!(open.remove(&request_id)));
+    for (ticket, request) in take(server) {
+        assert!(open.insert(request.request_id));
+        let accepted = RequestReport::new(Stage::Accepted, Reason::None);
+        match server.report(ticket, &accepted) {
+            Ok(()) => {}
+            Err(ReportError::Vanished) => assert!(open.remove(&request.request_id)),
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
 fn a_stopped_subscriber_holds_up_nobody() {
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
@@ -303,10 +418,6 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
             subscriber.losses().received >= before + 3
         });
     });
-}
-
-fn open_descriptors() -> usize {
-    std::fs::read_dir("/proc/self/fd").expect("proc").count()
 }
 
 /// Makes everything in the domain look as if it had been made long ago.

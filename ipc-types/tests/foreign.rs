@@ -10,8 +10,11 @@ use std::thread;
 use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
-use ipc_types::payload::{DspTelemetry, SharedStruct};
-use ipc_types::{Domain, DomainError, Ipc, OpenError, Removal, RobotId, ServiceId};
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport, SharedStruct};
+use ipc_types::{
+    Domain, DomainError, Ipc, OpenError, Removal, ReportError, RobotId, ServiceId, fresh_request_id,
+};
 
 use support::{WATCHDOG, in_domain, join, until};
 
@@ -260,4 +263,53 @@ fn a_process_has_one_domain_that_is_not_isolated() {
     assert!(joined.is_err());
     drop(joined);
     assert!(domains[1].residue().is_empty());
+}
+
+/// iceoryx2 addresses a report by the place of the client and by a number that every client counts from 0. So the request of a
+/// client that is gone looks like the first one of the next client in its place.
+#[test]
+fn a_client_in_the_place_of_another_gets_nothing_of_its_and_loses_nothing() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let node = foreign_node(domain);
+        let name = ServiceId::ModuleControl.name(RobotId::DEFAULT);
+        let service = node
+            .service_builder(&name.as_str().try_into().unwrap())
+            .request_response::<ModuleControl, RequestReport>()
+            .open()
+            .unwrap();
+        let request = || ModuleControl::new(fresh_request_id(), ControlCommand::Start);
+        let report = |stage| RequestReport::new(stage, Reason::None);
+
+        let first = service.client_builder().create().unwrap();
+        let pending = first.send_copy(request()).unwrap();
+        let mut tickets = Vec::new();
+        server.drain(|ticket, _| tickets.push(ticket)).unwrap();
+        drop((pending, first));
+        let second = service.client_builder().create().unwrap();
+        let pending = second.send_copy(request()).unwrap();
+        server.drain(|ticket, _| tickets.push(ticket)).unwrap();
+        let [gone, there] = tickets[..] else {
+            panic!("{tickets:?}");
+        };
+
+        let told = server.report(gone, &report(Stage::Done));
+        assert_eq!(told, Err(ReportError::Vanished));
+        assert!(pending.receive().unwrap().is_none(), "the other's report");
+        assert!(pending.is_connected(), "closed by the end of the other's");
+        server.vanished(|_, _| panic!("told of before"));
+        server.report(there, &report(Stage::Accepted)).unwrap();
+        server.report(there, &report(Stage::Done)).unwrap();
+        for stage in [Stage::Accepted, Stage::Done] {
+            let report = pending.receive().unwrap().expect("a report");
+            assert_eq!(report.stage, stage.code());
+        }
+        assert!(!pending.is_connected());
+        // With that, the request of the first can be given back as well.
+        let third = service.client_builder().create().unwrap();
+        let _pending = third.send_copy(request()).unwrap();
+        assert_eq!(server.drain(|_, _| {}).unwrap(), 1);
+        assert!(!server.is_worn());
+    });
 }

@@ -2,13 +2,15 @@
 
 mod support;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
 use ipc_types::server::MAX_OPEN_TICKETS;
-use ipc_types::service::{MAX_OUTSTANDING, RESPONSE_BUFFER};
+use ipc_types::service::{MAX_CLIENTS, MAX_OUTSTANDING, RESPONSE_BUFFER};
 use ipc_types::{
     Client, ReportError, Request, SendError, Server, Source, Ticket, Waiter, Wake, fresh_request_id,
 };
@@ -274,36 +276,34 @@ fn a_path_and_more_may_be_open_at_once_and_one_too_many_is_refused() {
     });
 }
 
+/// Tickets of requests that were given up stay until their owner has asked who vanished.
 #[test]
-fn one_open_request_too_many_is_refused_by_the_server_s_port() {
+fn one_request_too_many_is_refused_by_the_server_s_port() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let mut server = ipc.server::<ModuleControl>().unwrap();
-        let clients = (MAX_OPEN_TICKETS as usize).div_ceil(MAX_OUTSTANDING);
-        let mut clients: Vec<_> = (0..clients)
-            .map(|_| ipc.client::<ModuleControl>().unwrap())
-            .collect();
         let mut tickets = Vec::new();
-        let mut left = MAX_OPEN_TICKETS as usize;
-        for client in &mut clients {
-            for _ in 0..MAX_OUTSTANDING.min(left) {
+        while tickets.len() < MAX_OPEN_TICKETS as usize {
+            let mut client = ipc.client::<ModuleControl>().unwrap();
+            for _ in 0..MAX_OUTSTANDING {
                 client.send(&start()).unwrap();
-                left -= 1;
             }
             tickets.extend(take(&mut server));
         }
         assert_eq!(server.open_tickets(), MAX_OPEN_TICKETS as usize);
 
-        let client = clients.last_mut().unwrap();
+        let mut client = ipc.client::<ModuleControl>().unwrap();
         let late = start();
         client.send(&late).unwrap();
         assert!(take(&mut server).is_empty());
         assert_eq!(server.refused_full(), 1);
         let refusal = (late.request_id, Stage::Refused, Reason::TooManyRequests);
-        assert_eq!(reports(client), [refusal]);
+        assert_eq!(reports(&mut client), [refusal]);
 
-        // One that ends makes room for one.
-        server.report(tickets[0].0, &report(Stage::Done)).unwrap();
+        // Who is told of the others makes room.
+        let mut gone = 0;
+        server.vanished(|_, _| gone += 1);
+        assert_eq!((gone, server.open_tickets()), (tickets.len(), 0));
         client.send(&late).unwrap();
         assert_eq!(take(&mut server).len(), 1);
     });
@@ -422,5 +422,155 @@ fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
             assert!(take(&mut control).is_empty());
             wake.unwrap() == Wake::TimedOut
         });
+    });
+}
+
+/// A client whose number in iceoryx2's list is the lowest is asked first, and can send as quickly as the server reads.
+#[test]
+fn every_client_is_served_whatever_the_others_send() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut flooders: Vec<_> = (0..MAX_CLIENTS - 1)
+            .map(|_| ipc.client::<ModuleControl>().unwrap())
+            .collect();
+        let mut operator = ipc.client::<ModuleControl>().unwrap();
+        for flooder in &mut flooders {
+            for _ in 0..MAX_OUTSTANDING {
+                flooder.send(&start()).unwrap();
+            }
+        }
+        let request = start();
+        operator.send(&request).unwrap();
+        let requests = take(&mut server);
+        let place = requests
+            .iter()
+            .position(|(_, taken)| taken.request_id == request.request_id);
+        let place = place.expect("it is among those of the first round");
+        assert!(
+            place < MAX_CLIENTS,
+            "after the first of each other client at most: {place}"
+        );
+        let mine = |client: &Client<ModuleControl>| client.outstanding();
+        assert_eq!(requests.len(), flooders.iter().map(mine).sum::<usize>() + 1);
+    });
+}
+
+/// Giving up makes room for as many requests as before, while the server is still reading.
+#[test]
+fn a_client_that_gives_up_and_sends_again_has_one_share_in_each_round() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut flooder = ipc.client::<ModuleControl>().unwrap();
+        let mut operator = ipc.client::<ModuleControl>().unwrap();
+        for _ in 0..3 {
+            for _ in 0..MAX_OUTSTANDING {
+                flooder.send(&start()).unwrap();
+            }
+            let open = take(&mut server);
+            assert_eq!(open.len(), MAX_OUTSTANDING);
+            flooder.give_up();
+            for _ in 0..MAX_OUTSTANDING {
+                flooder.send(&start()).unwrap();
+            }
+            operator.send(&start()).unwrap();
+            let requests = take(&mut server);
+            assert_eq!(requests.len(), MAX_OUTSTANDING + 1);
+            let mut gone = 0;
+            server.vanished(|_, _| gone += 1);
+            assert_eq!(gone, MAX_OUTSTANDING);
+            for (ticket, _) in requests {
+                server.report(ticket, &report(Stage::Done)).unwrap();
+            }
+            assert_eq!(reports(&mut operator).len(), 1);
+            assert_eq!(reports(&mut flooder).len(), MAX_OUTSTANDING);
+        }
+        assert_eq!((server.open_tickets(), server.refused_full()), (0, 0));
+    });
+}
+
+/// What a client has not read stays in the server's memory, also when the request was given up.
+#[test]
+fn a_client_that_never_reads_leaves_room_for_the_reports_to_others() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut operator = ipc.client::<ModuleControl>().unwrap();
+        let mut deaf = ipc.client::<ModuleControl>().unwrap();
+        for _ in 0..20_000 {
+            deaf.send(&start()).unwrap();
+            for (ticket, _) in take(&mut server) {
+                // Refused when the client has no room.
+                let _ = server.report(ticket, &report(Stage::Done));
+            }
+            deaf.give_up();
+        }
+        operator.send(&start()).unwrap();
+        server.vanished(|_, _| {});
+        let (ticket, _) = take(&mut server)[0];
+        server.report(ticket, &report(Stage::Accepted)).unwrap();
+        server.report(ticket, &report(Stage::Done)).unwrap();
+        assert_eq!(reports(&mut operator).len(), 2);
+    });
+}
+
+#[test]
+fn eight_clients_that_flood_keep_no_request_of_another_from_its_final_word() {
+    const FLOODERS: usize = 8;
+    const REQUESTS: usize = 500;
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let is_over = Arc::new(AtomicBool::new(false));
+        let flooders: Vec<_> = (0..FLOODERS)
+            .map(|index| {
+                let (domain, is_over) = (domain.clone(), Arc::clone(&is_over));
+                thread::spawn(move || {
+                    let ipc = join(&domain, "flooder");
+                    let mut client = ipc.client::<ModuleControl>().unwrap();
+                    while !is_over.load(Ordering::Relaxed) {
+                        // Some read what they are told, some give up.
+                        if client.send(&start()).is_err() && index % 2 == 0 {
+                            client.give_up();
+                        }
+                        client.drain(|_| {});
+                    }
+                })
+            })
+            .collect();
+        let operator = {
+            let domain = domain.clone();
+            thread::spawn(move || {
+                let ipc = join(&domain, "operator");
+                let mut client = ipc.client::<ModuleControl>().unwrap();
+                for _ in 0..REQUESTS {
+                    client.send(&start()).unwrap();
+                    let mut told = Vec::new();
+                    until("the final report", || {
+                        client.wait(WATCHDOG).unwrap();
+                        told.extend(reports(&mut client));
+                        client.outstanding() == 0
+                    });
+                    assert_eq!(told.last().unwrap().1, Stage::Done);
+                }
+            })
+        };
+        while !operator.is_finished() {
+            server.wait(A_MOMENT).unwrap();
+            server.vanished(|_, _| {});
+            for (ticket, _) in take(&mut server) {
+                match server.report(ticket, &report(Stage::Done)) {
+                    Ok(()) | Err(ReportError::Vanished) => {}
+                    Err(error) => panic!("{error}"),
+                }
+            }
+        }
+        is_over.store(true, Ordering::Relaxed);
+        operator.join().unwrap();
+        for flooder in flooders {
+            flooder.join().unwrap();
+        }
+        assert_eq!(server.refused_full(), 0);
     });
 }

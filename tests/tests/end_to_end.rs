@@ -18,7 +18,8 @@ use ipc_types::payload::{
 };
 use ipc_types::service::Request;
 use ipc_types::{
-    Client, Descriptor, Domain, Ipc, RobotId, Subscriber, TelemetryGroup, Waiter, fresh_request_id,
+    Client, Descriptor, Domain, Ipc, RobotId, SendError, Subscriber, TelemetryGroup, Waiter,
+    fresh_request_id,
 };
 use ril_tests::TestDomain;
 use ril_tests::process::WAIT_LIMIT;
@@ -237,6 +238,77 @@ fn a_mission_over_real_shared_memory_and_a_real_pty() {
     consumer.end();
     simulator.end();
     check(&seen.recv().expect("what the consumer saw"));
+    domain.assert_empty();
+}
+
+/// Sends requests that are refused, as quickly as it can, until it is asked to end.
+fn flooder(domain: &Domain, gives_up: bool) -> Running {
+    let domain = domain.clone();
+    Running::start(move |termination| {
+        let ipc = join(&domain, "flooder");
+        let mut client = ipc.client::<MovementData>().expect("a client");
+        let (mut sent, mut refused) = (0, 0);
+        while !termination.requested() {
+            let too_high = MovementData::take_off(fresh_request_id(), 1e6);
+            match client.send(&too_high) {
+                Ok(()) => sent += 1,
+                Err(SendError::TooManyOutstanding) if gives_up => client.give_up(),
+                Err(SendError::TooManyOutstanding | SendError::ServerFull) => {
+                    client.wait(WAIT_LIMIT).expect("a wait");
+                }
+                Err(error) => panic!("{error}"),
+            }
+            client.drain(|report| {
+                assert_eq!(report.stage(), Some(Stage::Refused), "{report:?}");
+                assert_eq!(report.reason(), Some(Reason::OutOfRange), "{report:?}");
+                refused += 1;
+            });
+        }
+        assert!(gives_up || refused + client.outstanding() == sent);
+    })
+}
+
+#[test]
+fn eight_clients_that_flood_keep_nobody_from_flying_a_mission() {
+    let domain = TestDomain::new();
+    let (simulator, port) = simulator();
+    let bridge = bridge(&domain, port);
+    {
+        let ipc = domain.join("operator");
+        let mut states = ipc.subscriber().expect("a subscriber");
+        await_link(&mut states);
+        // Before the operator, in places that are asked first.
+        let flooders: Vec<_> = (0..8).map(|n| flooder(&domain, n % 4 == 0)).collect();
+        let mut control = ipc.client::<ModuleControl>().expect("a client");
+        let mut movement = ipc.client::<MovementData>().expect("a client");
+        let start = ModuleControl::new(fresh_request_id(), ControlCommand::Start);
+        assert_done("start", &ask(&mut control, &start));
+        let take_off = MovementData::take_off(fresh_request_id(), 5.0);
+        assert_done("take-off", &ask(&mut movement, &take_off));
+        let home = Setup::default().model.home;
+        let path = [1e-4, 0.0].map(|north_deg| WaypointPosition {
+            latitude_deg: home.latitude_deg + north_deg,
+            longitude_deg: home.longitude_deg,
+            altitude_m: home.altitude_m + 6.0,
+        });
+        let path_id = fresh_request_id();
+        for request in MovementData::path(path_id, &path, fresh_request_id) {
+            if request.last == 0 {
+                movement.send(&request).expect("a request that is taken");
+            } else {
+                assert_done("path", &ask(&mut movement, &request));
+            }
+        }
+        let landing = MovementData::land(fresh_request_id());
+        assert_done("landing", &ask(&mut movement, &landing));
+        let stop = ModuleControl::new(fresh_request_id(), ControlCommand::Stop);
+        assert_done("stop", &ask(&mut control, &stop));
+        for flooder in flooders {
+            flooder.end();
+        }
+    }
+    bridge.end();
+    simulator.end();
     domain.assert_empty();
 }
 

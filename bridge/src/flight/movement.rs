@@ -141,10 +141,11 @@ impl Flight {
         if ground_distance_m(&position, &segment.waypoint) > self.config.movement.max_distance_m {
             return Err(Reason::TooFar.into());
         }
+        // First, so that a waypoint that is refused disturbs no path of another client.
+        self.check_leg_to(segment, &position)?;
         if self.assembler.replaces(segment) {
             self.break_path(Reason::PathReplaced, cx);
         }
-        self.check_leg_to(segment, &position)?;
         match self.assembler.add(segment) {
             Outcome::Open => {
                 self.answer_newest(&Verdict::DONE, cx);

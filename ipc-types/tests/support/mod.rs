@@ -47,6 +47,12 @@ pub fn join(domain: &Domain, process: &str) -> Ipc {
     Ipc::join(domain, RobotId::DEFAULT, process).expect("join")
 }
 
+/// Descriptors of this process.
+#[allow(dead_code)]
+pub fn open_descriptors() -> usize {
+    std::fs::read_dir("/proc/self/fd").expect("proc").count()
+}
+
 /// Repeats `step`, which waits for something, until it says true; fails after the watchdog's time.
 #[allow(dead_code)]
 pub fn until(what: &str, mut step: impl FnMut() -> bool) {

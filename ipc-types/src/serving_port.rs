@@ -1,0 +1,428 @@
+//! [`ServingPort`]: a server's part in one generation, and what iceoryx2 asks of it.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::time::Duration;
+
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::identifiers::UniqueClientId;
+use iceoryx2::port::update_connections::{ConnectionFailure, UpdateConnections};
+use iceoryx2::port::{BackpressureAction, LoanError, ReceiveError, SendError as IoxSendError};
+use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
+use iceoryx2::service::port_factory::server::ServerCreateError;
+use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
+
+use crate::code::{Reason, Stage};
+use crate::event::{Channel, Event};
+use crate::generation::Generation;
+use crate::housekeeper::Tended;
+use crate::iox::{RequestService, Svc};
+use crate::open::{self, OpenError};
+use crate::payload::RequestReport;
+use crate::server::{ReportError, ServeError};
+use crate::service::{
+    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER, Request,
+};
+use crate::session::Session;
+use crate::ticket::{Ticket, Tickets};
+use crate::time::MonotonicNs;
+use crate::wake::{WakeReceiver, WakeSender};
+
+/// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that the
+/// client has given up; and the request that is being filled in.
+const CHANNELS_PER_CLIENT: usize = MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1;
+
+/// Memory for reports: as many as clients can leave unread in all channels, and hold in those of open requests, and one that
+/// is being filled in. So clients that never read do not take the memory for the reports to another.
+const MAX_REPORTS: usize = MAX_CLIENTS
+    * (CHANNELS_PER_CLIENT * RESPONSE_BUFFER + MAX_OUTSTANDING * MAX_BORROWED_REPORTS)
+    + 1;
+
+/// Reports about one request that could be filled in at once. One is; but iceoryx2 reserves no more than it thinks necessary,
+/// which leaves out what lies unread in the channels of earlier requests. This makes it think of [`MAX_REPORTS`].
+const LOANED_REPORTS: usize = MAX_REPORTS.div_ceil(MAX_CLIENTS * 2 * MAX_OUTSTANDING)
+    - (RESPONSE_BUFFER + MAX_BORROWED_REPORTS);
+
+/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop: all that all clients can
+/// have open, 128, and as many of clients that have gone.
+const MAX_REQUESTS_PER_DRAIN: usize = 2 * MAX_CLIENTS * MAX_OUTSTANDING;
+
+/// From so many incidents on, each of which may have made iceoryx2 keep a connection for good, a server [is
+/// worn](Server::is_worn): half of the 128 that it can keep before it ends the process.
+const MAX_WEAR: u32 = 64;
+
+/// How long a client may stay without a connection until the server [is worn](Server::is_worn). One that died meanwhile has
+/// been cleaned up after by then.
+const UNCONNECTED_TIME: Duration = Duration::from_secs(2);
+
+/// Tells the ports of a server apart: the generations that it has begun, counted.
+pub(crate) type PortNumber = u64;
+
+/// A server's part in one generation.
+///
+/// # What iceoryx2 0.10 asks of a server
+///
+/// iceoryx2 addresses a report by the client's place in the list of clients, which another client may have taken meanwhile;
+/// and a connection to a client that is gone is kept as long as the server holds a request of it. Both change only while the
+/// connections are updated, which receiving does, and asking for requests. Therefore:
+///
+/// * after each update, and before anything is sent or dropped, the requests of clients that are not in the list any more
+///   are closed here. A client leaves the list before its place is given away, and never comes back: so whoever is missing
+///   in an update is missing in a later look at the list;
+/// * a request whose end would close the channel of another client is held back until it does not (`held_back`);
+/// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its list
+///   when one that is still held lies before two that are not (`port/details/receiver.rs:450`, `skip` and then
+///   `enumerate`).
+///
+/// Places where iceoryx2 ends the process because of what a client did, and why they are not reached:
+///
+/// | place | when | |
+/// |---|---|---|
+/// | `port/details/receiver.rs:313` | 129 clients are gone of which requests are held | none is held, see above |
+/// | `port/details/receiver.rs:239` | 144 connections are kept | as above; [`ServingPort::is_worn`] tells in time |
+/// | `port/client.rs` `loan_chunk`, `release_request` | the client's own channels are used up | in the client only |
+/// | `port/details/sender.rs` `allocate` | a chunk is given out twice | needs a client that writes where it must not |
+/// | `zero_copy_connection/common.rs` `channels[…]`, `reclaim`; `segment_state.rs` | a channel, an offset or a size that is none | needs a client that writes where it must not |
+///
+/// The last two are beyond what a port can do: processes of one user trust one another (docs/ipc.md, section 1).
+pub(crate) struct ServingPort<R: Request> {
+    number: PortNumber,
+    /// Requests of clients that are gone. Each looks like an open request of the client that came after.
+    held_back: Vec<Active<R>>,
+    port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
+    service: RequestService<R>,
+    round: Round<R>,
+    /// Whether connections may have been updated since the requests of those that are gone were closed.
+    is_updated: Cell<bool>,
+    pub(crate) requests: WakeReceiver,
+    pub(crate) responses: WakeSender,
+    wear: u32,
+    refused_full: u64,
+    /// An update of the connections failed while it was only looked whether there is something.
+    failure: Cell<Option<ConnectionFailure>>,
+    /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
+    unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
+    pub(crate) tended: Arc<Tended>,
+    // Last: its node must outlive the ports.
+    _generation: Generation,
+}
+
+type Active<R> = ActiveRequest<Svc, R, (), RequestReport, ()>;
+
+/// A request that has a ticket.
+pub(crate) struct Entry<R: Request> {
+    /// The port that got it.
+    port: PortNumber,
+    /// Nothing when the client has given it up or is gone; the owner of the ticket has then still to be told.
+    active: Option<Active<R>>,
+    pub(crate) request_id: u64,
+    /// The final word, while the client has no room for it.
+    pub(crate) unsent: Option<RequestReport>,
+}
+
+impl<R: Request> Entry<R> {
+    pub(crate) fn is_open(&self) -> bool {
+        self.active.as_ref().is_some_and(Active::is_connected)
+    }
+
+    pub(crate) fn is_of(&self, port: PortNumber) -> bool {
+        self.port == port
+    }
+
+    /// Sends a report; nothing when the client is gone.
+    pub(crate) fn send(&self, report: &RequestReport) -> Option<Result<(), ReportError>> {
+        let active = self.active.as_ref().filter(|active| active.is_connected())?;
+        Some(send(active, report))
+    }
+
+    /// The process that sent the request, by its id in its own PID namespace.
+    pub(crate) fn sender(&self) -> Option<u32> {
+        let id = self.active.as_ref()?.origin().value();
+        u32::try_from(UniqueSystemId::from(id).pid().value()).ok()
+    }
+}
+
+fn send<R: Request>(to: &Active<R>, report: &RequestReport) -> Result<(), ReportError> {
+    match to.send_copy(*report) {
+        Ok(()) => Ok(()),
+        Err(IoxSendError::UnableToDeliver | IoxSendError::LoanError(LoanError::OutOfMemory)) => {
+            Err(ReportError::BufferFull)
+        }
+        Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
+    }
+}
+
+/// What one [`Server::drain`] has read. Empty between two of them; kept for its memory.
+struct Round<R: Request> {
+    /// Requests to hand on, with how many of the same client came before.
+    taken: Vec<(usize, Ticket, R)>,
+    /// Whose they are, one for each.
+    senders: Vec<UniqueClientId>,
+    /// Requests that were given up or refused. A client has its share of a round as long as iceoryx2 counts them as held.
+    ended: Vec<Active<R>>,
+}
+
+impl<R: Request> ServingPort<R> {
+    pub(crate) fn make(
+        session: &Arc<Session>,
+        number: PortNumber,
+    ) -> Result<ServingPort<R>, OpenError> {
+        session.begin(R::SERVICE, |generation, tended| {
+            let robot = session.robot();
+            let service = open::create_request::<R>(&generation, robot)?;
+            let event = |channel| Event::create(&generation, robot, R::SERVICE, channel);
+            let requests = WakeReceiver::new(event(Channel::Requests)?);
+            requests.listener()?;
+            let responses = event(Channel::Responses)?;
+            let port = open::port(
+                &R::SERVICE.name(robot),
+                ("servers", MAX_PROVIDERS),
+                |error| error == ServerCreateError::ExceedsMaxSupportedServers,
+                || {
+                    service
+                        .server_builder()
+                        .max_loaned_responses_per_request(LOANED_REPORTS)
+                        .override_response_preallocation(|_| MAX_REPORTS)
+                        .backpressure_strategy(BackpressureStrategy::DiscardData)
+                        // Not in silence: the caller must know that a report was not taken.
+                        .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+                        .create()
+                },
+            )?;
+            Ok(ServingPort {
+                number,
+                held_back: Vec::new(),
+                port,
+                service,
+                round: Round {
+                    taken: Vec::new(),
+                    senders: Vec::new(),
+                    ended: Vec::new(),
+                },
+                is_updated: Cell::new(false),
+                requests,
+                responses: WakeSender::make(session, responses, R::SERVICE, Channel::Responses)?,
+                wear: 0,
+                refused_full: 0,
+                failure: Cell::new(None),
+                unconnected: None,
+                tended,
+                _generation: generation,
+            })
+        })
+    }
+
+    pub(crate) fn number(&self) -> PortNumber {
+        self.number
+    }
+
+    /// Requests that were refused because too many were open.
+    pub(crate) fn refused_full(&self) -> u64 {
+        self.refused_full
+    }
+
+    /// Brings the requests up to date before one of them is answered.
+    pub(crate) fn settle(&mut self, tickets: &mut Tickets<Entry<R>>) {
+        if self.is_updated.get() {
+            self.close_departed(tickets);
+        }
+    }
+
+    /// Hands on the requests that are there: see [`Server::drain`](crate::Server::drain).
+    pub(crate) fn drain(
+        &mut self,
+        tickets: &mut Tickets<Entry<R>>,
+        mut take: impl FnMut(Ticket, &R),
+    ) -> Result<usize, ServeError> {
+        self.requests.take();
+        let mut result = self.update(tickets);
+        self.close_given_up(tickets);
+        self.send_unsent(tickets);
+        for _ in 0..MAX_REQUESTS_PER_DRAIN {
+            match self.receive(tickets) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(error) => {
+                    result = Err(error);
+                    break;
+                }
+            }
+        }
+        self.round.senders.clear();
+        self.round.ended.clear();
+        self.round.taken.sort_by_key(|(turn, _, _)| *turn);
+        let taken = self.round.taken.len();
+        for (_, ticket, request) in self.round.taken.drain(..) {
+            take(ticket, &request);
+        }
+        result.map(|()| taken)
+    }
+
+    /// Reads one request into the round; `false` when there is none, or each client that has one has had its share.
+    fn receive(&mut self, tickets: &mut Tickets<Entry<R>>) -> Result<bool, ServeError> {
+        let active = match self.port.receive() {
+            Ok(Some(active)) => active,
+            // All that a client can have open is held of each that has more.
+            Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
+            Err(error) => return Err(self.failed(&error)),
+        };
+        let sender = active.origin();
+        if !active.is_connected() {
+            self.round.ended.push(active);
+            // Before iceoryx2 looks for the next one: its client may be gone, and others with it.
+            self.close_departed(tickets);
+            return Ok(true);
+        }
+        let request = *active.payload();
+        let entry = Entry {
+            port: self.number,
+            active: Some(active),
+            request_id: request.request_id(),
+            unsent: None,
+        };
+        match tickets.insert(entry) {
+            Ok(ticket) => {
+                let earlier = self.round.senders.iter().filter(|of| **of == sender);
+                self.round.taken.push((earlier.count(), ticket, request));
+                self.round.senders.push(sender);
+            }
+            Err(entry) => self.refuse_full(entry, &request),
+        }
+        Ok(true)
+    }
+
+    fn refuse_full(&mut self, entry: Entry<R>, request: &R) {
+        self.refused_full += 1;
+        let report = RequestReport {
+            request_id: request.request_id(),
+            path_id: request.path_id(),
+            reported_ns: MonotonicNs::now().0,
+            stage: Stage::Refused.code(),
+            reason: Reason::TooManyRequests.code(),
+            ..RequestReport::default()
+        };
+        if let Some(active) = entry.active {
+            // A new request's buffer is empty. If it fails all the same, closing the stream tells the client.
+            if let Err(error) = send(&active, &report) {
+                tracing::debug!(%error, "a refusal was not sent");
+            }
+            self.round.ended.push(active);
+        }
+        self.responses.wake();
+    }
+
+    /// Connects new clients, and lets go of those that are gone.
+    pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry<R>>) -> Result<(), ServeError> {
+        let failure = self.port.update_connections().err().or(self.failure.take());
+        self.close_departed(tickets);
+        if let Some(error) = failure {
+            return Err(self.failed(&ReceiveError::ConnectionFailure(error)));
+        }
+        // Another list was another attempt.
+        self.unconnected = self
+            .unconnected
+            .take()
+            .filter(|(_, then)| *then == self.clients());
+        Ok(())
+    }
+
+    /// Closes the requests of clients that are not in the list any more: see [`Server`].
+    fn close_departed(&mut self, tickets: &mut Tickets<Entry<R>>) {
+        self.is_updated.set(false);
+        if tickets.len() == 0 && self.held_back.is_empty() && self.round.ended.is_empty() {
+            return;
+        }
+        let present = self.clients();
+        let has_left = |active: &Active<R>| !present.contains(&active.origin());
+        let mut left = Vec::new();
+        for entry in self.entries(tickets) {
+            left.extend(entry.active.take_if(|active| has_left(active)));
+        }
+        left.extend(self.round.ended.extract_if(.., |active| has_left(active)));
+        let held_before = self.held_back.len();
+        self.held_back.append(&mut left);
+        // Dropping one closes its channel if that is open for a request of the same number.
+        self.held_back.retain(Active::is_connected);
+        let held = self.held_back.len().saturating_sub(held_before);
+        self.wear = self.wear.saturating_add(held as u32);
+    }
+
+    /// The requests that this port got.
+    fn entries<'t>(
+        &self,
+        tickets: &'t mut Tickets<Entry<R>>,
+    ) -> impl Iterator<Item = &'t mut Entry<R>> + use<'t, R> {
+        let number = self.number;
+        tickets
+            .entries_mut()
+            .filter(move |entry| entry.port == number)
+    }
+
+    /// Closes the requests that their clients have given up.
+    fn close_given_up(&self, tickets: &mut Tickets<Entry<R>>) {
+        for entry in self.entries(tickets) {
+            entry.active.take_if(|active| !active.is_connected());
+        }
+    }
+
+    /// The clients in iceoryx2's list.
+    fn clients(&self) -> Vec<UniqueClientId> {
+        let mut clients = Vec::with_capacity(MAX_CLIENTS);
+        self.service.dynamic_config().list_clients(|client| {
+            clients.push(client.client_id);
+            CallbackProgression::Continue
+        });
+        clients
+    }
+
+    fn failed(&mut self, error: &ReceiveError) -> ServeError {
+        self.wear = self.wear.saturating_add(1);
+        self.unconnected = Some((MonotonicNs::now(), self.clients()));
+        ServeError {
+            service: R::SERVICE.spec().key,
+            reason: format!("{error:?}"),
+        }
+    }
+
+    /// Whether another generation should begin.
+    ///
+    /// Either as much has gone wrong as may have made iceoryx2 keep 64 connections for good, half of what it can keep; or a
+    /// client that could not be connected is still there after two seconds: its requests do not arrive. In a healthy domain
+    /// neither happens.
+    pub(crate) fn is_worn(&self) -> bool {
+        let is_deaf = |(since, clients): &(MonotonicNs, Vec<UniqueClientId>)| {
+            MonotonicNs::now().since(*since) >= UNCONNECTED_TIME && *clients == self.clients()
+        };
+        self.wear >= MAX_WEAR || self.unconnected.as_ref().is_some_and(is_deaf)
+    }
+
+    /// Tries again to send the final words that found no room.
+    fn send_unsent(&mut self, tickets: &mut Tickets<Entry<R>>) {
+        let mut is_sent = false;
+        let number = self.number;
+        tickets.remove_where(
+            |entry| entry.port == number && match (&entry.unsent, &entry.active) {
+                (Some(report), Some(active)) => send(active, report).is_ok(),
+                // It was given up: over for the caller as well.
+                (unsent, active) => unsent.is_some() && active.is_none(),
+            },
+            |_, _| is_sent = true,
+        );
+        if is_sent {
+            self.responses.wake();
+        }
+    }
+
+    /// A notification counts without a request too: a client may have given one up.
+    pub(crate) fn has_something(&self) -> bool {
+        if self.requests.is_pending() {
+            return true;
+        }
+        self.is_updated.set(true);
+        self.port.has_requests().unwrap_or_else(|failure| {
+            // Trouble counts as something: draining then says what it is. iceoryx2 tells of it once.
+            self.failure.set(Some(failure));
+            true
+        })
+    }
+}
