@@ -309,7 +309,7 @@ pub(crate) fn request<R: Request>(
                 .node()
                 .service_builder(&service)
                 .request_response::<R, RequestReport>()
-                .max_servers(service::MAX_PROVIDERS)
+                .max_servers(service::MAX_SERVERS)
                 .max_clients(service::MAX_CLIENTS)
                 .max_nodes(service::MAX_NODES)
                 .max_active_requests_per_client(service::MAX_OUTSTANDING)

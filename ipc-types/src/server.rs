@@ -20,7 +20,7 @@ use crate::iox::{RequestService, Svc};
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{
-    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER, Request,
+    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_SERVERS, RESPONSE_BUFFER, Request,
 };
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
@@ -36,16 +36,18 @@ pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
 /// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that the
 /// client has given up; and the request that is being filled in.
-const CHANNELS_PER_CLIENT: usize = MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1;
+const CHANNELS_PER_CLIENT: usize = MAX_SERVERS * 2 * MAX_OUTSTANDING + 1;
 
 /// Memory for reports: as many as clients can leave unread in all channels, and hold in those of open requests, and one that
-/// is being filled in. So a client that never reads does not take the memory for the reports to another.
-///
-/// iceoryx2's own number counts only the channels of requests that are open or were given up just now. What a client has
-/// not read of earlier ones lies in the other channels until the client uses them again and reads.
+/// is being filled in. So clients that never read do not take the memory for the reports to another.
 const MAX_REPORTS: usize = MAX_CLIENTS
     * (CHANNELS_PER_CLIENT * RESPONSE_BUFFER + MAX_OUTSTANDING * MAX_BORROWED_REPORTS)
     + 1;
+
+/// Reports about one request that could be filled in at once. One is; but iceoryx2 reserves no more than it thinks necessary,
+/// which leaves out what lies unread in the channels of earlier requests. This makes it think of [`MAX_REPORTS`].
+const LOANED_REPORTS: usize = MAX_REPORTS.div_ceil(MAX_CLIENTS * 2 * MAX_OUTSTANDING)
+    - (RESPONSE_BUFFER + MAX_BORROWED_REPORTS);
 
 /// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop: all that all clients can
 /// have open, 128, and as many of clients that have gone.
@@ -186,12 +188,12 @@ impl<R: Request> Server<R> {
         let port = open::port(
             session,
             &R::SERVICE.name(robot),
-            ("servers", MAX_PROVIDERS),
+            ("servers", MAX_SERVERS),
             |error| error == ServerCreateError::ExceedsMaxSupportedServers,
             || {
                 service
                     .server_builder()
-                    .max_loaned_responses_per_request(1)
+                    .max_loaned_responses_per_request(LOANED_REPORTS)
                     .override_response_preallocation(|_| MAX_REPORTS)
                     .backpressure_strategy(BackpressureStrategy::DiscardData)
                     // Not in silence: the caller must know that a report was not taken.

@@ -231,12 +231,16 @@ impl Request for ParameterRequest {
     }
 }
 
-/// Providers (publishers or servers) that may be registered at a service.
+/// Providers that may be registered at a service: publishers, and whoever waits for or signals events in their place.
 ///
 /// One lives at a time, by the lock of its owner file. The rest is room for registrations that a `kill -9` during
 /// start-up left behind and that nobody could clean: they would otherwise keep the robot from starting again for as
 /// long as any other process of the domain lives.
 pub const MAX_PROVIDERS: usize = 4;
+
+/// Servers that may be registered at a request service: the one that lives, and one that was left behind as above, or takes
+/// the other's place. Fewer than publishers, because iceoryx2 makes channels for each of them: see [`MAX_OUTSTANDING`].
+pub const MAX_SERVERS: usize = 2;
 
 /// Subscribers of a published service, in all processes. One more is refused at its creation.
 pub const MAX_SUBSCRIBERS: usize = 32;
@@ -258,7 +262,7 @@ pub const MAX_CLIENTS: usize = 16;
 /// Requests that a client may have open: a path keeps two open at a time, the rest is reserve.
 ///
 /// The server's memory, the cost of each report and the time that it takes to let a dead client go all grow with this
-/// number: iceoryx2 makes `MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1` channels for every client, 65, and looks at each of
+/// number: iceoryx2 makes `MAX_SERVERS * 2 * MAX_OUTSTANDING + 1` channels for every client, 33, and looks at each of
 /// them for each report.
 pub const MAX_OUTSTANDING: usize = 8;
 
