@@ -258,7 +258,7 @@ pub const MAX_CLIENTS: usize = 16;
 /// Requests that a client may have open: a path keeps two open at a time, the rest is reserve.
 ///
 /// The server's memory, the cost of each report and the time that it takes to let a dead client go all grow with this
-/// number: iceoryx2 makes `MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1` channels for every client, 65, and looks at each of
+/// number: iceoryx2 makes `2 * MAX_OUTSTANDING + 1` channels for every client, 17, and looks at each of
 /// them for each report.
 pub const MAX_OUTSTANDING: usize = 8;
 

@@ -403,13 +403,16 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
         let ipc = join(domain, "consumer");
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         for kill in 0..KILLS {
-            let mut publisher = Role::start(domain, "publisher");
-            // The moment of the kill is this test's input: 0 … 12 ms after the start.
-            thread::sleep(Duration::from_micros(kill * 200));
-            publisher.kill();
-            ipc.clean_dead();
-            subscriber.drain(|_| {}).unwrap();
+            for role in ["publisher", "server"] {
+                let mut starting = Role::start(domain, role);
+                // The moment of the kill is this test's input: 0 … 12 ms after the start.
+                thread::sleep(Duration::from_micros(kill * 200));
+                starting.kill();
+                ipc.clean_dead();
+                subscriber.drain(|_| {}).unwrap();
+            }
         }
+        let _server = Role::ready(domain, "server", "serving");
         let before = subscriber.losses().received;
         let _publisher = Role::ready(domain, "publisher", "published");
         until("three samples", || {
