@@ -195,7 +195,8 @@ impl<R: Request> Client<R> {
         let port = self.port.as_ref().ok_or_else(|| self.no_server())?;
         let pending = port.deliver(request)?;
         if pending.number_of_server_connections() == 0 {
-            return Err(self.no_server());
+            // It lives, but it has not read anything of this client yet, and the queue is full.
+            return Err(SendError::ServerFull);
         }
         port.requests.wake();
         self.outstanding.push(Outstanding {

@@ -59,6 +59,11 @@ impl Tended {
         self.is_worn.load(Ordering::Relaxed)
     }
 
+    /// Dead members that were removed so far.
+    pub(crate) fn deaths(&self) -> u32 {
+        self.deaths.load(Ordering::Acquire)
+    }
+
     /// Asks its provider to begin another generation.
     pub(crate) fn wear_out(&self, why: &str) {
         if !self.is_worn.swap(true, Ordering::Relaxed) {
@@ -73,7 +78,7 @@ impl Tended {
         let Ok(pass) = pass else {
             return self.wear_out("a dead process could not be removed");
         };
-        let deaths = self.deaths.fetch_add(pass.removed, Ordering::Relaxed) + pass.removed;
+        let deaths = self.deaths.fetch_add(pass.removed, Ordering::AcqRel) + pass.removed;
         if deaths >= MAX_DEATHS {
             self.wear_out("many processes died in the old one");
         } else if pass.stuck >= MAX_STUCK {

@@ -103,6 +103,8 @@ pub(crate) struct ServingPort<R: Request> {
     /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
     unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
     pub(crate) tended: Arc<Tended>,
+    /// Deaths of clients that were looked after. iceoryx2 signals a death before the client has left the list.
+    deaths: u32,
     // Last: its node must outlive the ports.
     _generation: Generation,
 }
@@ -206,6 +208,7 @@ impl<R: Request> ServingPort<R> {
                 refused_full: 0,
                 failure: Cell::new(None),
                 unconnected: None,
+                deaths: tended.deaths(),
                 tended,
                 _generation: generation,
             })
@@ -313,6 +316,7 @@ impl<R: Request> ServingPort<R> {
 
     /// Connects new clients, and lets go of those that are gone.
     pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry<R>>) -> Result<(), ServeError> {
+        self.deaths = self.tended.deaths();
         let failure = self.port.update_connections().err().or(self.failure.take());
         self.close_departed(tickets);
         if let Some(error) = failure {
@@ -415,7 +419,7 @@ impl<R: Request> ServingPort<R> {
 
     /// A notification counts without a request too: a client may have given one up.
     pub(crate) fn has_something(&self) -> bool {
-        if self.requests.is_pending() {
+        if self.requests.is_pending() || self.deaths != self.tended.deaths() {
             return true;
         }
         self.is_updated.set(true);

@@ -6,8 +6,6 @@ mod support;
 
 use std::collections::HashSet;
 use std::io::BufRead;
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -15,14 +13,11 @@ use std::thread;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::inspect::Life;
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
 use ipc_types::{
-    Domain, Ipc, Removal, ReportError, RobotId, Server, ServiceId, Source, Ticket, Waiter, Wake,
+    Domain, Ipc, Publisher, Removal, ReportError, RobotId, Server, ServiceId, Source, Ticket, Waiter, Wake,
     fresh_request_id,
 };
-use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, utimensat};
-use rustix::io::Errno;
 use rustix::process::{Pid, Signal, kill_process};
 
 use support::{Role, WATCHDOG, in_domain, join, open_descriptors, until};
@@ -37,8 +32,8 @@ const TESTS: &[(&str, fn())] = &[
         a_killed_server_ends_every_request_though_nobody_cleans_up,
     ),
     (
-        "a_killed_client_is_seen_as_vanished_after_cleaning_up",
-        a_killed_client_is_seen_as_vanished_after_cleaning_up,
+        "a_killed_client_is_seen_as_vanished",
+        a_killed_client_is_seen_as_vanished,
     ),
     (
         "clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server",
@@ -52,34 +47,25 @@ const TESTS: &[(&str, fn())] = &[
         "a_stopped_subscriber_holds_up_nobody",
         a_stopped_subscriber_holds_up_nobody,
     ),
-    ("a_signal_ends_a_wait", a_signal_ends_a_wait),
+    (
+        "a_signal_ends_a_wait",
+        a_signal_ends_a_wait,
+    ),
     (
         "kills_during_start_up_do_not_keep_the_next_from_starting",
         kills_during_start_up_do_not_keep_the_next_from_starting,
     ),
     (
-        "kills_during_start_up_leave_nothing_beside_a_live_neighbour",
-        kills_during_start_up_leave_nothing_beside_a_live_neighbour,
+        "consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing",
+        consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing,
     ),
     (
-        "a_connection_that_the_dead_left_half_made_holds_up_nobody",
-        a_connection_that_the_dead_left_half_made_holds_up_nobody,
+        "a_generation_that_wears_out_costs_no_request",
+        a_generation_that_wears_out_costs_no_request,
     ),
     (
-        "a_service_that_the_dead_left_half_made_holds_up_nobody",
-        a_service_that_the_dead_left_half_made_holds_up_nobody,
-    ),
-    (
-        "places_that_a_killed_cleaner_has_half_given_back_are_given_back",
-        places_that_a_killed_cleaner_has_half_given_back_are_given_back,
-    ),
-    (
-        "repairing_removes_the_dead_and_leaves_the_living_alone",
-        repairing_removes_the_dead_and_leaves_the_living_alone,
-    ),
-    (
-        "what_the_dead_left_is_removed_by_whoever_comes_next",
-        what_the_dead_left_is_removed_by_whoever_comes_next,
+        "what_the_dead_left_is_removed_by_the_next_process",
+        what_the_dead_left_is_removed_by_the_next_process,
     ),
 ];
 
@@ -98,7 +84,12 @@ fn play(role: &str) {
                 publisher.publish(|_| {}).expect("publish");
             }
             println!("published");
-            std::io::stdin().lines().for_each(drop);
+            // Those that come later get what was published before.
+            let waiter = Waiter::new();
+            loop {
+                waiter.wait(&[&publisher], None).expect("wait");
+                publisher.tend();
+            }
         }
         "subscriber" => {
             let mut subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
@@ -179,8 +170,6 @@ fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
         assert_eq!(epochs.len(), 3);
         let losses = subscriber.losses();
         assert_eq!((losses.lost, losses.publisher_restarts), (0, 2));
-        // The last one's remains are still there: nobody came after it.
-        assert_eq!((ipc.clean_dead().removed, ipc.clean_dead().removed), (1, 0));
     });
 }
 
@@ -222,7 +211,7 @@ fn a_killed_server_ends_every_request_though_nobody_cleans_up() {
     });
 }
 
-fn a_killed_client_is_seen_as_vanished_after_cleaning_up() {
+fn a_killed_client_is_seen_as_vanished() {
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
         let mut server = ipc.server::<ModuleControl>().unwrap();
@@ -237,10 +226,12 @@ fn a_killed_client_is_seen_as_vanished_after_cleaning_up() {
         });
         server.vanished(|_, _| panic!("vanished while alive"));
         client.kill();
-        assert_eq!(ipc.clean_dead().removed, 1);
-        assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
         let mut gone = Vec::new();
-        server.vanished(|_, request_id| gone.push(request_id));
+        until("the client's death", || {
+            server.wait(WATCHDOG).unwrap();
+            server.vanished(|_, request_id| gone.push(request_id));
+            !gone.is_empty()
+        });
         assert_eq!(gone, requests);
         assert_eq!(server.open_tickets(), 0);
     });
@@ -287,22 +278,18 @@ fn clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server()
             assert_eq!(gone, 3, "round {round}");
             // Whatever iceoryx2 keeps until the next look is given back by it.
             assert!(take(&mut server).is_empty());
-            let descriptors = open_descriptors();
-            assert_eq!(
-                *before.get_or_insert(descriptors),
-                descriptors,
-                "round {round}"
-            );
+            let before = *before.get_or_insert_with(open_descriptors);
+            until("no descriptor more", || open_descriptors() <= before);
         }
         assert_eq!(server.open_tickets(), 0);
-        assert!(!server.is_worn());
+        assert_eq!(server.generations(), 1);
     });
 }
 
 /// As an operator's scripts end: several at once, each with a request that the server has read, or has not. The clients that
 /// come next clean up after those that went, while the server is reading.
 fn clients_that_are_killed_in_groups_leave_nothing_at_the_server() {
-    const GROUPS: usize = 30;
+    const GROUPS: usize = 10;
     const GROUP: usize = 6;
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
@@ -320,15 +307,15 @@ fn clients_that_are_killed_in_groups_leave_nothing_at_the_server() {
             for client in &mut clients {
                 client.kill();
             }
-            ipc.clean_dead();
             until("the dead are seen", || {
+                server.wait(WATCHDOG).unwrap();
                 serve(&mut server, &mut open);
                 open.is_empty()
             });
-            let descriptors = open_descriptors();
-            assert!(descriptors <= *before.get_or_insert(descriptors));
+            let before = *before.get_or_insert_with(open_descriptors);
+            until("no descriptor more", || open_descriptors() <= before);
         }
-        assert!(!server.is_worn());
+        assert_eq!(server.generations(), 1);
         let mut client = ipc.client::<ModuleControl>().unwrap();
         client.send(&start()).unwrap();
         assert_eq!(take(&mut server).len(), 1);
@@ -399,7 +386,7 @@ fn a_signal_ends_a_wait() {
 fn kills_during_start_up_do_not_keep_the_next_from_starting() {
     const KILLS: u64 = 60;
     in_domain(|domain| {
-        // As long as this one lives, nobody may remove the domain as a whole.
+        // As long as this one lives, nobody may remove the robot's folder as a whole.
         let ipc = join(domain, "consumer");
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         for kill in 0..KILLS {
@@ -408,7 +395,6 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
                 // The moment of the kill is this test's input: 0 … 12 ms after the start.
                 thread::sleep(Duration::from_micros(kill * 200));
                 starting.kill();
-                ipc.clean_dead();
                 subscriber.drain(|_| {}).unwrap();
             }
         }
@@ -423,213 +409,87 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
     });
 }
 
-/// Makes everything in the domain look as if it had been made long ago.
-///
-/// Nothing is opened for that: closing a node's own file again would give up its lock.
-fn make_old(domain: &Domain) {
-    let long_ago = Timespec {
-        tv_sec: 0,
-        tv_nsec: 0,
-    };
-    let times = Timestamps {
-        last_access: long_ago,
-        last_modification: long_ago,
-    };
-    for path in domain.residue() {
-        match utimensat(CWD, &path, &times, AtFlags::SYMLINK_NOFOLLOW) {
-            Ok(()) | Err(Errno::NOENT) => {}
-            Err(error) => panic!("{}: {error}", path.display()),
-        }
-    }
-}
-
-fn kills_during_start_up_leave_nothing_beside_a_live_neighbour() {
+fn consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing() {
     const KILLS: u64 = 60;
     in_domain(|domain| {
-        let ipc = join(domain, "neighbour");
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
-        // Whatever a publisher leaves for good, such as the file that names it, is there from the first one on.
-        Role::ready(domain, "publisher", "published").kill();
-        ipc.clean_dead();
-        let (before, descriptors_before) = (domain.residue().len(), open_descriptors());
+        let ipc = join(domain, "bridge");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let neighbour = join(domain, "neighbour");
+        let mut subscriber = neighbour.subscriber::<DspTelemetry>().unwrap();
+        let mut received = 0;
+        let mut publish = |publisher: &mut Publisher<DspTelemetry>| {
+            publisher.tend();
+            publisher.publish(|_| {}).unwrap();
+            received += subscriber.drain(|_| {}).unwrap();
+            assert_eq!((received as u64, subscriber.losses().lost), (publisher.sequence(), 0));
+        };
+        publish(&mut publisher);
+        let (before, descriptors) = (domain.residue().len(), open_descriptors());
         for kill in 0..KILLS {
-            let mut publisher = Role::start(domain, "publisher");
+            let mut starting = Role::start(domain, "subscriber");
             // The moment of the kill is this test's input: 0 … 12 ms after the start.
             thread::sleep(Duration::from_micros(kill * 200));
-            publisher.kill();
-            let cleaning = ipc.clean_dead();
-            assert_eq!(cleaning.failed, 0, "kill {kill}");
+            publish(&mut publisher);
+            starting.kill();
+            publish(&mut publisher);
         }
-        // What a dead process was connected with is let go by its partner.
-        subscriber.drain(|_| {}).unwrap();
-        make_old(domain);
-        // At everything, which the timer's clean-up looks at only now and then.
-        domain.repair().unwrap();
-        let cleaning = domain.repair().unwrap().cleaning;
-        assert!(
-            cleaning.is_nothing(),
-            "{cleaning:?}: {:#?} {:#?}",
-            domain.inspect(),
-            domain.residue()
-        );
-        let seen = domain.inspect();
-        assert_eq!((seen.nodes.len(), seen.unfinished), (1, 0), "{seen:?}");
-        let after = domain.residue();
-        assert!(after.len() <= before, "{before} before: {after:#?}");
-        assert_eq!(open_descriptors(), descriptors_before);
-        // The neighbour has noticed nothing.
-        let received = subscriber.losses().received;
-        let _publisher = Role::ready(domain, "publisher", "published");
-        until("three samples", || {
-            subscriber.wait(WATCHDOG).unwrap();
-            subscriber.drain(|_| {}).unwrap();
-            subscriber.losses().received >= received + 3
+        // What is left behind by those that were killed before they were known is deleted with the generation.
+        publisher.wear_out();
+        until("nothing is left", || {
+            publish(&mut publisher);
+            thread::sleep(Duration::from_millis(20));
+            publisher.generations() > 1
+                && domain.residue().len() <= before
+                && open_descriptors() <= descriptors
         });
     });
 }
 
-fn a_connection_that_the_dead_left_half_made_holds_up_nobody() {
+/// A request that is open when a new generation begins is answered where it was asked.
+fn a_generation_that_wears_out_costs_no_request() {
     in_domain(|domain| {
-        let ipc = join(domain, "neighbour");
-        let mut publisher = Role::ready(domain, "publisher", "published");
-        let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
-        let connection = || {
-            let mut segments = domain.residue().into_iter();
-            segments.find(|path| path.extension().is_some_and(|kind| kind == "connection"))
-        };
-        until("they are connected", || connection().is_some());
-        publisher.kill();
-        subscriber.kill();
-        // As it is between the two system calls that make it.
-        let path = connection().expect("nobody has cleaned up");
-        std::fs::write(&path, "").unwrap();
-        std::fs::set_permissions(&path, PermissionsExt::from_mode(0o200)).unwrap();
-        let cleaning = ipc.clean_dead();
-        assert_eq!((cleaning.removed, cleaning.failed), (2, 0), "{cleaning:?}");
-        assert_eq!(connection(), None);
-    });
-}
-
-fn a_service_that_the_dead_left_half_made_holds_up_nobody() {
-    in_domain(|domain| {
-        let ipc = join(domain, "neighbour");
-        let mut server = Role::ready(domain, "server", "serving");
-        let segments = || {
-            let mut segments = domain.residue();
-            segments.retain(|path| path.extension().is_some_and(|kind| kind == "dynamic"));
-            segments
-        };
-        server.kill();
-        // As it is between the two system calls that make one.
-        let half_made = segments();
-        assert!(!half_made.is_empty(), "nobody has cleaned up");
-        for path in half_made {
-            std::fs::write(&path, "").unwrap();
-            std::fs::set_permissions(&path, PermissionsExt::from_mode(0o200)).unwrap();
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let operator = join(domain, "operator");
+        let mut client = operator.client::<ModuleControl>().unwrap();
+        let (early, late) = (start(), start());
+        client.send(&early).unwrap();
+        let mut open = take(&mut server);
+        server.wear_out();
+        assert!(take(&mut server).is_empty());
+        assert_eq!(server.generations(), 2);
+        client.send(&late).unwrap();
+        open.extend(take(&mut server));
+        assert_eq!(open.len(), 2);
+        let done = RequestReport::new(Stage::Done, Reason::None);
+        for (ticket, _) in &open {
+            server.report(*ticket, &done).unwrap();
         }
-        let cleaning = ipc.clean_dead();
-        assert_eq!((cleaning.removed, cleaning.failed), (1, 0), "{cleaning:?}");
-        assert!(segments().is_empty());
-        Role::ready(domain, "server", "serving");
+        let mut finals = Vec::new();
+        until("both reports", || {
+            client.drain(|report| finals.push((report.request_id, report.stage())));
+            finals.len() == 2
+        });
+        let done = Some(Stage::Done);
+        assert_eq!(finals, [(early.request_id, done), (late.request_id, done)]);
+        assert_eq!((client.outstanding(), server.open_tickets()), (0, 0));
     });
 }
 
-fn places_that_a_killed_cleaner_has_half_given_back_are_given_back() {
+fn what_the_dead_left_is_removed_by_the_next_process() {
     in_domain(|domain| {
-        let ipc = join(domain, "neighbour");
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
-        let entries = |folder: &Path| {
-            let entries = std::fs::read_dir(folder).expect("a folder");
-            entries.map(|entry| entry.expect("an entry").path())
-        };
-        let nodes = domain.root().join("nodes");
-        let neighbours: Vec<_> = entries(&nodes).collect();
-        // More of them than a service has places for publishers.
-        for _ in 0..6 {
-            Role::ready(domain, "publisher", "published").kill();
-            let mut dead = entries(&nodes).filter(|path| path.is_dir());
-            let dead = dead
-                .find(|path| !neighbours.contains(path))
-                .expect("nobody has cleaned up");
-            // As a cleaner leaves it that is killed in the middle: the tags are gone, the places are not.
-            let spare = domain
-                .root()
-                .join("cleaning")
-                .join(dead.file_name().unwrap());
-            std::fs::create_dir_all(&spare).unwrap();
-            for tag in entries(&dead).filter(|path| path.extension() == Some("port_tag".as_ref())) {
-                std::fs::rename(&tag, spare.join(tag.file_name().unwrap())).unwrap();
-            }
-            let cleaning = ipc.clean_dead();
-            assert_eq!((cleaning.removed, cleaning.failed), (1, 0), "{cleaning:?}");
-            assert!(!spare.exists());
-            subscriber.drain(|_| {}).unwrap();
-        }
-        subscriber.drain(|_| {}).unwrap();
-        let connection = |path: &PathBuf| path.extension() == Some("connection".as_ref());
-        let left: Vec<_> = domain.residue().into_iter().filter(connection).collect();
-        assert!(left.is_empty(), "{left:?}");
-    });
-}
-
-fn repairing_removes_the_dead_and_leaves_the_living_alone() {
-    in_domain(|domain| {
-        let neighbour = Domain::isolated();
-        let ipc = join(&neighbour, "neighbour");
-        let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        let living = neighbour.residue().len();
-
-        let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
-        let mut publisher = Role::ready(domain, "publisher", "published");
-        publisher.kill();
-        let seen = domain.inspect();
-        let of = |life| -> Vec<(u32, String)> {
-            seen.nodes_that_are(life)
-                .map(|node| (node.pid, node.process.clone()))
-                .collect()
-        };
-        let described = |role: &Role, name: &str| vec![(role.child.id(), name.to_owned())];
-        assert_eq!(of(Life::Live), described(&subscriber, "subscriber"));
-        assert_eq!(of(Life::Dead), described(&publisher, "publisher"));
-
-        let repair = domain.repair().unwrap();
-        assert_eq!(repair.removal, Removal::InUse);
-        assert_eq!((repair.cleaning.removed, repair.cleaning.failed), (1, 0));
-        assert!(!repair.secured && !repair.renewed);
-        let seen = domain.inspect();
-        assert_eq!(seen.nodes_that_are(Life::Live).count(), 1);
-        assert_eq!(seen.nodes.len(), 1);
-
-        subscriber.kill();
-        let repair = domain.repair().unwrap();
-        assert!(matches!(repair.removal, Removal::Removed(_)), "{repair:?}");
-        assert_eq!(domain.repair().unwrap().removal, Removal::Nothing);
-        assert_eq!(neighbour.residue().len(), living);
-        drop((_publisher, ipc));
-        assert!(neighbour.residue().is_empty());
-    });
-}
-
-fn what_the_dead_left_is_removed_by_whoever_comes_next() {
-    in_domain(|domain| {
-        let killed_alone = || {
-            let mut publisher = Role::ready(domain, "publisher", "published");
-            let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
-            assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
-            subscriber.kill();
-            publisher.kill();
-            assert!(!domain.residue().is_empty());
-        };
-        killed_alone();
-        assert!(matches!(
-            domain.remove_if_dead().unwrap(),
-            Removal::Removed(_)
-        ));
-        assert!(domain.residue().is_empty());
-        killed_alone();
-        // The first to join finds a clean domain, and leaves one.
-        let ipc = join(domain, "next");
-        assert_eq!(ipc.clean_dead().removed, 0);
-        drop(ipc);
+        let mut roles = [
+            ("publisher", "published"),
+            ("subscriber", "subscribed"),
+            ("server", "serving"),
+        ]
+        .map(|(role, says)| Role::ready(domain, role, says));
+        assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
+        roles.iter_mut().for_each(Role::kill);
+        assert!(!domain.residue().is_empty());
+        let next = join(domain, "next");
+        assert_eq!(next.provider(ServiceId::DspTelemetry).unwrap(), None);
+        drop(next);
+        assert!(domain.residue().is_empty(), "{:?}", domain.residue());
     });
 }
