@@ -130,7 +130,7 @@ impl Domain {
     }
 
     /// How the names of this domain's segments begin: a letter, and a hash of the root.
-    pub(crate) fn tag(&self) -> String {
+    pub fn tag(&self) -> String {
         let hash = self
             .root
             .as_os_str()

@@ -9,9 +9,8 @@
 //! iceoryx2 can lose a wake-up: a notification that comes while a listener is being emptied may be swallowed, and the
 //! listener then stays marked as notified, so that later notifiers send nothing. Two things make that harmless here.
 //! Before each sleep every port is asked for data; and no sleep is longer than [`SAFETY_BOUND`], which is also how often
-//! every listener is emptied, whatever the kernel says of it. The doorbell loses nothing, but a publisher of another
-//! language may not ring it: the bound holds there too, and a waiter that is woken by nothing else falls back to events for
-//! a while.
+//! every listener is emptied, whatever the kernel says of it. The doorbell loses nothing; a provider that was held up, or
+//! killed, between its data and the doorbell costs the bound.
 
 use std::cell::Cell;
 use std::os::fd::BorrowedFd;
@@ -40,13 +39,6 @@ const DRAIN_PERIOD: Duration = Duration::from_millis(150);
 
 /// Most sources of one wait: the ports of one process and its file descriptors, several times over.
 pub const MAX_SOURCES: usize = 16;
-
-/// How often in a row data must be found that nobody rang for, until a waiter falls back to events. Once may be a
-/// publisher that was held up between its data and the doorbell.
-const MAX_UNRUNG: u8 = 2;
-
-/// How long a waiter relies on events before it tries the doorbell again.
-const FALL_BACK: Duration = Duration::from_secs(10);
 
 /// Waiting failed.
 #[derive(Debug, thiserror::Error)]
@@ -182,10 +174,6 @@ impl sealed::Source for Descriptor<'_> {
 pub struct Waiter {
     /// When all listeners were last emptied.
     drained_all: Cell<MonotonicNs>,
-    /// How often in a row data was found that nobody had rung for.
-    unrung: Cell<u8>,
-    /// Until when the waiter relies on events.
-    fallen_back_until: Cell<MonotonicNs>,
     missed: Cell<u64>,
 }
 
@@ -226,10 +214,8 @@ impl Waiter {
             None => MonotonicNs(u64::MAX),
         };
         match doorbell_of(sources) {
-            Some((doorbell, bits)) if MonotonicNs::now() >= self.fallen_back_until.get() => {
-                self.wait_for_doorbell(doorbell, bits, sources, deadline)
-            }
-            _ => self.wait_for_descriptors(sources, deadline),
+            Some((doorbell, bits)) => self.wait_for_doorbell(doorbell, bits, sources, deadline),
+            None => self.wait_for_descriptors(sources, deadline),
         }
     }
 
@@ -252,11 +238,8 @@ impl Waiter {
                 return Ok(Wake::TimedOut);
             }
             match doorbell.sleep(seen, bits, deadline.min(now + SAFETY_BOUND))? {
-                Slept::Rung => {
-                    self.unrung.set(0);
-                    // Draining looks by itself.
-                    return Ok(Wake::Ready(Ready::all(sources.len())));
-                }
+                // Draining looks by itself.
+                Slept::Rung => return Ok(Wake::Ready(Ready::all(sources.len()))),
                 Slept::Passed => {}
                 Slept::Interrupted => return Ok(Wake::Interrupted),
                 Slept::TimedOut => {
@@ -264,20 +247,11 @@ impl Waiter {
                     ready = look(sources);
                     if !ready.is_empty() && doorbell.is_awaited(bits) {
                         self.missed.set(self.missed.get() + 1);
-                        self.found_unrung();
                     }
                 }
             }
         }
         Ok(Wake::Ready(ready))
-    }
-
-    fn found_unrung(&self) {
-        self.unrung.set(self.unrung.get().saturating_add(1));
-        if self.unrung.get() >= MAX_UNRUNG {
-            self.unrung.set(0);
-            self.fallen_back_until.set(MonotonicNs::now() + FALL_BACK);
-        }
     }
 
     fn wait_for_descriptors(

@@ -1,11 +1,11 @@
-//! What others may have put into the domain: services with another layout or other settings, live foreign nodes.
+//! Programs that use iceoryx2 by themselves, as docs/ipc.md says: consumers of ours, and providers with another layout.
 //!
 //! The only tests that speak to iceoryx2 themselves, in the place of a foreign program.
 
 mod support;
 
-use std::sync::mpsc;
-use std::thread;
+use std::fs::{self, File};
+use std::os::unix::fs::PermissionsExt;
 
 use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
@@ -13,10 +13,11 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport, SharedStruct};
 use ipc_types::{
-    Domain, DomainError, Ipc, OpenError, Removal, ReportError, RobotId, ServiceId, fresh_request_id,
+    Domain, Ipc, OpenError, Removal, ReportError, RobotId, ServiceId, fresh_request_id,
 };
+use rustix::fs::{FlockOperation, flock};
 
-use support::{WATCHDOG, in_domain, join, until};
+use support::{in_domain, join};
 
 /// A later or earlier version of the sample, of the same size and alignment.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
@@ -26,18 +27,59 @@ struct OtherTelemetry {
     words: [u64; size_of::<DspTelemetry>() / 8],
 }
 
-fn foreign_node(domain: &Domain) -> Node<ipc::Service> {
+/// A foreign program's part in a generation. The locks go last.
+struct Foreign {
+    node: Node<ipc::Service>,
+    _locks: [File; 2],
+}
+
+fn folder_of(domain: &Domain, service: ServiceId) -> std::path::PathBuf {
+    domain.root().join("1").join(service.spec().key)
+}
+
+fn locked(path: std::path::PathBuf) -> File {
+    let file = File::open(path).unwrap();
+    flock(&file, FlockOperation::NonBlockingLockShared).unwrap();
+    file
+}
+
+/// Enters the current generation of a service.
+fn enter(domain: &Domain, service: ServiceId) -> Foreign {
+    let folder = folder_of(domain, service);
+    let current = fs::read_to_string(folder.join("current")).unwrap();
+    let (name, prefix) = current.trim_end().split_once(' ').unwrap();
+    let locks = [
+        locked(domain.root().join("1/doorbell")),
+        locked(folder.join(name).join("lock")),
+    ];
+    let root = folder.join(name);
     let mut config = Config::default();
-    config.global.prefix = FileName::new(domain.prefix().as_bytes()).unwrap();
-    let root = domain.root().to_str().unwrap();
+    config.global.prefix = FileName::new(prefix.as_bytes()).unwrap();
     config
         .global
-        .set_root_path(&Path::new(root.as_bytes()).unwrap());
-    NodeBuilder::new()
+        .set_root_path(&Path::new(root.to_str().unwrap().as_bytes()).unwrap());
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    let node = NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create()
-        .unwrap()
+        .unwrap();
+    Foreign {
+        node,
+        _locks: locks,
+    }
+}
+
+/// Stands in for a provider of `dsp_telemetry` of another version: a generation with nothing in it yet.
+fn provide(domain: &Domain) -> Foreign {
+    let folder = folder_of(domain, ServiceId::DspTelemetry);
+    fs::create_dir_all(folder.join("abcdef")).unwrap();
+    fs::write(folder.join("abcdef/lock"), "").unwrap();
+    let prefix = format!("{}abcdef_", domain.tag());
+    fs::write(folder.join("current"), format!("abcdef {prefix}\n")).unwrap();
+    enter(domain, ServiceId::DspTelemetry)
 }
 
 fn create<T: std::fmt::Debug + ZeroCopySend>(
@@ -68,8 +110,8 @@ fn refusal(ipc: &Ipc) -> OpenError {
 fn another_version_is_refused_and_both_are_named() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
-        let node = foreign_node(domain);
-        let _service = create::<OtherTelemetry>(&node, &[("layout_hash", "0123456789abcdef")]);
+        let foreign = provide(domain);
+        let _service = create::<OtherTelemetry>(&foreign.node, &[("layout_hash", "0123456789abcdef")]);
         let error = refusal(&ipc);
         assert!(matches!(error, OpenError::LayoutMismatch { .. }), "{error}");
         let text = error.to_string();
@@ -92,38 +134,15 @@ fn another_version_is_refused_and_both_are_named() {
 fn fields_that_changed_places_under_the_same_name_are_refused() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
-        let node = foreign_node(domain);
+        let foreign = provide(domain);
         let attributes = [
             ("slot", "3000"),
             ("layout", DspTelemetry::TYPE_NAME),
             ("layout_hash", "0123456789abcdef"),
         ];
-        let _service = create::<DspTelemetry>(&node, &attributes);
+        let _service = create::<DspTelemetry>(&foreign.node, &attributes);
         let error = refusal(&ipc).to_string();
         assert!(error.contains("0123456789abcdef"), "{error}");
-    });
-}
-
-#[test]
-fn a_service_with_other_settings_is_refused_with_what_to_do() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let node = foreign_node(domain);
-        let hash = format!("{:016x}", ServiceId::DspTelemetry.spec().layout_hash);
-        let attributes = [
-            ("slot", "3000"),
-            ("layout", DspTelemetry::TYPE_NAME),
-            ("layout_hash", hash.as_str()),
-        ];
-        // iceoryx2's defaults: a buffer of two samples, no history.
-        let _service = create::<DspTelemetry>(&node, &attributes);
-        let error = refusal(&ipc);
-        assert!(matches!(error, OpenError::OtherSettings { .. }), "{error}");
-        assert!(
-            error
-                .to_string()
-                .contains("must open services, not create them")
-        );
     });
 }
 
@@ -132,9 +151,10 @@ fn a_foreign_consumer_opens_what_the_publisher_made() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        let node = foreign_node(domain);
+        let foreign = enter(domain, ServiceId::DspTelemetry);
         let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
-        let service = node
+        let service = foreign
+            .node
             .service_builder(&name.as_str().try_into().unwrap())
             .publish_subscribe::<DspTelemetry>()
             .open()
@@ -153,14 +173,15 @@ fn a_foreign_consumer_opens_what_the_publisher_made() {
 }
 
 #[test]
-fn a_live_foreign_node_keeps_the_domain() {
+fn a_live_foreign_program_keeps_the_robot_s_folder() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
-        let node = foreign_node(domain);
-        drop(ipc);
+        let publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let foreign = enter(domain, ServiceId::DspTelemetry);
+        drop((publisher, ipc));
         assert!(!domain.residue().is_empty());
         assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
-        drop(node);
+        drop(foreign);
         assert!(matches!(
             domain.remove_if_dead().unwrap(),
             Removal::Removed(_)
@@ -170,7 +191,6 @@ fn a_live_foreign_node_keeps_the_domain() {
 
 #[test]
 fn nobody_else_may_read_or_write_the_domain_s_segments() {
-    use std::os::unix::fs::PermissionsExt;
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
@@ -189,82 +209,6 @@ fn nobody_else_may_read_or_write_the_domain_s_segments() {
     });
 }
 
-/// Marks the last sample.
-const LAST: u32 = 1;
-
-/// It rings no bell: a consumer that sleeps goes over to events, for which it had no listener before.
-#[test]
-fn a_publisher_of_another_language_is_heard_by_its_events() {
-    in_domain(|domain| {
-        let ipc = join(domain, "consumer");
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
-        let (heard, is_heard) = mpsc::channel();
-        thread::scope(|scope| {
-            scope.spawn(|| publish_until_listened_to(domain, is_heard));
-            loop {
-                heard.send(()).unwrap();
-                assert!(subscriber.wait(WATCHDOG).unwrap().is_ready(0));
-                if subscriber.latest().unwrap().unwrap().sonar_adc == LAST {
-                    break;
-                }
-            }
-        });
-        assert_eq!(subscriber.losses().lost, 0);
-    });
-}
-
-/// Publishes one sample for each that was heard, until somebody listens to the events of samples, and one more.
-fn publish_until_listened_to(domain: &Domain, is_heard: mpsc::Receiver<()>) {
-    let node = foreign_node(domain);
-    let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
-    let builder = || node.service_builder(&name.as_str().try_into().unwrap());
-    let samples = builder()
-        .publish_subscribe::<DspTelemetry>()
-        .open()
-        .unwrap();
-    let events = builder().event().open().unwrap();
-    let publisher = samples.publisher_builder().create().unwrap();
-    let notifier = events.notifier_builder().create().unwrap();
-    let listeners = || events.dynamic_config().number_of_listeners();
-    assert_eq!(listeners(), 0, "who sleeps on the bell costs nothing");
-    let mut sequence = 0;
-    let mut publish = |mark| {
-        is_heard.recv_timeout(WATCHDOG).unwrap();
-        sequence += 1;
-        let mut sample = publisher.loan().unwrap();
-        sample.payload_mut().sequence = sequence;
-        sample.payload_mut().sonar_adc = mark;
-        sample.send().unwrap();
-        notifier.notify().unwrap();
-    };
-    until("somebody listens", || {
-        publish(0);
-        listeners() == 1
-    });
-    publish(LAST);
-}
-
-#[test]
-fn a_process_has_one_domain_that_is_not_isolated() {
-    let domains = [1, 2].map(|n| {
-        let isolated = Domain::isolated();
-        let prefix = format!("{}x{n}_", isolated.prefix().trim_end_matches('_'));
-        Domain::new(&prefix, isolated.root()).unwrap()
-    });
-    domains[0].enter().unwrap();
-    domains[0].enter().unwrap();
-    let error = domains[1].enter().unwrap_err();
-    assert!(matches!(error, DomainError::AnotherDomainEntered { .. }));
-    for domain in &domains {
-        assert!(error.to_string().contains(domain.prefix()), "{error}");
-        assert!(domain.residue().is_empty());
-    }
-    let joined = Ipc::join(&domains[1], RobotId::DEFAULT, "test");
-    assert!(joined.is_err());
-    drop(joined);
-    assert!(domains[1].residue().is_empty());
-}
-
 /// iceoryx2 addresses a report by the place of the client and by a number that every client counts from 0. So the request of a
 /// client that is gone looks like the first one of the next client in its place.
 #[test]
@@ -272,9 +216,10 @@ fn a_client_in_the_place_of_another_gets_nothing_of_its_and_loses_nothing() {
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
         let mut server = ipc.server::<ModuleControl>().unwrap();
-        let node = foreign_node(domain);
+        let foreign = enter(domain, ServiceId::ModuleControl);
         let name = ServiceId::ModuleControl.name(RobotId::DEFAULT);
-        let service = node
+        let service = foreign
+            .node
             .service_builder(&name.as_str().try_into().unwrap())
             .request_response::<ModuleControl, RequestReport>()
             .open()
@@ -310,6 +255,6 @@ fn a_client_in_the_place_of_another_gets_nothing_of_its_and_loses_nothing() {
         let third = service.client_builder().create().unwrap();
         let _pending = third.send_copy(request()).unwrap();
         assert_eq!(server.drain(|_, _| {}).unwrap(), 1);
-        assert!(!server.is_worn());
+        assert_eq!(server.generations(), 1);
     });
 }

@@ -43,16 +43,21 @@ fn open_ports(domain: &Domain) {
             ipc.server::<ModuleControl>().unwrap(),
             ipc.server::<MovementData>().unwrap(),
         );
-        let root = domain.root();
+        let service = domain.root().join("1/movement");
+        let current = fs::read_to_string(service.join("current")).unwrap();
+        let (generation, _) = current.split_once(' ').unwrap();
         for (path, expected) in [
-            ("", 0o700),
-            ("owners", 0o700),
-            ("nodes", 0o750),
-            ("services", 0o750),
-            ("domain.lock", 0o600),
-            ("owners/1.movement", 0o600),
+            ("../..", 0o700),
+            ("..", 0o700),
+            ("../doorbell", 0o600),
+            (".", 0o700),
+            ("lock", 0o600),
+            (generation, 0o700),
+            (&format!("{generation}/lock"), 0o600),
+            (&format!("{generation}/nodes"), 0o750),
+            (&format!("{generation}/services"), 0o750),
         ] {
-            let path = root.join(path);
+            let path = service.join(path);
             assert_eq!(mode(&path), expected, "{}", path.display());
         }
     }
