@@ -20,7 +20,7 @@ use ipc_types::{Descriptor, Domain, Ipc, RobotId, ServiceId, Subscriber, Waiter}
 use rustix::process::{Pid, Signal, kill_process};
 
 /// The ways to sleep, and how often data was there that had woken nobody.
-const WAYS: [&str; 3] = ["bell", "descriptors", "waitset"];
+const WAYS: [&str; 3] = ["doorbell", "descriptors", "waitset"];
 
 /// The variable that makes this program one of its own children.
 const ROLE: &str = "WAKEUPS_ROLE";
@@ -122,7 +122,7 @@ fn conduct(plan: Plan) -> Result<(), Failure> {
         let line = BufReader::new(stdout).lines().next().ok_or("no result")??;
         let (samples, missed) = line.split_once(' ').ok_or("no result")?;
         println!("| {way} | {samples} | {missed} |");
-        survived &= *way != "bell" || missed == "0";
+        survived &= *way != "doorbell" || missed == "0";
     }
     for child in consumers.iter_mut().chain([&mut publisher]) {
         let _ = child.kill();
@@ -131,7 +131,7 @@ fn conduct(plan: Plan) -> Result<(), Failure> {
     domain.remove_if_dead()?;
     match survived {
         true => Ok(()),
-        false => Err("the bell lost a wake-up".into()),
+        false => Err("the doorbell lost a wake-up".into()),
     }
 }
 
@@ -151,7 +151,7 @@ fn play(role: &str, plan: Plan) -> Result<(), Failure> {
     let mut seen = Seen::default();
     match role {
         "publisher" => return publish(&ipc, plan),
-        "bell" => sleep_on_bell(ipc.subscriber()?, &mut seen)?,
+        "doorbell" => sleep_on_doorbell(ipc.subscriber()?, &mut seen)?,
         "descriptors" => sleep_on_descriptors(ipc.subscriber()?, &mut seen)?,
         _ => sleep_in_waitset(&domain, ipc.subscriber()?, &mut seen)?,
     }
@@ -177,7 +177,7 @@ fn publish(ipc: &Ipc, plan: Plan) -> Result<(), Failure> {
     }
 }
 
-fn sleep_on_bell(mut subscriber: Subscriber<DspTelemetry>, seen: &mut Seen) -> Result<(), Failure> {
+fn sleep_on_doorbell(mut subscriber: Subscriber<DspTelemetry>, seen: &mut Seen) -> Result<(), Failure> {
     while !seen.is_over {
         subscriber.wait(PATIENCE)?;
         subscriber.drain(|sample| seen.take(sample))?;
@@ -207,9 +207,15 @@ fn sleep_in_waitset(
     mut subscriber: Subscriber<DspTelemetry>,
     seen: &mut Seen,
 ) -> Result<(), Failure> {
+    // Enter the publisher's generation, as docs/ipc.md says.
+    subscriber.wait(PATIENCE)?;
+    let service = domain.root().join("1/dsp_telemetry");
+    let current = std::fs::read_to_string(service.join("current"))?;
+    let (name, prefix) = current.trim_end().split_once(' ').ok_or("no generation")?;
+    let root = service.join(name);
     let mut config = Config::default();
-    config.global.prefix = FileName::new(domain.prefix().as_bytes())?;
-    let root = domain.root().to_str().ok_or("a root of text")?;
+    config.global.prefix = FileName::new(prefix.as_bytes())?;
+    let root = root.to_str().ok_or("a root of text")?;
     config.global.set_root_path(&Path::new(root.as_bytes())?);
     let node = NodeBuilder::new()
         .config(&config)

@@ -328,12 +328,15 @@ fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_en
     let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
     let mut bridge: Publisher<DspTelemetry> = ipc.publisher().unwrap();
     let mut consumer: Subscriber<HeroTelemetry> = ipc.subscriber().unwrap();
+    let waiter = Waiter::new();
     for expected in 1..=SAMPLES {
         assert_eq!(bridge.publish(|_| {}).unwrap(), expected);
         let mut seen = 0;
         while seen < expected {
-            let wake = consumer.wait(TIMEOUT).unwrap();
+            // Status may join only now: the bridge is woken by that, and gives it what it has published.
+            let wake = waiter.wait(&[&consumer, &bridge], Some(TIMEOUT)).unwrap();
             assert_ne!(wake, Wake::TimedOut, "no telemetry came out");
+            bridge.tend();
             let see = |hero: &HeroTelemetry| seen = hero.source_sequence;
             consumer.drain(see).unwrap();
         }
