@@ -48,6 +48,7 @@ pub mod group;
 pub mod inspect;
 mod iox;
 pub mod open;
+#[macro_use]
 pub mod payload;
 pub mod publisher;
 pub mod request_id;
@@ -60,6 +61,9 @@ pub mod subscriber;
 pub mod ticket;
 pub mod time;
 pub mod waiter;
+
+#[doc(hidden)]
+pub use payload::support as macro_support;
 
 pub use client::{Client, SendError};
 pub use continuity::Losses;

@@ -8,7 +8,7 @@ pub mod tables;
 
 use std::fmt;
 
-use ipc_types::payload::{FieldKind, FieldLayout};
+use ipc_types::payload::{FieldKind, FieldLayout, Number};
 use runtime::config::nearest;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
@@ -97,8 +97,8 @@ fn field_names(fields: &[FieldLayout]) -> Vec<String> {
     let mut names = Vec::new();
     for field in fields {
         names.push(field.name.to_owned());
-        if let FieldKind::Struct(_, nested) = field.kind {
-            let nested = field_names(nested);
+        if let FieldKind::Struct(nested) = field.kind {
+            let nested = field_names(nested.fields);
             names.extend(nested.iter().map(|name| join(field.name, name)));
         }
     }
@@ -159,8 +159,8 @@ fn nested<T: Shown>(
     for field in fields {
         let path = join(path, field.name);
         let tree = match field.kind {
-            FieldKind::Struct(_, fields) => {
-                nested(sample, fields, &values[field.name], &path, selection)
+            FieldKind::Struct(inner) => {
+                nested(sample, inner.fields, &values[field.name], &path, selection)
             }
             _ if selection.contains(&path) => {
                 Tree::Plain(plain(sample, field, &values[field.name], &path))
@@ -190,7 +190,7 @@ fn plain<T: Shown>(sample: &T, field: &FieldLayout, value: &Value, path: &str) -
             .map_or_else(|| value.clone(), Value::from);
     }
     match field.kind {
-        FieldKind::Number("f32") => short(value),
+        FieldKind::Number(Number::F32) => short(value),
         _ => value.clone(),
     }
 }
