@@ -5,6 +5,7 @@
 //! * [`payload`]: the fixed-layout structs that lie in shared memory, with units, frames and validity;
 //! * [`code`]: the numbers in them that stand for states, reasons and errors, as typed enums;
 //! * [`group`]: the groups of a telemetry sample and their bits;
+//! * [`schema`]: what lies in a topic, as a text that programs read which have never seen the struct;
 //! * [`service`]: the one table of services, with every quality-of-service value;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
@@ -54,6 +55,7 @@ pub mod publisher;
 pub mod request_id;
 pub mod robot;
 pub mod scheduling;
+pub mod schema;
 pub mod server;
 pub mod service;
 pub mod session;

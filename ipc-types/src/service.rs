@@ -4,6 +4,7 @@
 //! nothing is left to a default here. `docs/ipc.md` shows the same table for consumers in other languages.
 
 use crate::iox::Wire;
+use crate::payload::layout::is_snake;
 use crate::payload::{
     DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
     RequestReport, SharedStruct, layout_hash,
@@ -25,6 +26,60 @@ pub enum ServiceId {
     Movement,
     /// The DSP's virtual ports at run time, operator → bridge. Not of the source.
     Parameters,
+}
+
+/// Longest key of a service, bytes.
+pub const MAX_KEY_LEN: usize = 64;
+
+/// Last parts of names that the event services of every service have.
+const EVENT_PARTS: [&str; 3] = ["subscribers", "requests", "responses"];
+
+/// Whether `key` can be the last part of a service's name: parts in lower snake case, divided by `/`, at most
+/// [`MAX_KEY_LEN`] bytes.
+///
+/// A module's own keys begin with the module's name, as `battery_watch/cell_voltages` does, so that no two modules have the
+/// same one. The last part is none of those that the event services have.
+pub const fn is_key(key: &str) -> bool {
+    let key = key.as_bytes();
+    if key.is_empty() || key.len() > MAX_KEY_LEN {
+        return false;
+    }
+    let mut from = 0;
+    let mut index = 0;
+    while index <= key.len() {
+        if index == key.len() || key[index] == b'/' {
+            if !is_snake(key, from, index) {
+                return false;
+            }
+            if index < key.len() {
+                from = index + 1;
+            }
+        }
+        index += 1;
+    }
+    let mut part = 0;
+    while part < EVENT_PARTS.len() {
+        if ends_with(key, from, EVENT_PARTS[part].as_bytes()) {
+            return false;
+        }
+        part += 1;
+    }
+    true
+}
+
+/// Whether `text[from..]` is `end`.
+const fn ends_with(text: &[u8], from: usize, end: &[u8]) -> bool {
+    if text.len() - from != end.len() {
+        return false;
+    }
+    let mut index = 0;
+    while index < end.len() {
+        if text[from + index] != end[index] {
+            return false;
+        }
+        index += 1;
+    }
+    true
 }
 
 /// How a service carries its data.

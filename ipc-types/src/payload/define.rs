@@ -26,7 +26,7 @@ pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
 
     /// The bytes as they lie in shared memory.
     ///
-    /// With `00 01 00 00` in front they are a CDR message, as ROS 2 and MCAP files carry it.
+    /// With [`CDR_HEADER`](crate::schema::CDR_HEADER) in front they are a CDR message, as ROS 2 and MCAP files carry it.
     fn bytes(&self) -> &[u8] {
         // SAFETY: by the contract of this trait there is no padding, so all bytes are initialized; the slice borrows them.
         #[allow(unsafe_code)]
@@ -161,11 +161,14 @@ unsafe impl<T: FieldType, const N: usize> FieldType for [T; N] {
 /// use ipc_types::payload::SharedStruct;
 /// assert_eq!(size_of::<Battery>(), 120);
 /// assert_eq!(Battery::TYPE_NAME, "battery_watch.Battery.v1");
+/// let schema = ipc_types::schema::text(Battery::LAYOUT);
+/// assert!(schema.contains("\nbattery_watch_msgs/Cell[12] cells\n"));
+/// assert!(schema.contains("\n# Voltage under load. [V]\nfloat32 voltage_v\n"));
 /// ```
 ///
 /// What comes out is a `repr(C)` struct that is `Copy`, `Default` (all zeros), `Debug`, `PartialEq` and `Serialize`, and
 /// that implements [`SharedStruct`]. Its [`Layout`] is a constant, from which come the hash
-/// ([`Layout::hash`]), and the types for C
+/// ([`Layout::hash`]), the schema in ROS 2's message format ([`schema::text`](crate::schema::text)), and the types for C
 /// and Python ([`export`](super::export)). Doc comments go along: write ranges and meaning into them. A unit goes into the
 /// field's name, as the table of `docs/ipc.md` section 6 has it, or in brackets at the end of the comment.
 ///
