@@ -17,6 +17,23 @@
 //!
 //! It is the only crate that knows iceoryx2; no type of it appears here.
 //!
+//! # A module's own topic
+//!
+//! ```no_run
+//! ipc_types::shared_struct! {
+//!     /// Voltages of the flight battery.
+//!     pub struct Voltages("battery_watch.Voltages.v1") = 64 {
+//!         /// Counts the samples of this publisher from 1.
+//!         pub sequence: u64,
+//!         /// When the publisher began, host monotonic ns.
+//!         pub epoch_ns: u64,
+//!         /// Of the cells, from the negative pole, under load [V].
+//!         pub cells: [f32; 12],
+//!     }
+//! }
+//! ipc_types::topic!(Voltages, "battery_watch/cell_voltages");
+//! ```
+//!
 //! # A consumer
 //!
 //! ```no_run
@@ -49,7 +66,6 @@ pub mod group;
 pub mod inspect;
 mod iox;
 pub mod open;
-#[macro_use]
 pub mod payload;
 pub mod publisher;
 pub mod request_id;
@@ -76,6 +92,7 @@ pub use publisher::{PublishError, Publisher};
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
 pub use scheduling::{Place, wake_promptly};
+pub use schema::Schema;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::{Ipc, JoinError};

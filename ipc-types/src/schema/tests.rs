@@ -12,7 +12,7 @@ use crate::payload::{
 mod stranger {
     #![allow(unsafe_code)]
 
-    shared_struct! {
+    crate::shared_struct! {
         /// One cell of a battery.
         pub struct Cell("battery_watch.Cell.v1") = 12 {
             /// Voltage under load.
@@ -25,7 +25,7 @@ mod stranger {
         }
     }
 
-    shared_struct! {
+    crate::shared_struct! {
         /// The flight battery, see [`Cell`](Cell).
         ///
         /// Made by `battery_watch`.
