@@ -11,6 +11,7 @@
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
+//! * [`dynamic`]: topics of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
 //! * [`scheduling`]: how a thread that waits comes to run sooner;
 //! * [`files`]: creating files in a process with threads that open ports.
@@ -59,6 +60,7 @@ pub mod client;
 pub mod code;
 pub mod continuity;
 pub mod domain;
+pub mod dynamic;
 mod ear;
 mod event;
 pub mod files;
@@ -86,6 +88,7 @@ pub use payload::support as macro_support;
 pub use client::{Client, SendError};
 pub use continuity::Losses;
 pub use domain::{Cleaning, Domain, DomainError, Provider, Removal, Repair};
+pub use dynamic::{DynamicError, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use open::OpenError;
 pub use publisher::{PublishError, Publisher};
