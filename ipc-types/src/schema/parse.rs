@@ -106,7 +106,8 @@ pub(super) fn parse(text: &str) -> Result<Schema, SchemaError> {
 fn ros_names(type_name: &str) -> Option<(String, String)> {
     let (package, rest) = type_name.split_once('.')?;
     let (name, version) = rest.split_once(".v")?;
-    let is_version = version.parse::<u32>().is_ok_and(|number| number > 0);
+    let is_number = version.bytes().all(|byte| byte.is_ascii_digit());
+    let is_version = is_number && version.parse::<u32>().is_ok_and(|number| number > 0);
     let is_right = is_snake(package.as_bytes(), 0, package.len()) && is_camel(name) && is_version;
     is_right.then(|| (format!("{package}_msgs"), name.to_owned()))
 }
@@ -167,7 +168,7 @@ fn split(text: &str) -> Result<Vec<Definition>, SchemaError> {
             }
             comment.clear();
         } else if let Some(text) = line.strip_prefix('#') {
-            comment.push(text.trim().to_owned());
+            comment.push(printable(text));
         } else if let Some(mut field) = field(number, line)? {
             comment.append(&mut field.comment);
             field.comment = std::mem::take(&mut comment);
@@ -178,6 +179,11 @@ fn split(text: &str) -> Result<Vec<Definition>, SchemaError> {
     }
     definitions.push(current);
     Ok(definitions)
+}
+
+/// A comment as it may be shown: a terminal would take control characters for commands.
+fn printable(comment: &str) -> String {
+    comment.trim().replace(char::is_control, " ")
 }
 
 /// `MSG: package/Name`; `package/msg/Name` is the same.
@@ -192,7 +198,7 @@ fn message_names(line: &str) -> Option<(String, String)> {
 fn field(line: usize, text: &str) -> Result<Option<FieldLine>, SchemaError> {
     let wrong = |reason| SchemaError::Line { line, reason };
     let (text, comment) = match text.split_once('#') {
-        Some((text, comment)) => (text, Some(comment.trim().to_owned())),
+        Some((text, comment)) => (text, Some(printable(comment))),
         None => (text, None),
     };
     let (kind, rest) = text

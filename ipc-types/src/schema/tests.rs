@@ -344,7 +344,7 @@ uint8 NONE=0
 uint8 SOME = 1
 string NAME=\"# no comment\"
 # [m]
-float64 length  # along the keel
+float64 length  # along \u{1b}the keel
 byte kind 3
 char[3] letters
 A2 in_the_same_package
@@ -376,7 +376,7 @@ int64 y
     let length = &schema.root().fields[0];
     assert_eq!(
         (length.unit(), length.comment.as_str()),
-        (Some("m"), "[m]\nalong the keel")
+        (Some("m"), "[m]\nalong  the keel")
     );
     assert_eq!(schema.size(), 24);
 }
