@@ -115,6 +115,7 @@ fn run<M: Meter>(
         stamps: StampReader::of(&watched.schema),
         of,
         began,
+        has_come: false,
         is_empty: true,
         block: Block::default(),
         redraw_at: is_live.then(|| began + REDRAW_PERIOD),
@@ -133,6 +134,8 @@ struct Desk<'a, M> {
     stamps: StampReader,
     of: Of<'a>,
     began: MonotonicNs,
+    /// Whether a sample has come, measured or not.
+    has_come: bool,
     is_empty: bool,
     block: Block,
     /// When to draw next; nothing when there is no terminal.
@@ -143,7 +146,10 @@ impl<M: Meter> Watcher for Desk<'_, M> {
     fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
         let now = MonotonicNs::now();
         let stamps = self.stamps.read(payload, now);
-        let is_new = stamps.sent >= self.began;
+        // Of a struct without times nobody can tell whether the first sample is the latest one of before.
+        let is_dated = stamps.received.or(stamps.published).is_some();
+        let is_first = !std::mem::replace(&mut self.has_come, true);
+        let is_new = stamps.sent >= self.began && (is_dated || !is_first);
         if is_new {
             if self.is_empty {
                 tracing::debug!(sequence = stamps.sequence, "first sample");
