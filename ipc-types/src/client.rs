@@ -14,7 +14,7 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell;
+use crate::doorbell::{Place, place};
 use crate::event::{Channel, Event};
 use crate::follow::Follower;
 use crate::generation::Generation;
@@ -23,7 +23,7 @@ use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::provider::ProviderWatch;
 use crate::request_id::fresh_request_id;
-use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
+use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{SAFETY_BOUND, WaitError, Waiter, Wake, sealed};
@@ -68,6 +68,7 @@ pub struct Client<R: Request> {
     follower: Follower,
     waiter: Waiter,
     server: ServerWatch,
+    place: Place,
     session: Arc<Session>,
 }
 
@@ -103,11 +104,11 @@ impl<R: Request> Port<R> {
     fn open(session: &Arc<Session>, generation: Generation) -> Result<Port<R>, OpenError> {
         let robot = session.robot();
         let service = open::open_request::<R>(&generation, robot)?;
-        let event = |channel| Event::open(&generation, robot, R::SERVICE, channel);
+        let event = |channel| Event::open(&generation, robot, R::KEY, channel);
         let responses = WakeReceiver::new(event(Channel::Responses)?);
         let requests = event(Channel::Requests)?;
         let port = open::port(
-            &R::SERVICE.name(robot),
+            &service_name(robot, R::KEY),
             ("clients", MAX_CLIENTS),
             |error| error == ClientCreateError::ExceedsMaxSupportedClients,
             || {
@@ -123,7 +124,7 @@ impl<R: Request> Port<R> {
         Ok(Port {
             port,
             responses,
-            requests: WakeSender::make(session, requests, R::SERVICE, Channel::Requests)?,
+            requests: WakeSender::make(session, requests, place(R::KEY), Channel::Requests)?,
             generation,
         })
     }
@@ -150,9 +151,10 @@ impl<R: Request> Client<R> {
             outstanding: Vec::with_capacity(MAX_OUTSTANDING),
             port: None,
             former: None,
-            follower: Follower::new(session, R::SERVICE),
+            follower: Follower::new(session, R::KEY),
             waiter: Waiter::new(),
-            server: ServerWatch::new(session.watch(R::SERVICE)),
+            server: ServerWatch::new(session.watch(R::KEY)),
+            place: place(R::KEY),
             session: Arc::clone(session),
         };
         match client.follow() {
@@ -270,7 +272,7 @@ impl<R: Request> Client<R> {
 
     fn no_server(&self) -> SendError {
         SendError::NoServer {
-            service: R::SERVICE.spec().key,
+            service: R::KEY,
             robot: self.session.robot().get(),
         }
     }
@@ -388,7 +390,7 @@ impl<R: Request> sealed::Source for Client<R> {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: doorbell::bits(R::SERVICE, Channel::Responses),
+            bits: self.place.bits(Channel::Responses),
             receiver: self.port.as_ref().map(|port| &port.responses),
             by_descriptor: false,
         }

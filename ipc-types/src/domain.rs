@@ -131,16 +131,7 @@ impl Domain {
 
     /// How the names of this domain's segments begin: a letter, and a hash of the root.
     pub fn tag(&self) -> String {
-        let hash = self
-            .root
-            .as_os_str()
-            .as_bytes()
-            .iter()
-            .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-                (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
-            });
-        // The low bits of the product depend on few bits of the last byte.
-        let hash = hash ^ (hash >> 32);
+        let hash = random::hash(self.root.as_os_str().as_bytes());
         format!("h{}", random::letters(hash, TAG_LEN - 1))
     }
 }

@@ -32,7 +32,8 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
 use crate::event::Channel;
-use crate::service::{SERVICES, ServiceId};
+use crate::random;
+use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
 
 /// Length of the page, bytes.
@@ -61,20 +62,31 @@ pub type Bits = NonZeroU32;
 /// Rung when a service has another generation. Every sleeper sleeps for it.
 const GENERATION: Bits = Bits::new(1 << 31).unwrap();
 
-/// A service's place in the page.
-fn place(service: ServiceId) -> usize {
-    const { assert!(SERVICES.len() <= PLACES) };
-    service as usize
+/// The place of the service `key` in the page: the robot's own have one each, modules' share the rest.
+pub(crate) fn place(key: &str) -> Place {
+    const { assert!(SERVICES.len() < PLACES) };
+    let shared = PLACES - SERVICES.len();
+    let index = match own(key) {
+        Some(id) => id as usize,
+        None => SERVICES.len() + (random::hash(key.as_bytes()) % shared as u64) as usize,
+    };
+    Place(index)
 }
 
-/// The bit of one of a service's events.
-pub(crate) fn bits(service: ServiceId, channel: Channel) -> Bits {
-    let direction = match channel {
-        Channel::Samples | Channel::Responses => 0,
-        Channel::Subscribers | Channel::Requests => 1,
-    };
-    const TWO: Bits = Bits::new(2).unwrap();
-    TWO.saturating_pow(2 * place(service) as u32 + direction)
+/// A service's place in the page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place(usize);
+
+impl Place {
+    /// The bit of one of the service's events.
+    pub(crate) fn bits(self, channel: Channel) -> Bits {
+        let direction = match channel {
+            Channel::Samples | Channel::Responses => 0,
+            Channel::Subscribers | Channel::Requests => 1,
+        };
+        const TWO: Bits = Bits::new(2).unwrap();
+        TWO.saturating_pow(2 * self.0 as u32 + direction)
+    }
 }
 
 /// How a sleep ended.
@@ -188,15 +200,15 @@ impl Doorbell {
         !self.page().sleepers.load(Ordering::SeqCst) & bits.get() == 0
     }
 
-    /// Counts a new subscriber of `service` and wakes its publisher.
-    pub(crate) fn join(&self, service: ServiceId) {
-        self.page().joined[place(service)].fetch_add(1, Ordering::SeqCst);
-        self.ring(bits(service, Channel::Subscribers));
+    /// Counts a new subscriber of the service at `place` and wakes its publisher.
+    pub(crate) fn join(&self, place: Place) {
+        self.page().joined[place.0].fetch_add(1, Ordering::SeqCst);
+        self.ring(place.bits(Channel::Subscribers));
     }
 
-    /// How many subscribers of `service` have joined so far, wrapping around.
-    pub(crate) fn joined(&self, service: ServiceId) -> u32 {
-        self.page().joined[place(service)].load(Ordering::SeqCst)
+    /// How many subscribers of the service at `place` have joined so far, wrapping around.
+    pub(crate) fn joined(&self, place: Place) -> u32 {
+        self.page().joined[place.0].load(Ordering::SeqCst)
     }
 
     /// Says that a service has another generation, or none, and wakes every sleeper.
@@ -228,10 +240,10 @@ mod tests {
 
     use super::*;
 
-    const DATA: ServiceId = ServiceId::HeroTelemetry;
+    const DATA: &str = "hero_telemetry";
 
     fn samples() -> Bits {
-        bits(DATA, Channel::Samples)
+        place(DATA).bits(Channel::Samples)
     }
 
     /// Two processes' views of one doorbell.
@@ -259,7 +271,7 @@ mod tests {
         let mut all = vec![GENERATION.get()];
         for spec in &SERVICES {
             for channel in channels {
-                all.push(bits(spec.id, channel).get());
+                all.push(place(spec.key).bits(channel).get());
             }
         }
         assert!(all.iter().all(|bits| bits.count_ones() == 1));
@@ -291,8 +303,8 @@ mod tests {
     fn a_process_is_not_woken_by_what_it_does_not_sleep_for() {
         let [sleeper, ringer] = doorbells();
         let seen = sleeper.listen(samples());
-        ringer.ring(bits(DATA, Channel::Subscribers));
-        ringer.ring(bits(ServiceId::DspTelemetry, Channel::Samples));
+        ringer.ring(place(DATA).bits(Channel::Subscribers));
+        ringer.ring(place("dsp_telemetry").bits(Channel::Samples));
         let slept = sleeper.sleep(seen, samples(), soon());
         assert_eq!(slept, Ok(Slept::TimedOut));
         // A bit that was left, as by a process that was killed, does no harm.
@@ -309,7 +321,7 @@ mod tests {
         const ROUNDS: u32 = 20_000;
         let doorbells = doorbells();
         let data = [const { AtomicU32::new(0) }; 2];
-        let sides = [samples(), bits(DATA, Channel::Subscribers)];
+        let sides = [samples(), place(DATA).bits(Channel::Subscribers)];
         let play = |me: usize| {
             let doorbell = &doorbells[me];
             for round in 1..=ROUNDS {
@@ -335,9 +347,17 @@ mod tests {
     #[test]
     fn subscribers_are_counted_for_each_service() {
         let [subscriber, publisher] = doorbells();
-        subscriber.join(DATA);
-        subscriber.join(DATA);
-        assert_eq!(publisher.joined(DATA), 2);
-        assert_eq!(publisher.joined(ServiceId::DspTelemetry), 0);
+        subscriber.join(place(DATA));
+        subscriber.join(place(DATA));
+        assert_eq!(publisher.joined(place(DATA)), 2);
+        assert_eq!(publisher.joined(place("dsp_telemetry")), 0);
+    }
+
+    #[test]
+    fn a_module_s_service_shares_a_place_with_none_of_the_robot_s_own() {
+        for key in ["battery_watch/voltages", "a", "b", "c", "camera/state"] {
+            let place = place(key).0;
+            assert!((SERVICES.len()..PLACES).contains(&place), "{key}: {place}");
+        }
     }
 }

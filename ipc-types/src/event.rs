@@ -9,7 +9,7 @@ use crate::generation::Generation;
 use crate::iox::{EventService, Listener, Notifier};
 use crate::open::{self, OpenError};
 use crate::robot::RobotId;
-use crate::service::{self, EventCode, ServiceId};
+use crate::service::{self, EventCode, service_name};
 use crate::files;
 
 /// Which of a service's events.
@@ -47,15 +47,15 @@ pub(crate) struct Event {
 }
 
 impl Event {
-    /// Makes one of the event services that belong to `id`.
+    /// Makes one of the event services that belong to the service `key`.
     pub(crate) fn create(
         generation: &Generation,
         robot: RobotId,
-        id: ServiceId,
+        key: &str,
         channel: Channel,
     ) -> Result<Event, OpenError> {
         let (suffix, listeners, notifiers) = limits(channel);
-        Event::make(generation, robot, id, channel, |builder| {
+        Event::make(generation, robot, key, channel, |builder| {
             builder
                 .max_listeners(listeners)
                 .max_notifiers(notifiers)
@@ -66,36 +66,36 @@ impl Event {
                 .notifier_dead_event(event_id(EventCode::Died))
                 .disable_deadline()
                 .create()
-                .map_err(|error| open::failed(&format!("{}{suffix}", id.name(robot)), error))
+                .map_err(|error| open::failed(&format!("{}{suffix}", service_name(robot, key)), error))
         })
     }
 
-    /// Opens one of the event services that belong to `id`.
+    /// Opens one of the event services that belong to the service `key`.
     pub(crate) fn open(
         generation: &Generation,
         robot: RobotId,
-        id: ServiceId,
+        key: &str,
         channel: Channel,
     ) -> Result<Event, OpenError> {
         let (suffix, ..) = limits(channel);
-        Event::make(generation, robot, id, channel, |builder| {
+        Event::make(generation, robot, key, channel, |builder| {
             builder
                 .open()
-                .map_err(|error| open::failed(&format!("{}{suffix}", id.name(robot)), error))
+                .map_err(|error| open::failed(&format!("{}{suffix}", service_name(robot, key)), error))
         })
     }
 
     fn make(
         generation: &Generation,
         robot: RobotId,
-        id: ServiceId,
+        key: &str,
         channel: Channel,
         make: impl FnOnce(
             iceoryx2::service::builder::event::Builder<crate::iox::Svc>,
         ) -> Result<EventService, OpenError>,
     ) -> Result<Event, OpenError> {
         let (suffix, listeners, notifiers) = limits(channel);
-        let name = format!("{}{suffix}", id.name(robot));
+        let name = format!("{}{suffix}", service_name(robot, key));
         let service_name = open::service_name(&name)?;
         let builder = generation.node().service_builder(&service_name).event();
         let service = files::while_no_port_opens(|| make(builder))?;

@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use crate::generation::{self, Generation};
 use crate::open::OpenError;
-use crate::service::ServiceId;
 use crate::session::Session;
 use crate::time::MonotonicNs;
 
@@ -18,7 +17,7 @@ const RETRY: Duration = Duration::from_millis(100);
 /// Watches the generations of a service for a process that does not provide it.
 pub(crate) struct Follower {
     session: Arc<Session>,
-    service: ServiceId,
+    key: String,
     folder: PathBuf,
     /// What the doorbell said at the last look; nothing before the first.
     seen: Cell<Option<u32>>,
@@ -27,11 +26,11 @@ pub(crate) struct Follower {
 }
 
 impl Follower {
-    pub(crate) fn new(session: &Arc<Session>, service: ServiceId) -> Follower {
+    pub(crate) fn new(session: &Arc<Session>, key: &str) -> Follower {
         Follower {
             session: Arc::clone(session),
-            service,
-            folder: session.service_folder(service),
+            key: key.to_owned(),
+            folder: session.service_folder(key),
             seen: Cell::new(None),
             retry: Cell::new(None),
         }
@@ -55,13 +54,13 @@ impl Follower {
         // Before `current` is read: what changes later is seen by the next look.
         self.seen.set(Some(self.session.doorbell().generations()));
         self.retry.set(None);
-        let Some(name) = generation::current(&self.folder).filter(|name| present != Some(name))
-        else {
+        let current = generation::current(&self.folder).map(|current| current.name);
+        let Some(name) = current.filter(|name| present != Some(name)) else {
             return Ok(None);
         };
         let made = self
             .session
-            .enter(self.service, &name)
+            .enter(&self.key, &name)
             .and_then(|generation| make(&self.session, generation));
         if made.is_err() {
             self.retry.set(Some(MonotonicNs::now() + RETRY));

@@ -21,6 +21,8 @@ use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_
 use crate::domain_error::DomainError;
 use crate::iox::{Node, NodeBuilder, Svc};
 use crate::robot_folder::{flock, is_at, is_ours, open_lock_file, open_to_look};
+use crate::schema::{self, LoadError, Schema};
+use crate::service::{MAX_KEY_LEN, is_key};
 use crate::{files, random};
 
 /// The file whose lock says that somebody is in the generation.
@@ -28,6 +30,9 @@ const LOCK_FILE: &str = "lock";
 
 /// The file with the name of the generation that lives.
 const CURRENT_FILE: &str = "current";
+
+/// The file with the schema of what lies in the generation.
+const SCHEMA_FILE: &str = "schema.msg";
 
 /// Ends the name of a generation of which nobody knows yet.
 const DRAFT: &str = ".new";
@@ -168,6 +173,13 @@ impl Generation {
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
+
+    /// Lays the schema of its content beside it.
+    pub(crate) fn describe(&self, schema: &str) -> Result<(), DomainError> {
+        let path = self.path.join(SCHEMA_FILE);
+        files::while_no_port_opens(|| fs::write(&path, schema))
+            .map_err(|error| DomainError::io("write", &path, error))
+    }
 }
 
 impl Drop for Generation {
@@ -188,12 +200,17 @@ impl Drop for Generation {
     }
 }
 
-/// Makes the generation the one that others enter: its name, and the prefix of its segments, which programs need that use
-/// iceoryx2 by themselves.
-pub(crate) fn announce(domain: &Domain, service: &Path, name: &str) -> Result<(), DomainError> {
+/// Makes the generation the one that others enter: its name, the prefix of its segments, which programs need that use
+/// iceoryx2 by themselves, and the key of the service.
+pub(crate) fn announce(
+    domain: &Domain,
+    service: &Path,
+    name: &str,
+    key: &str,
+) -> Result<(), DomainError> {
     let path = service.join(CURRENT_FILE);
     let draft = service.join(format!("{CURRENT_FILE}.{name}"));
-    let text = format!("{name} {}\n", prefix(domain, name));
+    let text = format!("{name} {} {key}\n", prefix(domain, name));
     files::while_no_port_opens(|| fs::write(&draft, text))
         .and_then(|()| fs::rename(&draft, &path))
         .map_err(|error| DomainError::io("write", &path, error))
@@ -207,14 +224,43 @@ pub(crate) fn withdraw(service: &Path) {
     }
 }
 
-/// The name of the generation that others may enter.
-pub(crate) fn current(service: &Path) -> Option<String> {
+/// The generation that others may enter.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Current {
+    /// Its name.
+    pub(crate) name: String,
+    /// Key of the service.
+    pub(crate) key: String,
+}
+
+/// The generation of a service that others may enter.
+pub(crate) fn current(service: &Path) -> Option<Current> {
     let file = open_to_look(&service.join(CURRENT_FILE)).ok()?;
     let mut text = String::new();
-    let limit = GENERATION_LEN + 1 + PREFIX_LEN + 1;
+    let limit = GENERATION_LEN + 1 + PREFIX_LEN + 1 + MAX_KEY_LEN + 1;
     file.take(limit as u64).read_to_string(&mut text).ok()?;
-    let (name, _prefix) = text.trim_end().split_once(' ')?;
-    is_name(name).then(|| name.to_owned())
+    let mut words = text.trim_end().split(' ');
+    let (name, _prefix, key) = (words.next()?, words.next()?, words.next()?);
+    (is_name(name) && is_key(key)).then(|| Current {
+        name: name.to_owned(),
+        key: key.to_owned(),
+    })
+}
+
+/// The schema of what lies in a generation: of samples, or of requests.
+pub(crate) fn schema(service: &Path, name: &str) -> Result<Schema, LoadError> {
+    schema::load(&service.join(name).join(SCHEMA_FILE))
+}
+
+/// The folders of a robot's services.
+pub(crate) fn services(robot_folder: &Path) -> Vec<PathBuf> {
+    fs::read_dir(robot_folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()))
+        .map(|entry| entry.path())
+        .collect()
 }
 
 fn is_name(name: &str) -> bool {
@@ -290,9 +336,9 @@ pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
 
 /// The prefixes of all generations in a robot's folder.
 fn prefixes_in(domain: &Domain, robot_folder: &Path) -> HashSet<String> {
-    let services = fs::read_dir(robot_folder).into_iter().flatten().flatten();
-    services
-        .flat_map(|service| names(&service.path()))
+    services(robot_folder)
+        .iter()
+        .flat_map(|service| names(service))
         .map(|name| prefix(domain, without_draft(&name)))
         .collect()
 }

@@ -5,16 +5,35 @@
 //! * [`payload`]: the fixed-layout structs that lie in shared memory, with units, frames and validity;
 //! * [`code`]: the numbers in them that stand for states, reasons and errors, as typed enums;
 //! * [`group`]: the groups of a telemetry sample and their bits;
+//! * [`schema`]: what lies in a topic, as a text that programs read which have never seen the struct;
 //! * [`service`]: the one table of services, with every quality-of-service value;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
+//! * [`dynamic`]: topics of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
 //! * [`scheduling`]: how a thread that waits comes to run sooner;
 //! * [`files`]: creating files in a process with threads that open ports.
 //!
 //! It is the only crate that knows iceoryx2; no type of it appears here.
+//!
+//! # A module's own topic
+//!
+//! ```no_run
+//! ipc_types::shared_struct! {
+//!     /// Voltages of the flight battery.
+//!     pub struct Voltages("battery_watch.Voltages.v1") = 64 {
+//!         /// Counts the samples of this publisher from 1.
+//!         pub sequence: u64,
+//!         /// When the publisher began, host monotonic ns.
+//!         pub epoch_ns: u64,
+//!         /// Of the cells, from the negative pole, under load [V].
+//!         pub cells: [f32; 12],
+//!     }
+//! }
+//! ipc_types::topic!(Voltages, "battery_watch/cell_voltages");
+//! ```
 //!
 //! # A consumer
 //!
@@ -41,6 +60,7 @@ pub mod code;
 pub mod domain;
 mod domain_error;
 mod doorbell;
+pub mod dynamic;
 mod event;
 pub mod files;
 mod follow;
@@ -58,6 +78,7 @@ pub mod request_id;
 pub mod robot;
 mod robot_folder;
 pub mod scheduling;
+pub mod schema;
 mod segment;
 pub mod sequence;
 pub mod server;
@@ -70,9 +91,13 @@ pub mod time;
 pub mod waiter;
 mod wake;
 
+#[doc(hidden)]
+pub use payload::support as macro_support;
+
 pub use client::{Client, SendError};
 pub use domain::Domain;
 pub use domain_error::DomainError;
+pub use dynamic::{DynamicError, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use open::OpenError;
@@ -81,6 +106,7 @@ pub use publisher::{PublishError, Publisher};
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
 pub use scheduling::{Place, wake_promptly};
+pub use schema::Schema;
 pub use sequence::Losses;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};

@@ -10,14 +10,14 @@ use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 
-use crate::doorbell;
+use crate::doorbell::{Place, place};
 use crate::event::{Channel, Event};
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
 use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::provider::ProviderLock;
-use crate::service::{MAX_PROVIDERS, Topic};
+use crate::service::{Contract, MAX_PROVIDERS, Topic};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
@@ -53,6 +53,7 @@ pub struct Publisher<T: Topic> {
     latest: T,
     epoch_ns: u64,
     sequence: u64,
+    place: Place,
     _lock: ProviderLock,
     session: Arc<Session>,
 }
@@ -76,16 +77,17 @@ type Preloaned<T> = iceoryx2::sample_mut::SampleMut<Svc, T, ()>;
 
 impl<T: Topic> Port<T> {
     fn make(session: &Arc<Session>) -> Result<Port<T>, OpenError> {
-        session.begin(T::SERVICE, |generation, tended| {
+        let contract = Contract::of_topic::<T>();
+        session.begin(&contract, |generation, tended| {
             let robot = session.robot();
             let service = open::create_topic::<T>(&generation, robot)?;
-            let event = |channel| Event::create(&generation, robot, T::SERVICE, channel);
+            let event = |channel| Event::create(&generation, robot, T::KEY, channel);
             let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
             // Consumers in other languages announce themselves by this alone.
             subscribers.listener()?;
             let samples = event(Channel::Samples)?;
             let port = open::port(
-                &T::SERVICE.name(robot),
+                &contract.name(robot),
                 ("publishers", MAX_PROVIDERS),
                 |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
                 || {
@@ -100,9 +102,9 @@ impl<T: Topic> Port<T> {
             Ok(Port {
                 preloaned: None,
                 port,
-                samples: WakeSender::make(session, samples, T::SERVICE, Channel::Samples)?,
+                samples: WakeSender::make(session, samples, place(T::KEY), Channel::Samples)?,
                 subscribers,
-                served: session.doorbell().joined(T::SERVICE),
+                served: session.doorbell().joined(place(T::KEY)),
                 tended,
                 _generation: generation,
             })
@@ -128,7 +130,7 @@ impl<T: Topic> Port<T> {
     fn connect(&self) {
         if let Err(error) = self.port.update_connections() {
             tracing::debug!(
-                service = T::SERVICE.spec().key,
+                service = T::KEY,
                 ?error,
                 "a subscriber was not reached"
             );
@@ -138,7 +140,7 @@ impl<T: Topic> Port<T> {
 
 impl<T: Topic> Publisher<T> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Publisher<T>, OpenError> {
-        let lock = session.provide(T::SERVICE)?;
+        let lock = session.provide(T::KEY)?;
         Ok(Publisher {
             port: Port::make(session)?,
             former: None,
@@ -147,6 +149,7 @@ impl<T: Topic> Publisher<T> {
             latest: T::default(),
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
+            place: place(T::KEY),
             _lock: lock,
             session: Arc::clone(session),
         })
@@ -229,7 +232,7 @@ impl<T: Topic> Publisher<T> {
 
     /// Subscribers that have come so far, as the doorbell counts them.
     fn joined(&self) -> u32 {
-        self.session.doorbell().joined(T::SERVICE)
+        self.session.doorbell().joined(self.place)
     }
 
     /// Number of the last sample, 0 before the first.
@@ -256,13 +259,13 @@ impl<T: Topic> Publisher<T> {
 
 impl<T: Topic> Drop for Publisher<T> {
     fn drop(&mut self) {
-        self.session.withdraw(T::SERVICE);
+        self.session.withdraw(T::KEY);
     }
 }
 
 fn publish_error<T: Topic>(error: impl std::fmt::Debug) -> PublishError {
     PublishError {
-        service: T::SERVICE.spec().key,
+        service: T::KEY,
         reason: format!("{error:?}"),
     }
 }
@@ -277,7 +280,7 @@ impl<T: Topic> sealed::Source for Publisher<T> {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: doorbell::bits(T::SERVICE, Channel::Subscribers),
+            bits: self.place.bits(Channel::Subscribers),
             receiver: Some(&self.port.subscribers),
             by_descriptor: false,
         }

@@ -19,3 +19,11 @@ pub(crate) fn letters(number: u64, len: usize) -> String {
         })
         .collect()
 }
+
+/// A hash of `bytes`, of whose lowest bits every one depends on all of them.
+pub(crate) fn hash(bytes: &[u8]) -> u64 {
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
+    });
+    hash ^ (hash >> 32)
+}

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
-use crate::doorbell;
+use crate::doorbell::{Place, place};
 use crate::event::Channel;
 use crate::open::OpenError;
 use crate::payload::RequestReport;
@@ -75,13 +75,14 @@ pub struct Server<R: Request> {
     refused_full: u64,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
+    place: Place,
     _lock: ProviderLock,
     session: Arc<Session>,
 }
 
 impl<R: Request> Server<R> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Server<R>, OpenError> {
-        let lock = session.provide(R::SERVICE)?;
+        let lock = session.provide(R::KEY)?;
         Ok(Server {
             tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
             port: ServingPort::make(session, 1)?,
@@ -90,6 +91,7 @@ impl<R: Request> Server<R> {
             waiter: Waiter::new(),
             refused_full: 0,
             is_quiet: false,
+            place: place(R::KEY),
             _lock: lock,
             session: Arc::clone(session),
         })
@@ -138,7 +140,7 @@ impl<R: Request> Server<R> {
         );
         std::mem::forget(broken);
         Err(ServeError {
-            service: R::SERVICE.spec().key,
+            service: R::KEY,
             reason: "iceoryx2 panicked; a new generation has begun".to_owned(),
         })
     }
@@ -310,7 +312,7 @@ impl<R: Request> Server<R> {
 
 impl<R: Request> Drop for Server<R> {
     fn drop(&mut self) {
-        self.session.withdraw(R::SERVICE);
+        self.session.withdraw(R::KEY);
     }
 }
 
@@ -323,7 +325,7 @@ impl<R: Request> sealed::Source for Server<R> {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: doorbell::bits(R::SERVICE, Channel::Requests),
+            bits: self.place.bits(Channel::Requests),
             receiver: Some(&self.port.requests),
             by_descriptor: true,
         }

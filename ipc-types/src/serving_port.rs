@@ -13,6 +13,7 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 
 use crate::code::{Reason, Stage};
+use crate::doorbell::place;
 use crate::event::{Channel, Event};
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
@@ -21,7 +22,7 @@ use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::server::{ReportError, ServeError};
 use crate::service::{
-    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER, Request,
+    Contract, MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER, Request,
 };
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
@@ -169,15 +170,16 @@ impl<R: Request> ServingPort<R> {
         session: &Arc<Session>,
         number: PortNumber,
     ) -> Result<ServingPort<R>, OpenError> {
-        session.begin(R::SERVICE, |generation, tended| {
+        let contract = Contract::of_request::<R>();
+        session.begin(&contract, |generation, tended| {
             let robot = session.robot();
             let service = open::create_request::<R>(&generation, robot)?;
-            let event = |channel| Event::create(&generation, robot, R::SERVICE, channel);
+            let event = |channel| Event::create(&generation, robot, R::KEY, channel);
             let requests = WakeReceiver::new(event(Channel::Requests)?);
             requests.listener()?;
             let responses = event(Channel::Responses)?;
             let port = open::port(
-                &R::SERVICE.name(robot),
+                &contract.name(robot),
                 ("servers", MAX_PROVIDERS),
                 |error| error == ServerCreateError::ExceedsMaxSupportedServers,
                 || {
@@ -203,7 +205,7 @@ impl<R: Request> ServingPort<R> {
                 },
                 is_updated: Cell::new(false),
                 requests,
-                responses: WakeSender::make(session, responses, R::SERVICE, Channel::Responses)?,
+                responses: WakeSender::make(session, responses, place(R::KEY), Channel::Responses)?,
                 wear: 0,
                 refused_full: 0,
                 failure: Cell::new(None),
@@ -383,7 +385,7 @@ impl<R: Request> ServingPort<R> {
         self.wear = self.wear.saturating_add(1);
         self.unconnected = Some((MonotonicNs::now(), self.clients()));
         ServeError {
-            service: R::SERVICE.spec().key,
+            service: R::KEY,
             reason: format!("{error:?}"),
         }
     }

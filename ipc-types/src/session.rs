@@ -17,7 +17,7 @@ use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
 use crate::robot::RobotId;
 use crate::robot_folder::Membership;
-use crate::service::{Request, ServiceId, Topic};
+use crate::service::{Contract, Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
 use crate::{Client, Publisher, Server, Subscriber};
 
@@ -120,13 +120,17 @@ impl Ipc {
         Client::open(&self.session)
     }
 
-    /// The live process that publishes or serves `service` of this robot, or nothing.
+    /// The live process that publishes or serves the service `key` of this robot, or nothing.
     ///
     /// # Errors
     ///
     /// When the service's folder cannot be read.
-    pub fn provider(&self, service: ServiceId) -> Result<Option<Provider>, OpenError> {
-        Ok(self.session.watch(service).look()?)
+    pub fn provider(&self, key: &str) -> Result<Option<Provider>, OpenError> {
+        Ok(self.session.watch(key).look()?)
+    }
+
+    pub(crate) fn session(&self) -> &Arc<Session> {
+        &self.session
     }
 }
 
@@ -139,8 +143,8 @@ impl Session {
         self.membership.robot()
     }
 
-    pub(crate) fn service_folder(&self, service: ServiceId) -> PathBuf {
-        service_folder(self.membership.domain(), self.robot(), service)
+    pub(crate) fn service_folder(&self, key: &str) -> PathBuf {
+        service_folder(self.membership.domain(), self.robot(), key)
     }
 
     pub(crate) fn housekeeper(&self) -> &Housekeeper {
@@ -148,12 +152,12 @@ impl Session {
             .get_or_init(|| Housekeeper::start(self.membership.domain()))
     }
 
-    /// Becomes the one provider of `service`.
-    pub(crate) fn provide(&self, service: ServiceId) -> Result<ProviderLock, OpenError> {
+    /// Becomes the one provider of the service `key`.
+    pub(crate) fn provide(&self, key: &str) -> Result<ProviderLock, OpenError> {
         let provider = Provider::this_process(&self.process_name, MonotonicNs::now().0);
-        ProviderLock::acquire(&self.service_folder(service), &provider)?.map_err(|by| {
+        ProviderLock::acquire(&self.service_folder(key), &provider)?.map_err(|by| {
             OpenError::AlreadyProvided {
-                service: service.name(self.robot()),
+                service: service_name(self.robot(), key),
                 by,
             }
         })
@@ -162,47 +166,48 @@ impl Session {
     /// Begins a generation of a service that this process provides, makes something in it, and then announces it.
     pub(crate) fn begin<P>(
         &self,
-        service: ServiceId,
+        contract: &Contract,
         make: impl FnOnce(Generation, Arc<Tended>) -> Result<P, OpenError>,
     ) -> Result<P, OpenError> {
-        let folder = self.service_folder(service);
+        let folder = self.service_folder(contract.key);
         let domain = self.membership.domain();
         let generation = Generation::begin(domain, &folder, &self.process_name)
-            .map_err(|error| OpenError::enter(&service.name(self.robot()), error))?;
+            .map_err(|error| OpenError::enter(&contract.name(self.robot()), error))?;
+        generation.describe(&contract.schema())?;
         let tended = Tended::new(domain, folder.clone(), &generation);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
-        generation::announce(domain, &folder, &name)?;
+        generation::announce(domain, &folder, &name, contract.key)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)
     }
 
     /// Says that a service has no provider any more.
-    pub(crate) fn withdraw(&self, service: ServiceId) {
-        generation::withdraw(&self.service_folder(service));
+    pub(crate) fn withdraw(&self, key: &str) {
+        generation::withdraw(&self.service_folder(key));
     }
 
     /// Enters a generation that another process provides.
-    pub(crate) fn enter(&self, service: ServiceId, name: &str) -> Result<Generation, OpenError> {
+    pub(crate) fn enter(&self, key: &str, name: &str) -> Result<Generation, OpenError> {
         Generation::enter(
             self.membership.domain(),
-            &self.service_folder(service),
+            &self.service_folder(key),
             name,
             &self.process_name,
         )
-        .map_err(|error| OpenError::enter(&service.name(self.robot()), error))
+        .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))
     }
 
-    /// Looks for the provider of `service`, time and again.
-    pub(crate) fn watch(&self, service: ServiceId) -> ProviderWatch {
-        ProviderWatch::new(&self.service_folder(service))
+    /// Looks for the provider of the service `key`, time and again.
+    pub(crate) fn watch(&self, key: &str) -> ProviderWatch {
+        ProviderWatch::new(&self.service_folder(key))
     }
 }
 
 /// The folder of a service of a robot.
-pub(crate) fn service_folder(domain: &Domain, robot: RobotId, service: ServiceId) -> PathBuf {
-    domain.robot_folder(robot).join(service.spec().key)
+pub(crate) fn service_folder(domain: &Domain, robot: RobotId, key: &str) -> PathBuf {
+    domain.robot_folder(robot).join(folder_name(key))
 }
 
 fn check_process_name(name: &str) -> Result<(), JoinError> {

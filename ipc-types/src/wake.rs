@@ -8,11 +8,10 @@ use std::cell::{Cell, OnceCell};
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::sync::Arc;
 
-use crate::doorbell::{self, Bits};
+use crate::doorbell::{Bits, Place};
 use crate::event::{self, Channel, Event};
 use crate::iox::{Listener, Notifier};
 use crate::open::OpenError;
-use crate::service::ServiceId;
 use crate::session::Session;
 
 /// Wakes the other side of a service.
@@ -28,14 +27,14 @@ impl WakeSender {
     pub(crate) fn make(
         session: &Arc<Session>,
         event: Event,
-        service: ServiceId,
+        place: Place,
         channel: Channel,
     ) -> Result<WakeSender, OpenError> {
         Ok(WakeSender {
             notifier: event.notifier()?,
             event,
             session: Arc::clone(session),
-            bits: doorbell::bits(service, channel),
+            bits: place.bits(channel),
         })
     }
 

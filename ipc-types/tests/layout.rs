@@ -17,74 +17,22 @@ use ipc_types::code::{
     Stage,
 };
 use ipc_types::payload::{
-    DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,
-    DspReferences, DspServoPulses, DspSupply, DspXy, HeroAcceleration, HeroAngularRate,
-    HeroAttitude, HeroEstimate, HeroGeodetic, HeroLocal, HeroReferences, HeroServos, HeroSupply,
-    HeroVelocity,
-};
-use ipc_types::payload::{
-    DspErrorCounters, DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, LinkHealth,
-    ModuleControl, ModuleState, MovementData, MovementState, ParameterRequest, PortInfo,
-    RefusedCounters, RequestReport, SafetyState, SharedStruct, layout_hash,
+    DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, Layout, ModuleControl, ModuleState,
+    MovementData, Number, ParameterRequest, RequestReport, SharedStruct, export, layout_hash,
 };
 use ipc_types::service::{EVENT_ID_MAX, EventCode, SERVICES};
 
-/// A struct as the generators need it.
-struct Layout {
-    name: &'static str,
-    type_name: &'static str,
-    size: usize,
-    align: usize,
-    fields: &'static [FieldLayout],
-}
-
-fn layout<T: SharedStruct>() -> Layout {
-    Layout {
-        name: T::NAME,
-        type_name: T::TYPE_NAME,
-        size: size_of::<T>(),
-        align: align_of::<T>(),
-        fields: T::FIELDS,
-    }
-}
-
 /// All structs, each after those that it contains.
-fn layouts() -> Vec<Layout> {
-    vec![
-        layout::<DspGeographic>(),
-        layout::<DspXy>(),
-        layout::<DspGpsVelocity>(),
-        layout::<DspAttitude>(),
-        layout::<DspAcceleration>(),
-        layout::<DspAngularRate>(),
-        layout::<DspServoPulses>(),
-        layout::<DspSupply>(),
-        layout::<DspPanTilt>(),
-        layout::<DspReferences>(),
-        layout::<DspTelemetry>(),
-        layout::<HeroGeodetic>(),
-        layout::<HeroLocal>(),
-        layout::<HeroVelocity>(),
-        layout::<HeroAttitude>(),
-        layout::<HeroAcceleration>(),
-        layout::<HeroAngularRate>(),
-        layout::<HeroServos>(),
-        layout::<HeroSupply>(),
-        layout::<HeroReferences>(),
-        layout::<HeroEstimate>(),
-        layout::<HeroTelemetry>(),
-        layout::<MovementState>(),
-        layout::<LinkHealth>(),
-        layout::<RefusedCounters>(),
-        layout::<DspErrorCounters>(),
-        layout::<SafetyState>(),
-        layout::<ModuleState>(),
-        layout::<ModuleControl>(),
-        layout::<MovementData>(),
-        layout::<ParameterRequest>(),
-        layout::<PortInfo>(),
-        layout::<RequestReport>(),
-    ]
+fn layouts() -> Vec<&'static Layout> {
+    export::with_nested(&[
+        DspTelemetry::LAYOUT,
+        HeroTelemetry::LAYOUT,
+        ModuleState::LAYOUT,
+        ModuleControl::LAYOUT,
+        MovementData::LAYOUT,
+        ParameterRequest::LAYOUT,
+        RequestReport::LAYOUT,
+    ])
 }
 
 /// A set of named numbers: its name, and name and number of each.
@@ -142,54 +90,14 @@ fn constant(name: &str) -> String {
     name.replace('-', "_").to_uppercase()
 }
 
-/// `DspTelemetry` as `DSP_TELEMETRY`.
-fn snake(name: &str) -> String {
-    let mut text = String::new();
-    for letter in name.chars() {
-        if letter.is_uppercase() && !text.is_empty() {
-            text.push('_');
-        }
-        text.extend(letter.to_uppercase());
-    }
-    text
-}
-
-fn kind_text(kind: FieldKind) -> String {
-    match kind {
-        FieldKind::Number(name) => name.to_owned(),
-        FieldKind::Array(name, len) => format!("{name}[{len}]"),
-        FieldKind::Struct(name, _) => name.to_owned(),
-    }
-}
-
 fn table() -> String {
     let mut text = String::from(
         "# Layouts in shared memory: offset, size, type, field. Little-endian, no padding.\n\
          # Made by tests/layout.rs; a difference means another layout: raise the version in the type name.\n",
     );
     for layout in layouts() {
-        let Layout {
-            name,
-            type_name,
-            size,
-            align,
-            fields,
-        } = layout;
-        let hash = layout_hash(&[fields]);
-        writeln!(
-            text,
-            "\n{name} {type_name} size {size} align {align} hash {hash:016x}"
-        )
-        .unwrap();
-        for field in fields {
-            let kind = kind_text(field.kind);
-            writeln!(
-                text,
-                "{:6} {:4} {kind:18} {}",
-                field.offset, field.size, field.name
-            )
-            .unwrap();
-        }
+        text.push('\n');
+        text.push_str(&export::table(layout));
     }
     text.push_str("\n# Services: slot offset, key, pattern, layout, layout hash.\n");
     for spec in &SERVICES {
@@ -201,19 +109,6 @@ fn table() -> String {
         .unwrap();
     }
     text
-}
-
-fn c_number(name: &str) -> &str {
-    match name {
-        "u8" => "uint8_t",
-        "u16" => "uint16_t",
-        "u32" => "uint32_t",
-        "u64" => "uint64_t",
-        "i32" => "int32_t",
-        "f32" => "float",
-        "f64" => "double",
-        other => panic!("no C type for {other}"),
-    }
 }
 
 fn c_header() -> String {
@@ -236,59 +131,28 @@ fn c_header() -> String {
         .unwrap();
     }
     for (set, numbers) in codes() {
-        writeln!(text, "\nenum hero_{} {{", snake(set).to_lowercase()).unwrap();
+        writeln!(
+            text,
+            "\nenum hero_{} {{",
+            export::upper_snake(set).to_lowercase()
+        )
+        .unwrap();
         for (name, number) in numbers {
-            writeln!(text, "    HERO_{}_{name} = {number},", snake(set)).unwrap();
+            writeln!(
+                text,
+                "    HERO_{}_{name} = {number},",
+                export::upper_snake(set)
+            )
+            .unwrap();
         }
         text.push_str("};\n");
     }
     for layout in layouts() {
-        let name = layout.name;
-        writeln!(
-            text,
-            "\n#define HERO_{}_TYPE_NAME \"{}\"",
-            snake(name),
-            layout.type_name
-        )
-        .unwrap();
-        writeln!(text, "typedef struct {name} {{").unwrap();
-        for field in layout.fields {
-            let field_name = field.name;
-            match field.kind {
-                FieldKind::Number(kind) => {
-                    writeln!(text, "    {} {field_name};", c_number(kind)).unwrap();
-                }
-                FieldKind::Array(kind, len) => {
-                    writeln!(text, "    {} {field_name}[{len}];", c_number(kind)).unwrap();
-                }
-                FieldKind::Struct(kind, _) => writeln!(text, "    {kind} {field_name};").unwrap(),
-            }
-        }
-        writeln!(text, "}} {name};").unwrap();
-        writeln!(text, "HERO_ASSERT(sizeof({name}) == {});", layout.size).unwrap();
-        for field in layout.fields {
-            let (field_name, offset) = (field.name, field.offset);
-            writeln!(
-                text,
-                "HERO_ASSERT(offsetof({name}, {field_name}) == {offset});"
-            )
-            .unwrap();
-        }
+        text.push('\n');
+        text.push_str(&export::c_struct(layout));
     }
     text.push_str("\n#endif\n");
     text
-}
-
-fn python_number(name: &str) -> String {
-    match name {
-        "f32" => "ctypes.c_float".to_owned(),
-        "f64" => "ctypes.c_double".to_owned(),
-        integer => {
-            let (sign, bits) = integer.split_at(1);
-            let sign = if sign == "u" { "uint" } else { "int" };
-            format!("ctypes.c_{sign}{bits}")
-        }
-    }
 }
 
 fn python_module() -> String {
@@ -317,24 +181,7 @@ fn python_module() -> String {
         }
     }
     for layout in layouts() {
-        let (name, type_name) = (layout.name, layout.type_name);
-        writeln!(text, "\n\nclass {name}(ctypes.Structure):").unwrap();
-        text.push_str("    _fields_ = [\n");
-        for field in layout.fields {
-            let kind = match field.kind {
-                FieldKind::Number(kind) => python_number(kind),
-                FieldKind::Array(kind, len) => format!("{} * {len}", python_number(kind)),
-                FieldKind::Struct(kind, _) => kind.to_owned(),
-            };
-            writeln!(text, "        (\"{}\", {kind}),", field.name).unwrap();
-        }
-        text.push_str("    ]\n\n    @staticmethod\n    def type_name() -> str:\n");
-        writeln!(text, "        return \"{type_name}\"").unwrap();
-        writeln!(text, "\n\nassert ctypes.sizeof({name}) == {}", layout.size).unwrap();
-        for field in layout.fields {
-            let (field_name, offset) = (field.name, field.offset);
-            writeln!(text, "assert {name}.{field_name}.offset == {offset}").unwrap();
-        }
+        text.push_str(&export::python_class(layout));
     }
     text
 }
@@ -479,17 +326,27 @@ fn a_type_name_is_the_struct_s_name_with_a_version() {
 
 #[test]
 fn the_hash_sees_what_the_size_does_not() {
-    const fn number(name: &'static str, offset: usize, kind: &'static str) -> FieldLayout {
+    const fn number(name: &'static str, offset: usize, kind: Number) -> FieldLayout {
         FieldLayout {
             name,
             offset,
             size: 4,
             kind: FieldKind::Number(kind),
+            doc: &[],
         }
     }
-    let original = [number("pitch", 0, "f32"), number("roll", 4, "f32")];
-    let swapped = [number("roll", 0, "f32"), number("pitch", 4, "f32")];
-    let retyped = [number("pitch", 0, "f32"), number("roll", 4, "u32")];
+    let original = [
+        number("pitch", 0, Number::F32),
+        number("roll", 4, Number::F32),
+    ];
+    let swapped = [
+        number("roll", 0, Number::F32),
+        number("pitch", 4, Number::F32),
+    ];
+    let retyped = [
+        number("pitch", 0, Number::F32),
+        number("roll", 4, Number::U32),
+    ];
     let hash = |fields: &[FieldLayout]| layout_hash(&[fields]);
     assert_ne!(hash(&original), hash(&swapped));
     assert_ne!(hash(&original), hash(&retyped));

@@ -9,7 +9,9 @@ use std::time::Duration;
 
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use ipc_types::ServiceId;
 use ipc_types::payload::WaypointPosition;
+use ipc_types::service::is_key;
 use runtime::args::CommonArgs;
 
 use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
@@ -118,6 +120,8 @@ pub enum Command {
     Delay(MeasureArgs),
     /// Measure how many bytes the samples make
     Bw(MeasureArgs),
+    /// List, describe, print and measure topics, those of modules included
+    Topic(TopicArgs),
     /// Find what is wrong with shared memory, configuration and serial port, and what to do
     Doctor(DoctorArgs),
 }
@@ -298,6 +302,14 @@ pub struct EchoArgs {
     #[arg(value_enum)]
     pub topic: Topic,
 
+    /// What every command takes that prints samples.
+    #[command(flatten)]
+    pub options: EchoOptions,
+}
+
+/// What every command takes that prints samples.
+#[derive(Args, Clone, Debug)]
+pub struct EchoOptions {
     /// What every process takes.
     #[command(flatten)]
     pub common: CommonArgs,
@@ -321,6 +333,87 @@ pub struct EchoArgs {
     /// Print each sample as a JSON object on a line
     #[arg(long)]
     pub json: bool,
+}
+
+/// `ril topic`
+#[derive(Args, Clone, Debug)]
+pub struct TopicArgs {
+    /// What to do with the topics.
+    #[command(subcommand)]
+    pub command: TopicCommand,
+}
+
+/// `ril topic …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum TopicCommand {
+    /// List the topics that somebody has open, with their types and sizes
+    List(TopicListArgs),
+    /// Describe a topic: its type, and each field with offset, type, unit and comment
+    Info(TopicInfoArgs),
+    /// Print samples of a topic as they come
+    Echo(TopicEchoArgs),
+    /// Measure how often samples of a topic come and how often they are published, and count the lost ones
+    Hz(TopicMeasureArgs),
+    /// Measure how old samples of a topic are when they come
+    Delay(TopicMeasureArgs),
+    /// Measure how many bytes the samples of a topic make
+    Bw(TopicMeasureArgs),
+}
+
+/// `ril topic list`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicListArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Print each topic as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril topic info`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicInfoArgs {
+    /// Topic, as `ril topic list` shows it, such as battery_watch/cell_voltages; or dsp, hero, state
+    #[arg(value_name = "TOPIC", value_parser = topic_key)]
+    pub topic: String,
+
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril topic echo`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicEchoArgs {
+    /// Topic, as `ril topic list` shows it, such as battery_watch/cell_voltages; or dsp, hero, state
+    #[arg(value_name = "TOPIC", value_parser = topic_key)]
+    pub topic: String,
+
+    /// What every command takes that prints samples.
+    #[command(flatten)]
+    pub options: EchoOptions,
+}
+
+/// `ril topic hz`, `ril topic delay`, `ril topic bw`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicMeasureArgs {
+    /// Topic, as `ril topic list` shows it, such as battery_watch/cell_voltages; or dsp, hero, state
+    #[arg(value_name = "TOPIC", value_parser = topic_key)]
+    pub topic: String,
+
+    /// What every command takes that measures samples.
+    #[command(flatten)]
+    pub options: MeasureOptions,
 }
 
 /// `ril doctor`
@@ -363,12 +456,20 @@ pub struct DoctorArgs {
 /// On a terminal the figures are shown anew each second; elsewhere once, at the end.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
-#[group(id = "end", multiple = true, args = ["count", "duration"])]
 pub struct MeasureArgs {
     /// Which samples
     #[arg(value_enum)]
     pub topic: Topic,
 
+    /// What every command takes that measures samples.
+    #[command(flatten)]
+    pub options: MeasureOptions,
+}
+
+/// What every command takes that measures samples.
+#[derive(Args, Clone, Debug)]
+#[group(id = "end", multiple = true, args = ["count", "duration"])]
+pub struct MeasureOptions {
     /// What every process takes.
     #[command(flatten)]
     pub common: CommonArgs,
@@ -399,6 +500,18 @@ pub enum Topic {
     Hero,
     /// State of the module
     State,
+}
+
+impl Topic {
+    /// Key of the service.
+    pub fn key(self) -> &'static str {
+        let service = match self {
+            Topic::Dsp => ServiceId::DspTelemetry,
+            Topic::Hero => ServiceId::HeroTelemetry,
+            Topic::State => ServiceId::ModuleState,
+        };
+        service.spec().key
+    }
 }
 
 /// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
@@ -437,6 +550,19 @@ pub fn waypoints(text: &str) -> Result<Vec<WaypointPosition>, String> {
     match waypoints.is_empty() {
         true => Err("there is no waypoint".to_owned()),
         false => Ok(waypoints),
+    }
+}
+
+/// Reads the key of a topic; the short names of the robot's own stand for theirs.
+fn topic_key(text: &str) -> Result<String, String> {
+    let short = Topic::value_variants().iter().find(|topic| {
+        let value = topic.to_possible_value();
+        value.is_some_and(|value| value.get_name() == text)
+    });
+    match short {
+        Some(topic) => Ok(topic.key().to_owned()),
+        None if is_key(text) => Ok(text.to_owned()),
+        None => Err("a topic is called such as battery_watch/cell_voltages".to_owned()),
     }
 }
 

@@ -1,19 +1,21 @@
 //! The fields of samples by name, and how they are shown.
 //!
-//! Names use dots, as in `geographic.latitude_deg`. A value that means nothing, because its group was not transmitted
-//! or the thing has not happened yet, is shown as nothing: it never looks like data. What depends on what is said in
-//! [`tables`] alone.
+//! Names use dots, as in `geographic.latitude_deg`, and brackets for elements of arrays, as in `cells[2].voltage_v`. What a
+//! sample holds is said by its schema, so samples of any module can be shown. Of the robot's own, [`tables`] says more: a
+//! value that means nothing, because its group was not transmitted or the thing has not happened yet, is shown as nothing
+//! and never looks like data; and numbers that stand for something have their names.
 
 pub mod tables;
 
 use std::fmt;
 
-use ipc_types::payload::{FieldKind, FieldLayout};
+use ipc_types::Schema;
+use ipc_types::schema::{Field, Kind, Leaf, Message, Value as Number};
 use runtime::config::nearest;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
 
-pub use tables::Shown;
+pub use tables::{Meaning, Shown};
 
 /// Which fields to show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -26,7 +28,7 @@ pub struct Selection {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{topic} has no field `{name}`; {}", instead(.suggestions, .known))]
 pub struct UnknownField {
-    topic: &'static str,
+    topic: String,
     name: String,
     suggestions: Vec<String>,
     known: Vec<String>,
@@ -41,23 +43,25 @@ fn instead(suggestions: &[String], known: &[String]) -> String {
 }
 
 impl Selection {
-    /// The fields `names` of `T`; all of them when there is no name.
+    /// The fields `names` of what `schema` describes; all of them when there is no name.
     ///
     /// # Errors
     ///
-    /// The first name that `T` does not have, with what may have been meant.
-    pub fn of<T: Shown>(names: &[String]) -> Result<Selection, UnknownField> {
-        let known = field_names(T::FIELDS);
-        match names.iter().find(|name| !known.contains(name)) {
+    /// The first name that it does not have, with what may have been meant.
+    pub fn of(schema: &Schema, names: &[String]) -> Result<Selection, UnknownField> {
+        match names.iter().find(|name| schema.find(name).is_empty()) {
             None => Ok(Selection {
                 names: names.to_vec(),
             }),
-            Some(unknown) => Err(UnknownField {
-                topic: T::NAME,
-                name: unknown.clone(),
-                suggestions: suggestions(unknown, &known),
-                known,
-            }),
+            Some(unknown) => {
+                let known = field_names(schema.root());
+                Err(UnknownField {
+                    topic: schema.root().name.clone(),
+                    name: unknown.clone(),
+                    suggestions: suggestions(unknown, &known),
+                    known,
+                })
+            }
         }
     }
 
@@ -66,9 +70,14 @@ impl Selection {
         self.names.is_empty()
     }
 
-    /// Whether the plain field `path` was chosen, by itself or with what it lies in.
+    /// Whether the field `path` was chosen, by itself or with what it lies in.
     fn contains(&self, path: &str) -> bool {
         self.is_everything() || self.names.iter().any(|name| is_at_or_under(path, name))
+    }
+
+    /// Whether a part of the field `path` was chosen, or all of it.
+    fn touches(&self, path: &str) -> bool {
+        self.contains(path) || self.names.iter().any(|name| is_at_or_under(name, path))
     }
 }
 
@@ -87,22 +96,31 @@ fn suggestions(unknown: &str, known: &[String]) -> Vec<String> {
     nearest.map(str::to_owned).into_iter().collect()
 }
 
+/// Whether the field `path` is `name`, or lies in it.
 fn is_at_or_under(path: &str, name: &str) -> bool {
     path.strip_prefix(name)
-        .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
-/// The names of all fields, each nested struct before what lies in it.
-fn field_names(fields: &[FieldLayout]) -> Vec<String> {
+/// The names of all fields, each nested struct before what lies in it; of an array of structs the first stands for all.
+fn field_names(message: &Message) -> Vec<String> {
     let mut names = Vec::new();
-    for field in fields {
-        names.push(field.name.to_owned());
-        if let FieldKind::Struct(_, nested) = field.kind {
+    for field in &message.fields {
+        names.push(field.name.clone());
+        if let Kind::Struct(nested) = &field.kind {
+            let outer = match field.len {
+                None => field.name.clone(),
+                Some(_) => element(&field.name, 0),
+            };
             let nested = field_names(nested);
-            names.extend(nested.iter().map(|name| join(field.name, name)));
+            names.extend(nested.iter().map(|name| join(&outer, name)));
         }
     }
     names
+}
+
+fn element(path: &str, index: usize) -> String {
+    format!("{path}[{index}]")
 }
 
 fn join(outer: &str, inner: &str) -> String {
@@ -118,15 +136,28 @@ pub enum Tree {
     /// A plain field; `null` when it means nothing.
     Plain(Value),
     /// A nested struct.
-    Nested(Vec<(&'static str, Tree)>),
+    Nested(Vec<(String, Tree)>),
+    /// A whole array of structs.
+    List(Vec<Tree>),
 }
 
 impl Tree {
     /// The chosen fields of `sample`.
     pub fn of<T: Shown>(sample: &T, selection: &Selection) -> Tree {
-        // Plain numbers always have a JSON form; floats that are not finite become null.
-        let values = serde_json::to_value(sample).unwrap_or_default();
-        nested(sample, T::FIELDS, &values, "", selection)
+        let schema = Schema::of::<T>();
+        Tree::read(&schema, Meaning::of::<T>(), sample.bytes(), selection)
+    }
+
+    /// The chosen fields of a sample, of which `payload` are the bytes, `schema` says where they lie and `meaning` what
+    /// they mean beyond that.
+    pub fn read(schema: &Schema, meaning: Meaning, payload: &[u8], selection: &Selection) -> Tree {
+        let reader = Reader {
+            payload,
+            selection,
+            void: meaning.void(payload),
+            meaning,
+        };
+        reader.message(schema.root(), "", 0)
     }
 
     /// The plain fields with their full names, in order.
@@ -144,62 +175,106 @@ impl Tree {
                     tree.collect(&join(path, name), fields);
                 }
             }
+            Tree::List(elements) => {
+                for (index, tree) in elements.iter().enumerate() {
+                    tree.collect(&element(path, index), fields);
+                }
+            }
         }
     }
 }
 
-fn nested<T: Shown>(
-    sample: &T,
-    fields: &[FieldLayout],
-    values: &Value,
-    path: &str,
-    selection: &Selection,
-) -> Tree {
-    let mut inner = Vec::new();
-    for field in fields {
-        let path = join(path, field.name);
-        let tree = match field.kind {
-            FieldKind::Struct(_, fields) => {
-                nested(sample, fields, &values[field.name], &path, selection)
+/// Reads the chosen fields of one sample.
+struct Reader<'a> {
+    payload: &'a [u8],
+    selection: &'a Selection,
+    meaning: Meaning,
+    /// Names of the fields that mean nothing in this sample.
+    void: Vec<&'static str>,
+}
+
+impl Reader<'_> {
+    /// The struct `path`, which lies at `offset`.
+    fn message(&self, message: &Message, path: &str, offset: usize) -> Tree {
+        let mut inner = Vec::new();
+        for field in &message.fields {
+            let path = join(path, &field.name);
+            if self.selection.touches(&path) {
+                self.field(field, &path, offset + field.offset, &mut inner);
             }
-            _ if selection.contains(&path) => {
-                Tree::Plain(plain(sample, field, &values[field.name], &path))
-            }
-            _ => continue,
+        }
+        Tree::Nested(inner)
+    }
+
+    /// Adds what was chosen of the field `path` to `inner`: the whole of it, or elements of it.
+    fn field(&self, field: &Field, path: &str, offset: usize, inner: &mut Vec<(String, Tree)>) {
+        let name = field.name.clone();
+        let Some(len) = field.len else {
+            inner.push((name, self.one(field, path, offset)));
+            return;
         };
-        if tree != Tree::Nested(Vec::new()) {
-            inner.push((field.name, tree));
+        let element_at = |index| {
+            let offset = offset + index * field.kind.size();
+            self.one(field, &element(path, index), offset)
+        };
+        if !self.selection.contains(path) {
+            let chosen = (0..len).filter(|index| self.selection.touches(&element(path, *index)));
+            inner.extend(chosen.map(|index| (element(&name, index), element_at(index))));
+            return;
+        }
+        let tree = match &field.kind {
+            Kind::Struct(_) => Tree::List((0..len).map(element_at).collect()),
+            Kind::Number(number) => {
+                let leaf = Leaf {
+                    path: path.to_owned(),
+                    offset,
+                    number: *number,
+                    len: field.len,
+                    field,
+                };
+                let values = || leaf.values(self.payload).map(plain).collect();
+                Tree::Plain(if self.is_void(path) {
+                    Value::Null
+                } else {
+                    values()
+                })
+            }
+        };
+        inner.push((name, tree));
+    }
+
+    /// A number or a struct that is no array, or one element of an array.
+    fn one(&self, field: &Field, path: &str, offset: usize) -> Tree {
+        match &field.kind {
+            Kind::Struct(nested) => self.message(nested, path, offset),
+            Kind::Number(_) if self.is_void(path) => Tree::Plain(Value::Null),
+            Kind::Number(number) => {
+                let value = Number::read(*number, self.payload, offset);
+                let code = value
+                    .and_then(Number::as_u64)
+                    .and_then(|code| code.try_into().ok());
+                let name = code.and_then(|code| self.meaning.name_of(path, code));
+                Tree::Plain(name.map_or_else(|| value.map_or(Value::Null, plain), Value::from))
+            }
         }
     }
-    Tree::Nested(inner)
-}
 
-/// The value of one field, or null.
-fn plain<T: Shown>(sample: &T, field: &FieldLayout, value: &Value, path: &str) -> Value {
-    let mut conditions = T::CONDITIONS
-        .iter()
-        .filter(|(name, _)| is_at_or_under(path, name));
-    if !conditions.all(|(_, means_something)| means_something(sample)) {
-        return Value::Null;
-    }
-    let code = T::CODES.iter().find(|(name, _)| *name == path);
-    if let Some((_, name_of)) = code {
-        let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
-        return number
-            .and_then(name_of)
-            .map_or_else(|| value.clone(), Value::from);
-    }
-    match field.kind {
-        FieldKind::Number("f32") => short(value),
-        _ => value.clone(),
+    fn is_void(&self, path: &str) -> bool {
+        self.void.iter().any(|name| is_at_or_under(path, name))
     }
 }
 
-/// A 32-bit float with its own digits: 0.1 and not 0.10000000149011612.
-fn short(value: &Value) -> Value {
-    let text = value.as_f64().map(|number| (number as f32).to_string());
-    let number = text.and_then(|text| text.parse::<f64>().ok());
-    number.map_or(Value::Null, Value::from)
+/// A number with its own digits: 0.1 and not 0.10000000149011612. One that is not finite is nothing.
+fn plain(number: Number) -> Value {
+    match number {
+        Number::Unsigned(value) => Value::from(value),
+        Number::Signed(value) => Value::from(value),
+        Number::Double(value) => Value::from(value),
+        Number::Single(value) => {
+            let digits = value.to_string().parse::<f64>();
+            digits.map_or(Value::Null, Value::from)
+        }
+    }
 }
 
 impl Serialize for Tree {
@@ -209,6 +284,7 @@ impl Serialize for Tree {
             Tree::Nested(inner) => {
                 serializer.collect_map(inner.iter().map(|(name, tree)| (name, tree)))
             }
+            Tree::List(elements) => elements.serialize(serializer),
         }
     }
 }
@@ -217,7 +293,7 @@ impl Serialize for Tree {
 #[derive(Debug)]
 pub struct JsonLine<'a> {
     /// Name of the layout, such as `hero.DspTelemetry.v2`.
-    pub schema: &'static str,
+    pub schema: &'a str,
     /// The sample.
     pub tree: &'a Tree,
 }
@@ -252,7 +328,7 @@ impl fmt::Display for Plainly<'_> {
 mod tests {
     use ipc_types::TelemetryGroup;
     use ipc_types::code::{ImiError, ModuleStatus};
-    use ipc_types::payload::{DspTelemetry, ModuleState, SharedStruct};
+    use ipc_types::payload::{DspTelemetry, ModuleState};
 
     use super::*;
 
@@ -262,7 +338,7 @@ mod tests {
 
     fn json<T: Shown>(sample: &T, names: &[&str]) -> String {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        let tree = Tree::of(sample, &Selection::of::<T>(&names).unwrap());
+        let tree = Tree::of(sample, &Selection::of(&Schema::of::<T>(), &names).unwrap());
         let schema = T::TYPE_NAME;
         serde_json::to_string(&JsonLine {
             schema,
@@ -338,7 +414,7 @@ mod tests {
                 .iter()
                 .any(|path| path.starts_with(&format!("{name}.")))
         };
-        let expected: Vec<String> = field_names(ModuleState::FIELDS)
+        let expected: Vec<String> = field_names(Schema::of::<ModuleState>().root())
             .into_iter()
             .filter(|name| !is_struct(name))
             .collect();
@@ -347,6 +423,7 @@ mod tests {
 
     #[test]
     fn an_unknown_field_is_refused_with_what_may_have_been_meant() {
+        let schema = Schema::of::<DspTelemetry>();
         for (name, expected) in [
             ("latitude_deg", "did you mean `geographic.latitude_deg`?"),
             (
@@ -365,10 +442,59 @@ mod tests {
             ),
             ("", "has no field ``; the fields are"),
         ] {
-            let error = Selection::of::<DspTelemetry>(&["xy".to_owned(), name.to_owned()]);
+            let error = Selection::of(&schema, &["xy".to_owned(), name.to_owned()]);
             let error = error.unwrap_err().to_string();
             assert!(error.contains(expected), "{name}: {error}");
         }
+    }
+
+    #[test]
+    fn a_struct_that_nobody_here_knows_is_shown_by_its_schema() {
+        let schema = "# Layout: a.A.v1\n\nuint64 sequence\nuint64 epoch_ns\na_msgs/B[2] cells\nfloat32[2] raw\n\
+            ================================================================================\n\
+            MSG: a_msgs/B\nint16 level\nuint8[2] flags\n";
+        let schema = Schema::parse(schema).unwrap();
+        let mut payload = vec![0; schema.size()];
+        payload[0] = 5;
+        payload[16..18].copy_from_slice(&(-2_i16).to_le_bytes());
+        payload[23] = 9;
+        payload[24..28].copy_from_slice(&0.1_f32.to_le_bytes());
+        payload[28..32].copy_from_slice(&f32::INFINITY.to_le_bytes());
+        for (names, expected) in [
+            (
+                &[][..],
+                r#"{"schema":"a.A.v1","sequence":5,"epoch_ns":0,"cells":[{"level":-2,"flags":[0,0]},{"level":0,"flags":[0,9]}],"raw":[0.1,null]}"#,
+            ),
+            (
+                &["raw[0]", "cells[1].flags[1]", "sequence"],
+                r#"{"schema":"a.A.v1","sequence":5,"cells[1]":{"flags[1]":9},"raw[0]":0.1}"#,
+            ),
+            (
+                &["cells[0]"],
+                r#"{"schema":"a.A.v1","cells[0]":{"level":-2,"flags":[0,0]}}"#,
+            ),
+        ] {
+            let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+            let selection = Selection::of(&schema, &names).unwrap();
+            let tree = Tree::read(&schema, Meaning::NONE, &payload, &selection);
+            let line = JsonLine {
+                schema: schema.type_name(),
+                tree: &tree,
+            };
+            assert_eq!(serde_json::to_string(&line).unwrap(), expected);
+        }
+        let tree = Tree::read(&schema, Meaning::NONE, &payload, &Selection::default());
+        let names: Vec<String> = tree
+            .plain_fields()
+            .into_iter()
+            .map(|(name, _)| name)
+            .collect();
+        assert_eq!(
+            names[2..5],
+            ["cells[0].level", "cells[0].flags", "cells[1].level"]
+        );
+        let error = Selection::of(&schema, &["level".to_owned()]).unwrap_err();
+        assert!(error.to_string().contains("`cells[0].level`"), "{error}");
     }
 
     #[test]

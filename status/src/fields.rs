@@ -182,7 +182,8 @@ mod tests {
 
     fn leaves(fields: &[FieldLayout]) -> usize {
         let leaf = |field: &FieldLayout| match field.kind {
-            FieldKind::Struct(_, fields) => leaves(fields),
+            FieldKind::Struct(nested) => leaves(nested.fields),
+            FieldKind::StructArray(nested, len) => len * leaves(nested.fields),
             FieldKind::Number(_) | FieldKind::Array(..) => 1,
         };
         fields.iter().map(leaf).sum()

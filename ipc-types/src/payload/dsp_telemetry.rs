@@ -1,7 +1,5 @@
 //! [`DspTelemetry`]: what the DSP reports, in the DSP's own units (`DSP_HERO_TELEMETRY`).
 
-use iceoryx2::prelude::ZeroCopySend;
-
 shared_struct! {
     /// One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     ///

@@ -1,7 +1,5 @@
 //! [`HeroTelemetry`]: the helicopter's state for the layers above, in SI units (`HERO_TELEMETRY`).
 
-use iceoryx2::prelude::ZeroCopySend;
-
 shared_struct! {
     /// The state of the helicopter in SI units, angles in radians, axes named. Service `hero_telemetry`, written by
     /// status.

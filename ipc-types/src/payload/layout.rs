@@ -1,22 +1,28 @@
-//! `shared_struct!`: one definition gives the struct, its description at run time and its checks at compile time.
+//! [`Layout`]: what a struct in shared memory looks like, as a constant; its hash, and the rules that it must keep.
 
-/// A struct of the shared-memory contract.
-pub trait SharedStruct: Copy + Default + 'static {
-    /// Stable name without the version, such as `DspTelemetry`.
-    const NAME: &'static str;
-    /// Name of the layout in shared memory, with its version, such as `hero.DspTelemetry.v2`.
-    const TYPE_NAME: &'static str;
+use super::number::Number;
+
+/// Largest payload, bytes. A sample is a state or a measurement; images and clouds of points do not belong in one.
+pub const MAX_PAYLOAD_SIZE: usize = 1 << 20;
+
+/// Description of a [`SharedStruct`](super::SharedStruct).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layout {
+    /// Name without package and version, such as `DspTelemetry`.
+    pub name: &'static str,
+    /// `<package>.<name>.v<version>`, such as `hero.DspTelemetry.v2`: the name of the type in shared memory.
+    pub type_name: &'static str,
+    /// Doc comment, by lines.
+    pub doc: &'static [&'static str],
+    /// Size, bytes.
+    pub size: usize,
+    /// Alignment, bytes.
+    pub align: usize,
     /// The fields in the order of their offsets.
-    const FIELDS: &'static [FieldLayout];
-
-    /// What a reader finds when these bytes lie in shared memory, in this machine's order; nothing when they are not as
-    /// many as the struct has.
-    ///
-    /// For recordings, and for tests of readers: every pattern of bits is some value, though perhaps a senseless one.
-    fn from_bytes(bytes: &[u8]) -> Option<Self>;
+    pub fields: &'static [FieldLayout],
 }
 
-/// One field of a [`SharedStruct`].
+/// One field of a [`Layout`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldLayout {
     /// Name, with the unit as suffix.
@@ -27,17 +33,85 @@ pub struct FieldLayout {
     pub size: usize,
     /// What lies there.
     pub kind: FieldKind,
+    /// Doc comment, by lines.
+    pub doc: &'static [&'static str],
 }
 
 /// Type of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FieldKind {
-    /// A number, by its Rust name: `u32`, `f64` …
-    Number(&'static str),
-    /// An array of numbers: type and length.
-    Array(&'static str, usize),
-    /// A nested struct: its name and its fields.
-    Struct(&'static str, &'static [FieldLayout]),
+    /// A number.
+    Number(Number),
+    /// Numbers, and how many.
+    Array(Number, usize),
+    /// A nested struct.
+    Struct(&'static Layout),
+    /// Nested structs of one type, and how many.
+    StructArray(&'static Layout, usize),
+}
+
+impl FieldKind {
+    /// The struct that is nested here, if one is.
+    pub const fn nested(self) -> Option<&'static Layout> {
+        match self {
+            FieldKind::Number(_) | FieldKind::Array(..) => None,
+            FieldKind::Struct(layout) | FieldKind::StructArray(layout, _) => Some(layout),
+        }
+    }
+
+    /// How many there are; nothing when it is not an array.
+    pub const fn len(self) -> Option<usize> {
+        match self {
+            FieldKind::Number(_) | FieldKind::Struct(_) => None,
+            FieldKind::Array(_, len) | FieldKind::StructArray(_, len) => Some(len),
+        }
+    }
+
+    /// Whether there is nothing: an array of length 0, which no layout has.
+    pub const fn is_empty(self) -> bool {
+        matches!(self.len(), Some(0))
+    }
+}
+
+impl Layout {
+    /// The package of the type name, such as `hero`.
+    pub fn package(&self) -> &'static str {
+        self.type_name.split('.').next().unwrap_or_default()
+    }
+
+    /// Name of the type in a ROS 2 message definition, such as `hero_msgs/DspTelemetry`.
+    ///
+    /// The package gets `_msgs`, as ROS packages of messages have it, and the version is left out: it stands in the
+    /// definition's comment `Layout:`.
+    pub fn ros_name(&self) -> String {
+        format!("{}_msgs/{}", self.package(), self.name)
+    }
+
+    /// Name of the schema in an MCAP file and of the type in `ros2`, such as `hero_msgs/msg/DspTelemetry`.
+    pub fn ros_resource_name(&self) -> String {
+        format!("{}_msgs/msg/{}", self.package(), self.name)
+    }
+
+    /// Hash of the layout, see [`layout_hash`].
+    pub const fn hash(&self) -> u64 {
+        layout_hash(&[self.fields])
+    }
+
+    /// The nested structs, each once and after those that it contains, and this one last.
+    pub fn with_nested(&'static self) -> Vec<&'static Layout> {
+        let mut all = Vec::new();
+        self.collect(&mut all);
+        all
+    }
+
+    fn collect(&'static self, all: &mut Vec<&'static Layout>) {
+        for nested in self.fields.iter().filter_map(|field| field.kind.nested()) {
+            nested.collect(all);
+        }
+        if !all.contains(&self) {
+            all.push(self);
+        }
+    }
 }
 
 /// Hash of one or more layouts: 64-bit FNV-1a over each field's name, offset, size and kind, nested structs included.
@@ -45,7 +119,7 @@ pub enum FieldKind {
 /// A type's name says which layout is meant; the hash says which one was compiled, so that two fields that changed
 /// places are found even when somebody forgot to raise the version.
 pub const fn layout_hash(layouts: &[&[FieldLayout]]) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325;
+    let mut hash = FNV_BASIS;
     let mut index = 0;
     while index < layouts.len() {
         hash = hash_fields(hash, layouts[index]);
@@ -53,6 +127,9 @@ pub const fn layout_hash(layouts: &[&[FieldLayout]]) -> u64 {
     }
     hash
 }
+
+/// Offset basis of 64-bit FNV-1a: the hash of nothing.
+pub(crate) const FNV_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 
 const fn hash_fields(mut hash: u64, fields: &[FieldLayout]) -> u64 {
     let mut index = 0;
@@ -62,9 +139,13 @@ const fn hash_fields(mut hash: u64, fields: &[FieldLayout]) -> u64 {
         hash = hash_number(hash, field.offset);
         hash = hash_number(hash, field.size);
         hash = match field.kind {
-            FieldKind::Number(name) => hash_text(hash, name),
-            FieldKind::Array(name, len) => hash_number(hash_text(hash, name), len),
-            FieldKind::Struct(name, nested) => hash_fields(hash_text(hash, name), nested),
+            FieldKind::Number(number) => hash_text(hash, number.rust_name()),
+            FieldKind::Array(number, len) => hash_number(hash_text(hash, number.rust_name()), len),
+            FieldKind::Struct(nested) => hash_fields(hash_text(hash, nested.name), nested.fields),
+            FieldKind::StructArray(nested, len) => hash_number(
+                hash_fields(hash_text(hash, nested.name), nested.fields),
+                len,
+            ),
         };
         index += 1;
     }
@@ -72,7 +153,7 @@ const fn hash_fields(mut hash: u64, fields: &[FieldLayout]) -> u64 {
 }
 
 /// The text's bytes and a zero, so that `ab`, `c` differs from `a`, `bc`.
-const fn hash_text(mut hash: u64, text: &str) -> u64 {
+pub(crate) const fn hash_text(mut hash: u64, text: &str) -> u64 {
     let bytes = text.as_bytes();
     let mut index = 0;
     while index < bytes.len() {
@@ -83,7 +164,7 @@ const fn hash_text(mut hash: u64, text: &str) -> u64 {
 }
 
 /// The number's low 32 bits, least significant byte first; layouts are far smaller than that.
-const fn hash_number(mut hash: u64, number: usize) -> u64 {
+pub(crate) const fn hash_number(mut hash: u64, number: usize) -> u64 {
     let bytes = (number as u32).to_le_bytes();
     let mut index = 0;
     while index < bytes.len() {
@@ -97,105 +178,158 @@ const fn hash_byte(hash: u64, byte: u8) -> u64 {
     (hash ^ byte as u64).wrapping_mul(0x0000_0100_0000_01b3)
 }
 
-/// Types that may be a field of a shared struct.
-pub(crate) trait FieldType: Sized {
-    const KIND: FieldKind;
-
-    /// As [`SharedStruct::from_bytes`].
-    fn read(bytes: &[u8]) -> Option<Self>;
-}
-
-macro_rules! numbers {
-    ($($number:ident),+) => {
-        $(
-            impl FieldType for $number {
-                const KIND: FieldKind = FieldKind::Number(stringify!($number));
-
-                fn read(bytes: &[u8]) -> Option<Self> {
-                    Some($number::from_ne_bytes(bytes.try_into().ok()?))
-                }
-            }
-
-            impl<const N: usize> FieldType for [$number; N] {
-                const KIND: FieldKind = FieldKind::Array(stringify!($number), N);
-
-                fn read(bytes: &[u8]) -> Option<Self> {
-                    if bytes.len() != size_of::<Self>() {
-                        return None;
-                    }
-                    let mut numbers = [$number::default(); N];
-                    let parts = bytes.chunks_exact(size_of::<$number>());
-                    for (number, part) in numbers.iter_mut().zip(parts) {
-                        *number = $number::read(part)?;
-                    }
-                    Some(numbers)
-                }
-            }
-        )+
-    };
-}
-
-numbers!(u8, u16, u32, u64, i32, f32, f64);
-
-impl<T: SharedStruct> FieldType for T {
-    const KIND: FieldKind = FieldKind::Struct(T::NAME, T::FIELDS);
-
-    fn read(bytes: &[u8]) -> Option<Self> {
-        T::from_bytes(bytes)
+/// Stops the compiler when `layout` breaks a rule of the contract. `size` is the one that the definition pins.
+#[doc(hidden)]
+pub const fn check(layout: &Layout, size: usize) {
+    const {
+        assert!(
+            cfg!(target_endian = "little"),
+            "samples in shared memory are little-endian"
+        );
     }
+    assert!(
+        layout.size == size,
+        "the pinned size is wrong: correct it, and raise the layout version if the struct was in use"
+    );
+    assert!(
+        size <= MAX_PAYLOAD_SIZE,
+        "the struct is larger than MAX_PAYLOAD_SIZE"
+    );
+    assert!(
+        is_type_name(layout.type_name, layout.name),
+        "the type name must be `<package>.<struct>.v<version>`, the package in lower snake case, the struct in camel case"
+    );
+    let mut end = 0;
+    let mut index = 0;
+    while index < layout.fields.len() {
+        let field = &layout.fields[index];
+        assert!(
+            field.offset == end,
+            "the struct has padding: order the fields by size, or fill the hole with a field `reserved`"
+        );
+        assert!(field.size > 0, "an array of length 0 cannot be a field");
+        assert!(
+            is_snake(field.name.as_bytes(), 0, field.name.len()),
+            "a field's name must be in lower snake case: letters, digits and single underscores"
+        );
+        end += field.size;
+        index += 1;
+    }
+    assert!(
+        end == layout.size,
+        "the struct has padding at its end: add a field `reserved`"
+    );
+    assert!(
+        are_unambiguous(layout, layout),
+        "two nested structs have the same package and name but other versions or fields"
+    );
 }
 
-/// Defines a struct of the contract: `pub struct Name("hero.Name.v1") = SIZE { fields }`.
-///
-/// The size in the definition pins the layout: it must be written down, and it must be the sum of the fields' sizes,
-/// which is to say that there is no padding.
-macro_rules! shared_struct {
-    (
-        $(#[$meta:meta])*
-        pub struct $name:ident ($type_name:literal) = $size:literal {
-            $( $(#[$field_meta:meta])* pub $field:ident: $type:ty, )+
+/// `<package>.<name>.v<version>`, with names that ROS 2 takes: it is the strictest of those that must take them.
+const fn is_type_name(type_name: &str, name: &str) -> bool {
+    let (text, name) = (type_name.as_bytes(), name.as_bytes());
+    let mut dot = 0;
+    while dot < text.len() && text[dot] != b'.' {
+        dot += 1;
+    }
+    // Room for two dots, the `v` and a digit.
+    if !is_snake(text, 0, dot) || text.len() < dot + name.len() + 4 {
+        return false;
+    }
+    let mut index = 0;
+    while index < name.len() {
+        let is_camel =
+            name[index].is_ascii_alphanumeric() && (index > 0 || name[0].is_ascii_uppercase());
+        if !is_camel || text[dot + 1 + index] != name[index] {
+            return false;
         }
-    ) => {
-        $(#[$meta])*
-        #[derive(
-            Clone, Copy, Debug, Default, PartialEq, serde::Serialize,
-            ZeroCopySend,
-        )]
-        #[type_name($type_name)]
-        #[repr(C)]
-        pub struct $name {
-            $( $(#[$field_meta])* pub $field: $type, )+
+        index += 1;
+    }
+    index = dot + 1 + name.len();
+    if text[index] != b'.' || text[index + 1] != b'v' || text[index + 2] == b'0' {
+        return false;
+    }
+    index += 2;
+    while index < text.len() {
+        if !text[index].is_ascii_digit() {
+            return false;
         }
+        index += 1;
+    }
+    true
+}
 
-        impl $crate::payload::SharedStruct for $name {
-            const NAME: &'static str = stringify!($name);
-            const TYPE_NAME: &'static str = $type_name;
-            const FIELDS: &'static [$crate::payload::FieldLayout] = &[
-                $( $crate::payload::FieldLayout {
-                    name: stringify!($field),
-                    offset: std::mem::offset_of!($name, $field),
-                    size: size_of::<$type>(),
-                    kind: <$type as $crate::payload::layout::FieldType>::KIND,
-                }, )+
-            ];
-
-            fn from_bytes(bytes: &[u8]) -> Option<Self> {
-                use $crate::payload::layout::FieldType;
-                if bytes.len() != size_of::<Self>() {
-                    return None;
-                }
-                Some($name {
-                    $( $field: {
-                        let offset = std::mem::offset_of!($name, $field);
-                        FieldType::read(&bytes[offset..offset + size_of::<$type>()])?
-                    }, )+
-                })
-            }
+/// Whether `text[from..to]` is in lower snake case, as ROS 2 wants names of packages and fields.
+pub(crate) const fn is_snake(text: &[u8], from: usize, to: usize) -> bool {
+    if from >= to || !text[from].is_ascii_lowercase() || text[to - 1] == b'_' {
+        return false;
+    }
+    let mut index = from;
+    while index < to {
+        let byte = text[index];
+        let is_double = byte == b'_' && text[index - 1] == b'_';
+        if is_double || !(byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_') {
+            return false;
         }
+        index += 1;
+    }
+    true
+}
 
-        const _: () = {
-            assert!(size_of::<$name>() == $size, "the pinned size is wrong: raise the layout version");
-            assert!(0 $( + size_of::<$type>() )+ == $size, "the struct has padding");
-        };
-    };
+/// Whether each struct in `layout` is the only one of its name in `root`.
+const fn are_unambiguous(layout: &Layout, root: &Layout) -> bool {
+    let mut index = 0;
+    while index < layout.fields.len() {
+        if let Some(nested) = layout.fields[index].kind.nested()
+            && (!agrees(nested, root) || !are_unambiguous(nested, root))
+        {
+            return false;
+        }
+        index += 1;
+    }
+    true
+}
+
+/// Whether every struct in `root` that is called as `layout` is the same.
+const fn agrees(layout: &Layout, root: &Layout) -> bool {
+    if is_same_but_version(layout.type_name, root.type_name)
+        && (!is_equal(layout.type_name, root.type_name) || layout.hash() != root.hash())
+    {
+        return false;
+    }
+    let mut index = 0;
+    while index < root.fields.len() {
+        if let Some(nested) = root.fields[index].kind.nested()
+            && !agrees(layout, nested)
+        {
+            return false;
+        }
+        index += 1;
+    }
+    true
+}
+
+const fn is_same_but_version(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    let mut index = 0;
+    let mut dots = 0;
+    while index < one.len() && index < other.len() && one[index] == other[index] {
+        if one[index] == b'.' {
+            dots += 1;
+        }
+        index += 1;
+    }
+    dots == 2
+}
+
+const fn is_equal(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    let mut index = 0;
+    while index < one.len() && index < other.len() {
+        if one[index] != other[index] {
+            return false;
+        }
+        index += 1;
+    }
+    one.len() == other.len()
 }

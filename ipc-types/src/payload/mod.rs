@@ -1,21 +1,42 @@
-//! The fixed-layout structs that lie in shared memory.
+//! The fixed-layout structs that lie in shared memory, and how a module of its own defines more of them.
 //!
 //! Each is `#[repr(C)]`, has no padding, holds only plain numbers and has a stable type name with a layout version; all
-//! of that is checked when this crate is compiled. **A changed layout needs a new version**, because iceoryx2 compares
+//! of that is checked when it is compiled. **A changed layout needs a new version**, because iceoryx2 compares
 //! only a type's name, size and alignment.
+//!
+//! All are made by [`shared_struct!`](crate::shared_struct), which is there for every crate.
 
 #[macro_use]
-mod layout;
+mod define;
+pub mod export;
+pub(crate) mod layout;
+mod number;
 
 mod access;
+// What the macro makes is unsafe to implement by hand: it checks what makes it safe.
+#[allow(unsafe_code)]
 mod dsp_telemetry;
+#[allow(unsafe_code)]
 mod hero_telemetry;
+#[allow(unsafe_code)]
 mod module_state;
+#[allow(unsafe_code)]
 mod request;
 
 pub use access::WaypointPosition;
+pub use define::{FieldType, SharedStruct};
 pub use dsp_telemetry::*;
 pub use hero_telemetry::*;
-pub use layout::{FieldKind, FieldLayout, SharedStruct, layout_hash};
+pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, layout_hash};
 pub use module_state::*;
+pub use number::Number;
 pub use request::*;
+
+/// What the expansion of `shared_struct!` names; `macro_support` of the crate's root.
+#[doc(hidden)]
+pub mod support {
+    pub use super::define::Serialized;
+    pub use super::layout::check;
+    pub use iceoryx2::prelude::ZeroCopySend;
+    pub use serde::ser::{Serialize, SerializeStruct, Serializer};
+}

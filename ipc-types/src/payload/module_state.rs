@@ -1,7 +1,5 @@
 //! [`ModuleState`]: how the bridge, its movement, its line and the DSP are (`ModuleState`).
 
-use iceoryx2::prelude::ZeroCopySend;
-
 shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///

@@ -1,7 +1,5 @@
 //! Requests to the bridge and the reports that answer them (`ModuleControl`, `MovementData`).
 
-use iceoryx2::prelude::ZeroCopySend;
-
 shared_struct! {
     /// Start or stop the module (`ModuleControl`). Service `module_control`.
     pub struct ModuleControl("hero.ModuleControl.v1") = 16 {

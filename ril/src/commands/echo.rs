@@ -4,14 +4,16 @@ use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Losses, MonotonicNs};
+use ipc_types::{Losses, MonotonicNs, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::patience::{Limits, Next};
-use super::stream::{self, Watcher};
+use super::stream::{self, Samples, Watched, Watcher};
 use super::{Session, configuration, json_line};
-use crate::cli::{EchoArgs, Topic};
-use crate::fields::{JsonLine, Plainly, Selection, Shown, Tree};
+use crate::cli::{self, EchoArgs, EchoOptions};
+use crate::config::Config;
+use crate::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
+use crate::measure::StampReader;
 
 /// `ril echo`
 ///
@@ -20,54 +22,103 @@ use crate::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 /// Code 2 for a field that does not exist, 3 when nobody publishes, 4 when the publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
     match args.topic {
-        Topic::Dsp => run::<DspTelemetry>(args),
-        Topic::Hero => run::<HeroTelemetry>(args),
-        Topic::State => run::<ModuleState>(args),
+        cli::Topic::Dsp => own::<DspTelemetry>(&args.options),
+        cli::Topic::Hero => own::<HeroTelemetry>(&args.options),
+        cli::Topic::State => own::<ModuleState>(&args.options),
     }
 }
 
-fn run<T: Shown>(args: &EchoArgs) -> Result<(), Failure> {
-    let selection = Selection::of::<T>(&args.fields).map_err(Failure::usage)?;
-    let Some(config) = configuration(&args.common)? else {
+fn own<T: Topic>(options: &EchoOptions) -> Result<(), Failure> {
+    let watched = Watched::of::<T>();
+    let selection = Selection::of(&watched.schema, &options.fields).map_err(Failure::usage)?;
+    let Some(config) = configuration(&options.common)? else {
         return Ok(());
     };
-    let limits = Limits {
-        count: args.count,
-        duration: args.duration,
-        timeout: args.timeout.unwrap_or_else(|| config.observe.timeout()),
-    };
-    let session = Session::join(&args.common)?;
+    let session = Session::join(&options.common)?;
     let mut samples = session.ipc.subscriber::<T>().or_fail(ExitCode::Internal)?;
-    let mut printer = Printer {
+    print(
+        &session,
+        &watched,
         selection,
-        json: args.json,
+        &mut samples,
+        options,
+        &config,
+    )
+}
+
+/// `ril topic echo`
+///
+/// # Errors
+///
+/// As [`echo`]; code 3 also for a topic that is not there.
+pub fn any(key: &str, options: &EchoOptions) -> Result<(), Failure> {
+    let Some(config) = configuration(&options.common)? else {
+        return Ok(());
+    };
+    let session = Session::join(&options.common)?;
+    let watched = Watched::find(&session, key)?;
+    let selection = Selection::of(&watched.schema, &options.fields).map_err(Failure::usage)?;
+    let mut samples = stream::open(&session, &watched)?;
+    print(
+        &session,
+        &watched,
+        selection,
+        &mut samples,
+        options,
+        &config,
+    )
+}
+
+fn print(
+    session: &Session,
+    watched: &Watched,
+    selection: Selection,
+    samples: &mut impl Samples,
+    options: &EchoOptions,
+    config: &Config,
+) -> Result<(), Failure> {
+    let limits = Limits {
+        count: options.count,
+        duration: options.duration,
+        timeout: options.timeout.unwrap_or_else(|| config.observe.timeout()),
+    };
+    let mut printer = Printer {
+        watched,
+        stamps: StampReader::of(&watched.schema),
+        meaning: Meaning::of_type(watched.schema.type_name()),
+        selection,
+        json: options.json,
         out: BufWriter::new(io::stdout().lock()),
         seen: Seen::default(),
     };
-    let end = stream::watch(&session, &mut samples, limits, &mut printer)?;
+    let end = stream::watch(session, watched, samples, limits, &mut printer)?;
     if tracing::enabled!(tracing::Level::INFO) {
         let summary = printer.seen.summary(samples.losses());
         // Standard error may be closed; that harms nobody.
         let _ = writeln!(io::stderr(), "{summary}");
     }
     match end {
-        Next::Nothing => Err(session.nothing_came(T::SERVICE, limits.timeout)?),
+        Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
         _ => Ok(()),
     }
 }
 
 /// How samples are printed.
-struct Printer<W> {
+struct Printer<'a, W> {
+    watched: &'a Watched,
+    stamps: StampReader,
+    meaning: Meaning,
     selection: Selection,
     json: bool,
     out: W,
     seen: Seen,
 }
 
-impl<T: Shown, W: Write> Watcher<T> for Printer<W> {
-    fn sample(&mut self, sample: &T) -> Result<bool, Failure> {
-        self.seen.take(sample);
-        self.print(sample)?;
+impl<W: Write> Watcher for Printer<'_, W> {
+    fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
+        let stamps = self.stamps.read(payload, MonotonicNs::now());
+        self.seen.take(stamps.sent.0);
+        self.print(payload)?;
         Ok(true)
     }
 
@@ -76,18 +127,16 @@ impl<T: Shown, W: Write> Watcher<T> for Printer<W> {
     }
 }
 
-impl<W: Write> Printer<W> {
-    fn print<T: Shown>(&mut self, sample: &T) -> Result<(), Failure> {
-        let tree = Tree::of(sample, &self.selection);
+impl<W: Write> Printer<'_, W> {
+    fn print(&mut self, payload: &[u8]) -> Result<(), Failure> {
+        let schema = &self.watched.schema;
+        let tree = Tree::read(schema, self.meaning, payload, &self.selection);
         if self.json {
-            let schema = T::TYPE_NAME;
-            return json_line(
-                &mut self.out,
-                &JsonLine {
-                    schema,
-                    tree: &tree,
-                },
-            );
+            let line = JsonLine {
+                schema: schema.type_name(),
+                tree: &tree,
+            };
+            return json_line(&mut self.out, &line);
         }
         let text = if self.selection.is_everything() {
             block(&tree)
@@ -126,8 +175,9 @@ struct Seen {
 }
 
 impl Seen {
-    fn take<T: Shown>(&mut self, sample: &T) {
-        self.last_ns = sample.time_ns();
+    /// A sample that was made at `sent_ns`.
+    fn take(&mut self, sent_ns: u64) {
+        self.last_ns = sent_ns;
         if self.samples == 0 {
             self.first_ns = self.last_ns;
         }
@@ -150,6 +200,7 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use ipc_types::TelemetryGroup;
+    use ipc_types::payload::SharedStruct;
 
     use super::*;
 
@@ -165,13 +216,17 @@ mod tests {
 
     fn printed(names: &[&str], json: bool) -> String {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let watched = Watched::of::<DspTelemetry>();
         let mut printer = Printer {
-            selection: Selection::of::<DspTelemetry>(&names).unwrap(),
+            watched: &watched,
+            stamps: StampReader::of(&watched.schema),
+            meaning: Meaning::of::<DspTelemetry>(),
+            selection: Selection::of(&watched.schema, &names).unwrap(),
             json,
             out: Vec::new(),
             seen: Seen::default(),
         };
-        printer.print(&sample()).unwrap();
+        printer.print(sample().bytes()).unwrap();
         String::from_utf8(printer.out).unwrap()
     }
 
@@ -209,10 +264,7 @@ mod tests {
             "0 samples, 3 lost, 1 publisher restarts"
         );
         for index in 0..5 {
-            seen.take(&DspTelemetry {
-                received_ns: 1_000_000_000 + index * 20_000_000,
-                ..DspTelemetry::default()
-            });
+            seen.take(1_000_000_000 + index * 20_000_000);
         }
         assert_eq!(
             seen.summary(Losses::default()),

@@ -8,18 +8,19 @@ use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Losses, MonotonicNs};
+use ipc_types::{Losses, MonotonicNs, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::patience::{Limits, Next};
-use super::stream::{self, Watcher};
+use super::stream::{self, Samples, Watched, Watcher};
 use super::{Session, configuration, json_line};
-use crate::cli::{MeasureArgs, Topic};
+use crate::cli::{self, MeasureArgs, MeasureOptions};
+use crate::config::Config;
 use crate::live::{Block, Size};
 use crate::measure::bandwidth::BandwidthMeter;
 use crate::measure::delay::DelayMeter;
 use crate::measure::rate::RateMeter;
-use crate::measure::{Measured, Meter, Of};
+use crate::measure::{Meter, Of, StampReader};
 
 /// From one drawing to the next: long enough to read.
 const REDRAW_PERIOD: Duration = Duration::from_secs(1);
@@ -53,63 +54,102 @@ pub fn bw(args: &MeasureArgs) -> Result<(), Failure> {
 
 fn measure<M: Meter>(args: &MeasureArgs) -> Result<(), Failure> {
     match args.topic {
-        Topic::Dsp => run::<DspTelemetry, M>(args),
-        Topic::Hero => run::<HeroTelemetry, M>(args),
-        Topic::State => run::<ModuleState, M>(args),
+        cli::Topic::Dsp => own::<DspTelemetry, M>(&args.options),
+        cli::Topic::Hero => own::<HeroTelemetry, M>(&args.options),
+        cli::Topic::State => own::<ModuleState, M>(&args.options),
     }
 }
 
-fn run<T: Measured, M: Meter>(args: &MeasureArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
+fn own<T: Topic, M: Meter>(options: &MeasureOptions) -> Result<(), Failure> {
+    let Some(config) = configuration(&options.common)? else {
         return Ok(());
     };
-    let limits = Limits {
-        count: args.count,
-        duration: args.duration,
-        timeout: args.timeout.unwrap_or_else(|| config.observe.timeout()),
-    };
-    let session = Session::join(&args.common)?;
+    let session = Session::join(&options.common)?;
     let mut samples = session.ipc.subscriber::<T>().or_fail(ExitCode::Internal)?;
+    run::<M>(
+        &session,
+        &Watched::of::<T>(),
+        &mut samples,
+        options,
+        &config,
+    )
+}
+
+/// `ril topic hz`, `ril topic delay`, `ril topic bw`, by the meter.
+///
+/// # Errors
+///
+/// As [`hz`]; code 3 also for a topic that is not there.
+pub fn any<M: Meter>(key: &str, options: &MeasureOptions) -> Result<(), Failure> {
+    let Some(config) = configuration(&options.common)? else {
+        return Ok(());
+    };
+    let session = Session::join(&options.common)?;
+    let watched = Watched::find(&session, key)?;
+    let mut samples = stream::open(&session, &watched)?;
+    run::<M>(&session, &watched, &mut samples, options, &config)
+}
+
+fn run<M: Meter>(
+    session: &Session,
+    watched: &Watched,
+    samples: &mut impl Samples,
+    options: &MeasureOptions,
+    config: &Config,
+) -> Result<(), Failure> {
+    let limits = Limits {
+        count: options.count,
+        duration: options.duration,
+        timeout: options.timeout.unwrap_or_else(|| config.observe.timeout()),
+    };
     // What came while the port was made has waited for it; its age would be that of the port.
     let began = MonotonicNs::now();
-    tracing::debug!(service = T::SERVICE.spec().key, "subscribed");
+    tracing::debug!(service = watched.key, "subscribed");
     let of = Of {
         robot: session.ipc.robot().get(),
-        service: T::SERVICE.spec().key,
+        service: &watched.key,
     };
-    let is_live = !args.json && io::stdout().is_terminal();
+    let is_live = !options.json && io::stdout().is_terminal();
     let mut desk = Desk {
-        meter: M::begin(size_of::<T>()),
+        meter: M::begin(watched.schema.size()),
+        stamps: StampReader::of(&watched.schema),
         of,
         began,
+        has_come: false,
         is_empty: true,
         block: Block::default(),
         redraw_at: is_live.then(|| began + REDRAW_PERIOD),
     };
-    let end = stream::watch(&session, &mut samples, limits, &mut desk)?;
-    desk.finish(samples.losses(), args.json)?;
+    let end = stream::watch(session, watched, samples, limits, &mut desk)?;
+    desk.finish(samples.losses(), options.json)?;
     match end {
-        Next::Nothing => Err(session.nothing_came(T::SERVICE, limits.timeout)?),
+        Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
         _ => Ok(()),
     }
 }
 
 /// The measurement and where it is shown.
-struct Desk<M> {
+struct Desk<'a, M> {
     meter: M,
-    of: Of,
+    stamps: StampReader,
+    of: Of<'a>,
     began: MonotonicNs,
+    /// Whether a sample has come, measured or not.
+    has_come: bool,
     is_empty: bool,
     block: Block,
     /// When to draw next; nothing when there is no terminal.
     redraw_at: Option<MonotonicNs>,
 }
 
-impl<T: Measured, M: Meter> Watcher<T> for Desk<M> {
-    fn sample(&mut self, sample: &T) -> Result<bool, Failure> {
+impl<M: Meter> Watcher for Desk<'_, M> {
+    fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
         let now = MonotonicNs::now();
-        let stamps = sample.stamps();
-        let is_new = stamps.sent >= self.began;
+        let stamps = self.stamps.read(payload, now);
+        // Of a struct without times nobody can tell whether the first sample is the latest one of before.
+        let is_dated = stamps.received.or(stamps.published).is_some();
+        let is_first = !std::mem::replace(&mut self.has_come, true);
+        let is_new = stamps.sent >= self.began && (is_dated || !is_first);
         if is_new {
             if self.is_empty {
                 tracing::debug!(sequence = stamps.sequence, "first sample");
@@ -143,7 +183,7 @@ impl<T: Measured, M: Meter> Watcher<T> for Desk<M> {
     }
 }
 
-impl<M: Meter> Desk<M> {
+impl<M: Meter> Desk<'_, M> {
     /// Gives the figures, unless nothing was measured.
     fn finish(mut self, losses: Losses, json: bool) -> Result<(), Failure> {
         if self.is_empty {

@@ -12,6 +12,7 @@ mod robot;
 pub mod state;
 pub mod state_report;
 mod stream;
+pub mod topic;
 
 use std::io::Write;
 use std::os::fd::AsFd;

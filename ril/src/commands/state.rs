@@ -9,7 +9,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::state_report::{Sample, StateReport};
 use super::{Session, configuration, json_line};
 use crate::cli::StateArgs;
-use crate::fields::Shown;
+use crate::measure::Measured;
 
 /// `ril state`
 ///
@@ -68,7 +68,7 @@ struct Latest<T: Topic> {
     sample: Option<T>,
 }
 
-impl<T: Shown> Latest<T> {
+impl<T: Measured> Latest<T> {
     fn open(session: &Session) -> Result<Latest<T>, Failure> {
         Ok(Latest {
             port: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
@@ -85,11 +85,7 @@ impl<T: Shown> Latest<T> {
 
     fn shown(&self, now: MonotonicNs) -> Option<Sample> {
         let sample = self.sample.as_ref()?;
-        Some(Sample::new(
-            sample.sequence(),
-            MonotonicNs(sample.time_ns()),
-            now,
-        ))
+        Some(Sample::new(sample.sequence(), sample.stamps().sent, now))
     }
 }
 

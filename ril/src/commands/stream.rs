@@ -1,15 +1,159 @@
-//! What all commands that watch a stream of samples share: the loop that waits, drains and knows when it is enough.
+//! What all commands that watch a stream of samples share: where samples come from, and the loop that waits, drains and
+//! knows when it is enough.
+//!
+//! Samples are bytes here, which their schema describes: what is done with them is the same whether this program was
+//! built with their struct or not.
 
-use ipc_types::{Losses, MonotonicNs, Subscriber, Topic};
-use runtime::exit::Failure;
+use std::time::Duration;
+
+use ipc_types::service::SERVICES;
+use ipc_types::{
+    DynamicError, DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, ServiceId, Source,
+    Subscriber, Topic, dynamic,
+};
+use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::Session;
 use super::patience::{Limits, Next, Patience};
 
+/// A topic that a command watches.
+pub(super) struct Watched {
+    /// Last part of its name, such as `hero_telemetry`.
+    pub key: String,
+    /// What its samples hold.
+    pub schema: Schema,
+}
+
+impl Watched {
+    /// One that this program was built with.
+    pub fn of<T: Topic>() -> Watched {
+        Watched {
+            key: T::KEY.to_owned(),
+            schema: Schema::of::<T>(),
+        }
+    }
+
+    /// The topic `key`, whatever it is.
+    ///
+    /// # Errors
+    ///
+    /// Code 3 when there is no such topic, 1 when its schema cannot be used.
+    pub fn find(session: &Session, key: &str) -> Result<Watched, Failure> {
+        match dynamic::schema_of(&session.ipc, key) {
+            Ok(schema) => Ok(Watched {
+                key: key.to_owned(),
+                schema,
+            }),
+            Err(ipc_types::schema::LoadError::Missing(_)) => Err(missing(session, key)),
+            Err(error) => Err(error).or_fail(ExitCode::Internal),
+        }
+    }
+
+    /// The robot's own service that it is; nothing when it is a module's.
+    pub fn own(&self) -> Option<ServiceId> {
+        own(&self.key)
+    }
+
+    /// Whether a live process publishes it. Of a module's topic that is not known: who watches it waits, as long as the
+    /// operator likes.
+    fn is_provided(&self, session: &Session) -> Result<bool, Failure> {
+        self.own().map_or(Ok(true), |own| session.is_provided(own))
+    }
+
+    /// The failure that nothing came in time.
+    pub fn nothing_came(&self, session: &Session, timeout: Duration) -> Result<Failure, Failure> {
+        if let Some(own) = self.own() {
+            return session.nothing_came(own, timeout);
+        }
+        let (key, robot) = (&self.key, session.ipc.robot());
+        let text = format!(
+            "nothing came from {key} of robot {robot} in {timeout:?}: see whether the module that publishes it is \
+             running, or wait longer with --timeout"
+        );
+        Ok(Failure::new(ExitCode::Timeout, text))
+    }
+}
+
+/// The robot's own service with this key.
+fn own(key: &str) -> Option<ServiceId> {
+    let spec = SERVICES.iter().find(|spec| spec.key == key);
+    spec.map(|spec| spec.id)
+}
+
+/// The failure that there is no topic `key`, with what there is.
+pub(super) fn missing(session: &Session, key: &str) -> Failure {
+    if let Some(own) = own(key) {
+        return super::absent(own, session.ipc.robot());
+    }
+    let robot = session.ipc.robot();
+    let keys: Vec<String> = dynamic::topics(&session.ipc)
+        .unwrap_or_default()
+        .into_iter()
+        .map(|topic| topic.key)
+        .collect();
+    let there = match keys.as_slice() {
+        [] => "it has none now".to_owned(),
+        keys => format!("it has {}", keys.join(", ")),
+    };
+    let text =
+        format!("robot {robot} has no topic {key}; {there}: start the module that publishes it");
+    Failure::new(ExitCode::ServiceAbsent, text)
+}
+
+/// Where samples come from.
+pub(super) trait Samples: Source {
+    /// Hands on the bytes of every sample that is there.
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, DrainError>;
+
+    /// What was received and missed so far.
+    fn losses(&self) -> Losses;
+}
+
+/// Samples could not be received; the next call tries again.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum DrainError {
+    #[error(transparent)]
+    Typed(#[from] ReceiveError),
+    #[error(transparent)]
+    Dynamic(#[from] DynamicError),
+}
+
+impl<T: Topic> Samples for Subscriber<T> {
+    fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, DrainError> {
+        Ok(Subscriber::drain(self, |sample| take(sample.bytes()))?)
+    }
+
+    fn losses(&self) -> Losses {
+        Subscriber::losses(self)
+    }
+}
+
+impl Samples for DynamicSubscriber {
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, DrainError> {
+        Ok(DynamicSubscriber::drain(self, take)?)
+    }
+
+    fn losses(&self) -> Losses {
+        DynamicSubscriber::losses(self)
+    }
+}
+
+/// Opens a topic that this program was perhaps not built with.
+///
+/// # Errors
+///
+/// Code 3 when nobody publishes it, 1 for other trouble.
+pub(super) fn open(session: &Session, watched: &Watched) -> Result<DynamicSubscriber, Failure> {
+    match DynamicSubscriber::open(&session.ipc, &watched.key, &watched.schema) {
+        Err(DynamicError::Absent(_)) => Err(missing(session, &watched.key)),
+        opened => opened.or_fail(ExitCode::Internal),
+    }
+}
+
 /// What is done with the samples.
-pub(super) trait Watcher<T> {
-    /// Takes a sample, and says whether it counts as one of those that were asked for.
-    fn sample(&mut self, sample: &T) -> Result<bool, Failure>;
+pub(super) trait Watcher {
+    /// Takes a sample's bytes, and says whether it counts as one of those that were asked for.
+    fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure>;
 
     /// Called after every wake, when all samples that were there have been taken.
     fn woken(&mut self, losses: Losses, now: MonotonicNs) -> Result<(), Failure>;
@@ -21,11 +165,12 @@ pub(super) trait Watcher<T> {
 }
 
 /// Hands samples on until it is enough, nothing comes any more, or a signal comes; the latter is enough, too.
-pub(super) fn watch<T: Topic>(
+pub(super) fn watch<S: Samples>(
     session: &Session,
-    samples: &mut Subscriber<T>,
+    watched: &Watched,
+    samples: &mut S,
     limits: Limits,
-    watcher: &mut impl Watcher<T>,
+    watcher: &mut impl Watcher,
 ) -> Result<Next, Failure> {
     let mut patience = Patience::new(limits, MonotonicNs::now());
     while !session.termination.requested() {
@@ -39,7 +184,7 @@ pub(super) fn watch<T: Topic>(
                 session.wait(&[&*samples], Some(until))?;
             }
             Next::Look => {
-                patience.provider(session.is_provided(T::SERVICE)?, now);
+                patience.provider(watched.is_provided(session)?, now);
             }
             end => return Ok(end),
         }
@@ -48,16 +193,16 @@ pub(super) fn watch<T: Topic>(
 }
 
 /// Hands on what is there, at most `wanted` samples that count, and says how many those were.
-fn take<T: Topic>(
-    samples: &mut Subscriber<T>,
+fn take(
+    samples: &mut impl Samples,
     wanted: u64,
-    watcher: &mut impl Watcher<T>,
+    watcher: &mut impl Watcher,
 ) -> Result<u64, Failure> {
     let mut count = 0;
     let mut result = Ok(());
-    let received = samples.drain(|sample| {
+    let received = samples.drain(|payload| {
         if count < wanted && result.is_ok() {
-            match watcher.sample(sample) {
+            match watcher.sample(payload) {
                 Ok(counts) => count += u64::from(counts),
                 Err(failure) => result = Err(failure),
             }

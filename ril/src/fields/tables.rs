@@ -4,9 +4,8 @@ use ipc_types::code::{
     DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
     PilotSwitch, SafetyAction, SafetyRule,
 };
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{TelemetryGroup, Topic};
-use serde::Serialize;
 
 /// A field, plain or nested, and whether it means something in a sample.
 pub type Condition<T> = (&'static str, fn(&T) -> bool);
@@ -15,15 +14,67 @@ pub type Condition<T> = (&'static str, fn(&T) -> bool);
 pub type Naming = (&'static str, fn(u32) -> Option<String>);
 
 /// A sample that can be shown field by field.
-pub trait Shown: Topic + Serialize {
+pub trait Shown: Topic {
     /// The fields that do not always mean something.
     const CONDITIONS: &'static [Condition<Self>];
 
     /// The fields that are codes.
     const CODES: &'static [Naming];
+}
 
-    /// When what the sample says was so, host monotonic ns.
-    fn time_ns(&self) -> u64;
+/// What is known of a struct beyond its schema.
+#[derive(Clone, Copy)]
+pub struct Meaning {
+    void: fn(&[u8]) -> Vec<&'static str>,
+    codes: &'static [Naming],
+}
+
+impl Meaning {
+    /// Nothing: every field always means something, and no number has a name.
+    pub const NONE: Meaning = Meaning {
+        void: |_| Vec::new(),
+        codes: &[],
+    };
+
+    /// What is known of `T`.
+    pub const fn of<T: Shown>() -> Meaning {
+        Meaning {
+            void: void::<T>,
+            codes: T::CODES,
+        }
+    }
+
+    /// What is known of the struct with this type name, such as `hero.ModuleState.v2`.
+    pub fn of_type(type_name: &str) -> Meaning {
+        match type_name {
+            DspTelemetry::TYPE_NAME => Meaning::of::<DspTelemetry>(),
+            HeroTelemetry::TYPE_NAME => Meaning::of::<HeroTelemetry>(),
+            ModuleState::TYPE_NAME => Meaning::of::<ModuleState>(),
+            _ => Meaning::NONE,
+        }
+    }
+
+    /// Names of the fields that mean nothing in this sample.
+    pub(super) fn void(self, payload: &[u8]) -> Vec<&'static str> {
+        (self.void)(payload)
+    }
+
+    /// Name of the number `code` in the field `path`; nothing when it has none.
+    pub(super) fn name_of(self, path: &str, code: u32) -> Option<String> {
+        let (_, name_of) = self.codes.iter().find(|(name, _)| *name == path)?;
+        name_of(code)
+    }
+}
+
+fn void<T: Shown>(payload: &[u8]) -> Vec<&'static str> {
+    let Some(sample) = T::from_bytes(payload) else {
+        return Vec::new();
+    };
+    let conditions = T::CONDITIONS.iter();
+    conditions
+        .filter(|(_, means_something)| !means_something(&sample))
+        .map(|(name, _)| *name)
+        .collect()
 }
 
 /// Rows `"field" => Group` of [`Shown::CONDITIONS`].
@@ -58,10 +109,6 @@ impl Shown for DspTelemetry {
     };
 
     const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
-
-    fn time_ns(&self) -> u64 {
-        self.received_ns
-    }
 }
 
 impl Shown for HeroTelemetry {
@@ -87,10 +134,6 @@ impl Shown for HeroTelemetry {
     };
 
     const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
-
-    fn time_ns(&self) -> u64 {
-        self.published_ns
-    }
 }
 
 impl Shown for ModuleState {
@@ -143,10 +186,6 @@ impl Shown for ModuleState {
             PilotSwitch::from_code(code).map(|switch| switch.to_string())
         }),
     ];
-
-    fn time_ns(&self) -> u64 {
-        self.published_ns
-    }
 }
 
 /// Every IMI code has a name.
@@ -163,6 +202,7 @@ fn dsp_error_name(code: u32) -> Option<String> {
 mod tests {
     use super::*;
     use crate::fields::{Selection, Tree, field_names};
+    use ipc_types::Schema;
 
     /// Fields of telemetry that mean something whatever was transmitted.
     const ALWAYS: [&str; 11] = [
@@ -243,7 +283,7 @@ mod tests {
     #[test]
     fn the_tables_name_fields_that_exist() {
         fn check<T: Shown>() {
-            let known = field_names(T::FIELDS);
+            let known = field_names(Schema::of::<T>().root());
             let named = T::CONDITIONS.iter().map(|(name, _)| name);
             for name in named.chain(T::CODES.iter().map(|(name, _)| name)) {
                 assert!(

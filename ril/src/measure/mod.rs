@@ -16,8 +16,10 @@ pub mod spread;
 
 use std::fmt;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Losses, MonotonicNs, TelemetryGroup, Topic};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, Number, SharedStruct};
+use ipc_types::schema::Value;
+use ipc_types::service::{EPOCH_OFFSET, SEQUENCE_OFFSET};
+use ipc_types::{Losses, MonotonicNs, Schema, TelemetryGroup, Topic};
 use serde::Serialize;
 
 /// What a measurement wants to know of a sample.
@@ -101,6 +103,62 @@ impl Measured for ModuleState {
     }
 }
 
+/// Reads from samples of any struct what a measurement wants to know, by their schema.
+///
+/// A module says when it sent a sample in a field `published_ns: u64`, and when it learnt what the sample says in a field
+/// `received_ns: u64`, both host monotonic ns. Of the robot's own telemetry the DSP's clock is known too.
+#[derive(Clone, Copy, Debug)]
+pub struct StampReader {
+    /// For structs that this program was built with.
+    own: Option<OwnReader>,
+    received: Option<usize>,
+    published: Option<usize>,
+}
+
+/// Reads the stamps of one struct; nothing when the bytes are not as many as it has.
+type OwnReader = fn(&[u8]) -> Option<Stamps>;
+
+impl StampReader {
+    /// The reader of samples that `schema` describes.
+    pub fn of(schema: &Schema) -> StampReader {
+        let place = |name| {
+            let leaf = schema.number(name)?;
+            (leaf.number == Number::U64).then_some(leaf.offset)
+        };
+        StampReader {
+            own: match schema.type_name() {
+                DspTelemetry::TYPE_NAME => Some(own::<DspTelemetry>),
+                HeroTelemetry::TYPE_NAME => Some(own::<HeroTelemetry>),
+                _ => None,
+            },
+            received: place("received_ns"),
+            published: place("published_ns"),
+        }
+    }
+
+    /// What is known of a sample that came at `now`. One that does not say when it was made was made at that moment.
+    pub fn read(self, payload: &[u8], now: MonotonicNs) -> Stamps {
+        if let Some(stamps) = self.own.and_then(|own| own(payload)) {
+            return stamps;
+        }
+        let number = |offset| Value::read(Number::U64, payload, offset)?.as_u64();
+        let time = |place: Option<usize>| place.and_then(number).map(MonotonicNs);
+        let (received, published) = (time(self.received), time(self.published));
+        Stamps {
+            epoch_ns: number(EPOCH_OFFSET).unwrap_or_default(),
+            sequence: number(SEQUENCE_OFFSET).unwrap_or_default(),
+            sent: published.or(received).unwrap_or(now),
+            received,
+            published,
+            dsp: None,
+        }
+    }
+}
+
+fn own<T: Measured>(payload: &[u8]) -> Option<Stamps> {
+    T::from_bytes(payload).map(|sample| sample.stamps())
+}
+
 /// A measurement: samples go in, a report comes out at any time.
 pub trait Meter {
     /// What comes out: as text for people, as JSON for programs.
@@ -118,11 +176,11 @@ pub trait Meter {
 
 /// Whose samples are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Of {
+pub struct Of<'a> {
     /// Robot id.
     pub robot: u32,
     /// Key of the service, such as `hero_telemetry`.
-    pub service: &'static str,
+    pub service: &'a str,
 }
 
 /// What every report begins with.
@@ -133,7 +191,7 @@ pub struct Counts {
     /// Robot id.
     pub robot: u32,
     /// Key of the service.
-    pub service: &'static str,
+    pub service: String,
     /// Samples that were measured.
     pub samples: u64,
     /// From the first to the last of them, s.
@@ -154,7 +212,7 @@ impl Counts {
         Counts {
             schema,
             robot: of.robot,
-            service: of.service,
+            service: of.service.to_owned(),
             samples,
             seconds: rounded(seconds, 6),
             lost: losses.lost,
@@ -244,6 +302,26 @@ mod tests {
             ..stamps
         };
         assert_eq!(state.stamps(), stamps);
+        // By the schema the same is read.
+        let now = MonotonicNs(99);
+        let read = |schema: Schema, payload: &[u8]| StampReader::of(&schema).read(payload, now);
+        assert_eq!(
+            read(Schema::of::<DspTelemetry>(), dsp.bytes()),
+            dsp.stamps()
+        );
+        assert_eq!(
+            read(Schema::of::<HeroTelemetry>(), hero.bytes()),
+            hero.stamps()
+        );
+        assert_eq!(read(Schema::of::<ModuleState>(), state.bytes()), stamps);
+        let strange = Schema::parse("# Layout: a.A.v1\n\nuint64 sequence\nuint64 epoch_ns\n");
+        let bytes = [7_u64.to_le_bytes(), 3_u64.to_le_bytes()].concat();
+        let stamps = Stamps {
+            sent: now,
+            published: None,
+            ..stamps
+        };
+        assert_eq!(read(strange.unwrap(), &bytes), stamps);
     }
 
     #[test]

@@ -1,0 +1,58 @@
+//! Reads a schema that a provider has laid beside its service.
+
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::{MAX_TEXT_LEN, Schema, SchemaError};
+
+/// A schema cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// Nobody provides such a service.
+    #[error("there is no schema of `{0}`: no running process has such a topic")]
+    Missing(String),
+    /// It cannot be read.
+    #[error("the schema {} cannot be read", .path.display())]
+    Unreadable {
+        /// Where it lies.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// It is none.
+    #[error("the schema {} is not usable", .path.display())]
+    Invalid {
+        /// Where it lies.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: SchemaError,
+    },
+}
+
+/// Loads the schema at `path`.
+///
+/// # Errors
+///
+/// See [`LoadError`].
+pub fn load(path: &Path) -> Result<Schema, LoadError> {
+    let path = path.to_owned();
+    let text = match read(&path) {
+        Ok(text) => text,
+        Err(source) => return Err(LoadError::Unreadable { path, source }),
+    };
+    Schema::parse(&text).map_err(|source| LoadError::Invalid { path, source })
+}
+
+/// Reads no more than a schema may have, and one byte that says that there is more.
+fn read(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    // Before opening it, which would wait for a writer of a pipe.
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::ErrorKind::InvalidInput.into());
+    }
+    File::open(path)?
+        .take(MAX_TEXT_LEN as u64 + 1)
+        .read_to_string(&mut text)?;
+    Ok(text)
+}

@@ -1,0 +1,579 @@
+use std::fmt::Write;
+use std::fs;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::payload::{
+    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RequestReport,
+};
+
+mod stranger {
+    #![allow(unsafe_code)]
+
+    crate::shared_struct! {
+        /// One cell of a battery.
+        pub struct Cell("battery_watch.Cell.v1") = 12 {
+            /// Voltage under load.
+            pub voltage_v: f32,
+            /// Temperature at the middle of the cell [degC].
+            pub temperature: f32,
+            pub age: u16,
+            /// Always zero.
+            pub reserved: [i8; 2],
+        }
+    }
+
+    crate::shared_struct! {
+        /// The flight battery, see [`Cell`](Cell).
+        ///
+        /// Made by `battery_watch`.
+        pub struct Battery("battery_watch.Battery.v3") = 72 {
+            /// Counts the samples of this publisher from 1.
+            pub sequence: u64,
+            /// When the publisher began,
+            /// host monotonic ns.
+            pub epoch_ns: u64,
+            /// Into the battery is positive, in [-80, 80].
+            pub charge_rate: f64,
+            /// From the negative pole.
+            pub cells: [Cell; 3],
+            /// Of the whole battery.
+            pub whole: Cell,
+        }
+    }
+}
+
+use stranger::Battery;
+
+/// Written by hand from the module's documentation.
+const BATTERY: &str = "\
+# The flight battery, see Cell.
+#
+# Made by `battery_watch`.
+#
+# Layout: battery_watch.Battery.v3
+
+# Counts the samples of this publisher from 1.
+uint64 sequence
+# When the publisher began,
+# host monotonic ns. [ns]
+uint64 epoch_ns
+# Into the battery is positive, in [-80, 80].
+float64 charge_rate
+# From the negative pole.
+battery_watch_msgs/Cell[3] cells
+# Of the whole battery.
+battery_watch_msgs/Cell whole
+
+================================================================================
+MSG: battery_watch_msgs/Cell
+# One cell of a battery.
+#
+# Layout: battery_watch.Cell.v1
+
+# Voltage under load. [V]
+float32 voltage_v
+# Temperature at the middle of the cell [degC].
+float32 temperature
+uint16 age
+# Always zero.
+int8[2] reserved
+";
+
+fn robots_own() -> [&'static Layout; 7] {
+    [
+        DspTelemetry::LAYOUT,
+        HeroTelemetry::LAYOUT,
+        ModuleState::LAYOUT,
+        ModuleControl::LAYOUT,
+        MovementData::LAYOUT,
+        ParameterRequest::LAYOUT,
+        RequestReport::LAYOUT,
+    ]
+}
+
+fn battery() -> Battery {
+    let mut battery = Battery {
+        sequence: 7,
+        epoch_ns: u64::MAX,
+        charge_rate: -1.5,
+        ..Battery::ZERO
+    };
+    battery.cells[2].voltage_v = 3.7;
+    battery.cells[2].reserved = [-1, 5];
+    battery.whole.age = 65_535;
+    battery
+}
+
+#[test]
+fn the_text_is_the_one_written_by_hand() {
+    assert_eq!(text(Battery::LAYOUT), BATTERY);
+}
+
+#[test]
+fn a_parsed_text_is_the_layout_that_it_was_made_of() {
+    for layout in robots_own().into_iter().chain([Battery::LAYOUT]) {
+        let schema = Schema::parse(&text(layout)).unwrap();
+        assert_eq!(schema, Schema::from_layout(layout));
+        assert_eq!((schema.size(), schema.align()), (layout.size, layout.align));
+        assert_eq!(schema.type_name(), layout.type_name);
+        assert_eq!(schema.ros_resource_name(), layout.ros_resource_name());
+        assert_eq!(schema.layout_hash(), layout.hash(), "{}", layout.name);
+        assert!(text(layout).len() < MAX_TEXT_LEN / 16);
+    }
+}
+
+#[test]
+fn names_are_those_of_ros() {
+    let telemetry = Schema::of::<DspTelemetry>();
+    assert_eq!(telemetry.type_name(), "hero.DspTelemetry.v2");
+    assert_eq!(telemetry.ros_resource_name(), "hero_msgs/msg/DspTelemetry");
+    assert_eq!(DspTelemetry::LAYOUT.ros_name(), "hero_msgs/DspTelemetry");
+}
+
+#[test]
+fn units_come_from_the_name_or_from_the_comment() {
+    let schema = Schema::parse(BATTERY).unwrap();
+    for (path, unit) in [
+        ("epoch_ns", Some("ns")),
+        ("cells[0].voltage_v", Some("V")),
+        ("whole.temperature", Some("degC")),
+        ("charge_rate", None),
+        ("whole.age", None),
+    ] {
+        assert_eq!(schema.number(path).unwrap().field.unit(), unit, "{path}");
+    }
+    let telemetry = Schema::of::<HeroTelemetry>();
+    let speed = telemetry.number("velocity.up_mps").unwrap();
+    assert_eq!(speed.field.comment, "Upwards, m/s. [m/s]");
+}
+
+#[test]
+fn values_are_found_by_their_names() {
+    let schema = Schema::parse(BATTERY).unwrap();
+    let battery = battery();
+    let read = |path: &str| schema.number(path)?.value(battery.bytes());
+    for (path, expected) in [
+        ("sequence", Some(Value::Unsigned(7))),
+        ("epoch_ns", Some(Value::Unsigned(u64::MAX))),
+        ("charge_rate", Some(Value::Double(-1.5))),
+        ("cells[2].voltage_v", Some(Value::Single(3.7))),
+        ("cells[2].reserved[0]", Some(Value::Signed(-1))),
+        ("whole.age", Some(Value::Unsigned(65_535))),
+        ("whole", None),
+        ("cells", None),
+        ("cells[3].voltage_v", None),
+        ("cells.voltage_v", None),
+        ("whole[0].age", None),
+        ("sequence.age", None),
+        ("sequence[0]", None),
+        ("cells[2].reserved[2]", None),
+        ("cells[-1].age", None),
+        ("", None),
+        (".", None),
+        ("cells[", None),
+    ] {
+        assert_eq!(read(path), expected, "{path}");
+    }
+    let array = schema.find("cells[2].reserved");
+    let values: Vec<_> = array[0].values(battery.bytes()).collect();
+    assert_eq!(values, [Value::Signed(-1), Value::Signed(5)]);
+    let paths = |path: &str| -> Vec<String> {
+        schema
+            .find(path)
+            .into_iter()
+            .map(|leaf| leaf.path)
+            .collect()
+    };
+    assert_eq!(paths("cells").len(), 12);
+    assert_eq!(paths("cells[1]")[3], "cells[1].reserved");
+    assert_eq!(schema.leaves().len(), 3 + 4 * 4);
+    assert_eq!(schema.leaves().last().unwrap().path, "whole.reserved");
+}
+
+#[test]
+fn a_payload_that_is_too_short_has_no_value() {
+    let schema = Schema::parse(BATTERY).unwrap();
+    let battery = battery();
+    for len in 0..battery.bytes().len() {
+        for leaf in schema.leaves() {
+            let end = leaf.offset + leaf.len.unwrap_or(1) * leaf.number.size();
+            let count = leaf.values(&battery.bytes()[..len]).count();
+            assert_eq!(count == leaf.len.unwrap_or(1), end <= len, "{}", leaf.path);
+        }
+    }
+}
+
+#[test]
+fn numbers_convert_only_as_long_as_they_stay_the_same() {
+    let max = Value::Unsigned(u64::MAX);
+    assert_eq!((max.as_u64(), max.as_i64()), (Some(u64::MAX), None));
+    let less = Value::Signed(-1);
+    assert_eq!(
+        (less.as_u64(), less.as_i64(), less.as_f64()),
+        (None, Some(-1), -1.0)
+    );
+    let half = Value::Single(0.5);
+    assert_eq!(
+        (half.as_u64(), half.as_i64(), half.as_f64()),
+        (None, None, 0.5)
+    );
+    assert_eq!(Value::Single(0.1).to_string(), "0.1");
+}
+
+/// A decoder of CDR messages that knows nothing of this crate: it reads the definition as text, pads each number to its
+/// own size, counted from the end of the header, and gives `path=value` lines.
+mod cdr {
+    use std::collections::HashMap;
+
+    pub fn decode(definition: &str, message: &[u8]) -> (String, usize) {
+        assert_eq!(message[..4], [0, 1, 0, 0], "plain CDR, little-endian");
+        let mut types: HashMap<&str, Vec<(&str, &str)>> = HashMap::new();
+        let mut name = "";
+        for line in definition.lines() {
+            if let Some(text) = line.strip_prefix("MSG: ") {
+                name = text;
+            } else if !line.is_empty() && !line.starts_with(['#', '=']) {
+                let (kind, field) = line.split_once(' ').unwrap();
+                types.entry(name).or_default().push((kind, field));
+            }
+        }
+        let mut decoder = Decoder {
+            body: &message[4..],
+            at: 0,
+            out: String::new(),
+        };
+        decoder.message(&types, "", "");
+        (decoder.out, decoder.at)
+    }
+
+    struct Decoder<'a> {
+        body: &'a [u8],
+        at: usize,
+        out: String,
+    }
+
+    impl Decoder<'_> {
+        fn message(&mut self, types: &HashMap<&str, Vec<(&str, &str)>>, name: &str, path: &str) {
+            for (kind, field) in &types[name] {
+                let (kind, count) = match kind.split_once('[') {
+                    Some((kind, len)) => (kind, len.trim_end_matches(']').parse().unwrap()),
+                    None => (*kind, 1),
+                };
+                for index in 0..count {
+                    let path = format!("{path}.{field}#{index}");
+                    match types.contains_key(kind) {
+                        true => self.message(types, kind, &path),
+                        false => self.number(kind, &path),
+                    }
+                }
+            }
+        }
+
+        fn number(&mut self, kind: &str, path: &str) {
+            let size = kind.trim_start_matches(|c: char| c.is_alphabetic());
+            let size = size.parse::<usize>().unwrap() / 8;
+            while !self.at.is_multiple_of(size) {
+                self.at += 1;
+            }
+            let mut bytes = [0; 8];
+            bytes[..size].copy_from_slice(&self.body[self.at..self.at + size]);
+            let bits = u64::from_le_bytes(bytes);
+            let shift = 64 - 8 * size;
+            let value = match (&kind[..kind.len() - (size * 8).to_string().len()], size) {
+                ("uint", _) => bits.to_string(),
+                ("int", _) => (((bits << shift) as i64) >> shift).to_string(),
+                ("float", 4) => f32::from_bits(bits as u32).to_string(),
+                ("float", 8) => f64::from_bits(bits).to_string(),
+                other => panic!("{other:?}"),
+            };
+            self.at += size;
+            self.out += &format!("{path}={value}\n");
+        }
+    }
+}
+
+/// The values as [`Schema`] reads them, written as the decoder writes them.
+fn listed(schema: &Schema, payload: &[u8]) -> String {
+    let mut out = String::new();
+    for leaf in schema.leaves() {
+        let mut path = String::new();
+        for part in leaf.path.split('.') {
+            let part = match part.strip_suffix(']') {
+                Some(indexed) => indexed.replace('[', "#"),
+                None => format!("{part}#0"),
+            };
+            path = format!("{path}.{part}");
+        }
+        for (index, value) in leaf.values(payload).enumerate() {
+            let path = path.trim_end_matches("#0");
+            let path = match path.ends_with(&leaf.field.name) {
+                true => format!("{path}#{index}"),
+                false => unreachable!("{path}"),
+            };
+            writeln!(out, "{path}={value}").unwrap();
+        }
+    }
+    out
+}
+
+#[test]
+fn a_sample_with_a_header_is_a_cdr_message() {
+    for layout in robots_own().into_iter().chain([Battery::LAYOUT]) {
+        // Every byte differs from its neighbours, so that a wrong place is a wrong value.
+        let payload: Vec<u8> = (0..layout.size)
+            .map(|index| (index * 37 + 11) as u8)
+            .collect();
+        let message = [&CDR_HEADER[..], &payload].concat();
+        let definition = text(layout);
+        let (decoded, end) = cdr::decode(&definition, &message);
+        let schema = Schema::parse(&definition).unwrap();
+        assert_eq!(end, layout.size, "{}", layout.name);
+        assert_eq!(decoded, listed(&schema, &payload), "{}", layout.name);
+    }
+}
+
+#[test]
+fn what_ros_allows_beside_is_understood() {
+    let schema = "\
+# Layout: a.A.v1\r
+
+uint8 NONE=0
+uint8 SOME = 1
+string NAME=\"# no comment\"
+# [m]
+float64 length  # along \u{1b}the keel
+byte kind 3
+char[3] letters
+A2 in_the_same_package
+b_msgs/msg/B elsewhere
+================================================================================
+MSG: a_msgs/A2
+int32 x
+================================================================================
+MSG: b_msgs/msg/B
+int64 y
+";
+    let schema = Schema::parse(schema).unwrap();
+    let fields: Vec<_> = schema
+        .root()
+        .fields
+        .iter()
+        .map(|field| (field.name.as_str(), field.offset))
+        .collect();
+    assert_eq!(
+        fields,
+        [
+            ("length", 0),
+            ("kind", 8),
+            ("letters", 9),
+            ("in_the_same_package", 12),
+            ("elsewhere", 16)
+        ]
+    );
+    let length = &schema.root().fields[0];
+    assert_eq!(
+        (length.unit(), length.comment.as_str()),
+        (Some("m"), "[m]\nalong  the keel")
+    );
+    assert_eq!(schema.size(), 24);
+}
+
+/// `A1` contains `A2` twice, and so on.
+fn nested(depth: usize, fields: &str) -> String {
+    let mut text = String::from("# Layout: a.A1.v1\n\n");
+    for index in 1..depth {
+        let next = index + 1;
+        let _ = write!(
+            text,
+            "{}\n{SEPARATOR}\nMSG: a_msgs/A{next}\n",
+            fields.replace("$", &format!("A{next}"))
+        );
+    }
+    text + "uint8 x\n"
+}
+
+const SEPARATOR: &str = text::SEPARATOR;
+
+#[test]
+fn hostile_texts_are_refused() {
+    let head = "# Layout: a.A.v1\n\n";
+    let deep_at_second_sight = format!(
+        "{}\n{SEPARATOR}\nMSG: a_msgs/B\nA2 x\n",
+        nested(MAX_DEPTH, "$ x").replacen("A2 x", "A2 x\nB y", 1)
+    );
+    let cases = [
+        (String::new(), "does not name its type"),
+        ("uint8 x".to_owned(), "does not name its type"),
+        (
+            "# Layout: a.A.v1\nuint8 x".to_owned(),
+            "does not name its type",
+        ),
+        (
+            "# Layout: a.A\n\nuint8 x".to_owned(),
+            "does not name its type",
+        ),
+        (
+            "# Layout: ../../etc.A.v1\n\nuint8 x".to_owned(),
+            "does not name its type",
+        ),
+        (head.to_owned(), "no fields"),
+        (format!("{head}uint8"), "a type and a name"),
+        (format!("{head}uint8 X"), "lower snake case"),
+        (format!("{head}uint8 x\u{1b}[2J"), "lower snake case"),
+        (format!("{head}uint8 x\nuint8 x"), "same name"),
+        (format!("{head}bool x"), "`bool`"),
+        (format!("{head}string x"), "`string`"),
+        (format!("{head}uint8[] x"), "fixed length"),
+        (format!("{head}uint8[<=4] x"), "fixed length"),
+        (format!("{head}uint8[0] x"), "fixed length"),
+        (format!("{head}uint8[-1] x"), "fixed length"),
+        (format!("{head}uint8[4][4] x"), "fixed length"),
+        (
+            format!("{head}uint8[99999999999999999999] x"),
+            "fixed length",
+        ),
+        (format!("{head}uint8[18446744073709551615] x"), "more than"),
+        (format!("{head}uint64[2305843009213693953] x"), "more than"),
+        (
+            format!("{head}uint8[{}] x", MAX_PAYLOAD_SIZE + 1),
+            "more than",
+        ),
+        (format!("{head}uint16 x\nuint64 y"), "padding at its byte 2"),
+        (format!("{head}uint64 x\nuint8 y"), "padding at its byte 9"),
+        (format!("{head}A x"), "contain themselves"),
+        (
+            format!("{head}B x\n{SEPARATOR}\nMSG: a_msgs/B\nA x"),
+            "contain themselves",
+        ),
+        (format!("{head}b_msgs/B x"), "`b_msgs/B`"),
+        (format!("{head}\u{1b}[31m x"), "fixed length"),
+        (
+            format!("{head}{}\u{1b} x", "y".repeat(100)),
+            &*"y".repeat(64),
+        ),
+        (format!("{head}uint8 x\n{SEPARATOR}"), "MSG: package/Name"),
+        (
+            format!("{head}uint8 x\n{SEPARATOR}\nMSG: ../B\nuint8 x"),
+            "MSG: package/Name",
+        ),
+        (
+            format!("{head}uint8 x\n{SEPARATOR}\nMSG: a_msgs/A\nuint8 x"),
+            "twice",
+        ),
+        (nested(MAX_DEPTH + 1, "$ x"), "deeper"),
+        (deep_at_second_sight, "deeper"),
+        (nested(MAX_DEPTH, "$ x\n$ y\n$ z"), "more than"),
+        (nested(MAX_DEPTH, "$[1000000] x"), "more than"),
+        ("#".repeat(MAX_TEXT_LEN + 1), "bytes"),
+    ];
+    for (text, expected) in cases {
+        let error = Schema::parse(&text).unwrap_err().to_string();
+        assert!(error.contains(expected), "{text:.200}: {error}");
+        assert!(!error.contains('\u{1b}') && error.len() < 300, "{error:?}");
+    }
+    assert!(Schema::parse(&nested(MAX_DEPTH, "$ x")).is_ok());
+    let widest = Schema::parse(&nested(MAX_DEPTH - 2, "$ x\n$ y")).unwrap();
+    assert_eq!(widest.leaves().len(), 1 << (MAX_DEPTH - 3));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    /// Whatever is done to a text, reading it and reading with it does not panic, and stays in the payload.
+    #[test]
+    fn spoiled_texts_do_no_harm(
+        spoils in prop::collection::vec((any::<prop::sample::Index>(), 0_usize..6, "[ -~\n\\[\\]#=/]{0,8}"), 1..6),
+        path in "[a-z_.\\[\\]0-9]{0,24}",
+    ) {
+        let mut text = BATTERY.to_owned();
+        for (index, cut, insert) in spoils {
+            let at = index.index(text.len() + 1);
+            let end = (at + cut).min(text.len());
+            text.replace_range(at..end, &insert);
+        }
+        if let Ok(schema) = Schema::parse(&text) {
+            let payload = vec![0xa5; schema.size()];
+            for leaf in schema.leaves() {
+                prop_assert_eq!(leaf.values(&payload).count(), leaf.len.unwrap_or(1));
+            }
+            let _ = schema.find(&path);
+            prop_assert!(schema.size() <= MAX_PAYLOAD_SIZE);
+        }
+    }
+
+    #[test]
+    fn any_text_does_no_harm(text in "\\PC{0,200}") {
+        let _ = Schema::parse(&format!("# Layout: a.A.v1\n\n{text}"));
+    }
+}
+
+#[test]
+fn a_stored_schema_is_found_by_its_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let topics = folder.path().join("topics");
+    assert_eq!(names(&topics).unwrap(), [""; 0]);
+    let missing = load(&topics, "battery_watch/cells").unwrap_err();
+    assert!(matches!(missing, LoadError::Missing(_)), "{missing}");
+    store(&topics, "battery_watch/cells", "old").unwrap();
+    store(&topics, "battery_watch/cells", BATTERY).unwrap();
+    store(&topics, "module_state", &text(ModuleState::LAYOUT)).unwrap();
+    assert_eq!(
+        load(&topics, "battery_watch/cells").unwrap(),
+        Schema::of::<Battery>()
+    );
+    assert_eq!(
+        names(&topics).unwrap(),
+        ["battery_watch/cells", "module_state"]
+    );
+    assert_eq!(
+        fs::read_dir(&topics).unwrap().count(),
+        2,
+        "no drafts are left"
+    );
+}
+
+#[test]
+fn a_key_never_leaves_the_folder_and_a_file_that_is_no_schema_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for key in [
+        "",
+        "/",
+        "../x",
+        "a/../b",
+        "a.b",
+        "a//b",
+        "/a",
+        "a/",
+        "A",
+        "a b",
+        "a/requests",
+        &"a".repeat(65),
+    ] {
+        assert!(store(folder.path(), key, BATTERY).is_err(), "{key}");
+        assert!(
+            matches!(load(folder.path(), key), Err(LoadError::Missing(_))),
+            "{key}"
+        );
+    }
+    store(folder.path(), "a", "uint8 x").unwrap();
+    assert!(matches!(
+        load(folder.path(), "a"),
+        Err(LoadError::Invalid { .. })
+    ));
+    store(folder.path(), "a", &" ".repeat(MAX_TEXT_LEN + 10)).unwrap();
+    assert!(matches!(
+        load(folder.path(), "a"),
+        Err(LoadError::Invalid { .. })
+    ));
+    fs::write(folder.path().join("a.msg"), [0xff]).unwrap();
+    fs::create_dir(folder.path().join("b.msg")).unwrap();
+    for key in ["a", "b"] {
+        assert!(
+            matches!(load(folder.path(), key), Err(LoadError::Unreadable { .. })),
+            "{key}"
+        );
+    }
+}
