@@ -13,12 +13,11 @@ use iceoryx2::prelude::{CallbackProgression, LogLevel, NodeState, set_log_level_
 
 use crate::domain::{Domain, SHM_DIR};
 use crate::domain_error::DomainError;
-use crate::generation;
+use crate::generation::{self, Current};
 use crate::iox::{Node, Svc};
 use crate::provider::{Provider, ProviderWatch};
 use crate::robot::RobotId;
 use crate::robot_folder::{self, is_ours};
-use crate::service::{SERVICES, ServiceId};
 use crate::session::service_folder;
 
 /// What is there of a domain.
@@ -57,7 +56,7 @@ pub struct Member {
     /// The name that it joined with; empty when that cannot be read any more.
     pub process: String,
     /// Key of the service.
-    pub service: &'static str,
+    pub service: String,
 }
 
 /// How the process of a member is.
@@ -157,7 +156,7 @@ impl Domain {
         }
     }
 
-    /// The live process that publishes or serves `service` of `robot`, or nothing.
+    /// The live process that publishes or serves the service `key` of `robot`, or nothing.
     ///
     /// # Errors
     ///
@@ -165,21 +164,21 @@ impl Domain {
     pub fn provider(
         &self,
         robot: RobotId,
-        service: ServiceId,
+        key: &str,
     ) -> Result<Option<Provider>, DomainError> {
-        ProviderWatch::new(&service_folder(self, robot, service)).look()
+        ProviderWatch::new(&service_folder(self, robot, key)).look()
     }
 
-    /// The robots whose `service` a live process provides, in ascending order.
+    /// The robots whose service `key` a live process provides, in ascending order.
     ///
     /// # Errors
     ///
     /// When the domain's folder cannot be read.
-    pub fn robots(&self, service: ServiceId) -> Result<Vec<RobotId>, DomainError> {
+    pub fn robots(&self, key: &str) -> Result<Vec<RobotId>, DomainError> {
         let mut live = Vec::new();
         if self.is_enterable() {
             for robot in robot_folder::robots(self) {
-                if self.provider(robot, service)?.is_some() {
+                if self.provider(robot, key)?.is_some() {
                     live.push(robot);
                 }
             }
@@ -249,8 +248,7 @@ impl Domain {
                 repair.robots += 1;
                 continue;
             }
-            for spec in &SERVICES {
-                let service = service_folder(self, robot, spec.id);
+            for service in generation::services(&self.robot_folder(robot)) {
                 repair.generations += generation::delete_dead(self, &service);
             }
         }
@@ -282,20 +280,19 @@ fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
         generations: 0,
         members: Vec::new(),
     };
-    for spec in &SERVICES {
-        let service = service_folder(domain, robot, spec.id);
+    for service in generation::services(&domain.robot_folder(robot)) {
         facts.generations += generation::names(&service).len();
-        if let Some(name) = generation::current(&service) {
-            facts.members.extend(members(domain, &service, &name, spec.key));
+        if let Some(current) = generation::current(&service) {
+            facts.members.extend(members(domain, &service, &current));
         }
     }
     facts.members.sort();
     facts
 }
 
-fn members(domain: &Domain, service: &Path, name: &str, key: &'static str) -> Vec<Member> {
+fn members(domain: &Domain, service: &Path, current: &Current) -> Vec<Member> {
     let mut members = Vec::new();
-    let Ok(config) = generation::config_of(domain, service, name) else {
+    let Ok(config) = generation::config_of(domain, service, &current.name) else {
         return members;
     };
     let listed = Node::list(&config, |state| {
@@ -310,7 +307,7 @@ fn members(domain: &Domain, service: &Path, name: &str, key: &'static str) -> Ve
             life,
             pid: u32::try_from(pid).unwrap_or(0),
             process: details.map_or_else(String::new, |details| details.name().to_string()),
-            service: key,
+            service: current.key.clone(),
         });
         CallbackProgression::Continue
     });
@@ -333,7 +330,7 @@ mod tests {
     fn a_domain_that_is_not_there_stays_that_way() {
         let domain = Domain::isolated();
         assert_eq!(domain.inspect(), Inspection::default());
-        let service = ServiceId::DspTelemetry;
+        let service = "dsp_telemetry";
         assert_eq!(domain.provider(RobotId::DEFAULT, service).unwrap(), None);
         assert_eq!(domain.remove_if_dead().unwrap(), Removal::Nothing);
         assert!(domain.repair().unwrap().is_nothing());
@@ -363,11 +360,11 @@ mod tests {
         assert_eq!(names, ["bridge", "ril"]);
         for member in &robot.members {
             assert_eq!(member.pid, std::process::id());
-            assert_eq!((member.life, member.service), (Life::Live, "dsp_telemetry"));
+            assert_eq!((member.life, member.service.as_str()), (Life::Live, "dsp_telemetry"));
         }
         let provider = |service| domain.provider(RobotId::DEFAULT, service).unwrap();
-        assert_eq!(provider(ServiceId::DspTelemetry).unwrap().process, "bridge");
-        assert_eq!(provider(ServiceId::Movement), None);
+        assert_eq!(provider("dsp_telemetry").unwrap().process, "bridge");
+        assert_eq!(provider("movement"), None);
         assert_eq!(domain.remove_if_dead().unwrap(), Removal::InUse);
         drop((subscriber, other, publisher, ipc));
         assert_eq!(domain.inspect().entries, 0);
@@ -376,7 +373,7 @@ mod tests {
     #[test]
     fn the_robots_whose_provider_lives_are_listed() {
         let domain = Domain::isolated();
-        let robots = || domain.robots(ServiceId::DspTelemetry).unwrap();
+        let robots = || domain.robots("dsp_telemetry").unwrap();
         assert_eq!(robots(), []);
         let [one, ten] = [1, 10].map(|id| RobotId::new(id).unwrap());
         let join = |robot| Ipc::join(&domain, robot, "bridge").unwrap();
@@ -385,7 +382,7 @@ mod tests {
         let publisher = first.publisher::<DspTelemetry>().unwrap();
         let other = second.publisher::<DspTelemetry>().unwrap();
         assert_eq!(robots(), [one, ten]);
-        assert_eq!(domain.robots(ServiceId::Movement).unwrap(), []);
+        assert_eq!(domain.robots("movement").unwrap(), []);
         drop(other);
         assert_eq!(robots(), [ten]);
         drop((publisher, first, second));
@@ -446,7 +443,7 @@ mod tests {
         use rustix::fs::{CWD, Mode, mkfifoat};
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
-        let service = ServiceId::Movement;
+        let service = "movement";
         let folder = service_folder(&domain, RobotId::DEFAULT, service);
         while_no_port_opens(|| fs::create_dir_all(&folder)).unwrap();
         for name in ["lock", "current"] {

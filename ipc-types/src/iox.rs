@@ -56,6 +56,12 @@ pub(crate) type Notifier = iceoryx2::port::notifier::Notifier<Svc>;
 pub(crate) type EventService = iceoryx2::service::port_factory::event::PortFactory<Svc>;
 pub(crate) type TopicService<T> =
     iceoryx2::service::port_factory::publish_subscribe::PortFactory<Svc, T, ()>;
+/// A published service whose samples are read as bytes.
+pub(crate) type BytesService = iceoryx2::service::port_factory::publish_subscribe::PortFactory<
+    Svc,
+    [iceoryx2::service::marker::CustomPayloadMarker],
+    (),
+>;
 pub(crate) type RequestService<R> = iceoryx2::service::port_factory::request_response::PortFactory<
     Svc,
     R,

@@ -9,19 +9,20 @@ use std::io;
 use iceoryx2::prelude::{
     AttributeSpecifier, AttributeVerifier, MessagingPattern, Service, ServiceName,
 };
-use iceoryx2::service::attribute::{AttributeKey, AttributeSet, AttributeValue};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
+use iceoryx2::service::marker::CustomPayloadMarker;
 
 use crate::domain::SHM_DIR;
 use crate::domain_error::DomainError;
 use crate::files;
 use crate::generation::{EnterError, Generation};
-use crate::iox::{RequestService, Svc, TopicService};
+use crate::iox::{BytesService, RequestService, Svc, TopicService};
 use crate::payload::RequestReport;
 use crate::provider::Provider;
 use crate::robot::RobotId;
-use crate::service::{self, Request, ServiceId, Topic};
+use crate::service::{self, Contract, Request, Topic};
 
 /// A port cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -128,83 +129,106 @@ pub(crate) fn service_name(name: &str) -> Result<ServiceName, OpenError> {
     ServiceName::new(name).map_err(|error| failed(name, error))
 }
 
-/// The attributes that a service of the contract carries, and that every port asks for.
-fn attributes(
-    id: ServiceId,
-    robot: RobotId,
-) -> Result<(AttributeSpecifier, AttributeVerifier), OpenError> {
-    let name = id.name(robot);
-    let spec = id.spec();
-    let values = [
-        ("slot", id.slot(robot).to_string()),
-        ("layout", spec.layout.to_owned()),
-        ("layout_hash", format!("{:016x}", spec.layout_hash)),
-    ];
-    let (mut specifier, mut verifier) = (AttributeSpecifier::new(), AttributeVerifier::new());
-    for (key, value) in values {
-        let key = AttributeKey::try_from(key).map_err(|error| failed(&name, error))?;
-        let value =
-            AttributeValue::try_from(value.as_str()).map_err(|error| failed(&name, error))?;
+/// What a subscriber or client expects of a service.
+#[derive(Clone, Debug)]
+pub(crate) struct Expected {
+    /// Name of the service.
+    pub(crate) name: String,
+    /// Type names, as the attribute `layout` has them.
+    pub(crate) layout: String,
+    /// The attribute `layout_hash`, as a number.
+    pub(crate) layout_hash: u64,
+}
+
+impl Expected {
+    pub(crate) fn of(contract: &Contract, robot: RobotId) -> Expected {
+        Expected {
+            name: contract.name(robot),
+            layout: contract.layout(),
+            layout_hash: contract.layout_hash(),
+        }
+    }
+
+    /// The error for a service that carries something else.
+    fn mismatch(&self, found: Option<String>) -> OpenError {
+        OpenError::LayoutMismatch {
+            service: self.name.clone(),
+            wanted: format!("{} {:016x}", self.layout, self.layout_hash),
+            found: found.unwrap_or_else(|| "something unreadable".to_owned()),
+        }
+    }
+
+    /// The attributes that the service must carry.
+    fn verifier(&self) -> Result<AttributeVerifier, OpenError> {
+        let mut verifier = AttributeVerifier::new();
+        for (key, value) in self.attributes()? {
+            verifier = verifier
+                .require(&key, &value)
+                .map_err(|error| failed(&self.name, error))?;
+        }
+        Ok(verifier)
+    }
+
+    fn attributes(&self) -> Result<Vec<(AttributeKey, AttributeValue)>, OpenError> {
+        [
+            ("layout", self.layout.clone()),
+            ("layout_hash", format!("{:016x}", self.layout_hash)),
+        ]
+        .into_iter()
+        .map(|(key, value)| attribute(&self.name, key, &value))
+        .collect()
+    }
+}
+
+fn attribute(
+    service: &str,
+    key: &str,
+    value: &str,
+) -> Result<(AttributeKey, AttributeValue), OpenError> {
+    let key = AttributeKey::try_from(key).map_err(|error| failed(service, error))?;
+    let value = AttributeValue::try_from(value).map_err(|error| failed(service, error))?;
+    Ok((key, value))
+}
+
+/// The attributes that a service of the contract is made with.
+fn specifier(contract: &Contract, robot: RobotId) -> Result<AttributeSpecifier, OpenError> {
+    let expected = Expected::of(contract, robot);
+    let mut attributes = expected.attributes()?;
+    if let Some(slot) = contract.slot(robot) {
+        attributes.push(attribute(&expected.name, "slot", &slot.to_string())?);
+    }
+    let mut specifier = AttributeSpecifier::new();
+    for (key, value) in attributes {
         specifier = specifier
             .define(&key, &value)
-            .map_err(|error| failed(&name, error))?;
-        verifier = verifier
-            .require(&key, &value)
-            .map_err(|error| failed(&name, error))?;
+            .map_err(|error| failed(&expected.name, error))?;
     }
-    Ok((specifier, verifier))
+    Ok(specifier)
 }
 
-/// The error for a service with another layout, with what can be read of the one that is there.
-fn layout_mismatch(
-    generation: &Generation,
-    id: ServiceId,
-    robot: RobotId,
-    pattern: MessagingPattern,
-) -> OpenError {
-    let spec = id.spec();
-    let service = id.name(robot);
-    let found = service_name(&service)
-        .ok()
-        .and_then(|name| {
-            Svc::details(&name, generation.config(), pattern)
-                .ok()
-                .flatten()
-        })
-        .map(|details| {
-            let present = details.static_details.attributes();
-            let types = match pattern {
-                MessagingPattern::PublishSubscribe => {
-                    let payload = details
-                        .static_details
-                        .publish_subscribe()
-                        .message_type_details();
-                    payload.payload.type_name().to_string()
-                }
-                _ => {
-                    let config = details.static_details.request_response();
-                    format!(
-                        "{}/{}",
-                        config.request_message_type_details().payload.type_name(),
-                        config.response_message_type_details().payload.type_name()
-                    )
-                }
-            };
-            match attribute(present, "layout_hash") {
-                Some(hash) => format!("{types} {hash}"),
-                None => format!("{types} without a layout hash"),
-            }
-        });
-    OpenError::LayoutMismatch {
-        service,
-        wanted: format!("{} {:016x}", spec.layout, spec.layout_hash),
-        found: found.unwrap_or_else(|| "something unreadable".to_owned()),
-    }
-}
-
-fn attribute(present: &AttributeSet, key: &str) -> Option<String> {
-    let key = AttributeKey::try_from(key).ok()?;
-    present.key_value(&key, 0).map(ToString::to_string)
+/// The layout of a service that is there: type names and hash.
+fn layout_of(generation: &Generation, name: &ServiceName, pattern: MessagingPattern) -> Option<String> {
+    let details = Svc::details(name, generation.config(), pattern).ok().flatten()?;
+    let types = match pattern {
+        MessagingPattern::PublishSubscribe => {
+            let payload = details.static_details.publish_subscribe();
+            payload.message_type_details().payload.type_name().to_string()
+        }
+        _ => {
+            let config = details.static_details.request_response();
+            format!(
+                "{}/{}",
+                config.request_message_type_details().payload.type_name(),
+                config.response_message_type_details().payload.type_name()
+            )
+        }
+    };
+    let key = AttributeKey::try_from("layout_hash").ok()?;
+    let hash = details.static_details.attributes().key_value(&key, 0);
+    Some(match hash {
+        Some(hash) => format!("{types} {hash}", hash = hash.to_string()),
+        None => format!("{types} without a layout hash"),
+    })
 }
 
 /// Makes the published service of `T`.
@@ -212,12 +236,12 @@ pub(crate) fn create_topic<T: Topic>(
     generation: &Generation,
     robot: RobotId,
 ) -> Result<TopicService<T>, OpenError> {
-    let name = T::SERVICE.name(robot);
-    let service = service_name(&name)?;
-    let (attributes, _) = attributes(T::SERVICE, robot)?;
+    let contract = Contract::of_topic::<T>();
+    let name = contract.name(robot);
+    let attributes = specifier(&contract, robot)?;
     let builder = generation
         .node()
-        .service_builder(&service)
+        .service_builder(&service_name(&name)?)
         .publish_subscribe::<T>()
         .max_publishers(service::MAX_PROVIDERS)
         .max_subscribers(service::MAX_SUBSCRIBERS)
@@ -230,29 +254,37 @@ pub(crate) fn create_topic<T: Topic>(
         .map_err(|error| failed(&name, error))
 }
 
-/// Opens the published service of `T`.
-pub(crate) fn open_topic<T: Topic>(
+/// Opens a published service. Its samples come as bytes: what lies in them, the attributes say.
+pub(crate) fn open_topic(
     generation: &Generation,
-    robot: RobotId,
-) -> Result<TopicService<T>, OpenError> {
+    expected: &Expected,
+) -> Result<BytesService, OpenError> {
     use PublishSubscribeOpenError as Error;
-    let name = T::SERVICE.name(robot);
-    let service = service_name(&name)?;
-    let (_, attributes) = attributes(T::SERVICE, robot)?;
+    let name = service_name(&expected.name)?;
+    let pattern = MessagingPattern::PublishSubscribe;
+    let details = Svc::details(&name, generation.config(), pattern)
+        .map_err(|error| failed(&expected.name, error))?
+        .ok_or_else(|| failed(&expected.name, "it is not there"))?;
+    let payload = details.static_details.publish_subscribe();
+    let payload = payload.message_type_details().payload;
     let builder = generation
         .node()
-        .service_builder(&service)
-        .publish_subscribe::<T>();
+        .service_builder(&name)
+        .publish_subscribe::<[CustomPayloadMarker]>();
+    // SAFETY: the type is the one that the service was made with. That it is the expected one, the attributes say, and the
+    // samples are only read as bytes, or as a struct of this very layout, for which every pattern of bits is a value.
+    #[allow(unsafe_code)]
+    let builder = unsafe { builder.__internal_set_payload_type_details(&payload) };
+    let attributes = expected.verifier()?;
     files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
         |error| match error {
-            Error::IncompatibleTypes | Error::IncompatibleAttributes => layout_mismatch(
-                generation,
-                T::SERVICE,
-                robot,
-                MessagingPattern::PublishSubscribe,
-            ),
-            Error::ExceedsMaxNumberOfNodes => full(&name, ("processes", service::MAX_NODES)),
-            error => failed(&name, error),
+            Error::IncompatibleTypes | Error::IncompatibleAttributes => {
+                expected.mismatch(layout_of(generation, &name, pattern))
+            }
+            Error::ExceedsMaxNumberOfNodes => {
+                full(&expected.name, ("processes", service::MAX_NODES))
+            }
+            error => failed(&expected.name, error),
         },
     )
 }
@@ -262,12 +294,12 @@ pub(crate) fn create_request<R: Request>(
     generation: &Generation,
     robot: RobotId,
 ) -> Result<RequestService<R>, OpenError> {
-    let name = R::SERVICE.name(robot);
-    let service = service_name(&name)?;
-    let (attributes, _) = attributes(R::SERVICE, robot)?;
+    let contract = Contract::of_request::<R>();
+    let name = contract.name(robot);
+    let attributes = specifier(&contract, robot)?;
     let builder = generation
         .node()
-        .service_builder(&service)
+        .service_builder(&service_name(&name)?)
         .request_response::<R, RequestReport>()
         .max_servers(service::MAX_PROVIDERS)
         .max_clients(service::MAX_CLIENTS)
@@ -289,25 +321,25 @@ pub(crate) fn open_request<R: Request>(
     robot: RobotId,
 ) -> Result<RequestService<R>, OpenError> {
     use RequestResponseOpenError as Error;
-    let name = R::SERVICE.name(robot);
-    let service = service_name(&name)?;
-    let (_, attributes) = attributes(R::SERVICE, robot)?;
+    let expected = Expected::of(&Contract::of_request::<R>(), robot);
+    let name = service_name(&expected.name)?;
+    let attributes = expected.verifier()?;
     let builder = generation
         .node()
-        .service_builder(&service)
+        .service_builder(&name)
         .request_response::<R, RequestReport>();
     files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
         |error| match error {
-            Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => {
-                layout_mismatch(
+            Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => expected
+                .mismatch(layout_of(
                     generation,
-                    R::SERVICE,
-                    robot,
+                    &name,
                     MessagingPattern::RequestResponse,
-                )
+                )),
+            Error::ExceedsMaxNumberOfNodes => {
+                full(&expected.name, ("processes", service::MAX_NODES))
             }
-            Error::ExceedsMaxNumberOfNodes => full(&name, ("processes", service::MAX_NODES)),
-            error => failed(&name, error),
+            error => failed(&expected.name, error),
         },
     )
 }

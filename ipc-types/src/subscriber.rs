@@ -1,20 +1,26 @@
-//! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed.
+//! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed. What it does with
+//! bytes, [`BytesSubscriber`] does, which knows nothing of structs.
 
 use std::hint;
+use std::marker::PhantomData;
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::service::marker::CustomPayloadMarker;
 
-use crate::doorbell;
+use crate::doorbell::{Place, place};
 use crate::event::{Channel, Event};
 use crate::follow::Follower;
 use crate::generation::Generation;
 use crate::iox::Svc;
-use crate::open::{self, OpenError};
+use crate::open::{self, Expected, OpenError};
 use crate::sequence::{Losses, SequenceTracker};
-use crate::service::{HISTORY, LATEST, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER, Topic};
+use crate::service::{
+    Contract, EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER,
+    Topic,
+};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{self, WaitError, Waiter, Wake, sealed};
@@ -28,9 +34,9 @@ const SPINS_PER_LOOK: u32 = 16;
 
 /// Samples could not be received.
 #[derive(Debug, thiserror::Error)]
-#[error("samples of {service} cannot be received ({reason}); the next call tries again")]
+#[error("samples of {key} cannot be received ({reason}); the next call tries again")]
 pub struct ReceiveError {
-    service: &'static str,
+    key: String,
     reason: String,
 }
 
@@ -38,119 +44,17 @@ pub struct ReceiveError {
 ///
 /// It may be there before its publisher, and stays over the publisher's restarts.
 pub struct Subscriber<T: Topic> {
-    /// Nothing while no publisher has been there.
-    port: Option<Port<T>>,
-    follower: Follower,
-    waiter: Waiter,
-    tracker: SequenceTracker,
-    generations: u64,
-    session: Arc<Session>,
-}
-
-/// A subscriber's part in one generation.
-struct Port<T: Topic> {
-    port: iceoryx2::port::subscriber::Subscriber<Svc, T, ()>,
-    samples: WakeReceiver,
-    /// Announces the subscriber to publishers that listen to events.
-    _joined: WakeSender,
-    // Last: its node must outlive the ports.
-    generation: Generation,
-}
-
-impl<T: Topic> Port<T> {
-    /// `history` samples of those that were published before come at once.
-    fn open(
-        session: &Arc<Session>,
-        generation: Generation,
-        history: usize,
-    ) -> Result<Port<T>, OpenError> {
-        let robot = session.robot();
-        let service = open::open_topic::<T>(&generation, robot)?;
-        let event = |channel| Event::open(&generation, robot, T::SERVICE, channel);
-        let samples = WakeReceiver::new(event(Channel::Samples)?);
-        let subscribers = event(Channel::Subscribers)?;
-        let port = open::port(
-            &T::SERVICE.name(robot),
-            ("subscribers", MAX_SUBSCRIBERS),
-            |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
-            || {
-                service
-                    .subscriber_builder()
-                    .buffer_size(SUBSCRIBER_BUFFER)
-                    .history_request(history)
-                    .create()
-            },
-        )?;
-        // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
-        let joined = WakeSender::make(session, subscribers, T::SERVICE, Channel::Subscribers)?;
-        session.doorbell().join(T::SERVICE);
-        Ok(Port {
-            port,
-            samples,
-            _joined: joined,
-            generation,
-        })
-    }
-
-    /// Hands on the samples that the tracker accepts, and says how many those were.
-    fn drain(
-        &self,
-        tracker: &mut SequenceTracker,
-        mut take: impl FnMut(&T),
-    ) -> Result<usize, ReceiveError> {
-        self.samples.take();
-        let mut taken = 0;
-        for _ in 0..MAX_SAMPLES_PER_DRAIN {
-            match self.port.receive() {
-                Ok(None) => break,
-                Ok(Some(sample)) => {
-                    if tracker.accept(sample.epoch_ns(), sample.sequence()) {
-                        take(&sample);
-                        taken += 1;
-                    }
-                }
-                Err(error) => return Err(receive_error::<T>(format!("{error:?}"))),
-            }
-        }
-        Ok(taken)
-    }
-
-    /// Trouble counts as something: draining then says what it is.
-    fn has_samples(&self) -> bool {
-        self.port.has_samples().unwrap_or(true)
-    }
+    bytes: BytesSubscriber,
+    payload: PhantomData<fn() -> T>,
 }
 
 impl<T: Topic> Subscriber<T> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Subscriber<T>, OpenError> {
-        let mut subscriber = Subscriber {
-            port: None,
-            follower: Follower::new(session, T::SERVICE),
-            waiter: Waiter::new(),
-            tracker: SequenceTracker::default(),
-            generations: 0,
-            session: Arc::clone(session),
-        };
-        match subscriber.follow(LATEST) {
-            // Its publisher has gone in this moment, or goes: the next one will be followed.
-            Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
-                tracing::debug!(%error, "there is no publisher yet");
-            }
-            Err(error) => return Err(error),
-            Ok(former) => debug_assert!(former.is_none()),
-        }
-        Ok(subscriber)
-    }
-
-    /// Enters another generation if there is one. Returns the former port, in which there may be samples still.
-    fn follow(&mut self, history: usize) -> Result<Option<Port<T>>, OpenError> {
-        let present = self.port.as_ref().map(|port| port.generation.name());
-        let open = |session: &_, generation| Port::open(session, generation, history);
-        let Some(port) = self.follower.follow(present, open)? else {
-            return Ok(None);
-        };
-        self.generations += 1;
-        Ok(self.port.replace(port))
+        let expected = Expected::of(&Contract::of_topic::<T>(), session.robot());
+        Ok(Subscriber {
+            bytes: BytesSubscriber::open(session, T::KEY, expected, size_of::<T>())?,
+            payload: PhantomData,
+        })
     }
 
     /// Hands on every sample that is there, in order, and says how many those were.
@@ -159,32 +63,12 @@ impl<T: Topic> Subscriber<T> {
     ///
     /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries again.
     pub fn drain(&mut self, mut take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
-        let mut taken = 0;
-        match self.follow(HISTORY) {
-            Ok(None) => {}
-            // Samples that the former generation got go first. From now on the publisher feeds the new one.
-            Ok(Some(former)) => {
-                taken += former.drain(&mut self.tracker, &mut take).unwrap_or(0);
-            }
-            Err(error) => {
-                self.drain_port(&mut take)?;
-                return Err(receive_error::<T>(error.to_string()));
-            }
-        }
-        Ok(taken + self.drain_port(take)?)
-    }
-
-    fn drain_port(&mut self, take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
-        let Some(port) = &self.port else {
-            return Ok(0);
-        };
-        let drained = port.drain(&mut self.tracker, take);
-        if drained.is_err() {
-            // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
-            self.port = None;
-            self.follower.forget();
-        }
-        drained
+        self.bytes.drain(|bytes| {
+            // SAFETY: the service carries this very layout, by its type name, size, alignment and hash; every pattern of
+            // bits is a value of it. The bytes are as many, and lie where the publisher has put a `T`.
+            #[allow(unsafe_code)]
+            take(unsafe { &*bytes.as_ptr().cast::<T>() });
+        })
     }
 
     /// The newest sample that was not handed on yet, or nothing when there is no new one. Older ones are dropped.
@@ -205,25 +89,13 @@ impl<T: Topic> Subscriber<T> {
     ///
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.waiter.wait(&[&*self], Some(timeout))
+        self.bytes.wait(timeout)
     }
 
     /// As [`Subscriber::wait`], but keeps the processor busy instead of sleeping: for a consumer that has one of its own.
     /// A signal does not end it.
     pub fn spin(&mut self, timeout: Duration) -> Wake {
-        let deadline = MonotonicNs::now() + timeout;
-        loop {
-            for _ in 0..SPINS_PER_LOOK {
-                let ready = waiter::look(&[&*self]);
-                if !ready.is_empty() {
-                    return Wake::Ready(ready);
-                }
-                hint::spin_loop();
-            }
-            if MonotonicNs::now() >= deadline {
-                return Wake::TimedOut;
-            }
-        }
+        self.bytes.spin(timeout)
     }
 
     /// A file descriptor that can be read once there are samples, for a reactor of the caller's own such as `epoll` or an
@@ -237,36 +109,262 @@ impl<T: Topic> Subscriber<T> {
     ///
     /// When there are more listeners than the contract allows.
     pub fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+        self.bytes.descriptor()
+    }
+
+    /// What was received and missed so far.
+    pub fn losses(&self) -> Losses {
+        self.bytes.tracker.losses()
+    }
+
+    /// Generations of shared memory that this subscriber has entered.
+    pub fn generations(&self) -> u64 {
+        self.bytes.generations
+    }
+
+    /// As [`Waiter::missed`], of this subscriber's own [`wait`](Subscriber::wait).
+    pub fn missed_wakeups(&self) -> u64 {
+        self.bytes.waiter.missed()
+    }
+}
+
+impl<T: Topic> sealed::Source for Subscriber<T> {
+    fn has_something(&self) -> bool {
+        self.bytes.has_something()
+    }
+
+    fn sense(&self) -> sealed::Sense<'_> {
+        self.bytes.sense()
+    }
+}
+
+/// The reading end of a published service whose samples are bytes.
+pub(crate) struct BytesSubscriber {
+    /// Nothing while no publisher has been there.
+    port: Option<Port>,
+    key: String,
+    expected: Expected,
+    /// Bytes of a sample.
+    size: usize,
+    follower: Follower,
+    waiter: Waiter,
+    tracker: SequenceTracker,
+    generations: u64,
+    place: Place,
+    session: Arc<Session>,
+}
+
+/// A subscriber's part in one generation.
+struct Port {
+    port: iceoryx2::port::subscriber::Subscriber<Svc, [CustomPayloadMarker], ()>,
+    samples: WakeReceiver,
+    /// Announces the subscriber to publishers that listen to events.
+    _joined: WakeSender,
+    // Last: its node must outlive the ports.
+    generation: Generation,
+}
+
+impl Port {
+    /// `history` samples of those that were published before come at once.
+    fn open(
+        session: &Arc<Session>,
+        generation: Generation,
+        key: &str,
+        expected: &Expected,
+        history: usize,
+    ) -> Result<Port, OpenError> {
+        let robot = session.robot();
+        let service = open::open_topic(&generation, expected)?;
+        let event = |channel| Event::open(&generation, robot, key, channel);
+        let samples = WakeReceiver::new(event(Channel::Samples)?);
+        let subscribers = event(Channel::Subscribers)?;
+        let port = open::port(
+            &expected.name,
+            ("subscribers", MAX_SUBSCRIBERS),
+            |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
+            || {
+                service
+                    .subscriber_builder()
+                    .buffer_size(SUBSCRIBER_BUFFER)
+                    .history_request(history)
+                    .create()
+            },
+        )?;
+        // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
+        let joined = WakeSender::make(session, subscribers, place(key), Channel::Subscribers)?;
+        session.doorbell().join(place(key));
+        Ok(Port {
+            port,
+            samples,
+            _joined: joined,
+            generation,
+        })
+    }
+
+    /// Hands on the samples that the tracker accepts, and says how many those were.
+    fn drain(
+        &self,
+        tracker: &mut SequenceTracker,
+        size: usize,
+        mut take: impl FnMut(&[u8]),
+    ) -> Result<usize, String> {
+        self.samples.take();
+        let mut taken = 0;
+        for _ in 0..MAX_SAMPLES_PER_DRAIN {
+            match self.port.receive() {
+                Ok(None) => break,
+                Ok(Some(sample)) => {
+                    let sample = bytes(sample.payload());
+                    if sample.len() == size
+                        && tracker.accept(word(sample, EPOCH_OFFSET), word(sample, SEQUENCE_OFFSET))
+                    {
+                        take(sample);
+                        taken += 1;
+                    }
+                }
+                Err(error) => return Err(format!("{error:?}")),
+            }
+        }
+        Ok(taken)
+    }
+
+    /// Trouble counts as something: draining then says what it is.
+    fn has_samples(&self) -> bool {
+        self.port.has_samples().unwrap_or(true)
+    }
+}
+
+/// The marker is one byte; it stands for any payload.
+fn bytes(payload: &[CustomPayloadMarker]) -> &[u8] {
+    // SAFETY: a marker has the size of a byte and holds one, and the slice is borrowed for as long.
+    #[allow(unsafe_code)]
+    unsafe {
+        std::slice::from_raw_parts(payload.as_ptr().cast(), payload.len())
+    }
+}
+
+/// The number at an offset of a sample; every sample begins with two of them.
+fn word(sample: &[u8], offset: usize) -> u64 {
+    let bytes = sample.get(offset..offset + 8);
+    bytes
+        .and_then(|bytes| bytes.try_into().ok())
+        .map_or(0, u64::from_ne_bytes)
+}
+
+impl BytesSubscriber {
+    pub(crate) fn open(
+        session: &Arc<Session>,
+        key: &str,
+        expected: Expected,
+        size: usize,
+    ) -> Result<BytesSubscriber, OpenError> {
+        let mut subscriber = BytesSubscriber {
+            port: None,
+            key: key.to_owned(),
+            expected,
+            size,
+            follower: Follower::new(session, key),
+            waiter: Waiter::new(),
+            tracker: SequenceTracker::default(),
+            generations: 0,
+            place: place(key),
+            session: Arc::clone(session),
+        };
+        match subscriber.follow(LATEST) {
+            // Its publisher has gone in this moment, or goes: the next one will be followed.
+            Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
+                tracing::debug!(%error, "there is no publisher yet");
+            }
+            Err(error) => return Err(error),
+            Ok(former) => debug_assert!(former.is_none()),
+        }
+        Ok(subscriber)
+    }
+
+    /// Enters another generation if there is one. Returns the former port, in which there may be samples still.
+    fn follow(&mut self, history: usize) -> Result<Option<Port>, OpenError> {
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        let open = |session: &_, generation| {
+            Port::open(session, generation, &self.key, &self.expected, history)
+        };
+        let Some(port) = self.follower.follow(present, open)? else {
+            return Ok(None);
+        };
+        self.generations += 1;
+        Ok(self.port.replace(port))
+    }
+
+    /// Hands on every sample that is there, in order, and says how many those were.
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        let mut taken = 0;
+        match self.follow(HISTORY) {
+            Ok(None) => {}
+            // Samples that the former generation got go first. From now on the publisher feeds the new one.
+            Ok(Some(former)) => {
+                let drained = former.drain(&mut self.tracker, self.size, &mut take);
+                taken += drained.unwrap_or(0);
+            }
+            Err(error) => {
+                self.drain_port(&mut take)?;
+                return Err(self.failed(error.to_string()));
+            }
+        }
+        Ok(taken + self.drain_port(take)?)
+    }
+
+    fn drain_port(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        let Some(port) = &self.port else {
+            return Ok(0);
+        };
+        port.drain(&mut self.tracker, self.size, take)
+            .map_err(|reason| {
+                // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
+                self.port = None;
+                self.follower.forget();
+                self.failed(reason)
+            })
+    }
+
+    fn failed(&self, reason: String) -> ReceiveError {
+        ReceiveError {
+            key: self.key.clone(),
+            reason,
+        }
+    }
+
+    pub(crate) fn wait(&self, timeout: Duration) -> Result<Wake, WaitError> {
+        self.waiter.wait(&[self], Some(timeout))
+    }
+
+    fn spin(&self, timeout: Duration) -> Wake {
+        let deadline = MonotonicNs::now() + timeout;
+        loop {
+            for _ in 0..SPINS_PER_LOOK {
+                let ready = waiter::look(&[self]);
+                if !ready.is_empty() {
+                    return Wake::Ready(ready);
+                }
+                hint::spin_loop();
+            }
+            if MonotonicNs::now() >= deadline {
+                return Wake::TimedOut;
+            }
+        }
+    }
+
+    fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
         self.port
             .as_ref()
             .map(|port| port.samples.lend_descriptor())
             .transpose()
     }
 
-    /// What was received and missed so far.
-    pub fn losses(&self) -> Losses {
+    pub(crate) fn losses(&self) -> Losses {
         self.tracker.losses()
     }
-
-    /// Generations of shared memory that this subscriber has entered.
-    pub fn generations(&self) -> u64 {
-        self.generations
-    }
-
-    /// As [`Waiter::missed`], of this subscriber's own [`wait`](Subscriber::wait).
-    pub fn missed_wakeups(&self) -> u64 {
-        self.waiter.missed()
-    }
 }
 
-fn receive_error<T: Topic>(reason: String) -> ReceiveError {
-    ReceiveError {
-        service: T::SERVICE.spec().key,
-        reason,
-    }
-}
-
-impl<T: Topic> sealed::Source for Subscriber<T> {
+impl sealed::Source for BytesSubscriber {
     fn has_something(&self) -> bool {
         self.port.as_ref().is_some_and(Port::has_samples) || self.follower.is_due()
     }
@@ -274,7 +372,7 @@ impl<T: Topic> sealed::Source for Subscriber<T> {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: doorbell::bits(T::SERVICE, Channel::Samples),
+            bits: self.place.bits(Channel::Samples),
             receiver: self.port.as_ref().map(|port| &port.samples),
             by_descriptor: false,
         }
