@@ -108,7 +108,8 @@ impl<R: Request> Server<R> {
     ///
     /// # Errors
     ///
-    /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
+    /// [`ServeError`] when iceoryx2 fails; what was handed on counts. Where a client cannot be connected, a new generation
+    /// begins.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
         self.change_generation();
         let mut taken = 0;
@@ -258,10 +259,9 @@ impl<R: Request> Server<R> {
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
     /// within a second.
     pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
-        // What fails is reported by draining.
-        let _ = self.port.update(&mut self.tickets);
+        self.port.update(&mut self.tickets);
         for (former, _) in &mut self.former {
-            let _ = former.update(&mut self.tickets);
+            former.update(&mut self.tickets);
         }
         self.tickets.remove_where(
             |entry| !entry.is_open(),

@@ -2,12 +2,15 @@
 
 use std::cell::Cell;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::identifiers::UniqueClientId;
-use iceoryx2::port::update_connections::{ConnectionFailure, UpdateConnections};
-use iceoryx2::port::{BackpressureAction, LoanError, ReceiveError, SendError as IoxSendError};
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{
+    BackpressureAction, DegradationAction, LoanError, ReceiveError, SendError as IoxSendError,
+};
 use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
@@ -72,20 +75,24 @@ pub(crate) type PortNumber = u64;
 ///   in an update is missing in a later look at the list;
 /// * a request whose end would close the channel of another client is held back until it does not (`held_back`);
 /// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its list
-///   when one that is still held lies before two that are not (`port/details/receiver.rs:450`, `skip` and then
+///   when one that is still held lies before two that are not (`port/details/receiver.rs:490`, `skip` and then
 ///   `enumerate`).
 ///
-/// Places where iceoryx2 ends the process because of what a client did, and why they are not reached:
+/// Places on the way of a request where iceoryx2 ends the server's process because of what a client did, or what became of it:
 ///
-/// | place | when | |
+/// | place | when | here |
 /// |---|---|---|
-/// | `port/details/receiver.rs:313` | 129 clients are gone of which requests are held | none is held, see above |
-/// | `port/details/receiver.rs:239` | 144 connections are kept | as above; [`ServingPort::is_worn`] tells in time |
-/// | `port/client.rs` `loan_chunk`, `release_request` | the client's own channels are used up | in the client only |
-/// | `port/details/sender.rs` `allocate` | a chunk is given out twice | needs a client that writes where it must not |
-/// | `zero_copy_connection/common.rs` `channels[…]`, `reclaim`; `segment_state.rs` | a channel, an offset or a size that is none | needs a client that writes where it must not |
+/// | `port/details/receiver.rs:313` | 129 clients are gone whose requests are held | none is held, see above |
+/// | `port/details/receiver.rs:251` | 144 connections are kept | as above, and [`ServingPort::is_worn`] tells before |
+/// | `port/details/segment_state.rs:52`, `:57`; `cal/zero_copy_connection/common.rs:857` | a client gives back what it never got; the size of reports, which is divided by, is 0 | needs a client that writes where it must not |
+/// | `cal/zero_copy_connection/common.rs:671`, `:688`, `:752`, `:835` | a request names a channel that there is not | needs a client that writes where it must not |
+/// | no line: SIGBUS | a client cuts its own segment short | needs such a client |
 ///
-/// The last two are beyond what a port can do: processes of one user trust one another (docs/ipc.md, section 1).
+/// On the same way, but only for the process's own faults: `port/client.rs:266`, `:753`, `port/details/sender.rs:489`, `:499`,
+/// `:597`, `bb-posix/memory_mapping.rs:516`. Having no descriptors left is an error there, not an end.
+///
+/// Nothing is done about a client that writes where it must not: processes of one user trust one another (docs/ipc.md,
+/// section 1).
 pub(crate) struct ServingPort<R: Request> {
     number: PortNumber,
     /// Requests of clients that are gone. Each looks like an open request of the client that came after.
@@ -99,8 +106,8 @@ pub(crate) struct ServingPort<R: Request> {
     pub(crate) responses: WakeSender,
     wear: u32,
     refused_full: u64,
-    /// An update of the connections failed while it was only looked whether there is something.
-    failure: Cell<Option<ConnectionFailure>>,
+    /// Connections that could not be made, or broke, since the last look.
+    failures: Arc<AtomicU32>,
     /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
     unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
     pub(crate) tended: Arc<Tended>,
@@ -177,6 +184,15 @@ impl<R: Request> ServingPort<R> {
             let event = |channel| Event::create(&generation, robot, R::KEY, channel);
             let requests = WakeReceiver::new(event(Channel::Requests)?);
             requests.listener()?;
+            let failures = Arc::new(AtomicU32::new(0));
+            let counter = || {
+                let failures = Arc::clone(&failures);
+                move |_, _: &_| {
+                    failures.fetch_add(1, Ordering::Relaxed);
+                    // The others are served.
+                    DegradationAction::Ignore
+                }
+            };
             let responses = event(Channel::Responses)?;
             let port = open::port(
                 &contract.name(robot),
@@ -190,6 +206,8 @@ impl<R: Request> ServingPort<R> {
                         .backpressure_strategy(BackpressureStrategy::DiscardData)
                         // Not in silence: the caller must know that a report was not taken.
                         .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+                        .set_request_degradation_handler(counter())
+                        .set_response_degradation_handler(counter())
                         .create()
                 },
             )?;
@@ -208,7 +226,7 @@ impl<R: Request> ServingPort<R> {
                 responses: WakeSender::make(session, responses, place(R::KEY), Channel::Responses)?,
                 wear: 0,
                 refused_full: 0,
-                failure: Cell::new(None),
+                failures,
                 unconnected: None,
                 deaths: tended.deaths(),
                 tended,
@@ -240,19 +258,17 @@ impl<R: Request> ServingPort<R> {
         mut take: impl FnMut(Ticket, &R),
     ) -> Result<usize, ServeError> {
         self.requests.take();
-        let mut result = self.update(tickets);
+        self.update(tickets);
         self.close_given_up(tickets);
         self.send_unsent(tickets);
-        for _ in 0..MAX_REQUESTS_PER_DRAIN {
+        let mut left = MAX_REQUESTS_PER_DRAIN;
+        let result = loop {
             match self.receive(tickets) {
-                Ok(true) => {}
-                Ok(false) => break,
-                Err(error) => {
-                    result = Err(error);
-                    break;
-                }
+                Ok(true) if left > 1 => left -= 1,
+                Ok(_) => break Ok(()),
+                Err(error) => break Err(error),
             }
-        }
+        };
         self.round.senders.clear();
         self.round.ended.clear();
         self.round.taken.sort_by_key(|(turn, _, _)| *turn);
@@ -269,7 +285,12 @@ impl<R: Request> ServingPort<R> {
             Ok(Some(active)) => active,
             // All that a client can have open is held of each that has more.
             Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
-            Err(error) => return Err(self.failed(&error)),
+            Err(error) => {
+                return Err(ServeError {
+                    service: R::KEY,
+                    reason: format!("{error:?}"),
+                });
+            }
         };
         let sender = active.origin();
         if !active.is_connected() {
@@ -317,19 +338,30 @@ impl<R: Request> ServingPort<R> {
     }
 
     /// Connects new clients, and lets go of those that are gone.
-    pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry<R>>) -> Result<(), ServeError> {
+    pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry<R>>) {
         self.deaths = self.tended.deaths();
-        let failure = self.port.update_connections().err().or(self.failure.take());
-        self.close_departed(tickets);
-        if let Some(error) = failure {
-            return Err(self.failed(&ReceiveError::ConnectionFailure(error)));
+        if let Err(error) = self.port.update_connections() {
+            // The failures are counted where they happen.
+            tracing::debug!(?error, "a client was not connected");
         }
-        // Another list was another attempt.
-        self.unconnected = self
+        self.close_departed(tickets);
+        let failures = self.failures.swap(0, Ordering::Relaxed);
+        if failures > 0 {
+            tracing::debug!(
+                failures,
+                service = R::KEY,
+                "a client was not connected"
+            );
+            self.wear = self.wear.saturating_add(failures);
+            self.unconnected = Some((MonotonicNs::now(), self.clients()));
+        } else if self
             .unconnected
-            .take()
-            .filter(|(_, then)| *then == self.clients());
-        Ok(())
+            .as_ref()
+            .is_some_and(|(_, then)| *then != self.clients())
+        {
+            // Another list was another attempt.
+            self.unconnected = None;
+        }
     }
 
     /// Closes the requests of clients that are not in the list any more: see [`Server`].
@@ -381,15 +413,6 @@ impl<R: Request> ServingPort<R> {
         clients
     }
 
-    fn failed(&mut self, error: &ReceiveError) -> ServeError {
-        self.wear = self.wear.saturating_add(1);
-        self.unconnected = Some((MonotonicNs::now(), self.clients()));
-        ServeError {
-            service: R::KEY,
-            reason: format!("{error:?}"),
-        }
-    }
-
     /// Whether another generation should begin.
     ///
     /// Either as much has gone wrong as may have made iceoryx2 keep 64 connections for good, half of what it can keep; or a
@@ -425,10 +448,7 @@ impl<R: Request> ServingPort<R> {
             return true;
         }
         self.is_updated.set(true);
-        self.port.has_requests().unwrap_or_else(|failure| {
-            // Trouble counts as something: draining then says what it is. iceoryx2 tells of it once.
-            self.failure.set(Some(failure));
-            true
-        })
+        // Trouble counts as something: draining then says what it is.
+        self.port.has_requests().unwrap_or(true)
     }
 }
