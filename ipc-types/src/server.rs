@@ -2,12 +2,16 @@
 
 use std::cell::Cell;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::identifiers::UniqueClientId;
-use iceoryx2::port::update_connections::{ConnectionFailure, UpdateConnections};
-use iceoryx2::port::{BackpressureAction, LoanError, ReceiveError, SendError as IoxSendError};
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{
+    BackpressureAction, DegradationAction, LoanError, ReceiveError, SendError as IoxSendError,
+};
 use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
@@ -102,20 +106,24 @@ pub enum ReportError {
 ///   in an update is missing in a later look at the list;
 /// * a request whose end would close the channel of another client is held back until it does not (`held_back`);
 /// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its list
-///   when one that is still held lies before two that are not (`port/details/receiver.rs:450`, `skip` and then
+///   when one that is still held lies before two that are not (`port/details/receiver.rs:490`, `skip` and then
 ///   `enumerate`).
 ///
-/// Places where iceoryx2 ends the process because of what a client did, and why they are not reached:
+/// Places on the way of a request where iceoryx2 ends the server's process because of what a client did, or what became of it:
 ///
-/// | place | when | |
+/// | place | when | here |
 /// |---|---|---|
-/// | `port/details/receiver.rs:313` | 129 clients are gone of which requests are held | none is held, see above |
-/// | `port/details/receiver.rs:239` | 144 connections are kept | as above; [`Server::is_worn`] tells in time |
-/// | `port/client.rs` `loan_chunk`, `release_request` | the client's own channels are used up | in the client only |
-/// | `port/details/sender.rs` `allocate` | a chunk is given out twice | needs a client that writes where it must not |
-/// | `zero_copy_connection/common.rs` `channels[…]`, `reclaim`; `segment_state.rs` | a channel, an offset or a size that is none | needs a client that writes where it must not |
+/// | `port/details/receiver.rs:313` | 129 clients are gone whose requests are held | none is held, see above |
+/// | `port/details/receiver.rs:251` | 144 connections are kept | as above, and [`Server::is_worn`] tells before |
+/// | `port/details/segment_state.rs:52`, `:57`; `cal/zero_copy_connection/common.rs:857` | a client gives back what it never got; the size of reports, which is divided by, is 0 | needs a client that writes where it must not |
+/// | `cal/zero_copy_connection/common.rs:671`, `:688`, `:752`, `:835` | a request names a channel that there is not | needs a client that writes where it must not |
+/// | no line: SIGBUS | a client cuts its own segment short; `/dev/shm` is full | needs such a client; joining asks for free space |
 ///
-/// The last two are beyond what a port can do: processes of one user trust one another (docs/ipc.md, section 1).
+/// On the same way, but only for the process's own faults: `port/client.rs:266`, `:753`, `port/details/sender.rs:489`, `:499`,
+/// `:597`, `bb-posix/memory_mapping.rs:516`. Having no descriptors left is an error there, not an end.
+///
+/// Nothing is done about a client that writes where it must not: processes of one user trust one another (docs/ipc.md,
+/// section 1).
 pub struct Server<R: Request> {
     // First, so that open requests are closed before the port goes, and their clients woken last of all.
     tickets: Tickets<Entry<R>>,
@@ -131,8 +139,8 @@ pub struct Server<R: Request> {
     waiter: Waiter,
     refused_full: u64,
     wear: u32,
-    /// An update of the connections failed while it was only looked whether there is something.
-    failure: Cell<Option<ConnectionFailure>>,
+    /// Connections that could not be made, or broke, since the last look.
+    failures: Arc<AtomicU32>,
     /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
     unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
     /// Whether there are reports of which the clients were not told.
@@ -185,6 +193,15 @@ impl<R: Request> Server<R> {
         let service = open::request::<R>(session, robot)?;
         let requests = Ear::make(session, R::SERVICE, Channel::Requests)?;
         requests.listener()?;
+        let failures = Arc::new(AtomicU32::new(0));
+        let counter = || {
+            let failures = Arc::clone(&failures);
+            move |_, _: &_| {
+                failures.fetch_add(1, Ordering::Relaxed);
+                // The others are served.
+                DegradationAction::Ignore
+            }
+        };
         let port = open::port(
             session,
             &R::SERVICE.name(robot),
@@ -198,6 +215,8 @@ impl<R: Request> Server<R> {
                     .backpressure_strategy(BackpressureStrategy::DiscardData)
                     // Not in silence: the caller must know that a report was not taken.
                     .set_backpressure_handler(|_| BackpressureAction::DiscardDataAndFail)
+                    .set_request_degradation_handler(counter())
+                    .set_response_degradation_handler(counter())
                     .create()
             },
         )?;
@@ -218,7 +237,7 @@ impl<R: Request> Server<R> {
             waiter: Waiter::new(),
             refused_full: 0,
             wear: 0,
-            failure: Cell::new(None),
+            failures,
             unconnected: None,
             is_quiet: false,
             _owner: owner,
@@ -236,22 +255,21 @@ impl<R: Request> Server<R> {
     ///
     /// # Errors
     ///
-    /// [`ServeError`] when a client cannot be reached; what was handed on before counts.
+    /// [`ServeError`] when iceoryx2 fails; what was handed on counts. A client that cannot be connected is no error here: see
+    /// [`Server::is_worn`].
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
         self.requests.take();
-        let mut result = self.update();
+        self.update();
         self.close_given_up();
         self.send_unsent();
-        for _ in 0..MAX_REQUESTS_PER_DRAIN {
+        let mut left = MAX_REQUESTS_PER_DRAIN;
+        let result = loop {
             match self.receive() {
-                Ok(true) => {}
-                Ok(false) => break,
-                Err(error) => {
-                    result = Err(error);
-                    break;
-                }
+                Ok(true) if left > 1 => left -= 1,
+                Ok(_) => break Ok(()),
+                Err(error) => break Err(error),
             }
-        }
+        };
         self.round.senders.clear();
         self.round.ended.clear();
         self.round.taken.sort_by_key(|(turn, _, _)| *turn);
@@ -268,7 +286,12 @@ impl<R: Request> Server<R> {
             Ok(Some(active)) => active,
             // All that a client can have open is held of each that has more.
             Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
-            Err(error) => return Err(self.failed(&error)),
+            Err(error) => {
+                return Err(ServeError {
+                    service: R::SERVICE.spec().key,
+                    reason: format!("{error:?}"),
+                });
+            }
         };
         let sender = active.origin();
         if !active.is_connected() {
@@ -315,18 +338,29 @@ impl<R: Request> Server<R> {
     }
 
     /// Connects new clients, and lets go of those that are gone.
-    fn update(&mut self) -> Result<(), ServeError> {
-        let failure = self.port.update_connections().err().or(self.failure.take());
-        self.close_departed();
-        if let Some(error) = failure {
-            return Err(self.failed(&ReceiveError::ConnectionFailure(error)));
+    fn update(&mut self) {
+        if let Err(error) = self.port.update_connections() {
+            // The failures are counted where they happen.
+            tracing::debug!(?error, "a client was not connected");
         }
-        // Another list was another attempt.
-        self.unconnected = self
+        self.close_departed();
+        let failures = self.failures.swap(0, Ordering::Relaxed);
+        if failures > 0 {
+            tracing::debug!(
+                failures,
+                service = R::SERVICE.spec().key,
+                "a client was not connected"
+            );
+            self.wear = self.wear.saturating_add(failures);
+            self.unconnected = Some((MonotonicNs::now(), self.clients()));
+        } else if self
             .unconnected
-            .take()
-            .filter(|(_, then)| *then == self.clients());
-        Ok(())
+            .as_ref()
+            .is_some_and(|(_, then)| *then != self.clients())
+        {
+            // Another list was another attempt.
+            self.unconnected = None;
+        }
     }
 
     /// Closes the requests of clients that are not in the list any more: see [`Server`].
@@ -365,15 +399,6 @@ impl<R: Request> Server<R> {
             CallbackProgression::Continue
         });
         clients
-    }
-
-    fn failed(&mut self, error: &ReceiveError) -> ServeError {
-        self.wear = self.wear.saturating_add(1);
-        self.unconnected = Some((MonotonicNs::now(), self.clients()));
-        ServeError {
-            service: R::SERVICE.spec().key,
-            reason: format!("{error:?}"),
-        }
     }
 
     /// Whether a new server should take this one's place at the next opportunity.
@@ -455,8 +480,7 @@ impl<R: Request> Server<R> {
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
     /// when somebody cleans up after it: see [`Ipc::clean_dead`](crate::Ipc::clean_dead).
     pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
-        // What fails is told by draining.
-        let _ = self.update();
+        self.update();
         self.tickets.remove_where(
             |entry| !entry.is_open(),
             |ticket, entry| {
@@ -517,11 +541,8 @@ impl<R: Request> sealed::Source for Server<R> {
             return true;
         }
         self.is_updated.set(true);
-        self.port.has_requests().unwrap_or_else(|failure| {
-            // Trouble counts as something: draining then says what it is. iceoryx2 tells of it once.
-            self.failure.set(Some(failure));
-            true
-        })
+        // Trouble counts as something: draining then says what it is.
+        self.port.has_requests().unwrap_or(true)
     }
 
     /// Clients of other languages, and those that vanish, are only heard by the listener.
