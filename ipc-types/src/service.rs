@@ -559,7 +559,7 @@ pub const RESPONSE_BUFFER: usize = 8;
 /// Whether a server is given the requests of clients that are gone. Our server drops these unseen.
 ///
 /// Switched off, iceoryx2 drops them itself and forgets to give them back: it then keeps what it had mapped of each such
-/// client, and ends the process at the 129th (`port/server.rs:698`, `port/details/receiver.rs:313`).
+/// client, and ends the process at the 129th (`port/server.rs:714`, `port/details/receiver.rs:313`).
 pub const FIRE_AND_FORGET: bool = true;
 
 /// Reports about one request that a client may hold at once: the one being read, and the anchor of its round.

@@ -2,6 +2,7 @@
 
 mod support;
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -524,6 +525,45 @@ fn clients_that_never_read_leave_room_for_the_reports_to_another() {
         }
         server.report(ticket, &report(Stage::Done)).unwrap();
         assert_eq!(reports(&mut operator).len(), RESPONSE_BUFFER);
+    });
+}
+
+/// iceoryx2 tries to connect a client once, and again when another comes or goes.
+#[test]
+fn a_server_that_cannot_reach_a_client_serves_the_others_and_is_worn() {
+    in_domain(|domain| {
+        let segments = || -> HashSet<_> {
+            let mut segments = domain.residue();
+            segments.retain(|path| path.extension().is_some_and(|kind| kind == "data"));
+            segments.into_iter().collect()
+        };
+        let ipc = join(domain, "bridge");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut operator = ipc.client::<ModuleControl>().unwrap();
+        let before = segments();
+        let mut unreachable = ipc.client::<ModuleControl>().unwrap();
+        let after = segments();
+        let [segment] = after.difference(&before).collect::<Vec<_>>()[..] else {
+            panic!("{before:?}, {after:?}");
+        };
+        let hidden = segment.with_extension("hidden");
+        std::fs::rename(segment, &hidden).unwrap();
+        unreachable.send(&start()).unwrap();
+        operator.send(&start()).unwrap();
+        assert_eq!(take(&mut server).len(), 1);
+        assert!(!server.is_worn(), "it may be gone in a moment");
+        std::fs::rename(&hidden, segment).unwrap();
+        assert!(take(&mut server).is_empty(), "it is not tried again");
+        until("worn", || {
+            server.wait(A_MOMENT).unwrap();
+            assert!(take(&mut server).is_empty());
+            server.is_worn()
+        });
+
+        let another = ipc.client::<ModuleControl>().unwrap();
+        assert_eq!(take(&mut server).len(), 1, "now it is");
+        assert!(!server.is_worn());
+        drop(another);
     });
 }
 
