@@ -418,7 +418,7 @@ pub struct TopicMeasureArgs {
 
 /// `ril doctor`
 ///
-/// Without --repair nothing is joined, opened or changed.
+/// Without --repair nothing is joined or changed, and the serial port is not opened in any case.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct DoctorArgs {
@@ -442,7 +442,7 @@ pub struct DoctorArgs {
     #[arg(long, value_name = "PATH", env = "RIL_PORT")]
     pub port: Option<PathBuf>,
 
-    /// Repair what is provably dead, then examine
+    /// Remove what dead processes left, then examine
     #[arg(long)]
     pub repair: bool,
 

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use bridge::shell::serial::holders::Holders;
-use ipc_types::inspect::Inspection;
-use ipc_types::{Provider, Repair, ServiceId};
+use ipc_types::inspect::{Entry, Inspection};
+use ipc_types::{Provider, Repair, RobotId, ServiceId};
 
 /// What a look found, or why it found nothing.
 pub type Look<T> = Result<T, Trouble>;
@@ -38,8 +38,8 @@ pub struct Facts {
     pub robot: u32,
     /// Its shared memory, or why the environment names none.
     pub domain: Result<DomainFacts, String>,
-    /// Bytes free in `/dev/shm`.
-    pub free_memory: Look<u64>,
+    /// What is free in `/dev/shm`.
+    pub free_memory: Look<FreeMemory>,
     /// Configuration files.
     pub files: Vec<FileFacts>,
     /// The bridge's serial port; nothing when the configuration that names it cannot be read.
@@ -51,16 +51,51 @@ pub struct Facts {
 /// Shared memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomainFacts {
-    /// Prefix of the names of segments.
-    pub prefix: String,
-    /// Folder of everything else.
+    /// The folder of the domain.
     pub root: PathBuf,
     /// What is there.
     pub inspection: Look<Inspection>,
-    /// Who provides each service of the robot.
-    pub providers: Look<Vec<(ServiceId, Option<Provider>)>>,
+    /// The live providers of all robots of the domain.
+    pub providers: Look<Vec<Provided>>,
     /// Live processes that do not run because somebody has stopped them.
     pub stopped: Vec<u32>,
+    /// The domains of other users in the usual place.
+    pub others: Vec<Entry>,
+}
+
+/// A service that a live process provides.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Provided {
+    /// Of which robot.
+    pub robot: RobotId,
+    /// Which service.
+    pub service: ServiceId,
+    /// The process.
+    pub by: Provider,
+    /// Its PID namespace: elsewhere than in this one its process id means nothing.
+    pub pids: Namespace,
+    /// Its time namespace: elsewhere than in this one its times mean other moments.
+    pub clock: Namespace,
+}
+
+/// The namespace of another process, beside the one of this process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Namespace {
+    /// The same.
+    Ours,
+    /// Another one.
+    Other,
+    /// The other process did not say.
+    Unknown,
+}
+
+/// What is free in `/dev/shm`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FreeMemory {
+    /// Bytes.
+    pub bytes: u64,
+    /// Inodes: each file, folder, segment and socket takes one. Nothing when their number is not limited.
+    pub inodes: Option<u64>,
 }
 
 /// A configuration file.

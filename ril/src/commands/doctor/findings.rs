@@ -1,19 +1,21 @@
 //! From facts to findings: the doctor's judgement. Pure: no look at anything, the same facts give the same findings.
 //!
-//! Notes say what was found to be in order. Warnings are what harms nobody at the moment, or mends itself at the next
-//! start. Errors keep a process from starting or from doing its work.
+//! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
+//! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
 
 mod configuration;
 mod domain;
+mod memory;
 mod repair;
 mod serial;
+mod services;
 
 use runtime::exit::ExitCode;
 use serde::Serialize;
 
 use super::facts::{Facts, FileFacts};
 
-pub use domain::bridge_pid;
+pub use services::bridge_pid;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -33,7 +35,7 @@ pub enum Severity {
 pub enum Subject {
     /// What `--repair` did.
     Repair,
-    /// The domain's folder, its segments, and what the dead left.
+    /// The domain's folder, the processes in it, and what dead ones left.
     Domain,
     /// Space in `/dev/shm`.
     Memory,
@@ -122,11 +124,18 @@ pub fn diagnose(facts: &Facts) -> Vec<Finding> {
         Ok(domain) => findings.extend(domain::diagnose(domain, facts.robot)),
         Err(reason) => findings.push(configuration::domain_unnamed(reason)),
     }
-    findings.push(domain::memory(&facts.free_memory));
+    findings.extend(memory::diagnose(&facts.free_memory));
     findings.extend(diagnose_files(&facts.files));
     if let Some(port) = &facts.port {
-        let bridge = facts.domain.as_ref().ok().and_then(bridge_pid);
-        findings.push(serial::diagnose(port, bridge));
+        let domain = facts.domain.as_ref().ok();
+        let bridge = domain.and_then(|domain| bridge_pid(domain, facts.robot));
+        let finding = serial::diagnose(port, bridge);
+        let is_elsewhere =
+            domain.is_some_and(|domain| services::is_bridge_elsewhere(domain, facts.robot));
+        findings.push(match is_elsewhere {
+            true => serial::of_a_bridge_elsewhere(finding),
+            false => finding,
+        });
     }
     findings
 }

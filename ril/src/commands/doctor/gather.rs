@@ -6,7 +6,7 @@
 
 use std::fs;
 use std::io;
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
@@ -15,16 +15,17 @@ use std::time::{Duration, Instant};
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, Terminal};
 use bridge::shell::serial::permission_hint;
-use ipc_types::inspect::{Inspection, Life, free_memory};
+use ipc_types::inspect::{Inspection, Life};
 use ipc_types::service::SERVICES;
-use ipc_types::{Domain, Provider, Repair, RobotId, ServiceId};
+use ipc_types::{Domain, Repair};
 use runtime::config::load;
 use runtime::exit::Failure;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 
 use super::facts::{
-    Device, DomainFacts, FileContent, FileFacts, Look, PortFacts, PortHolders, Trouble,
+    Device, DomainFacts, FileContent, FileFacts, FreeMemory, Look, Namespace, PortFacts,
+    PortHolders, Provided, Trouble,
 };
 use crate::cli::DoctorArgs;
 
@@ -32,12 +33,15 @@ use crate::cli::DoctorArgs;
 /// is still waited for.
 pub(super) const LOOK_PATIENCE: Duration = Duration::from_secs(5);
 
-/// How long a repair may take. It takes a fraction of a millisecond for each dead process. Being given up in the middle
-/// is like being killed there, which the next repair mends.
+/// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is given
+/// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
 const REPAIR_PATIENCE: Duration = Duration::from_secs(15);
 
 /// The directory that shows processes and what they have open.
 const PROC: &str = "/proc";
+
+/// Where shared memory lies.
+const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A look that goes on in the background.
 struct Looking<T>(Receiver<T>);
@@ -63,25 +67,32 @@ impl<T: Send + 'static> Looking<T> {
     }
 }
 
-/// Looks at the domain, and at who provides the services of `robot`.
-pub(super) fn domain(domain: &Domain, robot: RobotId) -> DomainFacts {
+/// Looks at the domain, at the providers in it, and at the domains of other users.
+pub(super) fn domain(domain: &Domain) -> DomainFacts {
     let began = Instant::now();
     let (inspected, asked) = (domain.clone(), domain.clone());
     let inspection = Looking::start(move || inspected.inspect());
-    let providers = Looking::start(move || providers(&asked, robot));
+    let providers = Looking::start(move || providers(&asked));
+    let others = Looking::start(Domain::others);
     let inspection = inspection.end(began, LOOK_PATIENCE);
+    let providers = providers
+        .end(began, LOOK_PATIENCE)
+        .and_then(|result| result);
+    let stopped = match (&inspection, &providers) {
+        (Ok(inspection), Ok(providers)) => stopped(domain.root(), inspection, providers),
+        _ => Vec::new(),
+    };
     DomainFacts {
-        prefix: domain.prefix().to_owned(),
         root: domain.root().to_owned(),
-        stopped: inspection.as_ref().map(stopped).unwrap_or_default(),
         inspection,
-        providers: providers
-            .end(began, LOOK_PATIENCE)
-            .and_then(|result| result),
+        providers,
+        stopped,
+        // They are only a hint; what keeps this look from its end is told of the memory.
+        others: others.end(began, LOOK_PATIENCE).unwrap_or_default(),
     }
 }
 
-/// Mends what is provably broken.
+/// Removes what is certainly dead.
 pub(super) fn repair(domain: &Domain) -> Look<Repair> {
     let domain = domain.clone();
     let repair = Looking::start(move || domain.repair().map_err(failed));
@@ -90,11 +101,20 @@ pub(super) fn repair(domain: &Domain) -> Look<Repair> {
         .and_then(|result| result)
 }
 
-/// Bytes free in `/dev/shm`.
-pub(super) fn memory() -> Look<u64> {
+/// What is free in `/dev/shm`.
+pub(super) fn memory() -> Look<FreeMemory> {
     Looking::start(|| free_memory().map_err(failed))
         .end(Instant::now(), LOOK_PATIENCE)
         .and_then(|result| result)
+}
+
+fn free_memory() -> io::Result<FreeMemory> {
+    let status = rustix::fs::statvfs(SHARED_MEMORY)?;
+    Ok(FreeMemory {
+        bytes: status.f_bavail.saturating_mul(status.f_frsize),
+        // A file system without a limit of inodes has none in all.
+        inodes: (status.f_files > 0).then_some(status.f_favail),
+    })
 }
 
 /// Reads the configuration of each process with the process's own code. Says also what the bridge's is, if it is right.
@@ -271,33 +291,72 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
     found
 }
 
-fn providers(domain: &Domain, robot: RobotId) -> Look<Vec<(ServiceId, Option<Provider>)>> {
-    // The owner files of another user's root are that user's choice.
-    let root = fs::symlink_metadata(domain.root());
-    let is_ours =
-        root.is_ok_and(|root| root.is_dir() && root.uid() == rustix::process::geteuid().as_raw());
-    SERVICES
-        .iter()
-        .map(|spec| match is_ours {
-            true => Ok((spec.id, domain.provider(robot, spec.id).map_err(failed)?)),
-            false => Ok((spec.id, None)),
-        })
-        .collect()
+/// The live providers of all robots.
+fn providers(domain: &Domain) -> Look<Vec<Provided>> {
+    let mut provided = Vec::new();
+    for spec in &SERVICES {
+        for robot in domain.robots(spec.id).map_err(failed)? {
+            let Some(by) = domain.provider(robot, spec.id).map_err(failed)? else {
+                continue;
+            };
+            provided.push(Provided {
+                robot,
+                service: spec.id,
+                pids: namespace(by.pid_namespace, by.shares_pids()),
+                clock: namespace(by.time_namespace, by.shares_clock()),
+                by,
+            });
+        }
+    }
+    Ok(provided)
+}
+
+fn namespace(number: u64, is_ours: bool) -> Namespace {
+    match (is_ours, number) {
+        (true, _) => Namespace::Ours,
+        (false, 0) => Namespace::Unknown,
+        (false, _) => Namespace::Other,
+    }
 }
 
 /// Live processes of the domain that somebody has stopped.
-fn stopped(inspection: &Inspection) -> Vec<u32> {
-    let mut pids: Vec<u32> = inspection
-        .nodes_that_are(Life::Live)
-        .map(|node| node.pid)
-        .collect();
+///
+/// A member does not say in which PID namespace its process id means something; its provider does, and where the provider
+/// is in another one, so are perhaps the others of its service. What is then left must have something of the domain open:
+/// the operator may kill it, and must not be led to a process that happens to have the same number.
+fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<u32> {
+    let mut pids = Vec::new();
+    for robot in &inspection.robots {
+        let is_elsewhere = |service: &str| {
+            providers.iter().any(|provided| {
+                provided.robot == robot.robot
+                    && provided.service.spec().key == service
+                    && provided.pids != Namespace::Ours
+            })
+        };
+        let members = robot.members.iter();
+        pids.extend(
+            members
+                .filter(|member| member.life == Life::Live && !is_elsewhere(member.service))
+                .map(|member| member.pid),
+        );
+    }
     pids.sort_unstable();
     pids.dedup();
     pids.retain(|pid| {
-        let stat = fs::read_to_string(format!("{PROC}/{pid}/stat"));
-        stat.is_ok_and(|stat| is_stopped(&stat))
+        let process = Path::new(PROC).join(pid.to_string());
+        let stat = fs::read_to_string(process.join("stat"));
+        stat.is_ok_and(|stat| is_stopped(&stat)) && may_use(root, &process)
     });
     pids
+}
+
+/// Whether a process has something beneath `root` open. One that keeps its files to itself may have.
+fn may_use(root: &Path, process: &Path) -> bool {
+    match open_files(process) {
+        Ok(open) => open.iter().any(|(_, path)| path.starts_with(root)),
+        Err(_) => true,
+    }
 }
 
 /// Whether `/proc/PID/stat` tells of a process that is stopped or being traced.

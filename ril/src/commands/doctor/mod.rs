@@ -1,7 +1,7 @@
 //! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to do.
 //!
 //! [`facts`] are gathered, judged by [`findings`] and told by [`report`]. Nothing is joined, opened or changed, unless
-//! `--repair` asks to mend what is provably dead; and nothing that stands in the way can hold it up for long.
+//! `--repair` asks to remove what is certainly dead; and nothing that stands in the way can hold it up for long.
 
 pub mod facts;
 pub mod findings;
@@ -53,14 +53,17 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
         _ => None,
     };
     let domain = domain
-        .map(|domain| gather::domain(&domain, robot))
+        .map(|domain| gather::domain(&domain))
         .map_err(|error: DomainError| error.to_string());
-    let process = domain.as_ref().ok().and_then(findings::bridge_pid);
+    let bridge_process = domain
+        .as_ref()
+        .ok()
+        .and_then(|domain| findings::bridge_pid(domain, robot.get()));
     Facts {
         robot: robot.get(),
         domain,
         free_memory: gather::memory(),
-        port: port(args, &files, bridge, process),
+        port: port(args, &files, bridge, bridge_process),
         files,
         repair,
     }

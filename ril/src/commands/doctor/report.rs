@@ -1,7 +1,6 @@
 //! Findings as text for people and as JSON for programs.
 
 use std::fmt;
-use std::path::Path;
 
 use runtime::exit::ExitCode;
 use serde::{Serialize, Serializer};
@@ -17,8 +16,7 @@ pub const SCHEMA: &str = "ril.Doctor.v1";
 pub struct Report {
     schema: &'static str,
     robot: u32,
-    /// Prefix and root of the domain; nothing when the environment names none, or nobody asked.
-    prefix: Option<String>,
+    /// The folder of the domain; nothing when the environment names none, or nobody asked.
     root: Option<String>,
     errors: usize,
     warnings: usize,
@@ -35,10 +33,8 @@ impl Report {
     /// What the facts mean.
     pub fn of(facts: &Facts) -> Report {
         let domain = facts.domain.as_ref().ok();
-        let root = |root: &Path| root.display().to_string();
         Report {
-            prefix: domain.map(|domain| domain.prefix.clone()),
-            root: domain.map(|domain| root(&domain.root)),
+            root: domain.map(|domain| domain.root.display().to_string()),
             ..Report::new(facts.robot, diagnose(facts))
         }
     }
@@ -58,7 +54,6 @@ impl Report {
         Report {
             schema: SCHEMA,
             robot,
-            prefix: None,
             root: None,
             errors: number(Severity::Error),
             warnings: number(Severity::Warning),
@@ -87,8 +82,8 @@ impl fmt::Display for Report {
     /// A line for each finding, and one for what to do about it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "robot {}", self.robot)?;
-        if let (Some(prefix), Some(root)) = (&self.prefix, &self.root) {
-            write!(f, ", shared memory {prefix}* and {root}")?;
+        if let Some(root) = &self.root {
+            write!(f, ", shared memory in {root}")?;
         }
         writeln!(f)?;
         for finding in &self.findings {

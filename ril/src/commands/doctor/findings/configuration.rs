@@ -38,7 +38,7 @@ pub(super) fn domain_unnamed(reason: &str) -> Finding {
     ABOUT.error(
         "domain-unnamed",
         format!("no process finds its shared memory: {reason}"),
-        "mend RIL_IPC_PREFIX and RIL_IPC_ROOT, or unset both",
+        "fix RIL_IPC_ROOT, or unset it",
     )
 }
 

@@ -1,6 +1,6 @@
 //! What a repair did.
 
-use ipc_types::{Cleaning, Removal, Repair};
+use ipc_types::Repair;
 
 use super::super::facts::{Look, Trouble};
 use super::{About, Finding, Subject, count};
@@ -26,47 +26,31 @@ pub(super) fn diagnose(repair: &Look<Repair>) -> Vec<Finding> {
 
 fn done(repair: &Repair) -> Vec<Finding> {
     let Repair {
-        removal,
-        cleaning,
-        secured,
-        renewed,
+        robots,
+        generations,
+        leftovers,
     } = *repair;
-    let Cleaning {
-        removed,
-        failed,
-        swept,
-    } = cleaning;
-    let mut findings = Vec::new();
-    let mut did = |text: String| findings.push(ABOUT.note("repaired", text));
-    if let Removal::Removed(entries) = removal {
-        let entries = count(entries, "thing", "things");
-        did(format!(
-            "nobody was in the domain: {entries} of it removed, nothing is left"
-        ));
-    }
-    let amount = |number: u64| usize::try_from(number).unwrap_or(usize::MAX);
-    if removed > 0 {
-        let nodes = count(amount(removed), "dead node", "dead nodes");
-        did(format!("{nodes} removed"));
-    }
-    if swept > 0 {
-        let remains = count(amount(swept), "abandoned thing", "abandoned things");
-        did(format!("{remains} removed"));
-    }
-    if secured {
-        did("the management segment was taken away from other users".to_owned());
-    }
-    if renewed {
-        did("the spoiled management segment was removed; the next node makes a new one".to_owned());
-    }
-    if failed > 0 {
-        let nodes = count(amount(failed), "dead node", "dead nodes");
-        findings.push(ABOUT.warning(
-            "repair-incomplete",
-            format!("{nodes} could not be removed yet"),
-            "repair again in ten seconds: another process may be removing them just now, or was killed while it did",
-        ));
-    }
+    let removed = [
+        (
+            robots,
+            "robot in which no process was",
+            "robots in which no process was",
+        ),
+        (
+            generations,
+            "generation of shared memory in which no process was",
+            "generations of shared memory in which no process was",
+        ),
+        (leftovers, "thing half removed", "things half removed"),
+    ];
+    let mut findings: Vec<Finding> = removed
+        .into_iter()
+        .filter(|(number, ..)| *number > 0)
+        .map(|(number, singular, plural)| {
+            let text = format!("removed: {}", count(number, singular, plural));
+            ABOUT.note("repaired", text)
+        })
+        .collect();
     if findings.is_empty() {
         findings.push(ABOUT.note("nothing-to-repair", "there was nothing to repair"));
     }
@@ -80,57 +64,31 @@ mod tests {
     use super::super::Severity;
     use super::*;
 
-    const IN_USE: Repair = Repair {
-        removal: Removal::InUse,
-        cleaning: Cleaning {
-            removed: 0,
-            failed: 0,
-            swept: 0,
-        },
-        secured: false,
-        renewed: false,
-    };
-
     #[test]
     fn what_was_done_is_told() {
-        let cleaned = |removed, failed, swept| Repair {
-            cleaning: Cleaning {
-                removed,
-                failed,
-                swept,
-            },
-            ..IN_USE
-        };
-        let removed = Repair {
-            removal: Removal::Removed(7),
-            ..IN_USE
-        };
-        let mended = Repair {
-            secured: true,
-            renewed: true,
-            ..IN_USE
+        let repair = |robots, generations, leftovers| {
+            Ok(Repair {
+                robots,
+                generations,
+                leftovers,
+            })
         };
         type Case = (Look<Repair>, &'static [(Severity, &'static str)]);
-        let cases: [Case; 7] = [
+        let cases: [Case; 5] = [
             (
-                Ok(IN_USE),
+                repair(0, 0, 0),
                 &[(Severity::Note, "there was nothing to repair")],
             ),
-            (Ok(removed), &[(Severity::Note, "7 things of it removed")]),
             (
-                Ok(cleaned(1, 0, 3)),
+                repair(1, 0, 0),
+                &[(Severity::Note, "removed: 1 robot in which")],
+            ),
+            (
+                repair(0, 1, 3),
                 &[
-                    (Severity::Note, "1 dead node removed"),
-                    (Severity::Note, "3 abandoned things removed"),
+                    (Severity::Note, "removed: 1 generation of"),
+                    (Severity::Note, "removed: 3 things"),
                 ],
-            ),
-            (
-                Ok(cleaned(0, 2, 0)),
-                &[(Severity::Warning, "2 dead nodes could not")],
-            ),
-            (
-                Ok(mended),
-                &[(Severity::Note, "taken away"), (Severity::Note, "spoiled")],
             ),
             (
                 Err(Trouble::Failed("it is not ours".to_owned())),

@@ -54,6 +54,21 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
     }
 }
 
+/// What is to be said of the port while the live bridge runs in another PID namespace: trouble that is seen from here is
+/// perhaps none. There may be other devices, and the process that has the port open may be the bridge itself.
+pub(super) fn of_a_bridge_elsewhere(finding: Finding) -> Finding {
+    if finding.severity == Severity::Note {
+        return finding;
+    }
+    let text = format!(
+        "{}; the live bridge runs in another PID namespace, where that may be different",
+        finding.text
+    );
+    ABOUT
+        .note(finding.id, text)
+        .with_next_step("to look at the bridge's port, run `ril doctor` there")
+}
+
 /// The live bridge has another port open than the one that was asked about.
 fn elsewhere(port: &PortFacts, holders: &PortHolders, bridge: Option<u32>) -> Option<Finding> {
     let pid = bridge?;
@@ -284,6 +299,22 @@ mod tests {
             (Severity::Note, "port-missing")
         );
         assert!(finding.text.contains("built-in default"), "{finding:?}");
+    }
+
+    #[test]
+    fn a_port_of_a_bridge_in_another_pid_namespace_is_not_judged_from_here() {
+        let finding = diagnose(&port(FREE, &[holder(7, "ril")]), None);
+        assert_eq!(
+            (finding.severity, finding.id),
+            (Severity::Error, "port-in-use")
+        );
+        let finding = of_a_bridge_elsewhere(finding);
+        assert_eq!(
+            (finding.severity, finding.id),
+            (Severity::Note, "port-in-use")
+        );
+        let finding = diagnose(&port(FREE, &[]), None);
+        assert_eq!(of_a_bridge_elsewhere(finding.clone()), finding);
     }
 
     #[test]

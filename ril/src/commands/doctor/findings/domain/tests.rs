@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use super::super::super::facts::Trouble;
+use ipc_types::Provider;
+
+use super::super::super::facts::{Namespace, Trouble};
 use super::super::Severity::{self, Error, Note, Warning};
 use super::*;
 
@@ -22,75 +24,78 @@ fn entry(path: &str, is_folder: bool, uid: u32, mode: u32) -> Entry {
     }
 }
 
-fn node(life: Life, pid: u32, process: &str) -> NodeFacts {
-    NodeFacts {
+fn member(life: Life, pid: u32, process: &str) -> Member {
+    Member {
         life,
         pid,
         process: process.to_owned(),
+        service: "movement",
     }
 }
 
-fn segment(uid: u32, mode: u32, defect: Option<&'static str>) -> Management {
-    Management {
-        entry: entry("/dev/shm/lab_0.global_mgmt", false, uid, mode),
-        defect,
+/// Robot 1 with these members of a service that a live process provides.
+fn robot(members: &[Member]) -> RobotFacts {
+    RobotFacts {
+        robot: RobotId::DEFAULT,
+        is_live: true,
+        generations: 1,
+        members: members.to_vec(),
     }
 }
 
 /// A domain in which a bridge lives.
 fn healthy() -> Inspection {
     Inspection {
-        root: Some(entry("/tmp/lab", true, ours(), 0o700)),
-        management: vec![segment(ours(), 0o600, None)],
-        nodes: vec![node(Life::Live, 7, "bridge")],
-        unfinished: 0,
+        root: Some(entry("/dev/shm/lab", true, ours(), 0o700)),
+        robots: vec![robot(&[member(Life::Live, 7, "bridge")])],
+        leftovers: 0,
         entries: 23,
-        strangers: Vec::new(),
-        foreign: Vec::new(),
     }
 }
 
-fn nothing() -> Inspection {
+fn of(robot: RobotFacts) -> Inspection {
     Inspection {
-        root: None,
-        management: Vec::new(),
-        nodes: Vec::new(),
-        entries: 0,
+        robots: vec![robot],
         ..healthy()
     }
 }
 
+/// A domain in which process 7 provides movements.
 fn domain(inspection: Inspection) -> DomainFacts {
+    let provided = Provided {
+        robot: RobotId::DEFAULT,
+        service: ServiceId::Movement,
+        by: Provider {
+            pid: 7,
+            process: "bridge".to_owned(),
+            since_ns: 1,
+            pid_namespace: 4,
+            time_namespace: 5,
+        },
+        pids: Namespace::Ours,
+        clock: Namespace::Ours,
+    };
     DomainFacts {
-        prefix: "lab_".to_owned(),
-        root: "/tmp/lab".into(),
+        root: "/dev/shm/lab".into(),
         inspection: Ok(inspection),
-        providers: Ok(providers([Some("bridge"), Some("status")])),
+        providers: Ok(vec![provided]),
         stopped: Vec::new(),
+        others: Vec::new(),
     }
 }
 
-/// All services, the bridge's and status' provided by these.
-fn providers([bridge, status]: [Option<&str>; 2]) -> Vec<(ServiceId, Option<Provider>)> {
-    let provider = |name: Option<&str>| {
-        name.map(|process| Provider {
-            pid: process.len() as u32,
-            process: process.to_owned(),
-            since_ns: 1,
-        })
-    };
-    ipc_types::service::SERVICES
-        .iter()
-        .map(|spec| match spec.id {
-            ServiceId::HeroTelemetry => (spec.id, provider(status)),
-            _ => (spec.id, provider(bridge)),
-        })
-        .collect()
+/// The same without the provider.
+fn without_provider(inspection: Inspection) -> DomainFacts {
+    DomainFacts {
+        providers: Ok(Vec::new()),
+        ..domain(inspection)
+    }
 }
 
-/// What is not in order, by severity and name.
-fn troubles(domain: &DomainFacts) -> Vec<(Severity, &'static str)> {
-    let findings = diagnose(domain, 1);
+/// What is said of shared memory; of services more is said elsewhere.
+fn findings(domain: &DomainFacts) -> Vec<Finding> {
+    let mut findings = diagnose(domain, 1);
+    findings.retain(|finding| finding.subject == Subject::Domain);
     for finding in &findings {
         assert!(
             finding.severity == Note || finding.next_step.is_some(),
@@ -98,6 +103,15 @@ fn troubles(domain: &DomainFacts) -> Vec<(Severity, &'static str)> {
         );
     }
     findings
+}
+
+fn ids(domain: &DomainFacts) -> Vec<&'static str> {
+    findings(domain).iter().map(|finding| finding.id).collect()
+}
+
+/// What is not in order, by severity and name.
+fn troubles(domain: &DomainFacts) -> Vec<(Severity, &'static str)> {
+    findings(domain)
         .iter()
         .filter(|finding| finding.severity > Note)
         .map(|finding| (finding.severity, finding.id))
@@ -106,190 +120,176 @@ fn troubles(domain: &DomainFacts) -> Vec<(Severity, &'static str)> {
 
 #[test]
 fn what_is_in_order_gives_notes_alone() {
-    for inspection in [healthy(), nothing()] {
-        assert_eq!(troubles(&domain(inspection)), []);
+    let nothing = without_provider(Inspection::default());
+    let waiting = without_provider(of(RobotFacts {
+        generations: 0,
+        ..robot(&[])
+    }));
+    let empty = without_provider(Inspection {
+        robots: Vec::new(),
+        entries: 1,
+        ..healthy()
+    });
+    let healthy = domain(healthy());
+    for (domain, expected) in [
+        (&healthy, &["root-right", "processes"][..]),
+        (&nothing, &["domain-empty"]),
+        (&waiting, &["root-right", "processes"]),
+        (&empty, &["root-right"]),
+    ] {
+        assert_eq!(ids(domain), expected, "{domain:?}");
+        assert_eq!(troubles(domain), []);
     }
-    let ids: Vec<_> = diagnose(&domain(healthy()), 1)
-        .iter()
-        .map(|finding| finding.id)
-        .collect();
-    assert_eq!(
-        ids,
-        [
-            "root-right",
-            "management-right",
-            "processes",
-            "service-right",
-            "service-right"
-        ]
-    );
 }
 
 #[test]
 fn each_trouble_has_its_name() {
     let root = |is_folder, uid, mode| Inspection {
-        root: Some(entry("/tmp/lab", is_folder, uid, mode)),
+        root: Some(entry("/dev/shm/lab", is_folder, uid, mode)),
         ..healthy()
     };
-    let management = |uid, mode, defect| Inspection {
-        management: vec![segment(uid, mode, defect)],
-        ..healthy()
+    let residue = RobotFacts {
+        is_live: false,
+        ..robot(&[member(Life::Dead, 8, "bridge")])
     };
-    let nodes = |nodes: &[NodeFacts]| Inspection {
-        nodes: nodes.to_vec(),
-        ..healthy()
-    };
-    let live = node(Life::Live, 7, "bridge");
-    let dead = node(Life::Dead, 8, "bridge");
-    let unclear = node(Life::Unclear, 9, "");
+    let unclear = [
+        member(Life::Live, 7, "bridge"),
+        member(Life::Unclear, 9, ""),
+    ];
     #[rustfmt::skip]
-    let cases: [(Inspection, &[(Severity, &str)]); 15] = [
+    let cases: [(Inspection, &[(Severity, &str)]); 9] = [
         (root(false, ours(), 0o700), &[(Error, "root-not-a-folder")]),
         (root(true, STRANGER, 0o700), &[(Error, "root-of-another-user")]),
         (root(true, ours(), 0o777), &[(Error, "root-open")]),
         (root(true, ours(), 0o720), &[(Error, "root-open")]),
         (root(true, ours(), 0o755), &[(Warning, "root-readable")]),
         (root(true, ours(), 0o500), &[(Error, "root-closed")]),
-        (management(STRANGER, 0o600, None), &[(Error, "management-of-another-user")]),
-        (management(ours(), 0o600, Some("it is empty")), &[(Warning, "management-spoiled")]),
-        (management(ours(), 0o666, None), &[(Warning, "management-open")]),
-        (nodes(&[live.clone(), dead.clone()]), &[(Warning, "dead-nodes")]),
-        (nodes(&[live.clone(), unclear]), &[(Warning, "nodes-unclear")]),
-        (nodes(&[dead]), &[(Warning, "dead-nodes")]),
-        (Inspection { unfinished: 2, ..healthy() }, &[(Warning, "half-made")]),
-        (nodes(&[]), &[(Warning, "residue")]),
-        (Inspection { entries: 3, ..nothing() }, &[(Warning, "residue")]),
+        (of(robot(&unclear)), &[(Warning, "nodes-unclear")]),
+        (of(residue), &[(Warning, "residue")]),
+        (Inspection { leftovers: 2, ..healthy() }, &[(Warning, "leftovers")]),
     ];
     for (inspection, expected) in cases {
-        assert_eq!(
-            troubles(&domain(inspection.clone())),
-            expected,
-            "{inspection:?}"
-        );
+        let domain = domain(inspection);
+        assert_eq!(troubles(&domain), expected, "{domain:?}");
     }
-    let stopped = DomainFacts {
-        stopped: vec![7],
-        ..domain(nodes(&[live.clone(), live]))
-    };
-    assert_eq!(troubles(&stopped), [(Error, "process-stopped")]);
     let late = Trouble::TookTooLong(Duration::from_secs(5));
     let unclear = DomainFacts {
-        inspection: Err(late.clone()),
-        providers: Err(late),
-        ..domain(nothing())
+        inspection: Err(late),
+        ..domain(healthy())
     };
-    let expected = [(Error, "domain-unclear"), (Error, "services-unclear")];
-    assert_eq!(troubles(&unclear), expected);
+    assert_eq!(troubles(&unclear), [(Error, "domain-unclear")]);
+}
+
+#[test]
+fn a_stopped_process_is_told_once_for_all_of_its_services() {
+    let live = member(Life::Live, 7, "bridge");
+    let other = Member {
+        service: "parameters",
+        ..live.clone()
+    };
+    let stopped = DomainFacts {
+        stopped: vec![7],
+        ..domain(of(robot(&[live, other])))
+    };
+    assert_eq!(troubles(&stopped), [(Error, "process-stopped")]);
+}
+
+#[test]
+fn what_the_dead_left_is_trouble_only_when_nobody_removes_it() {
+    let members = [
+        member(Life::Live, 7, "bridge"),
+        member(Life::Dead, 8, "ril"),
+    ];
+    let tended = domain(of(robot(&members)));
+    assert_eq!(ids(&tended), ["root-right", "processes", "dead-nodes"]);
+    assert_eq!(troubles(&tended), []);
+    let left = without_provider(of(robot(&members)));
+    assert_eq!(troubles(&left), [(Warning, "dead-nodes")]);
+    let findings = findings(&left);
+    let finding = findings.iter().find(|one| one.id == "dead-nodes").unwrap();
+    assert_eq!(
+        finding.text,
+        "left by dead processes of robot 1: ril (process 8)"
+    );
+    let next_step = finding.next_step.as_ref().unwrap();
+    assert!(next_step.contains("`ril bridge --robot 1`"), "{next_step}");
+    // Its generation has lost its provider.
+    assert!(findings.iter().any(|one| one.id == "former-generations"));
+}
+
+#[test]
+fn what_is_left_of_a_robot_names_the_processes() {
+    let dead = RobotFacts {
+        is_live: false,
+        generations: 2,
+        ..robot(&[member(Life::Dead, 8, "bridge")])
+    };
+    assert_eq!(
+        residue(&dead).text,
+        "no process of robot 1 lives; left of its shared memory: 2 generations with bridge (process 8)"
+    );
+    let nothing = RobotFacts {
+        generations: 0,
+        members: Vec::new(),
+        ..dead
+    };
+    assert!(residue(&nothing).text.ends_with(": 0 generations"));
 }
 
 #[test]
 fn what_is_not_the_domain_s_is_no_trouble() {
-    let kept = Inspection {
-        entries: 1,
-        nodes: Vec::new(),
-        strangers: vec!["/tmp/lab/letter".into()],
-        management: Vec::new(),
+    let kept = without_provider(Inspection {
+        robots: Vec::new(),
+        entries: 3,
         ..healthy()
+    });
+    assert_eq!(ids(&kept), ["root-right", "strangers"]);
+    let text = &findings(&kept)[1].text;
+    assert!(text.starts_with("2 things in /dev/shm/lab "), "{text}");
+    assert_eq!(troubles(&kept), []);
+}
+
+#[test]
+fn the_domains_of_others_are_named_while_no_robot_is_alive() {
+    let others = vec![
+        entry("/dev/shm/hero1000", true, 1000, 0o700),
+        entry("/dev/shm/lab", true, STRANGER, 0o700),
+    ];
+    let nothing = DomainFacts {
+        others: others.clone(),
+        ..without_provider(Inspection::default())
     };
-    let foreign = Inspection {
-        foreign: vec![entry("/dev/shm/lab_42", false, STRANGER, 0o600)],
-        ..healthy()
+    // The domain itself is not another one.
+    assert_eq!(ids(&nothing), ["domain-empty", "domain-of-another-user"]);
+    assert_eq!(troubles(&nothing), []);
+    let findings = findings(&nothing);
+    let [_, finding] = findings.as_slice() else {
+        panic!("{findings:?}");
     };
-    for (inspection, note) in [(kept, "strangers"), (foreign, "foreign-segments")] {
-        let facts = domain(inspection);
-        assert_eq!(troubles(&facts), []);
-        let findings = diagnose(&facts, 1);
-        assert!(findings.iter().any(|finding| finding.id == note), "{note}");
-    }
-    // What was said of a management segment is not said again.
-    let twice = Inspection {
-        foreign: vec![segment(STRANGER, 0o600, None).entry],
-        management: vec![segment(STRANGER, 0o600, None)],
-        ..healthy()
+    let text = &finding.text;
+    let expected = "user 1000 has a domain at /dev/shm/hero1000";
+    assert!(text.ends_with(expected), "{text}");
+    let next_step = finding.next_step.as_ref().unwrap();
+    assert!(next_step.contains("run as that user"), "{next_step}");
+    let healthy = DomainFacts {
+        others,
+        ..domain(healthy())
     };
-    let findings = diagnose(&domain(twice), 1);
-    assert!(
-        findings
-            .iter()
-            .all(|finding| finding.id != "foreign-segments")
-    );
+    assert_eq!(ids(&healthy), ["root-right", "processes"]);
 }
 
 #[test]
 fn processes_are_named_once_and_not_without_end() {
-    let many: Vec<NodeFacts> = (0..20).map(|pid| node(Life::Live, pid, "ril")).collect();
+    let many: Vec<Member> = (0..20).map(|pid| member(Life::Live, pid, "ril")).collect();
     let text = processes(&many.iter().collect::<Vec<_>>());
     assert!(
         text.starts_with("ril (process 0), ril (process 1), "),
         "{text}"
     );
     assert!(text.ends_with("12 more"), "{text}");
-    let two = [node(Life::Dead, 7, ""), node(Life::Dead, 7, "")];
+    let two = [member(Life::Dead, 7, ""), member(Life::Dead, 7, "")];
     assert_eq!(
         processes(&two.iter().collect::<Vec<_>>()),
-        "nameless (process 7, 2 nodes)"
+        "nameless (process 7)"
     );
-}
-
-#[test]
-fn one_process_provides_all_of_its_services() {
-    let said = |providers: &[(ServiceId, Option<Provider>)]| -> Vec<(Severity, &'static str)> {
-        let findings = services(providers, 1);
-        findings.iter().map(|one| (one.severity, one.id)).collect()
-    };
-    let all = providers([Some("bridge"), Some("status")]);
-    assert_eq!(
-        said(&all),
-        [(Note, "service-right"), (Note, "service-right")]
-    );
-    let none = providers([None, None]);
-    assert_eq!(
-        said(&none),
-        [(Note, "service-absent"), (Note, "service-absent")]
-    );
-    assert!(
-        services(&none, 3)[0]
-            .next_step
-            .as_ref()
-            .unwrap()
-            .contains("ril bridge --robot 3")
-    );
-
-    let mut half = all.clone();
-    half.retain(|(service, _)| *service != ServiceId::Movement);
-    half.push((ServiceId::Movement, None));
-    assert_eq!(said(&half)[0], (Warning, "service-incomplete"));
-    assert!(services(&half, 1)[0].text.contains("but not movement"));
-    half.pop();
-    half.push((
-        ServiceId::Movement,
-        Some(Provider {
-            pid: 99,
-            process: "other".to_owned(),
-            since_ns: 1,
-        }),
-    ));
-    assert_eq!(said(&half)[0], (Warning, "service-divided"));
-}
-
-#[test]
-fn memory_is_enough_for_one_more_process_or_it_is_an_error() {
-    for (free, severity, text) in [
-        (Ok(REQUIRED_SHM_BYTES), Note, "32 MiB free"),
-        (
-            Ok(REQUIRED_SHM_BYTES - 1),
-            Error,
-            "31 MiB free, each process needs 32 MiB",
-        ),
-        (
-            Err(Trouble::Failed("no such folder".to_owned())),
-            Error,
-            "failed: no such folder",
-        ),
-    ] {
-        let finding = memory(&free);
-        assert_eq!(finding.severity, severity, "{finding:?}");
-        assert!(finding.text.contains(text), "{finding:?}");
-        assert_eq!(finding.next_step.is_some(), severity > Note);
-    }
 }
