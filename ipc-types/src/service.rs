@@ -182,6 +182,11 @@ impl ServiceId {
         &SERVICES[self as usize]
     }
 
+    /// The module whose process provides it, such as `bridge`.
+    pub const fn provider(self) -> &'static str {
+        CONTRACTS[self as usize].provider
+    }
+
     /// The service's name, such as `hero/1/dsp_telemetry`.
     pub fn name(self, robot: RobotId) -> String {
         service_name(robot, self.spec().key)
@@ -196,7 +201,7 @@ impl ServiceId {
 }
 
 /// The robot's own service with this key; nothing when it is a module's.
-pub(crate) fn own(key: &str) -> Option<ServiceId> {
+pub fn own(key: &str) -> Option<ServiceId> {
     let spec = SERVICES.iter().find(|spec| spec.key == key);
     spec.map(|spec| spec.id)
 }
@@ -638,7 +643,6 @@ mod tests {
             assert_eq!(spec.id.name(robot(7)), contract.name(robot(7)));
             assert!(is_key(spec.key));
         }
-        assert_eq!(MovementData::SERVICE, ServiceId::Movement);
         let waypoint = MovementData {
             path_id: 9,
             ..MovementData::land(4)

@@ -150,7 +150,7 @@ fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
         let mut epochs = Vec::new();
         for round in 1..=3 {
             let mut publisher = Role::ready(domain, "publisher", "published");
-            let provider = ipc.provider(ServiceId::DspTelemetry).unwrap().unwrap();
+            let provider = ipc.provider("dsp_telemetry").unwrap().unwrap();
             assert_eq!(provider.pid, publisher.child.id());
             until("three samples", || {
                 subscriber.wait(WATCHDOG).unwrap();
@@ -163,7 +163,7 @@ fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
                 heard.len() >= 3 * round
             });
             publisher.kill();
-            assert_eq!(ipc.provider(ServiceId::DspTelemetry).unwrap(), None);
+            assert_eq!(ipc.provider("dsp_telemetry").unwrap(), None);
         }
         assert_eq!(heard, [1, 2, 3, 1, 2, 3, 1, 2, 3]);
         epochs.dedup();
@@ -488,7 +488,7 @@ fn what_the_dead_left_is_removed_by_the_next_process() {
         roles.iter_mut().for_each(Role::kill);
         assert!(!domain.residue().is_empty());
         let next = join(domain, "next");
-        assert_eq!(next.provider(ServiceId::DspTelemetry).unwrap(), None);
+        assert_eq!(next.provider("dsp_telemetry").unwrap(), None);
         drop(next);
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
     });

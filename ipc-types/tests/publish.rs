@@ -101,7 +101,7 @@ fn a_subscriber_may_be_there_first() {
     in_domain(|domain| {
         let ipc = join(domain, "consumer");
         let mut subscriber = ipc.subscriber::<HeroTelemetry>().unwrap();
-        assert_eq!(ipc.provider(ServiceId::HeroTelemetry).unwrap(), None);
+        assert_eq!(ipc.provider("hero_telemetry").unwrap(), None);
         let (seen, is_seen) = std::sync::mpsc::channel::<()>();
         let domain = domain.clone();
         let status = thread::spawn(move || {
@@ -206,13 +206,13 @@ fn a_robot_has_one_publisher_and_a_second_learns_who_it_is() {
             text.contains("hero/1/dsp_telemetry") && text.contains(&process),
             "{text}"
         );
-        let provider = second.provider(ServiceId::DspTelemetry).unwrap().unwrap();
+        let provider = second.provider("dsp_telemetry").unwrap().unwrap();
         assert_eq!(
             (provider.pid, provider.process.as_str()),
             (std::process::id(), "bridge")
         );
         drop(publisher);
-        assert_eq!(second.provider(ServiceId::DspTelemetry).unwrap(), None);
+        assert_eq!(second.provider("dsp_telemetry").unwrap(), None);
         assert!(second.publisher::<DspTelemetry>().is_ok());
     });
 }

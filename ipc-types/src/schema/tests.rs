@@ -511,69 +511,21 @@ proptest! {
 }
 
 #[test]
-fn a_stored_schema_is_found_by_its_key() {
+fn a_file_that_is_no_schema_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let topics = folder.path().join("topics");
-    assert_eq!(names(&topics).unwrap(), [""; 0]);
-    let missing = load(&topics, "battery_watch/cells").unwrap_err();
-    assert!(matches!(missing, LoadError::Missing(_)), "{missing}");
-    store(&topics, "battery_watch/cells", "old").unwrap();
-    store(&topics, "battery_watch/cells", BATTERY).unwrap();
-    store(&topics, "module_state", &text(ModuleState::LAYOUT)).unwrap();
-    assert_eq!(
-        load(&topics, "battery_watch/cells").unwrap(),
-        Schema::of::<Battery>()
-    );
-    assert_eq!(
-        names(&topics).unwrap(),
-        ["battery_watch/cells", "module_state"]
-    );
-    assert_eq!(
-        fs::read_dir(&topics).unwrap().count(),
-        2,
-        "no drafts are left"
-    );
-}
-
-#[test]
-fn a_key_never_leaves_the_folder_and_a_file_that_is_no_schema_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    for key in [
-        "",
-        "/",
-        "../x",
-        "a/../b",
-        "a.b",
-        "a//b",
-        "/a",
-        "a/",
-        "A",
-        "a b",
-        "a/requests",
-        &"a".repeat(65),
-    ] {
-        assert!(store(folder.path(), key, BATTERY).is_err(), "{key}");
-        assert!(
-            matches!(load(folder.path(), key), Err(LoadError::Missing(_))),
-            "{key}"
-        );
-    }
-    store(folder.path(), "a", "uint8 x").unwrap();
-    assert!(matches!(
-        load(folder.path(), "a"),
-        Err(LoadError::Invalid { .. })
-    ));
-    store(folder.path(), "a", &" ".repeat(MAX_TEXT_LEN + 10)).unwrap();
-    assert!(matches!(
-        load(folder.path(), "a"),
-        Err(LoadError::Invalid { .. })
-    ));
-    fs::write(folder.path().join("a.msg"), [0xff]).unwrap();
-    fs::create_dir(folder.path().join("b.msg")).unwrap();
-    for key in ["a", "b"] {
-        assert!(
-            matches!(load(folder.path(), key), Err(LoadError::Unreadable { .. })),
-            "{key}"
-        );
-    }
+    let path = folder.path().join("schema.msg");
+    let is_unreadable = || matches!(load(&path), Err(LoadError::Unreadable { .. }));
+    let is_invalid = || matches!(load(&path), Err(LoadError::Invalid { .. }));
+    assert!(is_unreadable());
+    fs::write(&path, BATTERY).unwrap();
+    assert_eq!(load(&path).unwrap(), Schema::of::<Battery>());
+    fs::write(&path, "uint8 x").unwrap();
+    assert!(is_invalid());
+    fs::write(&path, " ".repeat(MAX_TEXT_LEN + 10)).unwrap();
+    assert!(is_invalid());
+    fs::write(&path, [0xff]).unwrap();
+    assert!(is_unreadable());
+    fs::remove_file(&path).unwrap();
+    fs::create_dir(&path).unwrap();
+    assert!(is_unreadable());
 }

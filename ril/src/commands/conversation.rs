@@ -118,7 +118,7 @@ impl<'a, R: Request> Conversation<'a, R> {
     fn send(&mut self, request: &R) -> Result<(), Failure> {
         match self.client.send(request) {
             Ok(()) => Ok(()),
-            Err(SendError::NoServer { .. }) => Err(absent(R::SERVICE, self.session.ipc.robot())),
+            Err(SendError::NoServer { .. }) => Err(absent(R::KEY, self.session.ipc.robot())),
             Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
             Err(error @ (SendError::TooManyOutstanding | SendError::Failed(_))) => {
                 Err(Failure::internal(error))

@@ -19,8 +19,9 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::time::Duration;
 
+use ipc_types::service::CONTRACTS;
 use ipc_types::{
-    Descriptor, Domain, Ipc, MonotonicNs, Place, RobotId, ServiceId, Source, Waiter, wake_promptly,
+    Descriptor, Domain, Ipc, MonotonicNs, Place, RobotId, Source, Waiter, wake_promptly,
 };
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -73,48 +74,49 @@ impl Session {
         Ok(())
     }
 
-    /// Whether a live process provides `service`.
-    fn is_provided(&self, service: ServiceId) -> Result<bool, Failure> {
-        let provider = self.ipc.provider(service).or_fail(ExitCode::Internal)?;
+    /// Whether a live process provides the service `key`.
+    fn is_provided(&self, key: &str) -> Result<bool, Failure> {
+        let provider = self.ipc.provider(key).or_fail(ExitCode::Internal)?;
         Ok(provider.is_some())
     }
 
-    /// The failure that nothing of `service` came in time: no process provides it, or its provider publishes nothing.
-    fn nothing_came(&self, service: ServiceId, timeout: Duration) -> Result<Failure, Failure> {
+    /// The failure that nothing of the topic `key` came in time: no process provides it, or its provider publishes nothing.
+    fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
         let robot = self.ipc.robot();
-        if !self.is_provided(service)? {
-            return Ok(absent(service, robot));
+        if !self.is_provided(key)? {
+            return Ok(absent(key, robot));
         }
-        let name = service.spec().key;
-        let text = format!(
-            "nothing came from {name} of robot {robot} in {timeout:?}, although `ril {}` is running: \
-             `ril state --robot {robot}` shows the link to the DSP",
-            process_of(service)
-        );
+        let text = match process_of(key) {
+            Some(process) => format!(
+                "nothing came from {key} of robot {robot} in {timeout:?}, although `ril {process}` is running: \
+                 `ril state --robot {robot}` shows the link to the DSP"
+            ),
+            None => format!(
+                "nothing came from {key} of robot {robot} in {timeout:?}, although its module is running: wait longer \
+                 with --timeout"
+            ),
+        };
         Ok(Failure::new(ExitCode::Timeout, text))
     }
 }
 
-/// The failure that no process provides `service`; other robots that are alive are named.
-fn absent(service: ServiceId, robot: RobotId) -> Failure {
-    let (name, process) = (service.spec().key, process_of(service));
+/// The failure that no process provides the service `key`; other robots that are alive are named.
+fn absent(key: &str, robot: RobotId) -> Failure {
+    let start = match process_of(key) {
+        Some(process) => format!("start `ril {process} --robot {robot}`"),
+        None => "start the module that provides it".to_owned(),
+    };
     let text = format!(
-        "no process provides {name} of robot {robot}: start `ril {process} --robot {robot}` and try again{}",
+        "no process provides {key} of robot {robot}: {start} and try again{}",
         robot::others_alive(robot)
     );
     Failure::new(ExitCode::ServiceAbsent, text)
 }
 
-/// The process that provides `service`.
-fn process_of(service: ServiceId) -> &'static str {
-    match service {
-        ServiceId::HeroTelemetry => "status",
-        ServiceId::DspTelemetry
-        | ServiceId::ModuleState
-        | ServiceId::ModuleControl
-        | ServiceId::Movement
-        | ServiceId::Parameters => "bridge",
-    }
+/// The process that provides the service `key`; nothing when that is a module of somebody else's.
+fn process_of(key: &str) -> Option<&'static str> {
+    let contract = CONTRACTS.iter().find(|contract| contract.key == key);
+    contract.map(|contract| contract.provider)
 }
 
 /// Writes `value` as one line of JSON.

@@ -3,7 +3,8 @@
 //! A robot is alive when a process serves its movements, which is its bridge. The default stays robot 1 also when the only
 //! robot that is alive is another one: a robot that was not named is never commanded in place of the default.
 
-use ipc_types::{Domain, RobotId, ServiceId};
+use ipc_types::payload::MovementData;
+use ipc_types::{Domain, Request, RobotId};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::cli::RobotChoice;
@@ -40,7 +41,7 @@ pub(super) fn others_alive(robot: RobotId) -> String {
 fn alive() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     domain
-        .robots(ServiceId::Movement)
+        .robots(MovementData::KEY)
         .or_fail(ExitCode::Internal)
 }
 

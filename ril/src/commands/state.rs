@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, ReceiveError, ServiceId, Subscriber, Topic};
+use ipc_types::{MonotonicNs, ReceiveError, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::state_report::{Sample, StateReport};
@@ -36,7 +36,7 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         newest.drain();
     }
     let Some(state) = &newest.state.sample else {
-        return Err(session.nothing_came(ServiceId::ModuleState, timeout)?);
+        return Err(session.nothing_came(ModuleState::KEY, timeout)?);
     };
     let now = MonotonicNs::now();
     let robot = session.ipc.robot().get();
@@ -117,6 +117,6 @@ impl Newest {
         if self.dsp.sample.is_none() {
             return Ok(false);
         }
-        Ok(self.hero.sample.is_some() || !session.is_provided(ServiceId::HeroTelemetry)?)
+        Ok(self.hero.sample.is_some() || !session.is_provided(HeroTelemetry::KEY)?)
     }
 }

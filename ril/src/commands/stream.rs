@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
-use ipc_types::service::SERVICES;
+use ipc_types::service::own;
 use ipc_types::{
-    DynamicError, DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, ServiceId, Source,
+    DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source,
     Subscriber, Topic, dynamic,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -49,45 +49,24 @@ impl Watched {
         }
     }
 
-    /// The robot's own service that it is; nothing when it is a module's.
-    pub fn own(&self) -> Option<ServiceId> {
-        own(&self.key)
-    }
-
-    /// Whether a live process publishes it. Of a module's topic that is not known: who watches it waits, as long as the
-    /// operator likes.
+    /// Whether a live process publishes it.
     fn is_provided(&self, session: &Session) -> Result<bool, Failure> {
-        self.own().map_or(Ok(true), |own| session.is_provided(own))
+        session.is_provided(&self.key)
     }
 
     /// The failure that nothing came in time.
     pub fn nothing_came(&self, session: &Session, timeout: Duration) -> Result<Failure, Failure> {
-        if let Some(own) = self.own() {
-            return session.nothing_came(own, timeout);
-        }
-        let (key, robot) = (&self.key, session.ipc.robot());
-        let text = format!(
-            "nothing came from {key} of robot {robot} in {timeout:?}: see whether the module that publishes it is \
-             running, or wait longer with --timeout"
-        );
-        Ok(Failure::new(ExitCode::Timeout, text))
+        session.nothing_came(&self.key, timeout)
     }
-}
-
-/// The robot's own service with this key.
-fn own(key: &str) -> Option<ServiceId> {
-    let spec = SERVICES.iter().find(|spec| spec.key == key);
-    spec.map(|spec| spec.id)
 }
 
 /// The failure that there is no topic `key`, with what there is.
 pub(super) fn missing(session: &Session, key: &str) -> Failure {
-    if let Some(own) = own(key) {
-        return super::absent(own, session.ipc.robot());
+    if own(key).is_some() {
+        return super::absent(key, session.ipc.robot());
     }
     let robot = session.ipc.robot();
     let keys: Vec<String> = dynamic::topics(&session.ipc)
-        .unwrap_or_default()
         .into_iter()
         .map(|topic| topic.key)
         .collect();
@@ -103,24 +82,15 @@ pub(super) fn missing(session: &Session, key: &str) -> Failure {
 /// Where samples come from.
 pub(super) trait Samples: Source {
     /// Hands on the bytes of every sample that is there.
-    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, DrainError>;
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError>;
 
     /// What was received and missed so far.
     fn losses(&self) -> Losses;
 }
 
-/// Samples could not be received; the next call tries again.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum DrainError {
-    #[error(transparent)]
-    Typed(#[from] ReceiveError),
-    #[error(transparent)]
-    Dynamic(#[from] DynamicError),
-}
-
 impl<T: Topic> Samples for Subscriber<T> {
-    fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, DrainError> {
-        Ok(Subscriber::drain(self, |sample| take(sample.bytes()))?)
+    fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        Subscriber::drain(self, |sample| take(sample.bytes()))
     }
 
     fn losses(&self) -> Losses {
@@ -129,8 +99,8 @@ impl<T: Topic> Samples for Subscriber<T> {
 }
 
 impl Samples for DynamicSubscriber {
-    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, DrainError> {
-        Ok(DynamicSubscriber::drain(self, take)?)
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        DynamicSubscriber::drain(self, take)
     }
 
     fn losses(&self) -> Losses {
@@ -144,10 +114,7 @@ impl Samples for DynamicSubscriber {
 ///
 /// Code 3 when nobody publishes it, 1 for other trouble.
 pub(super) fn open(session: &Session, watched: &Watched) -> Result<DynamicSubscriber, Failure> {
-    match DynamicSubscriber::open(&session.ipc, &watched.key, &watched.schema) {
-        Err(DynamicError::Absent(_)) => Err(missing(session, &watched.key)),
-        opened => opened.or_fail(ExitCode::Internal),
-    }
+    DynamicSubscriber::open(&session.ipc, &watched.key, &watched.schema).or_fail(ExitCode::Internal)
 }
 
 /// What is done with the samples.

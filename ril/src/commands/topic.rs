@@ -6,8 +6,8 @@ use std::io::{self, Write};
 
 use ipc_types::dynamic::{self, TopicFacts};
 use ipc_types::schema::{Field, Kind, Message};
-use ipc_types::{DynamicError, Schema};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use ipc_types::Schema;
+use runtime::exit::Failure;
 use serde::Serialize;
 
 use super::stream::Watched;
@@ -42,9 +42,9 @@ struct TopicObject<'a> {
     #[serde(rename = "type")]
     type_name: &'a str,
     bytes: usize,
-    layout_hash: Option<String>,
-    /// Whether its schema can be had, so that it can be printed.
-    described: bool,
+    layout_hash: String,
+    /// Whether its publisher lives.
+    live: bool,
 }
 
 fn list(args: &TopicListArgs) -> Result<(), Failure> {
@@ -52,7 +52,7 @@ fn list(args: &TopicListArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let session = Session::join(&args.common)?;
-    let topics = topics(&session)?;
+    let topics = dynamic::topics(&session.ipc);
     let mut out = io::stdout().lock();
     if !args.json {
         return out
@@ -64,19 +64,14 @@ fn list(args: &TopicListArgs) -> Result<(), Failure> {
             schema: "ril.Topic.v1",
             robot: session.ipc.robot().get(),
             key: &topic.key,
-            type_name: &topic.type_name,
-            bytes: topic.size,
-            layout_hash: topic.layout_hash.map(|hash| format!("{hash:016x}")),
-            described: dynamic::schema_of(&session.ipc, &topic.key).is_ok(),
+            type_name: topic.schema.type_name(),
+            bytes: topic.schema.size(),
+            layout_hash: format!("{:016x}", topic.schema.layout_hash()),
+            live: topic.provider.is_some(),
         };
         json_line(&mut out, &object)?;
     }
     Ok(())
-}
-
-fn topics(session: &Session) -> Result<Vec<TopicFacts>, Failure> {
-    let topics: Result<_, DynamicError> = dynamic::topics(&session.ipc);
-    topics.or_fail(ExitCode::Internal)
 }
 
 /// A line for each topic.
@@ -85,14 +80,16 @@ fn table(topics: &[TopicFacts]) -> String {
         let widths = topics.iter().map(|topic| column(topic).len());
         widths.max().unwrap_or_default()
     };
-    let (key, type_name) = (width(|topic| &topic.key), width(|topic| &topic.type_name));
+    let (key, type_name) = (width(|topic| &topic.key), width(|topic| topic.schema.type_name()));
     let mut text = String::new();
     for topic in topics {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
             "{:key$}  {:type_name$}  {:>6} B",
-            topic.key, topic.type_name, topic.size
+            topic.key,
+            topic.schema.type_name(),
+            topic.schema.size()
         );
     }
     text
@@ -132,7 +129,7 @@ fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
     }
     let session = Session::join(&args.common)?;
     let watched = Watched::find(&session, &args.topic)?;
-    let is_open = topics(&session)?
+    let is_open = dynamic::topics(&session.ipc)
         .iter()
         .any(|topic| topic.key == watched.key);
     let mut out = io::stdout().lock();

@@ -295,8 +295,8 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
 fn providers(domain: &Domain) -> Look<Vec<Provided>> {
     let mut provided = Vec::new();
     for spec in &SERVICES {
-        for robot in domain.robots(spec.id).map_err(failed)? {
-            let Some(by) = domain.provider(robot, spec.id).map_err(failed)? else {
+        for robot in domain.robots(spec.key).map_err(failed)? {
+            let Some(by) = domain.provider(robot, spec.key).map_err(failed)? else {
                 continue;
             };
             provided.push(Provided {
@@ -337,7 +337,7 @@ fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<
         let members = robot.members.iter();
         pids.extend(
             members
-                .filter(|member| member.life == Life::Live && !is_elsewhere(member.service))
+                .filter(|member| member.life == Life::Live && !is_elsewhere(&member.service))
                 .map(|member| member.pid),
         );
     }

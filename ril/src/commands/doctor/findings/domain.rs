@@ -7,7 +7,6 @@ use ipc_types::{RobotId, ServiceId};
 
 use super::super::facts::{DomainFacts, Provided};
 use super::{About, Finding, Subject, count, services};
-use crate::commands::process_of;
 
 const DOMAIN: About = About(Subject::Domain);
 
@@ -174,7 +173,7 @@ fn dead<'a>(robot: &RobotFacts, provided: impl Iterator<Item = &'a Provided>) ->
         .collect();
     let (passing, left): (Vec<&Member>, Vec<&Member>) = members(robot, Life::Dead)
         .into_iter()
-        .partition(|member| tended.contains(&member.service));
+        .partition(|member| tended.contains(&member.service.as_str()));
     let mut findings = Vec::new();
     if !passing.is_empty() {
         let text = format!(
@@ -251,7 +250,7 @@ fn commands(members: &[&Member], robot: RobotId) -> String {
         .iter()
         .map(|spec| spec.id)
         .filter(is_concerned)
-        .map(process_of)
+        .map(ServiceId::provider)
         .collect();
     let commands: Vec<String> = concerned
         .iter()

@@ -4,7 +4,6 @@ use ipc_types::service::SERVICES;
 
 use super::super::facts::{DomainFacts, Namespace, Provided};
 use super::{About, Finding, Subject};
-use crate::commands::process_of;
 
 const SERVICES_OF_ROBOT: About = About(Subject::Services);
 
@@ -27,7 +26,7 @@ pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
     for command in ["bridge", "status"] {
         let of_command: Vec<&Provided> = providers
             .iter()
-            .filter(|one| one.robot.get() == robot && process_of(one.service) == command)
+            .filter(|one| one.robot.get() == robot && one.service.provider() == command)
             .collect();
         findings.push(one_process(command, &of_command, robot));
         for process in distinct(&of_command) {
@@ -43,7 +42,7 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
     let keys = |wanted: bool| -> String {
         let of_command = SERVICES
             .iter()
-            .filter(|spec| process_of(spec.id) == command);
+            .filter(|spec| spec.id.provider() == command);
         let keys: Vec<&str> = of_command
             .filter(|spec| provided.iter().any(|one| one.service == spec.id) == wanted)
             .map(|spec| spec.key)
@@ -123,7 +122,7 @@ fn bridge(domain: &DomainFacts, robot: u32) -> Option<&Provided> {
     let providers = domain.providers.as_ref().ok()?;
     providers
         .iter()
-        .find(|one| one.robot.get() == robot && process_of(one.service) == "bridge")
+        .find(|one| one.robot.get() == robot && one.service.provider() == "bridge")
 }
 
 /// The live bridge of `robot`, if its process id means something here.
@@ -164,7 +163,7 @@ mod tests {
 
     /// A bridge and a status, whole.
     fn all() -> Vec<Provided> {
-        let of = |spec: &ipc_types::service::ServiceSpec| match process_of(spec.id) {
+        let of = |spec: &ipc_types::service::ServiceSpec| match spec.id.provider() {
             "bridge" => provided(spec.id, "bridge", 7),
             process => provided(spec.id, process, 8),
         };

@@ -29,7 +29,7 @@ fn member(life: Life, pid: u32, process: &str) -> Member {
         life,
         pid,
         process: process.to_owned(),
-        service: "movement",
+        service: "movement".to_owned(),
     }
 }
 
