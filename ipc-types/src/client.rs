@@ -193,7 +193,8 @@ impl<R: Request> Client<R> {
             return Err(SendError::TooManyOutstanding);
         }
         let server_since_ns = self.server.look().ok_or_else(|| self.no_server())?;
-        self.follow().map_err(|error| SendError::Failed(error.to_string()))?;
+        self.follow()
+            .map_err(|error| SendError::Failed(error.to_string()))?;
         let port = self.port.as_ref().ok_or_else(|| self.no_server())?;
         let pending = port.deliver(request)?;
         if pending.number_of_server_connections() == 0 {

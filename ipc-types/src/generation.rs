@@ -14,7 +14,9 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use iceoryx2::prelude::{Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode};
+use iceoryx2::prelude::{
+    Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode,
+};
 use rustix::fs::FlockOperation;
 
 use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
@@ -93,8 +95,7 @@ impl Generation {
     ) -> Result<Generation, EnterError> {
         let name = random::name(GENERATION_LEN);
         let draft = service.join(format!("{name}{DRAFT}"));
-        let created =
-            files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
+        let created = files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
         created.map_err(|error| DomainError::io("create", &draft, error))?;
         // Locked before it gets its name: a folder without a lock belongs to nobody.
         let lock = open_lock_file(&draft.join(LOCK_FILE))?.ok_or(EnterError::Ended)?;
@@ -148,8 +149,8 @@ impl Generation {
             path,
             prefix,
         };
-        let node_name = NodeName::new(process_name)
-            .map_err(|error| EnterError::Node(format!("{error:?}")))?;
+        let node_name =
+            NodeName::new(process_name).map_err(|error| EnterError::Node(format!("{error:?}")))?;
         let node = files::while_no_port_opens(|| {
             NodeBuilder::new()
                 .name(&node_name)
@@ -295,7 +296,11 @@ fn config(path: &Path, prefix: &str) -> Result<Config, DomainError> {
 }
 
 /// What iceoryx2 is told of a generation.
-pub(crate) fn config_of(domain: &Domain, service: &Path, name: &str) -> Result<Config, DomainError> {
+pub(crate) fn config_of(
+    domain: &Domain,
+    service: &Path,
+    name: &str,
+) -> Result<Config, DomainError> {
     config(&service.join(name), &prefix(domain, name))
 }
 

@@ -73,7 +73,9 @@ pub enum OpenError {
         service: String,
     },
     /// iceoryx2 failed.
-    #[error("service `{service}` cannot be opened ({reason}): try again; `ril doctor` looks for the cause")]
+    #[error(
+        "service `{service}` cannot be opened ({reason}): try again; `ril doctor` looks for the cause"
+    )]
     Failed {
         /// Name of the service.
         service: String,
@@ -207,12 +209,22 @@ fn specifier(contract: &Contract, robot: RobotId) -> Result<AttributeSpecifier, 
 }
 
 /// The layout of a service that is there: type names and hash.
-fn layout_of(generation: &Generation, name: &ServiceName, pattern: MessagingPattern) -> Option<String> {
-    let details = Svc::details(name, generation.config(), pattern).ok().flatten()?;
+fn layout_of(
+    generation: &Generation,
+    name: &ServiceName,
+    pattern: MessagingPattern,
+) -> Option<String> {
+    let details = Svc::details(name, generation.config(), pattern)
+        .ok()
+        .flatten()?;
     let types = match pattern {
         MessagingPattern::PublishSubscribe => {
             let payload = details.static_details.publish_subscribe();
-            payload.message_type_details().payload.type_name().to_string()
+            payload
+                .message_type_details()
+                .payload
+                .type_name()
+                .to_string()
         }
         _ => {
             let config = details.static_details.request_response();
@@ -276,8 +288,8 @@ pub(crate) fn open_topic(
     #[allow(unsafe_code)]
     let builder = unsafe { builder.__internal_set_payload_type_details(&payload) };
     let attributes = expected.verifier()?;
-    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
-        |error| match error {
+    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
+        match error {
             Error::IncompatibleTypes | Error::IncompatibleAttributes => {
                 expected.mismatch(layout_of(generation, &name, pattern))
             }
@@ -285,8 +297,8 @@ pub(crate) fn open_topic(
                 full(&expected.name, ("processes", service::MAX_NODES))
             }
             error => failed(&expected.name, error),
-        },
-    )
+        }
+    })
 }
 
 /// Makes the request service of `R`.
@@ -328,8 +340,8 @@ pub(crate) fn open_request<R: Request>(
         .node()
         .service_builder(&name)
         .request_response::<R, RequestReport>();
-    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
-        |error| match error {
+    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
+        match error {
             Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => expected
                 .mismatch(layout_of(
                     generation,
@@ -340,8 +352,8 @@ pub(crate) fn open_request<R: Request>(
                 full(&expected.name, ("processes", service::MAX_NODES))
             }
             error => failed(&expected.name, error),
-        },
-    )
+        }
+    })
 }
 
 /// Makes a port.

@@ -56,9 +56,7 @@ impl Membership {
             make_folder(domain.root())?;
             match make_folder(&folder) {
                 // The last process of another robot has removed the root in this moment.
-                Err(DomainError::Io { source, .. })
-                    if source.kind() == io::ErrorKind::NotFound =>
-                {
+                Err(DomainError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
                     continue;
                 }
                 result => result?,
@@ -123,10 +121,7 @@ impl Drop for Membership {
             // It has nothing to say, and a panic in it has been reported.
             let _ = cleaner.join();
         }
-        let path = self
-            .domain
-            .robot_folder(self.robot)
-            .join(DOORBELL_FILE);
+        let path = self.domain.robot_folder(self.robot).join(DOORBELL_FILE);
         let is_last = flock(&self.lock, FlockOperation::NonBlockingLockExclusive, &path);
         if !is_last.unwrap_or(false) || !is_at(&self.lock, &path) {
             return;

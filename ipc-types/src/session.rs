@@ -240,9 +240,8 @@ mod tests {
     #[test]
     fn nothing_of_a_robot_is_left_when_the_last_has_gone() {
         let domain = Domain::isolated();
-        let [one, other] = [1, 7].map(|robot| {
-            Ipc::join(&domain, RobotId::new(robot).unwrap(), "test").unwrap()
-        });
+        let [one, other] =
+            [1, 7].map(|robot| Ipc::join(&domain, RobotId::new(robot).unwrap(), "test").unwrap());
         assert!(domain.robot_folder(one.robot()).is_dir());
         drop(one);
         assert!(domain.root().is_dir());

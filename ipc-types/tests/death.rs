@@ -15,7 +15,7 @@ use std::time::Duration;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
 use ipc_types::{
-    Domain, Ipc, Publisher, Removal, ReportError, RobotId, Server, ServiceId, Source, Ticket, Waiter, Wake,
+    Domain, Ipc, Publisher, Removal, ReportError, RobotId, Server, Source, Ticket, Waiter, Wake,
     fresh_request_id,
 };
 use rustix::process::{Pid, Signal, kill_process};
@@ -47,10 +47,7 @@ const TESTS: &[(&str, fn())] = &[
         "a_stopped_subscriber_holds_up_nobody",
         a_stopped_subscriber_holds_up_nobody,
     ),
-    (
-        "a_signal_ends_a_wait",
-        a_signal_ends_a_wait,
-    ),
+    ("a_signal_ends_a_wait", a_signal_ends_a_wait),
     (
         "kills_during_start_up_do_not_keep_the_next_from_starting",
         kills_during_start_up_do_not_keep_the_next_from_starting,
@@ -421,7 +418,10 @@ fn consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing() {
             publisher.tend();
             publisher.publish(|_| {}).unwrap();
             received += subscriber.drain(|_| {}).unwrap();
-            assert_eq!((received as u64, subscriber.losses().lost), (publisher.sequence(), 0));
+            assert_eq!(
+                (received as u64, subscriber.losses().lost),
+                (publisher.sequence(), 0)
+            );
         };
         publish(&mut publisher);
         let (before, descriptors) = (domain.residue().len(), open_descriptors());

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{Ipc, MonotonicNs, Subscriber};
+use ipc_types::{MonotonicNs, Subscriber};
 use ril_tests::process::{Signal, Stream, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, TestDomain, Watchdog};
 
@@ -161,7 +161,6 @@ pub fn end(mut process: Process) {
 /// The end of the chain: it hears what simulator, bridge and status make together.
 pub struct Witness {
     telemetry: Subscriber<HeroTelemetry>,
-    ipc: Ipc,
 }
 
 impl Witness {
@@ -170,7 +169,6 @@ impl Witness {
         let ipc = site.domain.join("witness");
         Witness {
             telemetry: ipc.subscriber().expect("a subscriber"),
-            ipc,
         }
     }
 
@@ -189,11 +187,6 @@ impl Witness {
                 .drain(|sample| is_heard |= sample.received_ns > moment.0);
         }
         MonotonicNs::now()
-    }
-
-    /// Its part in the domain.
-    pub fn ipc(&self) -> &Ipc {
-        &self.ipc
     }
 }
 

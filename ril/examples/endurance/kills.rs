@@ -214,7 +214,6 @@ impl<'a> Loop<'a> {
         await_ready(self.victim, &mut self.process);
         let start_up = MonotonicNs::now().since(started);
         self.witness.hear_after(started);
-        self.witness.ipc().clean_dead();
         self.things = self.settled(|of| of.site.domain.residue(), Vec::len);
         self.own_descriptors = Holdings::of(std::process::id()).descriptors;
         start_up
