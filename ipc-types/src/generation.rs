@@ -22,6 +22,7 @@ use rustix::fs::FlockOperation;
 use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
 use crate::domain_error::DomainError;
 use crate::iox::{Node, NodeBuilder, Svc};
+use crate::provider::LockWatch;
 use crate::robot_folder::{flock, is_at, is_ours, open_lock_file, open_to_look};
 use crate::schema::{self, LoadError, Schema};
 use crate::service::{MAX_KEY_LEN, is_key};
@@ -29,6 +30,9 @@ use crate::{files, random};
 
 /// The file whose lock says that somebody is in the generation.
 const LOCK_FILE: &str = "lock";
+
+/// The file that the provider has locked for as long as it publishes or serves in the generation.
+const PROVIDER_FILE: &str = "provider";
 
 /// The file with the name of the generation that lives.
 const CURRENT_FILE: &str = "current";
@@ -52,6 +56,8 @@ pub(crate) struct Generation {
     /// Nothing only while dropping: the node must go before the lock.
     node: Option<Node>,
     lock: File,
+    /// What tells the others that the provider is there; the provider alone has it.
+    _provider: Option<File>,
     config: Config,
     name: String,
     path: PathBuf,
@@ -103,10 +109,16 @@ impl Generation {
         if !flock(&lock, FlockOperation::NonBlockingLockShared, &path)? {
             return Err(EnterError::Ended);
         }
+        let provider = open_lock_file(&draft.join(PROVIDER_FILE))?.ok_or(EnterError::Ended)?;
+        if !flock(&provider, FlockOperation::NonBlockingLockExclusive, &path)? {
+            return Err(EnterError::Ended);
+        }
         match fs::rename(&draft, &path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Err(EnterError::Ended),
             Err(error) => Err(DomainError::io("rename", &draft, error).into()),
-            Ok(()) => Generation::with_node(domain, name, path, lock, process_name),
+            Ok(()) => {
+                Generation::with_node(domain, name, path, lock, Some(provider), process_name)
+            }
         }
     }
 
@@ -129,7 +141,7 @@ impl Generation {
         {
             return Err(EnterError::Ended);
         }
-        Generation::with_node(domain, name.to_owned(), path, lock, process_name)
+        Generation::with_node(domain, name.to_owned(), path, lock, None, process_name)
     }
 
     fn with_node(
@@ -137,6 +149,7 @@ impl Generation {
         name: String,
         path: PathBuf,
         lock: File,
+        provider: Option<File>,
         process_name: &str,
     ) -> Result<Generation, EnterError> {
         let prefix = prefix(domain, &name);
@@ -144,6 +157,7 @@ impl Generation {
         let mut generation = Generation {
             node: None,
             lock,
+            _provider: provider,
             config,
             name,
             path,
@@ -173,6 +187,11 @@ impl Generation {
 
     pub(crate) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Tells whether the provider is still there.
+    pub(crate) fn watch(&self) -> LockWatch {
+        LockWatch::new(self.path.join(PROVIDER_FILE))
     }
 
     /// Lays the schema of its content beside it.
