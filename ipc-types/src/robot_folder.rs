@@ -129,6 +129,12 @@ impl Drop for Membership {
         if let Some(folder) = set_aside(&self.domain, self.robot) {
             delete(&self.domain, &folder);
         }
+        // The last process of another robot may have been killed, and nobody come after it.
+        for robot in robots(&self.domain) {
+            if let Err(error) = delete_if_dead(&self.domain, robot) {
+                tracing::debug!(%robot, %error, "a dead robot was left behind");
+            }
+        }
         // Fails while another robot is there.
         let _ = fs::remove_dir(self.domain.root());
     }
