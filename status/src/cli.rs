@@ -1,9 +1,6 @@
 //! The command line, for the binary `status` and for the command `ril status`.
 
-use std::io;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use ipc_types::{Domain, RobotId};
 use runtime::args::CommonArgs;
@@ -11,7 +8,6 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use runtime::{config, logging};
-use signal_hook::consts::SIGXFSZ;
 
 use crate::config::{Config, DEFAULT_FILE};
 use crate::core::Summary;
@@ -46,7 +42,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     // Before anything that must be left in order.
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
-    survive_file_size_limits().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let robot = RobotId::new(common.robot.get())
         .ok_or_else(|| Failure::usage("a robot id is greater than 0"))?;
@@ -54,14 +49,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let summary = shell.run(&termination)?;
     log_summary(&summary);
     Ok(())
-}
-
-/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be an error that a log can deal with: by default its
-/// signal ends the process, and telemetry with it.
-fn survive_file_size_limits() -> io::Result<()> {
-    // A handler must do something; the flag is read by no one.
-    let flag = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(SIGXFSZ, flag).map(|_handler| ())
 }
 
 /// Logs in one line what the process did, and what became of each log.
