@@ -166,6 +166,12 @@ impl<R: Request> Client<R> {
         Ok(client)
     }
 
+    /// Enters another generation if there is one.
+    fn enter(&self) -> Result<Option<Port<R>>, OpenError> {
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        self.follower.follow(present, Port::open)
+    }
+
     /// Enters another generation if there is one, unless requests are open in two already.
     fn follow(&mut self) -> Result<(), OpenError> {
         if self.outstanding.is_empty() {
@@ -174,8 +180,14 @@ impl<R: Request> Client<R> {
         if self.former.is_some() {
             return Ok(());
         }
-        let present = self.port.as_ref().map(|port| port.generation.name());
-        if let Some(port) = self.follower.follow(present, Port::open)? {
+        let entered = match self.enter() {
+            Err(error) if error.is_no_room() && self.session.make_room() => {
+                self.follower.forget();
+                self.enter()?
+            }
+            entered => entered?,
+        };
+        if let Some(port) = entered {
             let former = self.port.replace(port);
             self.former = former.filter(|_| !self.outstanding.is_empty());
         }

@@ -21,7 +21,7 @@ use iceoryx2::prelude::{CallbackProgression, NodeState};
 use crate::domain::Domain;
 use crate::generation::{self, Generation};
 use crate::iox::{Node, Svc};
-use crate::{files, robot_folder};
+use crate::{files, reserve, robot_folder};
 
 /// How often it looks for dead members: their partners are told of the death after that time.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -52,17 +52,25 @@ pub(crate) struct Tended {
     service: PathBuf,
     /// The folder of the generation.
     folder: PathBuf,
+    /// Whether its clients may need the reserve.
+    keeps_reserve: bool,
     passes: AtomicU32,
     deaths: AtomicU32,
     is_worn: AtomicBool,
 }
 
 impl Tended {
-    pub(crate) fn new(domain: &Domain, service: PathBuf, generation: &Generation) -> Arc<Tended> {
+    pub(crate) fn new(
+        domain: &Domain,
+        service: PathBuf,
+        generation: &Generation,
+        keeps_reserve: bool,
+    ) -> Arc<Tended> {
         Arc::new(Tended {
             config: generation.config().clone(),
             domain: domain.clone(),
             service,
+            keeps_reserve,
             folder: generation.path().to_owned(),
             passes: AtomicU32::new(0),
             deaths: AtomicU32::new(0),
@@ -103,6 +111,13 @@ impl Tended {
             self.wear_out("killed processes left files in the old one");
         }
         generation::delete_dead(&self.domain, &self.service);
+        self.keep_reserve();
+    }
+
+    fn keep_reserve(&self) {
+        if let Some(robot_folder) = self.service.parent().filter(|_| self.keeps_reserve) {
+            reserve::fill(robot_folder);
+        }
     }
 }
 
@@ -231,7 +246,12 @@ fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
     let mut tended: Vec<Weak<Tended>> = Vec::new();
     loop {
         match orders.recv_timeout(PERIOD) {
-            Ok(Order::Tend(one)) => tended.push(one),
+            Ok(Order::Tend(one)) => {
+                if let Some(one) = one.upgrade() {
+                    one.keep_reserve();
+                }
+                tended.push(one);
+            }
             Ok(Order::Drop(thing)) => drop(thing),
             Err(RecvTimeoutError::Timeout) => {
                 tended.retain(|one| one.upgrade().inspect(|one| one.tend()).is_some());

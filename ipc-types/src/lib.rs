@@ -75,6 +75,7 @@ pub mod provider;
 pub mod publisher;
 mod random;
 pub mod request_id;
+mod reserve;
 pub mod robot;
 mod robot_folder;
 pub mod scheduling;

@@ -92,6 +92,14 @@ fn describe(provider: Option<&Provider>) -> String {
 }
 
 impl OpenError {
+    /// Whether `/dev/shm` is full.
+    pub fn is_no_room(&self) -> bool {
+        matches!(
+            self,
+            OpenError::NoRoom { .. } | OpenError::Domain(DomainError::NoRoom { .. })
+        )
+    }
+
     /// Of a generation of `service`.
     pub(crate) fn enter(service: &str, error: EnterError) -> OpenError {
         match error {

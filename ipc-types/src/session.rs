@@ -17,9 +17,9 @@ use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
 use crate::robot::RobotId;
 use crate::robot_folder::Membership;
-use crate::service::{Contract, Request, Topic, folder_name, service_name};
+use crate::service::{Contract, Pattern, Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
-use crate::{Client, Publisher, Server, Subscriber};
+use crate::{Client, Publisher, Server, Subscriber, reserve};
 
 /// Longest process name, bytes: it stands in the names of nodes and in the locks of providers.
 const MAX_PROCESS_NAME_LEN: usize = 64;
@@ -174,13 +174,23 @@ impl Session {
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&contract.name(self.robot()), error))?;
         generation.describe(&contract.schema())?;
-        let tended = Tended::new(domain, folder.clone(), &generation);
+        let keeps_reserve = contract.pattern == Pattern::RequestResponse;
+        let tended = Tended::new(domain, folder.clone(), &generation, keeps_reserve);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
         generation::announce(domain, &folder, &name, contract.key)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)
+    }
+
+    /// Makes room for a client. Says whether that could be.
+    pub(crate) fn make_room(&self) -> bool {
+        let made = reserve::give_up(&self.membership.domain().robot_folder(self.robot()));
+        if made {
+            tracing::warn!("/dev/shm is full: the reserve for those that give orders was used");
+        }
+        made
     }
 
     /// Says that a service has no provider any more.

@@ -43,14 +43,13 @@ fn in_own_memory(name: &str, mount_options: &str, body: impl FnOnce()) {
     if memory::is_own() {
         return body();
     }
-    let args = [name, "--exact", "--include-ignored"].map(str::to_owned);
+    let args = [name, "--exact"].map(str::to_owned);
     let status = memory::run_again(mount_options, &args).expect("it can be started");
     // What it has to say it has printed, as this test does.
     assert!(status.is_none_or(|status| status.success()), "{status:?}");
 }
 
 #[test]
-#[ignore = "fails until a server gives back the connections of clients that died with requests open"]
 fn clients_that_end_in_groups_cost_the_bridge_nothing() {
     let plan = clients::Plan {
         clients: 150,
@@ -65,7 +64,6 @@ fn clients_that_end_in_groups_cost_the_bridge_nothing() {
 }
 
 #[test]
-#[ignore = "fails until segments have their memory from the start: a sample in a page that was never touched is a SIGBUS"]
 fn when_no_byte_is_left_telemetry_goes_on() {
     let name = "when_no_byte_is_left_telemetry_goes_on";
     in_own_memory(name, Lack::Bytes.mount_options(), || {
@@ -75,7 +73,6 @@ fn when_no_byte_is_left_telemetry_goes_on() {
 }
 
 #[test]
-#[ignore = "fails until segments have their memory from the start, and a client needs none of its own"]
 fn when_no_byte_is_left_the_helicopter_can_be_landed() {
     let name = "when_no_byte_is_left_the_helicopter_can_be_landed";
     in_own_memory(name, Lack::Bytes.mount_options(), || {
@@ -94,7 +91,6 @@ fn when_no_file_can_be_made_telemetry_goes_on() {
 }
 
 #[test]
-#[ignore = "fails until a client needs no file of its own"]
 fn when_no_file_can_be_made_the_helicopter_can_be_landed() {
     let name = "when_no_file_can_be_made_the_helicopter_can_be_landed";
     in_own_memory(name, Lack::Inodes.mount_options(), || {
@@ -126,7 +122,6 @@ fn whoever_is_stopped_while_it_starts_keeps_nobody_waiting() {
 }
 
 #[test]
-#[ignore = "fails until a flood of requests keeps no other client waiting for seconds"]
 fn an_operator_gets_through_a_flood_of_requests() {
     let plan = flood::Plan { rounds: 1 };
     let outcome = flood::run(&site("flood"), &plan, &|| true);
@@ -144,7 +139,6 @@ fn processes_of_the_same_number_in_other_namespaces_all_start() {
 }
 
 #[test]
-#[ignore = "fails until a publisher whose clock is ahead of the consumer's is heard, or told"]
 fn a_consumer_with_another_clock_gets_samples() {
     if let Some(outcome) = namespaces::other_clocks(&site("clocks")) {
         assert!(outcome.failures.is_empty(), "{outcome}");

@@ -186,12 +186,12 @@ pub fn start_chain(site: &Site) -> [Process; 3] {
         "bridge --port dsp",
         "status",
     ];
-    let chain = chain.map(|args| {
+    let mut chain = chain.map(|args| {
         let mut process = site.start(args);
         process.wait_for_text("ready");
         process
     });
-    // The first sample says that the link is up.
+    chain[1].wait_for_text("to=\"up\"");
     ask(site, "echo hero --count 1");
     chain
 }
