@@ -246,7 +246,7 @@ fn layout_of(
     let key = AttributeKey::try_from("layout_hash").ok()?;
     let hash = details.static_details.attributes().key_value(&key, 0);
     Some(match hash {
-        Some(hash) => format!("{types} {hash}", hash = hash.to_string()),
+        Some(hash) => format!("{types} {hash}"),
         None => format!("{types} without a layout hash"),
     })
 }

@@ -1,7 +1,7 @@
 //! [`Ipc`]: a process's part in the shared memory of one robot; it makes the ports.
 //!
 //! Joining makes nothing of iceoryx2's, installs no signal handler and reads no configuration file. Publishers and servers
-//! begin a [generation](crate::generation) of their service each; subscribers and clients enter the one that is current.
+//! begin a generation of their service each; subscribers and clients enter the one that is current.
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};

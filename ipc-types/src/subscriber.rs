@@ -1,5 +1,5 @@
 //! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed. What it does with
-//! bytes, [`BytesSubscriber`] does, which knows nothing of structs.
+//! bytes, `BytesSubscriber` does, which knows nothing of structs.
 
 use std::hint;
 use std::marker::PhantomData;
