@@ -418,6 +418,10 @@ pub(crate) fn segments_of(domain: &Domain) -> Vec<PathBuf> {
 
 /// Segments of generations that have no folder any more: nobody can open them, and nobody will delete them.
 pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
+    // Elsewhere two containers can have a root of the same name each, and share the segments' folder.
+    if !domain.root().starts_with(SHM_DIR) {
+        return Vec::new();
+    }
     // Listed before the folders: a generation has its folder before its first segment.
     let mut segments = segments_of(domain);
     if !segments.is_empty() {

@@ -186,7 +186,11 @@ impl Domain {
     pub fn others() -> Vec<Entry> {
         let entries = fs::read_dir(SHM_DIR).into_iter().flatten().flatten();
         let mut found: Vec<Entry> = entries
-            .filter(|entry| entry.file_name().to_string_lossy().starts_with("hero"))
+            .filter(|entry| {
+                let name = entry.file_name();
+                let uid = name.to_str().and_then(|name| name.strip_prefix("hero"));
+                uid.is_some_and(|uid| uid.parse::<u32>().is_ok())
+            })
             .filter_map(|entry| Entry::of(&entry.path()))
             .filter(|entry| entry.is_folder && !entry.is_ours())
             .collect();

@@ -15,11 +15,14 @@ use crate::generation::{self, Generation};
 use crate::housekeeper::{Housekeeper, Tended};
 use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
-use crate::robot::RobotId;
+use crate::robot::{InvalidRobotId, RobotId};
 use crate::robot_folder::Membership;
 use crate::service::{Contract, Pattern, Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
 use crate::{Client, Publisher, Server, Subscriber, reserve};
+
+/// The environment variable that names the robot.
+const ROBOT_VARIABLE: &str = "RIL_ROBOT";
 
 /// Longest process name, bytes: it stands in the names of nodes and in the locks of providers.
 const MAX_PROCESS_NAME_LEN: usize = 64;
@@ -30,6 +33,9 @@ pub enum JoinError {
     /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
+    /// `RIL_ROBOT` names no robot.
+    #[error("RIL_ROBOT: {0}")]
+    InvalidRobot(#[from] InvalidRobotId),
     /// The name of the process cannot be used.
     #[error(
         "`{0}` is no process name: use 1 to {MAX_PROCESS_NAME_LEN} letters, digits, `-` and `_`"
@@ -55,6 +61,20 @@ pub(crate) struct Session {
 }
 
 impl Ipc {
+    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
+    /// robot of `RIL_ROBOT`, or 1.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::join`]; and when a variable cannot be used.
+    pub fn connect(process_name: &str) -> Result<Ipc, JoinError> {
+        let robot = match std::env::var(ROBOT_VARIABLE) {
+            Ok(robot) => robot.parse()?,
+            Err(_) => RobotId::DEFAULT,
+        };
+        Ipc::join(&Domain::from_environment()?, robot, process_name)
+    }
+
     /// Takes part in the shared memory of `robot`.
     ///
     /// `process_name` (such as `bridge`) is what others read when they ask who provides a service.
