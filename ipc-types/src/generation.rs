@@ -274,6 +274,11 @@ pub(crate) fn schema(service: &Path, name: &str) -> Result<Schema, LoadError> {
     schema::load(&service.join(name).join(SCHEMA_FILE))
 }
 
+/// Tells whether a generation has a provider.
+pub(crate) fn provider_lock(service: &Path, name: &str) -> LockWatch {
+    LockWatch::new(service.join(name).join(PROVIDER_FILE))
+}
+
 /// The folders of a robot's services.
 pub(crate) fn services(robot_folder: &Path) -> Vec<PathBuf> {
     fs::read_dir(robot_folder)

@@ -30,8 +30,8 @@ const WARM_UP: u32 = 5;
 /// leaves three that belong to nobody. Its generation ends when there are too many, and they with it.
 const LEFTOVERS: usize = 256;
 
-/// How long the remains of what was killed may take to be removed. What was left half made is left alone for ten seconds,
-/// because it may still be in the making; the processes clean up once or twice a second.
+/// How long what killed processes left may take to be removed: their providers look twice a second, and count files every ten
+/// seconds.
 const SETTLE_LIMIT: Duration = Duration::from_secs(30);
 
 /// What to do.
