@@ -301,6 +301,9 @@ mod tests {
         };
         assert_eq!(state("watching").doing(), Some("watching"));
         assert_eq!(state("caf\u{e9}\n").doing(), Some("caf??"));
-        assert_eq!(state(&"a".repeat(99)).doing().map(str::len), Some(DOING_LEN));
+        assert_eq!(
+            state(&"a".repeat(99)).doing().map(str::len),
+            Some(DOING_LEN)
+        );
     }
 }
