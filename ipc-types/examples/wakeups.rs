@@ -177,7 +177,10 @@ fn publish(ipc: &Ipc, plan: Plan) -> Result<(), Failure> {
     }
 }
 
-fn sleep_on_doorbell(mut subscriber: Subscriber<DspTelemetry>, seen: &mut Seen) -> Result<(), Failure> {
+fn sleep_on_doorbell(
+    mut subscriber: Subscriber<DspTelemetry>,
+    seen: &mut Seen,
+) -> Result<(), Failure> {
     while !seen.is_over {
         subscriber.wait(PATIENCE)?;
         subscriber.drain(|sample| seen.take(sample))?;
@@ -211,7 +214,8 @@ fn sleep_in_waitset(
     subscriber.wait(PATIENCE)?;
     let service = domain.root().join("1/dsp_telemetry");
     let current = std::fs::read_to_string(service.join("current"))?;
-    let (name, prefix) = current.trim_end().split_once(' ').ok_or("no generation")?;
+    let mut words = current.split_whitespace();
+    let (name, prefix) = words.next().zip(words.next()).ok_or("no generation")?;
     let root = service.join(name);
     let mut config = Config::default();
     config.global.prefix = FileName::new(prefix.as_bytes())?;

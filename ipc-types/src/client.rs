@@ -21,7 +21,7 @@ use crate::generation::Generation;
 use crate::iox::Svc;
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
-use crate::provider::ProviderWatch;
+use crate::provider::LockWatch;
 use crate::request_id::fresh_request_id;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request, service_name};
 use crate::session::Session;
@@ -67,7 +67,6 @@ pub struct Client<R: Request> {
     former: Option<Port<R>>,
     follower: Follower,
     waiter: Waiter,
-    server: ServerWatch,
     place: Place,
     session: Arc<Session>,
 }
@@ -77,15 +76,15 @@ struct Port<R: Request> {
     port: iceoryx2::port::client::Client<Svc, R, (), RequestReport, ()>,
     responses: WakeReceiver,
     requests: WakeSender,
+    server: ServerWatch,
     // Last: its node must outlive the ports.
     generation: Generation,
 }
 
-/// Remembers which server lives, so that looking at reports takes no system call.
+/// Remembers whether the server still serves a generation, so that looking at reports takes no system call.
 struct ServerWatch {
-    owner: RefCell<ProviderWatch>,
-    /// When the server that lived at the last look began to serve.
-    since_ns: Cell<Option<u64>>,
+    lock: RefCell<LockWatch>,
+    is_there: Cell<bool>,
     looked: Cell<MonotonicNs>,
 }
 
@@ -93,8 +92,8 @@ struct Outstanding<R: Request> {
     pending: Pending<R>,
     request_id: u64,
     path_id: u64,
-    /// When the server that got it began to serve: another one knows nothing of it.
-    server_since_ns: u64,
+    /// The generation in which it was sent: the server answers it there, or not at all.
+    generation: String,
 }
 
 type Pending<R> = PendingResponse<Svc, R, (), RequestReport, ()>;
@@ -125,6 +124,7 @@ impl<R: Request> Port<R> {
             port,
             responses,
             requests: WakeSender::make(session, requests, place(R::KEY), Channel::Requests)?,
+            server: ServerWatch::new(generation.watch()),
             generation,
         })
     }
@@ -153,7 +153,6 @@ impl<R: Request> Client<R> {
             former: None,
             follower: Follower::new(session, R::KEY),
             waiter: Waiter::new(),
-            server: ServerWatch::new(session.watch(R::KEY)),
             place: place(R::KEY),
             session: Arc::clone(session),
         };
@@ -167,6 +166,12 @@ impl<R: Request> Client<R> {
         Ok(client)
     }
 
+    /// Enters another generation if there is one.
+    fn enter(&self) -> Result<Option<Port<R>>, OpenError> {
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        self.follower.follow(present, Port::open)
+    }
+
     /// Enters another generation if there is one, unless requests are open in two already.
     fn follow(&mut self) -> Result<(), OpenError> {
         if self.outstanding.is_empty() {
@@ -175,8 +180,14 @@ impl<R: Request> Client<R> {
         if self.former.is_some() {
             return Ok(());
         }
-        let present = self.port.as_ref().map(|port| port.generation.name());
-        if let Some(port) = self.follower.follow(present, Port::open)? {
+        let entered = match self.enter() {
+            Err(error) if error.is_no_room() && self.session.make_room() => {
+                self.follower.forget();
+                self.enter()?
+            }
+            entered => entered?,
+        };
+        if let Some(port) = entered {
             let former = self.port.replace(port);
             self.former = former.filter(|_| !self.outstanding.is_empty());
         }
@@ -192,9 +203,10 @@ impl<R: Request> Client<R> {
         if self.outstanding.len() >= MAX_OUTSTANDING {
             return Err(SendError::TooManyOutstanding);
         }
-        let server_since_ns = self.server.look().ok_or_else(|| self.no_server())?;
-        self.follow().map_err(|error| SendError::Failed(error.to_string()))?;
-        let port = self.port.as_ref().ok_or_else(|| self.no_server())?;
+        self.follow()
+            .map_err(|error| SendError::Failed(error.to_string()))?;
+        let port = self.port.as_ref().filter(|port| port.server.look());
+        let port = port.ok_or_else(|| self.no_server())?;
         let pending = port.deliver(request)?;
         if pending.number_of_server_connections() == 0 {
             // It lives, but it has not read anything of this client yet, and the queue is full.
@@ -205,7 +217,7 @@ impl<R: Request> Client<R> {
             pending,
             request_id: request.request_id(),
             path_id: request.path_id(),
-            server_since_ns,
+            generation: port.generation.name().to_owned(),
         });
         Ok(())
     }
@@ -218,13 +230,13 @@ impl<R: Request> Client<R> {
         }
         // Before the reports are read: whatever a server said before it went comes out first.
         if !self.outstanding.is_empty() {
-            self.server.look_in_time();
+            self.look_in_time();
         }
-        let server_since_ns = self.server.since_ns.get();
+        let ports = [self.port.as_ref(), self.former.as_ref()];
         let mut taken = 0;
         let mut anchor = None;
         self.outstanding.retain(|outstanding| {
-            let is_served = outstanding.is_served(server_since_ns);
+            let is_served = outstanding.is_served(&ports);
             let mut is_closed = false;
             outstanding.drain(&mut anchor, |report| {
                 is_closed |= report.is_final();
@@ -267,7 +279,15 @@ impl<R: Request> Client<R> {
 
     /// Whether a live process serves. One that hangs counts as alive.
     pub fn is_server_alive(&self) -> bool {
-        self.server.look().is_some()
+        let provider = self.session.watch(R::KEY).look();
+        provider.is_ok_and(|provider| provider.is_some())
+    }
+
+    /// Looks at the servers if the last look is a period ago.
+    fn look_in_time(&self) {
+        for port in self.port.iter().chain(&self.former) {
+            port.server.look_in_time();
+        }
     }
 
     fn no_server(&self) -> SendError {
@@ -282,11 +302,11 @@ impl<R: Request> Client<R> {
         if self.outstanding.is_empty() {
             return false;
         }
-        self.server.look_in_time();
-        let server_since_ns = self.server.since_ns.get();
-        self.outstanding.iter().any(|outstanding| {
-            outstanding.pending.has_response() || !outstanding.is_served(server_since_ns)
-        })
+        self.look_in_time();
+        let ports = [self.port.as_ref(), self.former.as_ref()];
+        self.outstanding
+            .iter()
+            .any(|outstanding| outstanding.pending.has_response() || !outstanding.is_served(&ports))
     }
 }
 
@@ -307,23 +327,23 @@ fn start_somewhere<R: Request>(
 }
 
 impl ServerWatch {
-    fn new(owner: ProviderWatch) -> ServerWatch {
+    fn new(lock: LockWatch) -> ServerWatch {
         ServerWatch {
-            owner: RefCell::new(owner),
-            since_ns: Cell::new(None),
+            lock: RefCell::new(lock),
+            is_there: Cell::new(true),
             looked: Cell::default(),
         }
     }
 
-    /// When the server that lives now began to serve; nothing when there is none.
-    fn look(&self) -> Option<u64> {
-        let server = self.owner.borrow_mut().look().unwrap_or_else(|error| {
+    /// Whether the server serves the generation.
+    fn look(&self) -> bool {
+        let is_there = self.lock.borrow_mut().is_held().unwrap_or_else(|error| {
             tracing::debug!(%error, "the server cannot be looked for");
-            None
+            false
         });
-        self.since_ns.set(server.map(|server| server.since_ns));
+        self.is_there.set(is_there);
         self.looked.set(MonotonicNs::now());
-        self.since_ns.get()
+        is_there
     }
 
     /// Looks if the last look is a period ago.
@@ -336,8 +356,10 @@ impl ServerWatch {
 
 impl<R: Request> Outstanding<R> {
     /// Whether the server that got the request still has it.
-    fn is_served(&self, server_since_ns: Option<u64>) -> bool {
-        server_since_ns == Some(self.server_since_ns) && self.pending.is_connected()
+    fn is_served(&self, ports: &[Option<&Port<R>>]) -> bool {
+        let mut ports = ports.iter().flatten();
+        let port = ports.find(|port| port.generation.name() == self.generation);
+        port.is_some_and(|port| port.server.is_there.get()) && self.pending.is_connected()
     }
 
     /// Hands on the reports about this request.

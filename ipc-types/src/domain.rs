@@ -30,14 +30,14 @@ pub const ROOT_VARIABLE: &str = "RIL_IPC_ROOT";
 pub(crate) const MAX_GENERATION_LEN: usize = 61;
 
 /// Longest root, bytes: what [`MAX_GENERATION_LEN`] leaves beside robot 1, the longest of the RIL's services (14 letters), a
-/// generation, and four separators.
+/// generation, and three separators.
 const MAX_ROOT_LEN: usize = MAX_GENERATION_LEN - PREFIX_LEN - GENERATION_LEN - 18;
 
 /// Letters of a generation's name: 30 random bits.
 pub(crate) const GENERATION_LEN: usize = 6;
 
-/// Random letters of an isolated domain's root: 40 bits.
-const ISOLATED_LEN: usize = 8;
+/// Random letters of an isolated domain's root: 30 bits.
+const ISOLATED_LEN: usize = 6;
 
 /// Letters of a domain's tag, by which its segments are found: 20 bits of a hash of the root.
 const TAG_LEN: usize = 5;
@@ -100,8 +100,10 @@ impl Domain {
     ///
     /// Child processes get it by [`Domain::environment`].
     pub fn isolated() -> Domain {
+        // The process id helps a person who looks for the culprit; the letters tell domains apart.
+        let (pid, letters) = (std::process::id(), random::name(ISOLATED_LEN));
         Domain {
-            root: Path::new(SHM_DIR).join(format!("hx{}", random::name(ISOLATED_LEN))),
+            root: Path::new(SHM_DIR).join(format!("hx{pid:x}-{letters}")),
         }
     }
 

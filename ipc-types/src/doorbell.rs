@@ -178,12 +178,7 @@ impl Doorbell {
     /// # Errors
     ///
     /// When the kernel cannot do that.
-    pub(crate) fn sleep(
-        &self,
-        seen: Seen,
-        bits: Bits,
-        until: MonotonicNs,
-    ) -> Result<Slept, Errno> {
+    pub(crate) fn sleep(&self, seen: Seen, bits: Bits, until: MonotonicNs) -> Result<Slept, Errno> {
         let rings = &self.page().rings;
         let (until, bits) = (until.timespec(), bits | GENERATION);
         match futex::wait_bitset(rings, futex::Flags::empty(), seen.0, Some(&until), bits) {

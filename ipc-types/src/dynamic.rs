@@ -11,9 +11,7 @@ use crate::payload::Number;
 use crate::provider::{Provider, ProviderWatch};
 use crate::schema::{LoadError, Schema};
 use crate::sequence::Losses;
-use crate::service::{
-    CONTRACTS, EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, service_name,
-};
+use crate::service::{CONTRACTS, EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, service_name};
 use crate::session::{Ipc, service_folder};
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};

@@ -5,12 +5,12 @@
 
 use iceoryx2::prelude::EventId;
 
+use crate::files;
 use crate::generation::Generation;
 use crate::iox::{EventService, Listener, Notifier};
 use crate::open::{self, OpenError};
 use crate::robot::RobotId;
 use crate::service::{self, EventCode, service_name};
-use crate::files;
 
 /// Which of a service's events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +66,9 @@ impl Event {
                 .notifier_dead_event(event_id(EventCode::Died))
                 .disable_deadline()
                 .create()
-                .map_err(|error| open::failed(&format!("{}{suffix}", service_name(robot, key)), error))
+                .map_err(|error| {
+                    open::failed(&format!("{}{suffix}", service_name(robot, key)), error)
+                })
         })
     }
 
@@ -79,9 +81,9 @@ impl Event {
     ) -> Result<Event, OpenError> {
         let (suffix, ..) = limits(channel);
         Event::make(generation, robot, key, channel, |builder| {
-            builder
-                .open()
-                .map_err(|error| open::failed(&format!("{}{suffix}", service_name(robot, key)), error))
+            builder.open().map_err(|error| {
+                open::failed(&format!("{}{suffix}", service_name(robot, key)), error)
+            })
         })
     }
 

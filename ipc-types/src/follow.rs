@@ -39,7 +39,10 @@ impl Follower {
     /// Whether there may be another generation than the one that was last looked at.
     pub(crate) fn is_due(&self) -> bool {
         self.seen.get() != Some(self.session.doorbell().generations())
-            || self.retry.get().is_some_and(|retry| retry <= MonotonicNs::now())
+            || self
+                .retry
+                .get()
+                .is_some_and(|retry| retry <= MonotonicNs::now())
     }
 
     /// Enters the current generation and makes something in it, unless `present` is the current one, or there is none.

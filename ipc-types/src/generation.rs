@@ -14,12 +14,15 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use iceoryx2::prelude::{Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode};
+use iceoryx2::prelude::{
+    Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode,
+};
 use rustix::fs::FlockOperation;
 
 use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
 use crate::domain_error::DomainError;
 use crate::iox::{Node, NodeBuilder, Svc};
+use crate::provider::LockWatch;
 use crate::robot_folder::{flock, is_at, is_ours, open_lock_file, open_to_look};
 use crate::schema::{self, LoadError, Schema};
 use crate::service::{MAX_KEY_LEN, is_key};
@@ -27,6 +30,9 @@ use crate::{files, random};
 
 /// The file whose lock says that somebody is in the generation.
 const LOCK_FILE: &str = "lock";
+
+/// The file that the provider has locked for as long as it publishes or serves in the generation.
+const PROVIDER_FILE: &str = "provider";
 
 /// The file with the name of the generation that lives.
 const CURRENT_FILE: &str = "current";
@@ -50,6 +56,8 @@ pub(crate) struct Generation {
     /// Nothing only while dropping: the node must go before the lock.
     node: Option<Node>,
     lock: File,
+    /// What tells the others that the provider is there; the provider alone has it.
+    _provider: Option<File>,
     config: Config,
     name: String,
     path: PathBuf,
@@ -93,8 +101,7 @@ impl Generation {
     ) -> Result<Generation, EnterError> {
         let name = random::name(GENERATION_LEN);
         let draft = service.join(format!("{name}{DRAFT}"));
-        let created =
-            files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
+        let created = files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
         created.map_err(|error| DomainError::io("create", &draft, error))?;
         // Locked before it gets its name: a folder without a lock belongs to nobody.
         let lock = open_lock_file(&draft.join(LOCK_FILE))?.ok_or(EnterError::Ended)?;
@@ -102,10 +109,14 @@ impl Generation {
         if !flock(&lock, FlockOperation::NonBlockingLockShared, &path)? {
             return Err(EnterError::Ended);
         }
+        let provider = open_lock_file(&draft.join(PROVIDER_FILE))?.ok_or(EnterError::Ended)?;
+        if !flock(&provider, FlockOperation::NonBlockingLockExclusive, &path)? {
+            return Err(EnterError::Ended);
+        }
         match fs::rename(&draft, &path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Err(EnterError::Ended),
             Err(error) => Err(DomainError::io("rename", &draft, error).into()),
-            Ok(()) => Generation::with_node(domain, name, path, lock, process_name),
+            Ok(()) => Generation::with_node(domain, name, path, lock, Some(provider), process_name),
         }
     }
 
@@ -128,7 +139,7 @@ impl Generation {
         {
             return Err(EnterError::Ended);
         }
-        Generation::with_node(domain, name.to_owned(), path, lock, process_name)
+        Generation::with_node(domain, name.to_owned(), path, lock, None, process_name)
     }
 
     fn with_node(
@@ -136,6 +147,7 @@ impl Generation {
         name: String,
         path: PathBuf,
         lock: File,
+        provider: Option<File>,
         process_name: &str,
     ) -> Result<Generation, EnterError> {
         let prefix = prefix(domain, &name);
@@ -143,13 +155,14 @@ impl Generation {
         let mut generation = Generation {
             node: None,
             lock,
+            _provider: provider,
             config,
             name,
             path,
             prefix,
         };
-        let node_name = NodeName::new(process_name)
-            .map_err(|error| EnterError::Node(format!("{error:?}")))?;
+        let node_name =
+            NodeName::new(process_name).map_err(|error| EnterError::Node(format!("{error:?}")))?;
         let node = files::while_no_port_opens(|| {
             NodeBuilder::new()
                 .name(&node_name)
@@ -172,6 +185,15 @@ impl Generation {
 
     pub(crate) fn name(&self) -> &str {
         &self.name
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Tells whether the provider is still there.
+    pub(crate) fn watch(&self) -> LockWatch {
+        LockWatch::new(self.path.join(PROVIDER_FILE))
     }
 
     /// Lays the schema of its content beside it.
@@ -295,7 +317,11 @@ fn config(path: &Path, prefix: &str) -> Result<Config, DomainError> {
 }
 
 /// What iceoryx2 is told of a generation.
-pub(crate) fn config_of(domain: &Domain, service: &Path, name: &str) -> Result<Config, DomainError> {
+pub(crate) fn config_of(
+    domain: &Domain,
+    service: &Path,
+    name: &str,
+) -> Result<Config, DomainError> {
     config(&service.join(name), &prefix(domain, name))
 }
 
@@ -392,6 +418,10 @@ pub(crate) fn segments_of(domain: &Domain) -> Vec<PathBuf> {
 
 /// Segments of generations that have no folder any more: nobody can open them, and nobody will delete them.
 pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
+    // Elsewhere two containers can have a root of the same name each, and share the segments' folder.
+    if !domain.root().starts_with(SHM_DIR) {
+        return Vec::new();
+    }
     // Listed before the folders: a generation has its folder before its first segment.
     let mut segments = segments_of(domain);
     if !segments.is_empty() {

@@ -161,11 +161,7 @@ impl Domain {
     /// # Errors
     ///
     /// When the domain's folder cannot be read.
-    pub fn provider(
-        &self,
-        robot: RobotId,
-        key: &str,
-    ) -> Result<Option<Provider>, DomainError> {
+    pub fn provider(&self, robot: RobotId, key: &str) -> Result<Option<Provider>, DomainError> {
         ProviderWatch::new(&service_folder(self, robot, key)).look()
     }
 
@@ -190,7 +186,11 @@ impl Domain {
     pub fn others() -> Vec<Entry> {
         let entries = fs::read_dir(SHM_DIR).into_iter().flatten().flatten();
         let mut found: Vec<Entry> = entries
-            .filter(|entry| entry.file_name().to_string_lossy().starts_with("hero"))
+            .filter(|entry| {
+                let name = entry.file_name();
+                let uid = name.to_str().and_then(|name| name.strip_prefix("hero"));
+                uid.is_some_and(|uid| uid.parse::<u32>().is_ok())
+            })
             .filter_map(|entry| Entry::of(&entry.path()))
             .filter(|entry| entry.is_folder && !entry.is_ours())
             .collect();
@@ -252,8 +252,7 @@ impl Domain {
                 repair.generations += generation::delete_dead(self, &service);
             }
         }
-        repair.leftovers =
-            robot_folder::delete_discarded(self) + generation::delete_orphans(self);
+        repair.leftovers = robot_folder::delete_discarded(self) + generation::delete_orphans(self);
         Ok(repair)
     }
 
@@ -360,7 +359,10 @@ mod tests {
         assert_eq!(names, ["bridge", "ril"]);
         for member in &robot.members {
             assert_eq!(member.pid, std::process::id());
-            assert_eq!((member.life, member.service.as_str()), (Life::Live, "dsp_telemetry"));
+            assert_eq!(
+                (member.life, member.service.as_str()),
+                (Life::Live, "dsp_telemetry")
+            );
         }
         let provider = |service| domain.provider(RobotId::DEFAULT, service).unwrap();
         assert_eq!(provider("dsp_telemetry").unwrap().process, "bridge");
@@ -434,7 +436,10 @@ mod tests {
         assert_eq!(domain.inspect().leftovers, 2);
         let repair = domain.repair().unwrap();
         assert_eq!((repair.robots, repair.leftovers), (1, 2));
-        assert!(matches!(domain.remove_if_dead().unwrap(), Removal::Removed(_)));
+        assert!(matches!(
+            domain.remove_if_dead().unwrap(),
+            Removal::Removed(_)
+        ));
         assert!(domain.residue().is_empty());
     }
 

@@ -39,20 +39,13 @@
 //! # A consumer
 //!
 //! ```no_run
-//! use std::time::Duration;
-//! use ipc_types::payload::HeroTelemetry;
-//! use ipc_types::{Domain, Ipc, Place, RobotId, wake_promptly};
+//! use ipc_types::{Ipc, payload::HeroTelemetry};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let ipc = Ipc::join(&Domain::from_environment()?, RobotId::DEFAULT, "example")?;
-//! let mut telemetry = ipc.subscriber::<HeroTelemetry>()?;
-//! wake_promptly(Place::Consumer);
-//! loop {
-//!     telemetry.wait(Duration::from_secs(1))?;
-//!     telemetry.drain(|sample| {
-//!         println!("{} at {:.1} m", sample.sequence, sample.geodetic.altitude_m);
-//!     })?;
+//! for sample in Ipc::connect("example")?.subscriber::<HeroTelemetry>()?.iter() {
+//!     println!("{:.1} m", sample?.geodetic.altitude_m);
 //! }
+//! # Ok(())
 //! # }
 //! ```
 
@@ -79,6 +72,7 @@ pub mod provider;
 pub mod publisher;
 mod random;
 pub mod request_id;
+mod reserve;
 pub mod robot;
 mod robot_folder;
 pub mod scheduling;
@@ -116,7 +110,7 @@ pub use sequence::Losses;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::{Ipc, JoinError};
-pub use subscriber::{ReceiveError, Subscriber};
+pub use subscriber::{ReceiveError, RecvError, Subscriber};
 pub use ticket::Ticket;
 pub use time::MonotonicNs;
 pub use waiter::{Descriptor, Ready, Source, WaitError, Waiter, Wake};

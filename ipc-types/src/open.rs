@@ -73,7 +73,9 @@ pub enum OpenError {
         service: String,
     },
     /// iceoryx2 failed.
-    #[error("service `{service}` cannot be opened ({reason}): try again; `ril doctor` looks for the cause")]
+    #[error(
+        "service `{service}` cannot be opened ({reason}): try again; `ril doctor` looks for the cause"
+    )]
     Failed {
         /// Name of the service.
         service: String,
@@ -90,6 +92,14 @@ fn describe(provider: Option<&Provider>) -> String {
 }
 
 impl OpenError {
+    /// Whether `/dev/shm` is full.
+    pub fn is_no_room(&self) -> bool {
+        matches!(
+            self,
+            OpenError::NoRoom { .. } | OpenError::Domain(DomainError::NoRoom { .. })
+        )
+    }
+
     /// Of a generation of `service`.
     pub(crate) fn enter(service: &str, error: EnterError) -> OpenError {
         match error {
@@ -207,12 +217,22 @@ fn specifier(contract: &Contract, robot: RobotId) -> Result<AttributeSpecifier, 
 }
 
 /// The layout of a service that is there: type names and hash.
-fn layout_of(generation: &Generation, name: &ServiceName, pattern: MessagingPattern) -> Option<String> {
-    let details = Svc::details(name, generation.config(), pattern).ok().flatten()?;
+fn layout_of(
+    generation: &Generation,
+    name: &ServiceName,
+    pattern: MessagingPattern,
+) -> Option<String> {
+    let details = Svc::details(name, generation.config(), pattern)
+        .ok()
+        .flatten()?;
     let types = match pattern {
         MessagingPattern::PublishSubscribe => {
             let payload = details.static_details.publish_subscribe();
-            payload.message_type_details().payload.type_name().to_string()
+            payload
+                .message_type_details()
+                .payload
+                .type_name()
+                .to_string()
         }
         _ => {
             let config = details.static_details.request_response();
@@ -226,7 +246,7 @@ fn layout_of(generation: &Generation, name: &ServiceName, pattern: MessagingPatt
     let key = AttributeKey::try_from("layout_hash").ok()?;
     let hash = details.static_details.attributes().key_value(&key, 0);
     Some(match hash {
-        Some(hash) => format!("{types} {hash}", hash = hash.to_string()),
+        Some(hash) => format!("{types} {hash}"),
         None => format!("{types} without a layout hash"),
     })
 }
@@ -276,8 +296,8 @@ pub(crate) fn open_topic(
     #[allow(unsafe_code)]
     let builder = unsafe { builder.__internal_set_payload_type_details(&payload) };
     let attributes = expected.verifier()?;
-    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
-        |error| match error {
+    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
+        match error {
             Error::IncompatibleTypes | Error::IncompatibleAttributes => {
                 expected.mismatch(layout_of(generation, &name, pattern))
             }
@@ -285,8 +305,8 @@ pub(crate) fn open_topic(
                 full(&expected.name, ("processes", service::MAX_NODES))
             }
             error => failed(&expected.name, error),
-        },
-    )
+        }
+    })
 }
 
 /// Makes the request service of `R`.
@@ -328,8 +348,8 @@ pub(crate) fn open_request<R: Request>(
         .node()
         .service_builder(&name)
         .request_response::<R, RequestReport>();
-    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(
-        |error| match error {
+    files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
+        match error {
             Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => expected
                 .mismatch(layout_of(
                     generation,
@@ -340,8 +360,8 @@ pub(crate) fn open_request<R: Request>(
                 full(&expected.name, ("processes", service::MAX_NODES))
             }
             error => failed(&expected.name, error),
-        },
-    )
+        }
+    })
 }
 
 /// Makes a port.

@@ -100,21 +100,49 @@ impl ProviderLock {
     }
 }
 
-/// Looks for the live provider of a service, time and again: two system calls each time while there is one.
+/// Looks whether a process has a lock exclusively, time and again: a system call each time while one has.
 #[derive(Debug)]
-pub(crate) struct ProviderWatch {
+pub(crate) struct LockWatch {
     path: PathBuf,
-    /// Kept while the provider lives: its file is not removed before the robot's folder is.
+    /// Kept while the lock is held: its file is not removed as long.
     file: Option<File>,
 }
+
+impl LockWatch {
+    /// Watches a lock whose file need not be there yet.
+    pub(crate) fn new(path: PathBuf) -> LockWatch {
+        LockWatch { path, file: None }
+    }
+
+    /// Whether the lock is held.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be opened or locked.
+    pub(crate) fn is_held(&mut self) -> Result<bool, DomainError> {
+        let file = match self.file.take() {
+            Some(file) => file,
+            None => match open_to_look(&self.path) {
+                Ok(file) => file,
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+                Err(error) => return Err(DomainError::io("open", &self.path, error)),
+            },
+        };
+        // When it is got, nobody has it; closing the file gives it back.
+        let is_held = !flock(&file, FlockOperation::NonBlockingLockShared, &self.path)?;
+        self.file = is_held.then_some(file);
+        Ok(is_held)
+    }
+}
+
+/// Looks for the live provider of a service, time and again: two system calls each time while there is one.
+#[derive(Debug)]
+pub(crate) struct ProviderWatch(LockWatch);
 
 impl ProviderWatch {
     /// Watches the service in `folder`, which need not have been provided yet.
     pub(crate) fn new(folder: &Path) -> ProviderWatch {
-        ProviderWatch {
-            path: folder.join(LOCK_FILE),
-            file: None,
-        }
+        ProviderWatch(LockWatch::new(folder.join(LOCK_FILE)))
     }
 
     /// The live provider, if there is one now.
@@ -123,28 +151,19 @@ impl ProviderWatch {
     ///
     /// When the file cannot be opened or locked.
     pub(crate) fn look(&mut self) -> Result<Option<Provider>, DomainError> {
-        let file = match self.file.take() {
-            Some(file) => file,
-            None => match open_to_look(&self.path) {
-                Ok(file) => file,
-                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-                Err(error) => return Err(DomainError::io("open", &self.path, error)),
-            },
-        };
-        // When it is got, nobody has it; closing the file gives it back.
-        if flock(&file, FlockOperation::NonBlockingLockShared, &self.path)? {
+        if !self.0.is_held()? {
             return Ok(None);
         }
         // A provider that has the lock but not yet written its name counts as being there.
-        let provider = read(&file).unwrap_or(Provider {
-            pid: 0,
-            process: "unknown".to_owned(),
-            since_ns: 0,
-            pid_namespace: 0,
-            time_namespace: 0,
-        });
-        self.file = Some(file);
-        Ok(Some(provider))
+        Ok(Some(self.0.file.as_ref().and_then(read).unwrap_or(
+            Provider {
+                pid: 0,
+                process: "unknown".to_owned(),
+                since_ns: 0,
+                pid_namespace: 0,
+                time_namespace: 0,
+            },
+        )))
     }
 }
 

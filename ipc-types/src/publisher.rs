@@ -129,11 +129,7 @@ impl<T: Topic> Port<T> {
     /// Connects subscribers that have joined, which gives them the latest sample.
     fn connect(&self) {
         if let Err(error) = self.port.update_connections() {
-            tracing::debug!(
-                service = T::KEY,
-                ?error,
-                "a subscriber was not reached"
-            );
+            tracing::debug!(service = T::KEY, ?error, "a subscriber was not reached");
         }
     }
 }

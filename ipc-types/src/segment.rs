@@ -160,7 +160,11 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
 
 /// Allocates every page of the segment.
 fn allocate(path: &Path) -> Result<(), Errno> {
-    let file = open(path, OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW, Mode::empty())?;
+    let file = open(
+        path,
+        OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW,
+        Mode::empty(),
+    )?;
     let len = u64::try_from(rustix::fs::fstat(&file)?.st_size).unwrap_or(0);
     if len == 0 {
         return Ok(());

@@ -233,7 +233,6 @@ pub trait Topic: SharedStruct + Wire {
     /// The module whose process publishes it, such as `bridge`.
     const PROVIDER: &'static str;
 
-
     /// Writes the publisher's count and identity into the sample.
     fn stamp(&mut self, sequence: u64, epoch_ns: u64);
 
@@ -252,7 +251,6 @@ pub trait Request: SharedStruct + Wire {
 
     /// The module whose process serves it, such as `bridge`.
     const PROVIDER: &'static str;
-
 
     /// The id that its sender chose; every report repeats it.
     fn request_id(&self) -> u64;

@@ -25,7 +25,8 @@ use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
 use crate::server::{ReportError, ServeError};
 use crate::service::{
-    Contract, MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER, Request,
+    Contract, MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER,
+    Request,
 };
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
@@ -141,7 +142,10 @@ impl<R: Request> Entry<R> {
 
     /// Sends a report; nothing when the client is gone.
     pub(crate) fn send(&self, report: &RequestReport) -> Option<Result<(), ReportError>> {
-        let active = self.active.as_ref().filter(|active| active.is_connected())?;
+        let active = self
+            .active
+            .as_ref()
+            .filter(|active| active.is_connected())?;
         Some(send(active, report))
     }
 
@@ -347,11 +351,7 @@ impl<R: Request> ServingPort<R> {
         self.close_departed(tickets);
         let failures = self.failures.swap(0, Ordering::Relaxed);
         if failures > 0 {
-            tracing::debug!(
-                failures,
-                service = R::KEY,
-                "a client was not connected"
-            );
+            tracing::debug!(failures, service = R::KEY, "a client was not connected");
             self.wear = self.wear.saturating_add(failures);
             self.unconnected = Some((MonotonicNs::now(), self.clients()));
         } else if self
@@ -430,10 +430,13 @@ impl<R: Request> ServingPort<R> {
         let mut is_sent = false;
         let number = self.number;
         tickets.remove_where(
-            |entry| entry.port == number && match (&entry.unsent, &entry.active) {
-                (Some(report), Some(active)) => send(active, report).is_ok(),
-                // It was given up: over for the caller as well.
-                (unsent, active) => unsent.is_some() && active.is_none(),
+            |entry| {
+                entry.port == number
+                    && match (&entry.unsent, &entry.active) {
+                        (Some(report), Some(active)) => send(active, report).is_ok(),
+                        // It was given up: over for the caller as well.
+                        (unsent, active) => unsent.is_some() && active.is_none(),
+                    }
             },
             |_, _| is_sent = true,
         );

@@ -1,7 +1,7 @@
 //! [`Ipc`]: a process's part in the shared memory of one robot; it makes the ports.
 //!
 //! Joining makes nothing of iceoryx2's, installs no signal handler and reads no configuration file. Publishers and servers
-//! begin a [generation](crate::generation) of their service each; subscribers and clients enter the one that is current.
+//! begin a generation of their service each; subscribers and clients enter the one that is current.
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -15,11 +15,14 @@ use crate::generation::{self, Generation};
 use crate::housekeeper::{Housekeeper, Tended};
 use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
-use crate::robot::RobotId;
+use crate::robot::{InvalidRobotId, RobotId};
 use crate::robot_folder::Membership;
-use crate::service::{Contract, Request, Topic, folder_name, service_name};
+use crate::service::{Contract, Pattern, Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
-use crate::{Client, Publisher, Server, Subscriber};
+use crate::{Client, Publisher, Server, Subscriber, reserve};
+
+/// The environment variable that names the robot.
+const ROBOT_VARIABLE: &str = "RIL_ROBOT";
 
 /// Longest process name, bytes: it stands in the names of nodes and in the locks of providers.
 const MAX_PROCESS_NAME_LEN: usize = 64;
@@ -30,6 +33,9 @@ pub enum JoinError {
     /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
+    /// `RIL_ROBOT` names no robot.
+    #[error("RIL_ROBOT: {0}")]
+    InvalidRobot(#[from] InvalidRobotId),
     /// The name of the process cannot be used.
     #[error(
         "`{0}` is no process name: use 1 to {MAX_PROCESS_NAME_LEN} letters, digits, `-` and `_`"
@@ -55,6 +61,20 @@ pub(crate) struct Session {
 }
 
 impl Ipc {
+    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
+    /// robot of `RIL_ROBOT`, or 1.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::join`]; and when a variable cannot be used.
+    pub fn connect(process_name: &str) -> Result<Ipc, JoinError> {
+        let robot = match std::env::var(ROBOT_VARIABLE) {
+            Ok(robot) => robot.parse()?,
+            Err(_) => RobotId::DEFAULT,
+        };
+        Ipc::join(&Domain::from_environment()?, robot, process_name)
+    }
+
     /// Takes part in the shared memory of `robot`.
     ///
     /// `process_name` (such as `bridge`) is what others read when they ask who provides a service.
@@ -174,13 +194,23 @@ impl Session {
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&contract.name(self.robot()), error))?;
         generation.describe(&contract.schema())?;
-        let tended = Tended::new(domain, folder.clone(), &generation);
+        let keeps_reserve = contract.pattern == Pattern::RequestResponse;
+        let tended = Tended::new(domain, folder.clone(), &generation, keeps_reserve);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
         generation::announce(domain, &folder, &name, contract.key)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)
+    }
+
+    /// Makes room for a client. Says whether that could be.
+    pub(crate) fn make_room(&self) -> bool {
+        let made = reserve::give_up(&self.membership.domain().robot_folder(self.robot()));
+        if made {
+            tracing::warn!("/dev/shm is full: the reserve for those that give orders was used");
+        }
+        made
     }
 
     /// Says that a service has no provider any more.
@@ -240,9 +270,8 @@ mod tests {
     #[test]
     fn nothing_of_a_robot_is_left_when_the_last_has_gone() {
         let domain = Domain::isolated();
-        let [one, other] = [1, 7].map(|robot| {
-            Ipc::join(&domain, RobotId::new(robot).unwrap(), "test").unwrap()
-        });
+        let [one, other] =
+            [1, 7].map(|robot| Ipc::join(&domain, RobotId::new(robot).unwrap(), "test").unwrap());
         assert!(domain.robot_folder(one.robot()).is_dir());
         drop(one);
         assert!(domain.root().is_dir());

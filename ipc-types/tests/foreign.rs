@@ -47,7 +47,9 @@ fn locked(path: std::path::PathBuf) -> File {
 fn enter(domain: &Domain, service: ServiceId) -> Foreign {
     let folder = folder_of(domain, service);
     let current = fs::read_to_string(folder.join("current")).unwrap();
-    let (name, prefix) = current.trim_end().split_once(' ').unwrap();
+    let mut words = current.trim_end().split(' ');
+    let (name, prefix) = (words.next().unwrap(), words.next().unwrap());
+    assert_eq!(words.next(), Some(service.spec().key));
     let locks = [
         locked(domain.root().join("1/doorbell")),
         locked(folder.join(name).join("lock")),
@@ -78,7 +80,11 @@ fn provide(domain: &Domain) -> Foreign {
     fs::create_dir_all(folder.join("abcdef")).unwrap();
     fs::write(folder.join("abcdef/lock"), "").unwrap();
     let prefix = format!("{}abcdef_", domain.tag());
-    fs::write(folder.join("current"), format!("abcdef {prefix}\n")).unwrap();
+    fs::write(
+        folder.join("current"),
+        format!("abcdef {prefix} dsp_telemetry\n"),
+    )
+    .unwrap();
     enter(domain, ServiceId::DspTelemetry)
 }
 
@@ -111,7 +117,8 @@ fn another_version_is_refused_and_both_are_named() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let foreign = provide(domain);
-        let _service = create::<OtherTelemetry>(&foreign.node, &[("layout_hash", "0123456789abcdef")]);
+        let _service =
+            create::<OtherTelemetry>(&foreign.node, &[("layout_hash", "0123456789abcdef")]);
         let error = refusal(&ipc);
         assert!(matches!(error, OpenError::LayoutMismatch { .. }), "{error}");
         let text = error.to_string();

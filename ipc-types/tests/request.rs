@@ -530,7 +530,7 @@ fn clients_that_never_read_leave_room_for_the_reports_to_another() {
 
 /// iceoryx2 tries to connect a client once, and again when another comes or goes.
 #[test]
-fn a_server_that_cannot_reach_a_client_serves_the_others_and_is_worn() {
+fn a_server_that_cannot_reach_a_client_serves_the_others_and_begins_anew() {
     in_domain(|domain| {
         let segments = || -> HashSet<_> {
             let mut segments = domain.residue();
@@ -550,20 +550,24 @@ fn a_server_that_cannot_reach_a_client_serves_the_others_and_is_worn() {
         std::fs::rename(segment, &hidden).unwrap();
         unreachable.send(&start()).unwrap();
         operator.send(&start()).unwrap();
-        assert_eq!(take(&mut server).len(), 1);
-        assert!(!server.is_worn(), "it may be gone in a moment");
+        let [(ticket, _)] = take(&mut server)[..] else {
+            panic!("one request");
+        };
+        server.report(ticket, &report(Stage::Done)).unwrap();
         std::fs::rename(&hidden, segment).unwrap();
         assert!(take(&mut server).is_empty(), "it is not tried again");
-        until("worn", || {
+        assert_eq!(server.generations(), 1, "it may be gone in a moment");
+        let mut finals = Vec::new();
+        until("a new generation, and nobody waits in the old one", || {
             server.wait(A_MOMENT).unwrap();
             assert!(take(&mut server).is_empty());
-            server.is_worn()
+            finals.extend(reports(&mut unreachable));
+            !finals.is_empty()
         });
-
-        let another = ipc.client::<ModuleControl>().unwrap();
-        assert_eq!(take(&mut server).len(), 1, "now it is");
-        assert!(!server.is_worn());
-        drop(another);
+        assert_eq!(server.generations(), 2);
+        assert_eq!(finals[0].1, Stage::Unknown);
+        unreachable.send(&start()).unwrap();
+        assert_eq!(take(&mut server).len(), 1);
     });
 }
 

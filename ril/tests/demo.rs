@@ -36,7 +36,7 @@ fn children_by_mark(mark: &str) -> Vec<u32> {
         .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
         .filter(|pid| {
             let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
-            String::from_utf8_lossy(&environment).contains(&format!("RIL_IPC_PREFIX={mark}"))
+            String::from_utf8_lossy(&environment).contains(&format!("RIL_IPC_ROOT=/dev/shm/{mark}"))
         })
         .collect()
 }

@@ -47,7 +47,7 @@ impl Drop for Tidy<'_> {
         let _ = fs::remove_dir_all(self.0.root());
         for segment in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
             let name = segment.file_name();
-            if name.to_string_lossy().starts_with(self.0.prefix()) {
+            if name.to_string_lossy().starts_with(&self.0.tag()) {
                 let _ = fs::remove_file(segment.path());
             }
         }

@@ -1,13 +1,8 @@
 //! The command line, for the binary `status` and for the command `ril status`.
 
-use std::io;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
 use module_kit::SetUp;
 use runtime::args::CommonArgs;
-use runtime::exit::{ExitCode, Failure, OrFail};
-use signal_hook::consts::SIGXFSZ;
+use runtime::exit::Failure;
 
 use crate::config::{Config, DEFAULT_FILE};
 use crate::core::Summary;
@@ -31,20 +26,11 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let Some(set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {
         return Ok(());
     };
-    survive_file_size_limits().or_fail(ExitCode::Internal)?;
     let ipc = set_up.join("status")?;
     let shell = Shell::open(ipc, &set_up.config)?;
     let summary = shell.run(&set_up.termination, &set_up.supervisor)?;
     log_summary(&summary);
     Ok(())
-}
-
-/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be an error that a log can deal with: by default its
-/// signal ends the process, and telemetry with it.
-fn survive_file_size_limits() -> io::Result<()> {
-    // A handler must do something; the flag is read by no one.
-    let flag = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(SIGXFSZ, flag).map(|_handler| ())
 }
 
 /// Logs in one line what the process did, and what became of each log.

@@ -217,7 +217,6 @@ fn lines_of(samples: &[HeroTelemetry]) -> Vec<String> {
 fn it_gets_the_latest_sample_at_once_and_then_every_one(example: &impl Example) {
     let domain = TestDomain::new();
     let status = StandInStatus::start(&domain);
-    domain.write_settings();
     let samples = flight();
     status.publish(&samples[0]);
     let mut consumer = Process::spawn(&domain, example.command(samples.len() as u64));
@@ -234,7 +233,6 @@ fn it_counts_what_it_loses(example: &impl Example) {
     const SAMPLES: u64 = 300;
     let domain = TestDomain::new();
     let status = StandInStatus::start(&domain);
-    domain.write_settings();
     status.publish(&HeroTelemetry::default());
     let mut consumer = Process::spawn(&domain, example.command(1 + KEPT));
     consumer.wait_for_text("1 - m");
@@ -254,7 +252,6 @@ fn it_ends_in_order(example: &impl Example) {
     for signal in [Signal::INT, Signal::TERM] {
         let domain = TestDomain::new();
         let _status = StandInStatus::start(&domain);
-        domain.write_settings();
         let mut consumer = Process::spawn(&domain, example.command(u64::from(u32::MAX)));
         consumer.wait_for_text("subscribed");
         consumer.signal(signal);
@@ -276,7 +273,6 @@ fn it_says_what_is_missing(example: &impl Example) {
     assert_eq!(nobody.code(), Some(3), "{nobody:#?}");
     assert!(error(&nobody).contains("start it first"), "{nobody:#?}");
     let _somebody = domain.join("somebody");
-    domain.write_settings();
     let no_status = Process::spawn(&domain, example.command(1)).wait_exit();
     assert_eq!(no_status.code(), Some(3), "{no_status:#?}");
     assert!(
@@ -288,7 +284,6 @@ fn it_says_what_is_missing(example: &impl Example) {
 fn it_refuses_another_layout_and_names_both(example: &impl Example) {
     let (domain, folder) = (TestDomain::new(), PtyFolder::new());
     let _status = StandInStatus::start(&domain);
-    domain.write_settings();
     let consumer = example.of_another_layout(folder.path());
     let finished = Process::spawn(&domain, consumer).wait_exit();
     assert_eq!(finished.code(), Some(1), "{finished:#?}");

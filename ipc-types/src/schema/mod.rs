@@ -40,8 +40,8 @@
 //! A schema comes from another process, or from a file: parsing is bounded ([`MAX_TEXT_LEN`], [`MAX_DEPTH`],
 //! [`MAX_NUMBERS`], [`MAX_PAYLOAD_SIZE`]), reading a value looks at the bytes that are there, and neither panics.
 
-mod parse;
 mod load;
+mod parse;
 mod text;
 mod value;
 

@@ -131,12 +131,12 @@ mod tests {
 
     #[test]
     fn whoever_is_missing_is_named_with_how_to_start_it() {
-        for (service, process) in [
-            (ServiceId::HeroTelemetry, "ril status --robot 7"),
-            (ServiceId::DspTelemetry, "ril bridge --robot 7"),
-            (ServiceId::Movement, "ril bridge --robot 7"),
+        for (key, process) in [
+            ("hero_telemetry", "ril status --robot 7"),
+            ("dsp_telemetry", "ril bridge --robot 7"),
+            ("movement", "ril bridge --robot 7"),
         ] {
-            let failure = absent(service, RobotId::new(7).unwrap());
+            let failure = absent(key, RobotId::new(7).unwrap());
             assert_eq!(failure.code(), ExitCode::ServiceAbsent);
             assert!(
                 failure.chain()[0].contains(process),

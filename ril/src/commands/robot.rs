@@ -40,9 +40,7 @@ pub(super) fn others_alive(robot: RobotId) -> String {
 
 fn alive() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-    domain
-        .robots(MovementData::KEY)
-        .or_fail(ExitCode::Internal)
+    domain.robots(MovementData::KEY).or_fail(ExitCode::Internal)
 }
 
 /// Why a default robot is refused; nothing when it is unambiguous.

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use ipc_types::service::own;
 use ipc_types::{
-    DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source,
-    Subscriber, Topic, dynamic,
+    DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source, Subscriber, Topic,
+    dynamic,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
 

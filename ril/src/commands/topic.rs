@@ -4,9 +4,9 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
+use ipc_types::Schema;
 use ipc_types::dynamic::{self, TopicFacts};
 use ipc_types::schema::{Field, Kind, Message};
-use ipc_types::Schema;
 use runtime::exit::Failure;
 use serde::Serialize;
 
@@ -80,7 +80,10 @@ fn table(topics: &[TopicFacts]) -> String {
         let widths = topics.iter().map(|topic| column(topic).len());
         widths.max().unwrap_or_default()
     };
-    let (key, type_name) = (width(|topic| &topic.key), width(|topic| topic.schema.type_name()));
+    let (key, type_name) = (
+        width(|topic| &topic.key),
+        width(|topic| topic.schema.type_name()),
+    );
     let mut text = String::new();
     for topic in topics {
         // Writing to a string cannot fail.
@@ -258,20 +261,15 @@ mod tests {
 
     #[test]
     fn the_list_is_aligned() {
-        let topic = |key: &str, type_name: &str, size| TopicFacts {
+        let topic = |key: &str, name: &str| TopicFacts {
             key: key.to_owned(),
-            type_name: type_name.to_owned(),
-            size,
-            align: 8,
-            layout_hash: None,
+            schema: Schema::parse(&format!("# Layout: x.{name}.v1\n\nuint64 sequence\n")).unwrap(),
+            provider: None,
         };
-        let topics = [
-            topic("a", "x.Long.v1", 16),
-            topic("battery_watch/b", "x.B.v1", 2048),
-        ];
+        let topics = [topic("a", "Long"), topic("battery_watch/b", "B")];
         assert_eq!(
             table(&topics),
-            "a                x.Long.v1      16 B\nbattery_watch/b  x.B.v1       2048 B\n"
+            "a                x.Long.v1       8 B\nbattery_watch/b  x.B.v1          8 B\n"
         );
         assert_eq!(table(&[]), "");
     }

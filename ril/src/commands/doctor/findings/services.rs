@@ -40,9 +40,7 @@ pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
 fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
     const ABOUT: About = SERVICES_OF_ROBOT;
     let keys = |wanted: bool| -> String {
-        let of_command = SERVICES
-            .iter()
-            .filter(|spec| spec.id.provider() == command);
+        let of_command = SERVICES.iter().filter(|spec| spec.id.provider() == command);
         let keys: Vec<&str> = of_command
             .filter(|spec| provided.iter().any(|one| one.service == spec.id) == wanted)
             .map(|spec| spec.key)

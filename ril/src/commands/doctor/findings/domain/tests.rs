@@ -184,7 +184,7 @@ fn each_trouble_has_its_name() {
 fn a_stopped_process_is_told_once_for_all_of_its_services() {
     let live = member(Life::Live, 7, "bridge");
     let other = Member {
-        service: "parameters",
+        service: "parameters".to_owned(),
         ..live.clone()
     };
     let stopped = DomainFacts {
