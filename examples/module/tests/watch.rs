@@ -300,7 +300,9 @@ fn in_the_real_chain_ril_sees_the_topic_and_the_helicopter_lands() {
 
     run(&["start"]);
     run(&["takeoff", "--altitude", "4"]);
-    assert_eq!(answer(&operator.control(ControlCommand::Start)), DONE);
+    run(&["start", "--module", "battery_watch"]);
+    let again = chain.run(&domain, &["start", "--module", "battery_watch"]);
+    assert_eq!(again.code(), Some(5), "{again:#?}");
     let set = SetLimit {
         request_id: fresh_request_id(),
         limit_v: 4.2,
@@ -314,7 +316,10 @@ fn in_the_real_chain_ril_sees_the_topic_and_the_helicopter_lands() {
         .unwrap();
     telemetry.wait(WAIT_LIMIT).unwrap();
     assert!(!telemetry.latest().unwrap().unwrap().is_flying());
+    run(&["stop", "--module", "battery_watch"]);
     module.signal(Signal::TERM);
     assert_eq!(module.wait_exit().code(), Some(0));
+    let absent = chain.run(&domain, &["stop", "--module", "battery_watch"]);
+    assert_eq!(absent.code(), Some(3), "{absent:#?}");
     chain.end();
 }
