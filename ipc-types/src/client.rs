@@ -152,10 +152,7 @@ impl<R: Request> Port<R> {
 }
 
 impl<R: Request> Client<R> {
-    pub(crate) fn open(
-        session: &Arc<Session>,
-        key: &'static str,
-    ) -> Result<Client<R>, OpenError> {
+    pub(crate) fn open(session: &Arc<Session>, key: &'static str) -> Result<Client<R>, OpenError> {
         let mut client = Client {
             outstanding: Vec::with_capacity(MAX_OUTSTANDING),
             port: None,

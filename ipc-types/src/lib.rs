@@ -7,7 +7,7 @@
 //! * [`group`]: the groups of a telemetry sample and their bits;
 //! * [`schema`]: what lies in a topic, as a text that programs read which have never seen the struct;
 //! * [`service`]: the one table of services, with every quality-of-service value;
-//! * [`module`]: a module of a crate of its own: its name, its id, its state and its control requests;
+//! * [`mod@module`]: a module of a crate of its own: its name, its id, its state and its control requests;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is

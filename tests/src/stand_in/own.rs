@@ -248,7 +248,9 @@ mod tests {
         let mut client = ipc.client::<ControlOf<Watch>>().expect("a client");
         let mut ends = Vec::new();
         for (id, answer) in [(7, None), (8, Some(Answer::refuse(Reason::Busy)))] {
-            answer.map(|answer| server.answer_next(answer));
+            if let Some(answer) = answer {
+                server.answer_next(answer);
+            }
             let request = ControlOf::command(id, ControlCommand::Start);
             client.send(&request).expect("a request that is taken");
             assert_eq!(server.next_request(), request);
