@@ -68,6 +68,8 @@ pub struct Client<R: Request> {
     follower: Follower,
     waiter: Waiter,
     place: Place,
+    /// Last part of the service's name: that of `R`, or another that carries the same struct.
+    key: &'static str,
     session: Arc<Session>,
 }
 
@@ -100,14 +102,18 @@ type Pending<R> = PendingResponse<Svc, R, (), RequestReport, ()>;
 type Report = iceoryx2::response::Response<Svc, RequestReport, ()>;
 
 impl<R: Request> Port<R> {
-    fn open(session: &Arc<Session>, generation: Generation) -> Result<Port<R>, OpenError> {
+    fn open(
+        session: &Arc<Session>,
+        generation: Generation,
+        key: &'static str,
+    ) -> Result<Port<R>, OpenError> {
         let robot = session.robot();
-        let service = open::open_request::<R>(&generation, robot)?;
-        let event = |channel| Event::open(&generation, robot, R::KEY, channel);
+        let service = open::open_request::<R>(&generation, robot, key)?;
+        let event = |channel| Event::open(&generation, robot, key, channel);
         let responses = WakeReceiver::new(event(Channel::Responses)?);
         let requests = event(Channel::Requests)?;
         let port = open::port(
-            &service_name(robot, R::KEY),
+            &service_name(robot, key),
             ("clients", MAX_CLIENTS),
             |error| error == ClientCreateError::ExceedsMaxSupportedClients,
             || {
@@ -123,7 +129,7 @@ impl<R: Request> Port<R> {
         Ok(Port {
             port,
             responses,
-            requests: WakeSender::make(session, requests, place(R::KEY), Channel::Requests)?,
+            requests: WakeSender::make(session, requests, place(key), Channel::Requests)?,
             server: ServerWatch::new(generation.watch()),
             generation,
         })
@@ -146,14 +152,15 @@ impl<R: Request> Port<R> {
 }
 
 impl<R: Request> Client<R> {
-    pub(crate) fn open(session: &Arc<Session>) -> Result<Client<R>, OpenError> {
+    pub(crate) fn open(session: &Arc<Session>, key: &'static str) -> Result<Client<R>, OpenError> {
         let mut client = Client {
             outstanding: Vec::with_capacity(MAX_OUTSTANDING),
             port: None,
             former: None,
-            follower: Follower::new(session, R::KEY),
+            follower: Follower::new(session, key),
             waiter: Waiter::new(),
-            place: place(R::KEY),
+            place: place(key),
+            key,
             session: Arc::clone(session),
         };
         match client.follow() {
@@ -169,7 +176,9 @@ impl<R: Request> Client<R> {
     /// Enters another generation if there is one.
     fn enter(&self) -> Result<Option<Port<R>>, OpenError> {
         let present = self.port.as_ref().map(|port| port.generation.name());
-        self.follower.follow(present, Port::open)
+        self.follower.follow(present, |session, generation| {
+            Port::open(session, generation, self.key)
+        })
     }
 
     /// Enters another generation if there is one, unless requests are open in two already.
@@ -279,7 +288,7 @@ impl<R: Request> Client<R> {
 
     /// Whether a live process serves. One that hangs counts as alive.
     pub fn is_server_alive(&self) -> bool {
-        let provider = self.session.watch(R::KEY).look();
+        let provider = self.session.watch(self.key).look();
         provider.is_ok_and(|provider| provider.is_some())
     }
 
@@ -292,7 +301,7 @@ impl<R: Request> Client<R> {
 
     fn no_server(&self) -> SendError {
         SendError::NoServer {
-            service: R::KEY,
+            service: self.key,
             robot: self.session.robot().get(),
         }
     }

@@ -7,6 +7,7 @@
 //! * [`group`]: the groups of a telemetry sample and their bits;
 //! * [`schema`]: what lies in a topic, as a text that programs read which have never seen the struct;
 //! * [`service`]: the one table of services, with every quality-of-service value;
+//! * [`mod@module`]: a module of a crate of its own: its name, its id, its state and its control requests;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
@@ -62,6 +63,9 @@ pub mod group;
 mod housekeeper;
 pub mod inspect;
 mod iox;
+// What the macros make is unsafe to implement by hand: they check what makes it safe.
+#[allow(unsafe_code)]
+pub mod module;
 pub mod open;
 pub mod payload;
 pub mod provider;
@@ -94,6 +98,7 @@ pub use domain_error::DomainError;
 pub use dynamic::{DynamicError, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
+pub use module::{ControlOf, Module, StateOf};
 pub use open::OpenError;
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};

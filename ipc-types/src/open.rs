@@ -335,13 +335,18 @@ pub(crate) fn create_request<R: Request>(
         .map_err(|error| failed(&name, error))
 }
 
-/// Opens the request service of `R`.
+/// Opens the request service `key`, which carries `R`.
 pub(crate) fn open_request<R: Request>(
     generation: &Generation,
     robot: RobotId,
+    key: &'static str,
 ) -> Result<RequestService<R>, OpenError> {
     use RequestResponseOpenError as Error;
-    let expected = Expected::of(&Contract::of_request::<R>(), robot);
+    let contract = Contract {
+        key,
+        ..Contract::of_request::<R>()
+    };
+    let expected = Expected::of(&contract, robot);
     let name = service_name(&expected.name)?;
     let attributes = expected.verifier()?;
     let builder = generation

@@ -137,7 +137,17 @@ impl Ipc {
     ///
     /// When there is a server, and its service cannot be opened: see [`OpenError`].
     pub fn client<R: Request>(&self) -> Result<Client<R>, OpenError> {
-        Client::open(&self.session)
+        Client::open(&self.session, R::KEY)
+    }
+
+    /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the contract's
+    /// requests to a module whose types it was not built with.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::client`]; and when the service carries something else.
+    pub fn client_of<R: Request>(&self, key: &'static str) -> Result<Client<R>, OpenError> {
+        Client::open(&self.session, key)
     }
 
     /// The live process that publishes or serves the service `key` of this robot, or nothing.
