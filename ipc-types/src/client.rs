@@ -292,9 +292,9 @@ impl<R: Request> Client<R> {
         }
         self.look_in_time();
         let ports = [self.port.as_ref(), self.former.as_ref()];
-        self.outstanding.iter().any(|outstanding| {
-            outstanding.pending.has_response() || !outstanding.is_served(&ports)
-        })
+        self.outstanding
+            .iter()
+            .any(|outstanding| outstanding.pending.has_response() || !outstanding.is_served(&ports))
     }
 }
 

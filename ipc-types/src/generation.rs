@@ -116,9 +116,7 @@ impl Generation {
         match fs::rename(&draft, &path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Err(EnterError::Ended),
             Err(error) => Err(DomainError::io("rename", &draft, error).into()),
-            Ok(()) => {
-                Generation::with_node(domain, name, path, lock, Some(provider), process_name)
-            }
+            Ok(()) => Generation::with_node(domain, name, path, lock, Some(provider), process_name),
         }
     }
 

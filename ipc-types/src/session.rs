@@ -17,7 +17,7 @@ use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
 use crate::robot::RobotId;
 use crate::robot_folder::Membership;
-use crate::service::{Contract, Request, Topic, folder_name, service_name};
+use crate::service::{Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
 use crate::{Client, Publisher, Server, Subscriber};
 
@@ -166,18 +166,19 @@ impl Session {
     /// Begins a generation of a service that this process provides, makes something in it, and then announces it.
     pub(crate) fn begin<P>(
         &self,
-        contract: &Contract,
+        key: &str,
+        schema: &str,
         make: impl FnOnce(Generation, Arc<Tended>) -> Result<P, OpenError>,
     ) -> Result<P, OpenError> {
-        let folder = self.service_folder(contract.key);
+        let folder = self.service_folder(key);
         let domain = self.membership.domain();
         let generation = Generation::begin(domain, &folder, &self.process_name)
-            .map_err(|error| OpenError::enter(&contract.name(self.robot()), error))?;
-        generation.describe(&contract.schema())?;
+            .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
+        generation.describe(schema)?;
         let tended = Tended::new(domain, folder.clone(), &generation);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
-        generation::announce(domain, &folder, &name, contract.key)?;
+        generation::announce(domain, &folder, &name, key)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)

@@ -80,7 +80,11 @@ fn provide(domain: &Domain) -> Foreign {
     fs::create_dir_all(folder.join("abcdef")).unwrap();
     fs::write(folder.join("abcdef/lock"), "").unwrap();
     let prefix = format!("{}abcdef_", domain.tag());
-    fs::write(folder.join("current"), format!("abcdef {prefix} dsp_telemetry\n")).unwrap();
+    fs::write(
+        folder.join("current"),
+        format!("abcdef {prefix} dsp_telemetry\n"),
+    )
+    .unwrap();
     enter(domain, ServiceId::DspTelemetry)
 }
 
