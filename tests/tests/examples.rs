@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use ipc_types::{Ipc, Publisher};
-use ril_tests::process::{Finished, Signal};
+use ipc_types::{Ipc, Publisher, Waiter};
+use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
 use ril_tests::{Chain, Process, PtyFolder, TestDomain};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
@@ -139,6 +139,81 @@ impl Compiler {
     }
 }
 
+/// An interpreter that has the package `hero_ril`.
+fn python() -> Option<&'static Path> {
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    let python = PYTHON.get_or_init(|| match std::env::var_os("RIL_TEST_PYTHON") {
+        Some(python) => Ok(python.into()),
+        None => virtual_environment(),
+    });
+    match python {
+        Ok(python) => Some(python),
+        Err(why) => {
+            skip("Python", why);
+            None
+        }
+    }
+}
+
+/// Makes a virtual environment, builds the wheel with it and installs it there. What is there already is used again.
+fn virtual_environment() -> Result<PathBuf, String> {
+    let target = built().parent().expect("a target folder");
+    let (folder, wheels) = (target.join("python-venv"), target.join("python-wheels"));
+    let python = folder.join("bin/python");
+    let package = root().join("bindings/python");
+    let pip = |arguments: &[&str]| {
+        let mut command = Command::new(&python);
+        command.args([
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+        ]);
+        command.args(arguments);
+        command
+    };
+    if run(Command::new(&python).args(["-c", "import maturin, numpy"])).is_err() {
+        run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
+        run(&mut pip(&["maturin>=1.7,<2", "numpy"]))?;
+    }
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    run(Command::new(cargo).arg("fetch").current_dir(&package))?;
+    // From here on a failure is ours.
+    let _ = std::fs::remove_dir_all(&wheels);
+    let mut build = Command::new(&python);
+    build
+        .args([
+            "-m",
+            "maturin",
+            "build",
+            "--quiet",
+            "--profile",
+            "dev",
+            "--out",
+        ])
+        .arg(&wheels)
+        .arg("--interpreter")
+        .arg(&python)
+        .current_dir(&package)
+        .env("CARGO_TARGET_DIR", target.join("python"));
+    run(&mut build).expect("the wheel is built");
+    let wheel = std::fs::read_dir(&wheels).expect("wheels").next();
+    let wheel = wheel.expect("a wheel").expect("a wheel").path();
+    let wheel = wheel.to_str().expect("a path in UTF-8");
+    run(&mut pip(&["--force-reinstall", "--no-deps", wheel])).expect("the wheel is installed");
+    Ok(python)
+}
+
+/// The command that runs one of `examples/python`.
+fn python_example(python: &Path, name: &str) -> Command {
+    let mut command = Command::new(python);
+    command
+        .arg("-u")
+        .arg(root().join("examples/python").join(name));
+    command
+}
+
 /// The lines about requests and not about telemetry.
 fn requests(finished: &Finished) -> Vec<&str> {
     let lines = finished.stdout.iter().map(String::as_str);
@@ -237,14 +312,13 @@ fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
     let mut consumer = start(&domain, "print", "2");
     consumer.wait_for_text("subscribed");
     let mut publisher: Publisher<module::Voltages> = ipc.publisher().unwrap();
-    let mut publish = || {
-        publisher
-            .publish(|sample| sample.cells = [3.5; 12])
-            .unwrap()
-    };
-    publish();
+    let sample = |sample: &mut module::Voltages| sample.cells = [3.5; 12];
+    publisher.publish(sample).unwrap();
+    // The consumer joins now, or has: the publisher gives it the latest sample.
+    Waiter::new().wait(&[&publisher], Some(WAIT_LIMIT)).unwrap();
+    publisher.tend();
     consumer.wait_for_text("1 3.50 V to 3.50 V");
-    publish();
+    publisher.publish(sample).unwrap();
     let finished = consumer.wait_exit();
     assert_eq!(finished.stdout.last().unwrap(), "2 3.50 V to 3.50 V");
     drop((publisher, ipc));
@@ -258,4 +332,52 @@ fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
     publisher.signal(Signal::KILL);
     publisher.wait_exit();
     domain.sweep();
+}
+
+#[test]
+fn the_python_package_does_what_its_tests_say() {
+    let Some(python) = python() else {
+        return;
+    };
+    let domain = TestDomain::new();
+    let mut command = Command::new(python);
+    command.arg(root().join("bindings/python/tests/test_hero_ril.py"));
+    let finished = Process::spawn(&domain, command).wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+}
+
+#[test]
+fn a_program_in_python_flies_a_mission() {
+    let Some(python) = python() else {
+        return;
+    };
+    flies_a_mission(|| {
+        let mut command = python_example(python, "mission.py");
+        command.arg("5");
+        command
+    });
+    says_that_nothing_runs(python_example(python, "mission.py"), "start `ril status`");
+}
+
+#[test]
+fn a_program_in_python_prints_telemetry_and_ends_in_order() {
+    let Some(python) = python() else {
+        return;
+    };
+    let domain = TestDomain::new();
+    let chain = Chain::hurried(&domain, &built().join("ril"), SPEED);
+    let mut asynchronous = python_example(python, "mission_async.py");
+    asynchronous.arg("3");
+    let mission = Process::spawn(&domain, asynchronous).wait_exit();
+    assert_eq!(mission.code(), Some(0), "{mission:#?}");
+    assert!(
+        mission.stdout.contains(&"land: done".to_owned()),
+        "{mission:#?}"
+    );
+    let mut printing = Process::spawn(&domain, python_example(python, "print_telemetry.py"));
+    printing.wait_for_text("m, flying 0, 0 lost");
+    printing.signal(Signal::INT);
+    let finished = printing.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    chain.end();
 }

@@ -1,6 +1,7 @@
 //! [`Requests`]: sends requests of any of the robot's services, and follows each to its final report.
 
 use std::collections::VecDeque;
+use std::os::fd::{AsRawFd, RawFd};
 use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
@@ -285,6 +286,25 @@ impl Requests {
             .into_iter()
             .flatten()
             .collect()
+    }
+
+    /// Descriptors that can be read once there are reports, for an event loop. They change when the bridge starts again: ask
+    /// after each [`next_report`](Requests::next_report), and look all the same every [`RECHECK_MS`](crate::topic::RECHECK_MS).
+    ///
+    /// # Errors
+    ///
+    /// When there are more listeners than the contract allows.
+    pub fn descriptors(&self) -> Result<Vec<RawFd>, Error> {
+        fn of<R: Request>(client: &Option<Client<R>>) -> Result<Option<RawFd>, Error> {
+            let descriptor = client.as_ref().map(Client::descriptor).transpose()?;
+            Ok(descriptor.flatten().map(|fd| fd.as_raw_fd()))
+        }
+        let all = [
+            of(&self.control)?,
+            of(&self.movement)?,
+            of(&self.parameters)?,
+        ];
+        Ok(all.into_iter().flatten().collect())
     }
 
     /// Gives up all requests without a final report: the bridge sees them as vanished.

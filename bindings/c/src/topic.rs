@@ -142,6 +142,15 @@ impl Inbox {
         Ok(Received::Sample(&self.buffer[from..self.next]))
     }
 
+    /// Waits until there is a sample, and says whether there is one.
+    ///
+    /// # Errors
+    ///
+    /// As [`Inbox::receive`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<bool, Error> {
+        Ok(self.has_buffered() || matches!(self.fill(timeout)?, Fill::Samples))
+    }
+
     fn fill(&mut self, timeout: Duration) -> Result<Fill, Error> {
         let mut deadline = None;
         loop {
