@@ -4,6 +4,7 @@
 //! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.
 
 use std::cell::{Cell, RefCell};
+use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -269,6 +270,20 @@ impl<R: Request> Client<R> {
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
         self.waiter.wait(&[&*self], Some(timeout))
+    }
+
+    /// A file descriptor that can be read once there are reports, for a reactor of the caller's own; [`Client::drain`] empties
+    /// it. Nothing while there has been no server; another one after a new server has come. Drain at least every
+    /// [`SAFETY_BOUND`] in any case: as of [`Subscriber::descriptor`](crate::Subscriber::descriptor).
+    ///
+    /// # Errors
+    ///
+    /// When there are more listeners than the contract allows.
+    pub fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+        self.port
+            .as_ref()
+            .map(|port| port.responses.lend_descriptor())
+            .transpose()
     }
 
     /// Gives up all open requests: their server sees them as vanished.

@@ -1,17 +1,20 @@
-//! [`DynamicSubscriber`]: reads a topic whose struct this program was not built with, by its schema; [`topics`] lists them.
+//! [`DynamicSubscriber`] and [`DynamicPublisher`]: read and publish a topic whose struct this program was not built with, by
+//! its schema; [`topics`] lists them.
 //!
 //! The samples come as bytes, as long as the schema says. That the schema is the right one is checked when the topic is
 //! opened: the hash of its layout must be the one that the service carries.
 
+use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use crate::generation;
-use crate::open::{Expected, OpenError};
+use crate::open::{Expected, Offer, OpenError};
 use crate::payload::Number;
 use crate::provider::{Provider, ProviderWatch};
-use crate::schema::{LoadError, Schema};
+use crate::publisher::{BytesPublisher, PublishError};
+use crate::schema::{LoadError, Schema, SchemaError};
 use crate::sequence::Losses;
-use crate::service::{CONTRACTS, EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, service_name};
+use crate::service::{CONTRACTS, EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, is_key, service_name};
 use crate::session::{Ipc, service_folder};
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};
@@ -24,6 +27,27 @@ pub enum DynamicError {
         "the samples of `{0}` do not begin with `uint64 sequence` and `uint64 epoch_ns`: it is no topic of a robot's module"
     )]
     NoTopic(String),
+    /// The key cannot be that of a topic.
+    #[error(
+        "`{0}` is no key of a topic: use `<module>/<topic>` in lower snake case, such as `battery_watch/cell_voltages`"
+    )]
+    InvalidKey(String),
+    /// The robot has a service of this key, which carries something else.
+    #[error("`{key}` is a service of the robot's own: as a topic it can only carry `{expected}`")]
+    OwnService {
+        /// Key of the service.
+        key: String,
+        /// What it carries.
+        expected: String,
+    },
+    /// The text is not that of a schema.
+    #[error("the schema of `{key}` is not usable")]
+    Schema {
+        /// Key of the topic.
+        key: String,
+        /// What is wrong with it.
+        source: SchemaError,
+    },
     /// The service cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
@@ -137,9 +161,23 @@ impl DynamicSubscriber {
         self.bytes.wait(timeout)
     }
 
+    /// As [`Subscriber::descriptor`](crate::Subscriber::descriptor).
+    ///
+    /// # Errors
+    ///
+    /// When there are more listeners than the contract allows.
+    pub fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+        self.bytes.descriptor()
+    }
+
     /// What was received and missed so far.
     pub fn losses(&self) -> Losses {
         self.bytes.losses()
+    }
+
+    /// Generations of shared memory that this subscriber has entered.
+    pub fn generations(&self) -> u64 {
+        self.bytes.generations()
     }
 }
 
@@ -150,6 +188,91 @@ impl sealed::Source for DynamicSubscriber {
 
     fn sense(&self) -> sealed::Sense<'_> {
         self.bytes.sense()
+    }
+}
+
+/// The writing end of a topic whose struct is known by its schema alone: for other languages, and for tools.
+pub struct DynamicPublisher {
+    bytes: BytesPublisher,
+    schema: Schema,
+}
+
+impl DynamicPublisher {
+    /// Becomes the one publisher of the topic `key` of the robot, whose samples the text of a schema describes; see
+    /// [`schema`](crate::schema). One of the robot's own topics can only carry what it always does.
+    ///
+    /// # Errors
+    ///
+    /// See [`DynamicError`]; [`OpenError::AlreadyProvided`] in it names the live process that publishes.
+    pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicPublisher, DynamicError> {
+        let text = schema;
+        let schema = Schema::parse(text).map_err(|source| DynamicError::Schema {
+            key: key.to_owned(),
+            source,
+        })?;
+        if !is_sample(&schema) {
+            return Err(DynamicError::NoTopic(key.to_owned()));
+        }
+        check_key(key, &schema)?;
+        let offer = Offer::of_schema(key, &schema, text);
+        Ok(DynamicPublisher {
+            bytes: BytesPublisher::open(ipc.session(), offer)?,
+            schema,
+        })
+    }
+
+    /// What lies in the samples.
+    pub fn schema(&self) -> &Schema {
+        &self.schema
+    }
+
+    /// As [`Publisher::publish`](crate::Publisher::publish), of bytes: `fill` gets as many as the schema says, all zero.
+    ///
+    /// # Errors
+    ///
+    /// See [`PublishError`].
+    pub fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
+        self.bytes.publish(fill)
+    }
+
+    /// As [`Publisher::tend`](crate::Publisher::tend).
+    pub fn tend(&mut self) {
+        self.bytes.tend();
+    }
+
+    /// Number of the last sample, 0 before the first.
+    pub fn sequence(&self) -> u64 {
+        self.bytes.sequence()
+    }
+}
+
+impl sealed::Source for DynamicPublisher {
+    fn has_something(&self) -> bool {
+        self.bytes.has_something()
+    }
+
+    fn sense(&self) -> sealed::Sense<'_> {
+        self.bytes.sense()
+    }
+}
+
+/// Whether a topic with this schema may have this key.
+fn check_key(key: &str, schema: &Schema) -> Result<(), DynamicError> {
+    let Some(own) = CONTRACTS.iter().find(|contract| contract.key == key) else {
+        return match is_key(key) && key.contains('/') {
+            true => Ok(()),
+            false => Err(DynamicError::InvalidKey(key.to_owned())),
+        };
+    };
+    let is_same = own.pattern == Pattern::PublishSubscribe
+        && own.layout() == schema.type_name()
+        && own.layout_hash() == schema.layout_hash();
+    match is_same {
+        true => Ok(()),
+        false => Err(DynamicError::OwnService {
+            key: key.to_owned(),
+            expected: own.layout(),
+        }),
     }
 }
 

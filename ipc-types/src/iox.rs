@@ -54,8 +54,12 @@ pub(crate) type Node = iceoryx2::prelude::Node<Svc>;
 pub(crate) type Listener = iceoryx2::port::listener::Listener<Svc>;
 pub(crate) type Notifier = iceoryx2::port::notifier::Notifier<Svc>;
 pub(crate) type EventService = iceoryx2::service::port_factory::event::PortFactory<Svc>;
-pub(crate) type TopicService<T> =
-    iceoryx2::service::port_factory::publish_subscribe::PortFactory<Svc, T, ()>;
+/// A published service whose samples are written as bytes.
+pub(crate) type TopicService = iceoryx2::service::port_factory::publish_subscribe::PortFactory<
+    Svc,
+    [iceoryx2::service::marker::CustomPayloadMarker],
+    iceoryx2::service::marker::CustomHeaderMarker,
+>;
 /// A published service whose samples are read as bytes.
 pub(crate) type BytesService = iceoryx2::service::port_factory::publish_subscribe::PortFactory<
     Svc,

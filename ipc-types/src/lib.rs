@@ -95,7 +95,7 @@ pub use payload::support as macro_support;
 pub use client::{Client, SendError};
 pub use domain::Domain;
 pub use domain_error::DomainError;
-pub use dynamic::{DynamicError, DynamicSubscriber};
+pub use dynamic::{DynamicError, DynamicPublisher, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use module::{ControlOf, Module, StateOf};

@@ -12,7 +12,8 @@ use iceoryx2::prelude::{
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
-use iceoryx2::service::marker::CustomPayloadMarker;
+use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
+use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
 use crate::domain::SHM_DIR;
 use crate::domain_error::DomainError;
@@ -22,6 +23,7 @@ use crate::iox::{BytesService, RequestService, Svc, TopicService};
 use crate::payload::RequestReport;
 use crate::provider::Provider;
 use crate::robot::RobotId;
+use crate::schema::Schema;
 use crate::service::{self, Contract, Request, Topic};
 
 /// A port cannot be made.
@@ -201,10 +203,13 @@ fn attribute(
 }
 
 /// The attributes that a service of the contract is made with.
-fn specifier(contract: &Contract, robot: RobotId) -> Result<AttributeSpecifier, OpenError> {
-    let expected = Expected::of(contract, robot);
+fn specifier(
+    expected: &Expected,
+    key: &str,
+    robot: RobotId,
+) -> Result<AttributeSpecifier, OpenError> {
     let mut attributes = expected.attributes()?;
-    if let Some(slot) = contract.slot(robot) {
+    if let Some(slot) = service::slot(key, robot) {
         attributes.push(attribute(&expected.name, "slot", &slot.to_string())?);
     }
     let mut specifier = AttributeSpecifier::new();
@@ -251,18 +256,84 @@ fn layout_of(
     })
 }
 
-/// Makes the published service of `T`.
-pub(crate) fn create_topic<T: Topic>(
+/// What a publisher makes a topic of.
+pub(crate) struct Offer {
+    /// Last part of the service's name.
+    pub(crate) key: String,
+    /// Name of the type in shared memory.
+    type_name: String,
+    layout_hash: u64,
+    /// Bytes of a sample.
+    pub(crate) size: usize,
+    align: usize,
+    /// The schema's text.
+    pub(crate) schema: String,
+}
+
+impl Offer {
+    pub(crate) fn of_topic<T: Topic>() -> Offer {
+        let contract = Contract::of_topic::<T>();
+        Offer {
+            key: T::KEY.to_owned(),
+            type_name: contract.layout(),
+            layout_hash: contract.layout_hash(),
+            size: size_of::<T>(),
+            align: align_of::<T>(),
+            schema: contract.schema(),
+        }
+    }
+
+    /// `text` is what `schema` was read from.
+    pub(crate) fn of_schema(key: &str, schema: &Schema, text: &str) -> Offer {
+        Offer {
+            key: key.to_owned(),
+            type_name: schema.type_name().to_owned(),
+            layout_hash: schema.layout_hash(),
+            size: schema.size(),
+            align: schema.align(),
+            schema: text.to_owned(),
+        }
+    }
+
+    fn expected(&self, robot: RobotId) -> Expected {
+        Expected {
+            name: service::service_name(robot, &self.key),
+            layout: self.type_name.clone(),
+            layout_hash: self.layout_hash,
+        }
+    }
+}
+
+/// Makes a published service. Its samples are written as bytes.
+pub(crate) fn create_topic(
     generation: &Generation,
+    offer: &Offer,
     robot: RobotId,
-) -> Result<TopicService<T>, OpenError> {
-    let contract = Contract::of_topic::<T>();
-    let name = contract.name(robot);
-    let attributes = specifier(&contract, robot)?;
+) -> Result<TopicService, OpenError> {
+    let expected = offer.expected(robot);
+    let name = &expected.name;
+    let payload = TypeDetail::__internal_new_from_parts(
+        TypeVariant::FixedSize,
+        &offer.type_name,
+        offer.size,
+        offer.align,
+    )
+    .map_err(|error| failed(name, error))?;
+    let attributes = specifier(&expected, &offer.key, robot)?;
     let builder = generation
         .node()
-        .service_builder(&service_name(&name)?)
-        .publish_subscribe::<T>()
+        .service_builder(&service_name(name)?)
+        .publish_subscribe::<[CustomPayloadMarker]>()
+        .user_header::<CustomHeaderMarker>();
+    // SAFETY: the samples are written as bytes, as many and as aligned as the details say. There is no user header: the details
+    // are those of `()`, with which typed programs open the service.
+    #[allow(unsafe_code)]
+    let builder = unsafe {
+        builder
+            .__internal_set_payload_type_details(&payload)
+            .__internal_set_user_header_type_details(&TypeDetail::new::<()>(TypeVariant::FixedSize))
+    };
+    let builder = builder
         .max_publishers(service::MAX_PROVIDERS)
         .max_subscribers(service::MAX_SUBSCRIBERS)
         .max_nodes(service::MAX_NODES)
@@ -271,7 +342,7 @@ pub(crate) fn create_topic<T: Topic>(
         .history_size(service::HISTORY)
         .enable_safe_overflow(true);
     files::while_no_port_opens(|| builder.create_with_attributes(&attributes))
-        .map_err(|error| failed(&name, error))
+        .map_err(|error| failed(name, error))
 }
 
 /// Opens a published service. Its samples come as bytes: what lies in them, the attributes say.
@@ -316,7 +387,7 @@ pub(crate) fn create_request<R: Request>(
 ) -> Result<RequestService<R>, OpenError> {
     let contract = Contract::of_request::<R>();
     let name = contract.name(robot);
-    let attributes = specifier(&contract, robot)?;
+    let attributes = specifier(&Expected::of(&contract, robot), contract.key, robot)?;
     let builder = generation
         .node()
         .service_builder(&service_name(&name)?)

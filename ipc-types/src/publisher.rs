@@ -1,23 +1,26 @@
-//! [`Publisher`]: the writing end of a published service.
+//! [`Publisher`]: the writing end of a published service. What it does with bytes, [`BytesPublisher`] does, which knows
+//! nothing of structs.
 //!
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 makes a handle of 104 bytes on the heap for each sample.
 
+use std::marker::PhantomData;
 use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
 use crate::doorbell::{Place, place};
 use crate::event::{Channel, Event};
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
 use crate::iox::Svc;
-use crate::open::{self, OpenError};
+use crate::open::{self, Offer, OpenError};
 use crate::provider::ProviderLock;
-use crate::service::{Contract, MAX_PROVIDERS, Topic};
+use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, Pattern, SEQUENCE_OFFSET, Topic, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
@@ -34,7 +37,7 @@ const RETRY: Duration = Duration::from_secs(1);
 #[derive(Debug, thiserror::Error)]
 #[error("a sample of {service} could not be published ({reason})")]
 pub struct PublishError {
-    service: &'static str,
+    service: String,
     reason: String,
 }
 
@@ -43,51 +46,134 @@ pub struct PublishError {
 /// Give it to the [`Waiter`](crate::Waiter) as well and call [`Publisher::tend`] after every wake: subscribers that
 /// join between two samples then get the latest at once, not with the next one.
 pub struct Publisher<T: Topic> {
-    port: Port<T>,
+    bytes: BytesPublisher,
+    payload: PhantomData<fn(T)>,
+}
+
+impl<T: Topic> Publisher<T> {
+    pub(crate) fn open(session: &Arc<Session>) -> Result<Publisher<T>, OpenError> {
+        Ok(Publisher {
+            bytes: BytesPublisher::open(session, Offer::of_topic::<T>())?,
+            payload: PhantomData,
+        })
+    }
+
+    /// Fills in a sample where it lies in shared memory, and sends it. Returns its number in the sequence, from 1.
+    ///
+    /// The sample begins as all zeros. `sequence` and `epoch_ns` are written after `fill`.
+    ///
+    /// # Errors
+    ///
+    /// [`PublishError`] when there is no memory for it, which does not happen with the settings of the table, or when
+    /// a connection is broken.
+    pub fn publish(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
+        self.bytes.publish(|bytes| {
+            // SAFETY: the service was made for `T`, so the bytes are as many and as aligned, they are initialized, and every
+            // pattern of bits is a value of it.
+            #[allow(unsafe_code)]
+            fill(unsafe { &mut *bytes.as_mut_ptr().cast::<T>() });
+        })
+    }
+
+    /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
+    /// is worn. Costs next to nothing when there is nothing to do.
+    pub fn tend(&mut self) {
+        self.bytes.tend();
+    }
+
+    /// Number of the last sample, 0 before the first.
+    pub fn sequence(&self) -> u64 {
+        self.bytes.sequence
+    }
+
+    /// When this publisher began, host monotonic ns; it is in every sample.
+    pub fn epoch_ns(&self) -> u64 {
+        self.bytes.epoch_ns
+    }
+
+    /// Generations of shared memory that this publisher has begun, the first included.
+    pub fn generations(&self) -> u64 {
+        self.bytes.generations
+    }
+
+    /// Begins a new generation at the next [`Publisher::tend`], as if the present one were worn: for tests.
+    #[doc(hidden)]
+    pub fn wear_out(&self) {
+        self.bytes.port.tended.wear_out("it was asked for");
+    }
+}
+
+impl<T: Topic> sealed::Source for Publisher<T> {
+    fn has_something(&self) -> bool {
+        self.bytes.has_something()
+    }
+
+    fn sense(&self) -> sealed::Sense<'_> {
+        self.bytes.sense()
+    }
+}
+
+/// The writing end of a published service whose samples are bytes.
+pub(crate) struct BytesPublisher {
+    port: Port,
     /// The former generation, and until when it is fed.
-    former: Option<(Port<T>, MonotonicNs)>,
+    former: Option<(Port, MonotonicNs)>,
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
     /// A copy of the last sample, for those that come to a new generation before the next one.
-    latest: T,
+    latest: Vec<u8>,
     epoch_ns: u64,
     sequence: u64,
     place: Place,
+    offer: Offer,
     _lock: ProviderLock,
     session: Arc<Session>,
 }
 
 /// A publisher's part in one generation.
-struct Port<T: Topic> {
+struct Port {
     /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers gave
     /// back costs more than the rest of publishing, and then nobody waits for it.
-    preloaned: Option<Preloaned<T>>,
-    port: iceoryx2::port::publisher::Publisher<Svc, T, ()>,
+    preloaned: Option<Preloaned>,
+    port: iceoryx2::port::publisher::Publisher<Svc, [CustomPayloadMarker], CustomHeaderMarker>,
     samples: WakeSender,
     subscribers: WakeReceiver,
     /// Subscribers that [`Publisher::tend`] has served, as the doorbell counts them.
     served: u32,
     tended: Arc<Tended>,
+    key: String,
     // Last: its node must outlive the ports.
     _generation: Generation,
 }
 
-type Preloaned<T> = iceoryx2::sample_mut::SampleMut<Svc, T, ()>;
+/// All of its bytes are initialized.
+type Preloaned = iceoryx2::sample_mut::SampleMut<Svc, [CustomPayloadMarker], CustomHeaderMarker>;
 
-impl<T: Topic> Port<T> {
-    fn make(session: &Arc<Session>) -> Result<Port<T>, OpenError> {
-        let contract = Contract::of_topic::<T>();
-        session.begin(&contract, |generation, tended| {
+/// The marker is one byte; it stands for any payload.
+fn bytes_of(sample: &mut Preloaned) -> &mut [u8] {
+    let payload = sample.payload_mut();
+    // SAFETY: a marker has the size of a byte and holds one, and the slice is borrowed for as long.
+    #[allow(unsafe_code)]
+    unsafe {
+        std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast(), payload.len())
+    }
+}
+
+impl Port {
+    fn make(session: &Arc<Session>, offer: &Offer) -> Result<Port, OpenError> {
+        let pattern = Pattern::PublishSubscribe;
+        session.begin(&offer.key, pattern, &offer.schema, |generation, tended| {
             let robot = session.robot();
-            let service = open::create_topic::<T>(&generation, robot)?;
-            let event = |channel| Event::create(&generation, robot, T::KEY, channel);
+            let key = offer.key.as_str();
+            let service = open::create_topic(&generation, offer, robot)?;
+            let event = |channel| Event::create(&generation, robot, key, channel);
             let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
             // Consumers in other languages announce themselves by this alone.
             subscribers.listener()?;
             let samples = event(Channel::Samples)?;
             let port = open::port(
-                &contract.name(robot),
+                &service_name(robot, key),
                 ("publishers", MAX_PROVIDERS),
                 |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
                 || {
@@ -102,76 +188,87 @@ impl<T: Topic> Port<T> {
             Ok(Port {
                 preloaned: None,
                 port,
-                samples: WakeSender::make(session, samples, place(T::KEY), Channel::Samples)?,
+                samples: WakeSender::make(session, samples, place(key), Channel::Samples)?,
                 subscribers,
-                served: session.doorbell().joined(place(T::KEY)),
+                served: session.doorbell().joined(place(key)),
                 tended,
+                key: key.to_owned(),
                 _generation: generation,
             })
         })
     }
 
-    fn loan(&mut self) -> Result<Preloaned<T>, PublishError> {
+    fn loan(&mut self) -> Result<Preloaned, PublishError> {
         match self.preloaned.take() {
             Some(preloaned) => Ok(preloaned),
-            None => self.port.loan().map_err(publish_error::<T>),
+            None => self.loan_zeros(),
         }
     }
 
-    fn send(&mut self, sample: Preloaned<T>) -> Result<(), PublishError> {
-        sample.send().map_err(publish_error::<T>)?;
+    fn loan_zeros(&self) -> Result<Preloaned, PublishError> {
+        // SAFETY: one element, as the service's type is one of fixed size.
+        #[allow(unsafe_code)]
+        let loaned = unsafe { self.port.loan_custom_payload(1) };
+        let mut sample = loaned.map_err(|error| publish_error(&self.key, error))?;
+        sample
+            .payload_mut()
+            .fill_with(std::mem::MaybeUninit::zeroed);
+        // SAFETY: all bytes were written in the line above, and a marker is any byte.
+        #[allow(unsafe_code)]
+        Ok(unsafe { sample.assume_init() })
+    }
+
+    fn send(&mut self, sample: Preloaned) -> Result<(), PublishError> {
+        sample
+            .send()
+            .map_err(|error| publish_error(&self.key, error))?;
         self.samples.wake();
         // Without one, the next call tries again and says why.
-        self.preloaned = self.port.loan().ok();
+        self.preloaned = self.loan_zeros().ok();
         Ok(())
     }
 
     /// Connects subscribers that have joined, which gives them the latest sample.
     fn connect(&self) {
         if let Err(error) = self.port.update_connections() {
-            tracing::debug!(service = T::KEY, ?error, "a subscriber was not reached");
+            tracing::debug!(service = self.key, ?error, "a subscriber was not reached");
         }
     }
 }
 
-impl<T: Topic> Publisher<T> {
-    pub(crate) fn open(session: &Arc<Session>) -> Result<Publisher<T>, OpenError> {
-        let lock = session.provide(T::KEY)?;
-        Ok(Publisher {
-            port: Port::make(session)?,
+impl BytesPublisher {
+    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesPublisher, OpenError> {
+        let lock = session.provide(&offer.key)?;
+        Ok(BytesPublisher {
+            port: Port::make(session, &offer)?,
             former: None,
             retry: MonotonicNs::default(),
             generations: 1,
-            latest: T::default(),
+            latest: vec![0; offer.size],
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
-            place: place(T::KEY),
+            place: place(&offer.key),
+            offer,
             _lock: lock,
             session: Arc::clone(session),
         })
     }
 
-    /// Fills in a sample where it lies in shared memory, and sends it. Returns its number in the sequence, from 1.
-    ///
-    /// The sample begins as all zeros. `sequence` and `epoch_ns` are written after `fill`.
-    ///
-    /// # Errors
-    ///
-    /// [`PublishError`] when there is no memory for it, which does not happen with the settings of the table, or when
-    /// a connection is broken.
-    pub fn publish(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
+    /// See [`Publisher::publish`].
+    pub(crate) fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
         let mut sample = self.port.loan()?;
         let sequence = self.sequence + 1;
-        let payload = sample.payload_mut();
+        let payload = bytes_of(&mut sample);
         fill(payload);
-        payload.stamp(sequence, self.epoch_ns);
+        payload[SEQUENCE_OFFSET..][..8].copy_from_slice(&sequence.to_ne_bytes());
+        payload[EPOCH_OFFSET..][..8].copy_from_slice(&self.epoch_ns.to_ne_bytes());
         // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
-        self.latest = *payload;
+        self.latest.copy_from_slice(payload);
         if let Some((former, _)) = &mut self.former
             && let Ok(mut copy) = former.loan()
         {
-            *copy.payload_mut() = self.latest;
+            bytes_of(&mut copy).copy_from_slice(&self.latest);
             // Whoever still reads there is on the way to the new generation.
             let _ = former.send(copy);
         }
@@ -179,9 +276,8 @@ impl<T: Topic> Publisher<T> {
         Ok(sequence)
     }
 
-    /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
-    /// is worn. Costs next to nothing when there is nothing to do.
-    pub fn tend(&mut self) {
+    /// See [`Publisher::tend`].
+    pub(crate) fn tend(&mut self) {
         self.change_generation();
         let joined = self.joined();
         if self.port.subscribers.take() == 0 && joined == self.port.served {
@@ -209,13 +305,13 @@ impl<T: Topic> Publisher<T> {
             return;
         }
         self.retry = now + RETRY;
-        match Port::<T>::make(&self.session) {
+        match Port::make(&self.session, &self.offer) {
             Ok(mut port) => {
                 self.generations += 1;
                 if self.sequence > 0
                     && let Ok(mut copy) = port.loan()
                 {
-                    *copy.payload_mut() = self.latest;
+                    bytes_of(&mut copy).copy_from_slice(&self.latest);
                     // When it fails, late joiners wait for the next sample.
                     let _ = port.send(copy);
                 }
@@ -231,42 +327,25 @@ impl<T: Topic> Publisher<T> {
         self.session.doorbell().joined(self.place)
     }
 
-    /// Number of the last sample, 0 before the first.
-    pub fn sequence(&self) -> u64 {
+    pub(crate) fn sequence(&self) -> u64 {
         self.sequence
     }
-
-    /// When this publisher began, host monotonic ns; it is in every sample.
-    pub fn epoch_ns(&self) -> u64 {
-        self.epoch_ns
-    }
-
-    /// Generations of shared memory that this publisher has begun, the first included.
-    pub fn generations(&self) -> u64 {
-        self.generations
-    }
-
-    /// Begins a new generation at the next [`Publisher::tend`], as if the present one were worn: for tests.
-    #[doc(hidden)]
-    pub fn wear_out(&self) {
-        self.port.tended.wear_out("it was asked for");
-    }
 }
 
-impl<T: Topic> Drop for Publisher<T> {
+impl Drop for BytesPublisher {
     fn drop(&mut self) {
-        self.session.withdraw(T::KEY);
+        self.session.withdraw(&self.offer.key);
     }
 }
 
-fn publish_error<T: Topic>(error: impl std::fmt::Debug) -> PublishError {
+fn publish_error(key: &str, error: impl std::fmt::Debug) -> PublishError {
     PublishError {
-        service: T::KEY,
+        service: key.to_owned(),
         reason: format!("{error:?}"),
     }
 }
 
-impl<T: Topic> sealed::Source for Publisher<T> {
+impl sealed::Source for BytesPublisher {
     fn has_something(&self) -> bool {
         self.port.subscribers.is_pending()
             || self.joined() != self.port.served

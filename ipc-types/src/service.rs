@@ -501,11 +501,9 @@ impl Contract {
     }
 }
 
-impl Contract {
-    /// The slot's number, of which only the robot's own services have one.
-    pub fn slot(&self, robot: RobotId) -> Option<u32> {
-        own(self.key).map(|id| id.slot(robot))
-    }
+/// The slot's number of the service with this key, of which only the robot's own services have one.
+pub(crate) fn slot(key: &str, robot: RobotId) -> Option<u32> {
+    own(key).map(|id| id.slot(robot))
 }
 
 /// The name of the service with this key, such as `hero/1/dsp_telemetry`.

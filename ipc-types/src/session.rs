@@ -17,7 +17,7 @@ use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
 use crate::robot::{InvalidRobotId, RobotId};
 use crate::robot_folder::Membership;
-use crate::service::{Contract, Pattern, Request, Topic, folder_name, service_name};
+use crate::service::{Pattern, Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
 use crate::{Client, Publisher, Server, Subscriber, reserve};
 
@@ -196,19 +196,21 @@ impl Session {
     /// Begins a generation of a service that this process provides, makes something in it, and then announces it.
     pub(crate) fn begin<P>(
         &self,
-        contract: &Contract,
+        key: &str,
+        pattern: Pattern,
+        schema: &str,
         make: impl FnOnce(Generation, Arc<Tended>) -> Result<P, OpenError>,
     ) -> Result<P, OpenError> {
-        let folder = self.service_folder(contract.key);
+        let folder = self.service_folder(key);
         let domain = self.membership.domain();
         let generation = Generation::begin(domain, &folder, &self.process_name)
-            .map_err(|error| OpenError::enter(&contract.name(self.robot()), error))?;
-        generation.describe(&contract.schema())?;
-        let keeps_reserve = contract.pattern == Pattern::RequestResponse;
+            .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
+        generation.describe(schema)?;
+        let keeps_reserve = pattern == Pattern::RequestResponse;
         let tended = Tended::new(domain, folder.clone(), &generation, keeps_reserve);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
-        generation::announce(domain, &folder, &name, contract.key)?;
+        generation::announce(domain, &folder, &name, key)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)

@@ -443,7 +443,11 @@ impl BytesSubscriber {
         }
     }
 
-    fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+    pub(crate) fn generations(&self) -> u64 {
+        self.generations
+    }
+
+    pub(crate) fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
         self.port
             .as_ref()
             .map(|port| port.samples.lend_descriptor())

@@ -47,12 +47,23 @@ impl Chain {
     /// When one of them ends, or nothing comes for [`WAIT_LIMIT`], with what was printed.
     #[track_caller]
     pub fn start(domain: &Domain, binary: &Path) -> Chain {
+        Chain::hurried(domain, binary, 1)
+    }
+
+    /// As [`Chain::start`], with the simulator's clock so many times as fast as the host's.
+    ///
+    /// # Panics
+    ///
+    /// As [`Chain::start`].
+    #[track_caller]
+    pub fn hurried(domain: &Domain, binary: &Path, speed: u32) -> Chain {
+        let speed = speed.to_string();
         let folder = PtyFolder::new();
         let sim = spawn(
             domain,
             binary,
             &folder,
-            &["sim", "--link", "dsp", "--seed", "1"],
+            &["sim", "--link", "dsp", "--seed", "1", "--speed", &speed],
         );
         // A machine that stalls for seconds must end no flight.
         std::fs::write(

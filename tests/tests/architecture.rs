@@ -38,6 +38,7 @@ const ARROWS: [(&str, &[&str]); 9] = [
             "status",
         ],
     ),
+    ("hero-ril", &["ipc-types"]),
     (
         "ril-tests",
         &[

@@ -1,333 +1,383 @@
-//! The consumers in C and Python of `examples/` do what their documentation says, against stand-ins.
+//! The programs of `examples/` in C, C++ and Python, built as their documentation says, against the real processes.
 //!
-//! They need iceoryx2's bindings, which are no part of this repository. Where one is missing its tests are skipped, and
-//! that is told past the capture of the tests' output:
+//! What a language needs and this machine does not have is skipped, and that is told past the capture of the tests' output:
 //!
-//! * Python: `RIL_TEST_PYTHON` names an interpreter that has the package `iceoryx2` 0.10.0, else `python3` is asked;
-//! * C: `RIL_TEST_IOX2_INCLUDE` and `RIL_TEST_IOX2_LIB` name the folders with `iox2/iceoryx2.h` and with
-//!   `libiceoryx2_ffi_c`, else the compiler's own are searched.
+//! * C and C++: a compiler, `cc` and `c++` (or what `CC` and `CXX` name);
+//! * Python: an interpreter from 3.9 on with the package `hero_ril`. `RIL_TEST_PYTHON` names one; else a virtual environment is
+//!   made in the target folder, for which `maturin` and `numpy` come from PyPI.
 
-use std::ffi::OsString;
-use std::fs;
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
+use std::sync::OnceLock;
 
-use ipc_types::payload::HeroTelemetry;
-use ril_tests::process::{Finished, Signal};
-use ril_tests::{Process, PtyFolder, Script, StandInStatus, TestDomain};
+use ipc_types::{Ipc, Publisher, Waiter};
+use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
+use ril_tests::{Chain, Process, PtyFolder, TestDomain};
 
-/// What a subscriber keeps while it does not read.
-const KEPT: u64 = 128;
+/// Simulated seconds for one of the host: a mission takes about a second.
+const SPEED: u32 = 10;
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-/// An example in one of the languages, ready to be started.
-trait Example {
-    /// The command that prints so many samples.
-    fn command(&self, count: u64) -> Command;
-
-    /// The command that was made for another layout of `hero_telemetry`; its files lie in `folder`.
-    fn of_another_layout(&self, folder: &Path) -> Command;
+    let member = Path::new(env!("CARGO_MANIFEST_DIR"));
+    member.parent().expect("a workspace above").to_owned()
 }
 
 fn skip(what: &str, why: &str) {
     // Not `eprintln`, which is shown only if a test fails.
-    let _ = writeln!(std::io::stderr(), "SKIPPED: the example in {what}: {why}");
+    let _ = writeln!(std::io::stderr(), "SKIPPED: the examples in {what}: {why}");
 }
 
-/// What a program prints, or why it cannot be used.
-fn output(command: &mut Command) -> Result<Output, String> {
+/// Runs a tool to its end, or says why that did not work.
+fn run(command: &mut Command) -> Result<(), String> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command
         .output()
         .map_err(|error| format!("{name}: {error}"))?;
-    if output.status.success() {
-        return Ok(output);
+    match output.status.success() {
+        true => Ok(()),
+        false => Err(format!(
+            "{name}: {}{}",
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr)
+        )),
     }
-    let text = String::from_utf8_lossy(&output.stderr);
-    // A compiler's error comes first, and what Python says of an exception last.
-    let error = text.lines().find(|line| line.contains("error:"));
-    let error = error.or(text.lines().last()).unwrap_or_default();
-    Err(format!("{name}: {error}"))
 }
 
-struct Python {
-    interpreter: OsString,
+/// The folder in which cargo leaves libraries and programs, with `libhero_ril` and `ril` in it, of this build's profile.
+fn built() -> &'static Path {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    BUILT.get_or_init(|| {
+        let test = std::env::current_exe().expect("this program's path");
+        let folder = test.parent().and_then(Path::parent);
+        let folder = folder.expect("a folder above `deps`").to_owned();
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let mut command = Command::new(cargo);
+        command
+            .args(["build", "--quiet", "-p", "hero-ril", "-p", "ril"])
+            .current_dir(root())
+            .env(
+                "CARGO_TARGET_DIR",
+                folder.parent().expect("a target folder"),
+            );
+        if !cfg!(debug_assertions) {
+            command.arg("--release");
+        }
+        run(&mut command).expect("cargo builds the library and ril");
+        folder
+    })
 }
 
-impl Python {
-    fn find() -> Option<Python> {
-        let interpreter = std::env::var_os("RIL_TEST_PYTHON").unwrap_or_else(|| "python3".into());
-        let probe =
-            "import iceoryx2; from importlib.metadata import version; print(version('iceoryx2'))";
-        match output(Command::new(&interpreter).args(["-c", probe])) {
-            Ok(output) if output.stdout.trim_ascii() == b"0.10.0" => Some(Python { interpreter }),
-            Ok(output) => {
-                let version = String::from_utf8_lossy(&output.stdout).into_owned();
-                skip(
-                    "Python",
-                    &format!("iceoryx2 is {}, not 0.10.0", version.trim()),
-                );
-                None
-            }
+/// A compiler for one of the languages.
+struct Compiler {
+    program: String,
+    options: &'static [&'static str],
+}
+
+impl Compiler {
+    fn find(language: &str, variable: &str, fallback: &str) -> Option<Compiler> {
+        let program = std::env::var(variable).unwrap_or_else(|_| fallback.to_owned());
+        match run(Command::new(&program).arg("--version")) {
+            Ok(()) => Some(Compiler {
+                program,
+                options: match language {
+                    "C" => &["-std=c11"],
+                    _ => &["-std=c++17"],
+                },
+            }),
             Err(why) => {
-                skip(
-                    "Python",
-                    &format!("{why}; `pip install iceoryx2==0.10.0` helps"),
-                );
+                skip(language, &why);
                 None
             }
         }
     }
 
-    fn with_layouts(&self, layouts: &Path) -> Command {
-        let mut command = Command::new(&self.interpreter);
+    fn c() -> Option<Compiler> {
+        Compiler::find("C", "CC", "cc")
+    }
+
+    fn cpp() -> Option<Compiler> {
+        Compiler::find("C++", "CXX", "c++")
+    }
+
+    /// Compiles `examples/<source>` into `folder`; `libraries` come last.
+    fn build(&self, source: &str, folder: &PtyFolder, libraries: &[&OsStr]) -> PathBuf {
+        let program = folder.link("example");
+        let mut command = Command::new(&self.program);
         command
-            .arg(root().join("examples/python/print_telemetry.py"))
-            .env("PYTHONPATH", layouts)
-            .env("PYTHONDONTWRITEBYTECODE", "1");
-        command
+            .args(self.options)
+            .args(["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-o"])
+            .arg(&program)
+            .arg("-I")
+            .arg(root().join("bindings/c/include"))
+            .arg("-I")
+            .arg(root().join("ipc-types/layouts"))
+            .arg(root().join("examples").join(source))
+            .args(libraries);
+        run(&mut command).expect("the example compiles");
+        program
+    }
+
+    fn with_shared_library(&self, source: &str, folder: &PtyFolder) -> PathBuf {
+        let mut run_path = std::ffi::OsString::from("-Wl,-rpath,");
+        run_path.push(built());
+        let libraries = [
+            OsStr::new("-L"),
+            built().as_ref(),
+            "-lhero_ril".as_ref(),
+            &run_path,
+        ];
+        self.build(source, folder, &libraries)
+    }
+
+    fn with_static_library(&self, source: &str, folder: &PtyFolder) -> PathBuf {
+        let library = built().join("libhero_ril.a");
+        let mut libraries = vec![library.as_os_str()];
+        libraries.extend(["-lpthread", "-ldl", "-lm"].map(OsStr::new));
+        self.build(source, folder, &libraries)
     }
 }
 
-impl Example for Python {
-    fn command(&self, count: u64) -> Command {
-        let mut command = self.with_layouts(&root().join("ipc-types/layouts"));
-        command.arg(count.to_string());
-        command
-    }
-
-    fn of_another_layout(&self, folder: &Path) -> Command {
-        alter(folder, "hero_ipc.py");
-        self.with_layouts(folder)
-    }
-}
-
-struct C {
-    folder: PtyFolder,
-    options: Vec<OsString>,
-    libraries: Vec<OsString>,
-}
-
-impl C {
-    fn find() -> Option<C> {
-        let mut options: Vec<OsString> = ["-std=c11", "-Wall", "-Wextra", "-Werror"]
-            .map(OsString::from)
-            .into();
-        if let Some(include) = std::env::var_os("RIL_TEST_IOX2_INCLUDE") {
-            options.extend(["-isystem".into(), include]);
-        }
-        let mut libraries = Vec::new();
-        if let Some(lib) = std::env::var_os("RIL_TEST_IOX2_LIB") {
-            let mut run_path = OsString::from("-Wl,-rpath,");
-            run_path.push(&lib);
-            libraries.extend(["-L".into(), lib, run_path]);
-        }
-        libraries.push("-liceoryx2_ffi_c".into());
-        let c = C {
-            folder: PtyFolder::new(),
-            options,
-            libraries,
-        };
-        let probe = c.folder.link("probe.c");
-        fs::write(
-            &probe,
-            "#include \"iox2/iceoryx2.h\"\nint main(void) { return 0; }\n",
-        )
-        .unwrap();
-        let mut compiler = Command::new("cc");
-        compiler.args(&c.options).arg(&probe).args(&c.libraries);
-        compiler.arg("-o").arg(c.folder.link("probe"));
-        match output(&mut compiler) {
-            Ok(_) => Some(c),
-            Err(why) => {
-                skip(
-                    "C",
-                    &format!(
-                        "{why}; RIL_TEST_IOX2_INCLUDE and RIL_TEST_IOX2_LIB may name iceoryx2's C binding"
-                    ),
-                );
-                None
-            }
+/// An interpreter that has the package `hero_ril`.
+fn python() -> Option<&'static Path> {
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    let python = PYTHON.get_or_init(|| match std::env::var_os("RIL_TEST_PYTHON") {
+        Some(python) => Ok(python.into()),
+        None => virtual_environment(),
+    });
+    match python {
+        Ok(python) => Some(python),
+        Err(why) => {
+            skip("Python", why);
+            None
         }
     }
-
-    /// Compiles the example with the header in `layouts`. What a compiler complains of is the test's failure.
-    fn compiled(&self, layouts: &Path, name: &str) -> Command {
-        let (sources, program) = (root().join("examples/c"), self.folder.link(name));
-        let mut compiler = Command::new("cc");
-        compiler.args(&self.options).arg("-I").arg(layouts);
-        compiler.arg(sources.join("print_telemetry.c"));
-        compiler.arg(sources.join("hero_consumer.c"));
-        compiler.args(&self.libraries).arg("-o").arg(&program);
-        let output = compiler
-            .output()
-            .expect("a compiler, which was there before");
-        let text = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{text}");
-        Command::new(program)
-    }
 }
 
-impl Example for C {
-    fn command(&self, count: u64) -> Command {
-        let mut command = self.compiled(&root().join("ipc-types/layouts"), "print_telemetry");
-        command.arg(count.to_string());
+/// Makes a virtual environment, builds the wheel with it and installs it there. What is there already is used again.
+fn virtual_environment() -> Result<PathBuf, String> {
+    let target = built().parent().expect("a target folder");
+    let (folder, wheels) = (target.join("python-venv"), target.join("python-wheels"));
+    let python = folder.join("bin/python");
+    let package = root().join("bindings/python");
+    let pip = |arguments: &[&str]| {
+        let mut command = Command::new(&python);
+        command.args([
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+        ]);
+        command.args(arguments);
         command
+    };
+    if run(Command::new(&python).args(["-c", "import maturin, numpy"])).is_err() {
+        run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
+        run(&mut pip(&["maturin>=1.7,<2", "numpy"]))?;
     }
-
-    fn of_another_layout(&self, folder: &Path) -> Command {
-        alter(folder, "hero_ipc.h");
-        self.compiled(folder, "of_another_layout")
-    }
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    run(Command::new(cargo).arg("fetch").current_dir(&package))?;
+    // From here on a failure is ours.
+    let _ = std::fs::remove_dir_all(&wheels);
+    let mut build = Command::new(&python);
+    build
+        .args([
+            "-m",
+            "maturin",
+            "build",
+            "--quiet",
+            "--profile",
+            "dev",
+            "--out",
+        ])
+        .arg(&wheels)
+        .arg("--interpreter")
+        .arg(&python)
+        .current_dir(&package)
+        .env("CARGO_TARGET_DIR", target.join("python"));
+    run(&mut build).expect("the wheel is built");
+    let wheel = std::fs::read_dir(&wheels).expect("wheels").next();
+    let wheel = wheel.expect("a wheel").expect("a wheel").path();
+    let wheel = wheel.to_str().expect("a path in UTF-8");
+    run(&mut pip(&["--force-reinstall", "--no-deps", wheel])).expect("the wheel is installed");
+    Ok(python)
 }
 
-/// Writes the generated file `name` to `folder` with a layout hash that the RIL does not have.
-fn alter(folder: &Path, name: &str) {
-    let text = fs::read_to_string(root().join("ipc-types/layouts").join(name)).unwrap();
-    let hash = ipc_types::ServiceId::HeroTelemetry.spec().layout_hash;
-    let hash = format!("{hash:016x}");
-    assert!(text.contains(&hash));
-    fs::write(folder.join(name), text.replace(&hash, "0123456789abcdef")).unwrap();
+/// The command that runs one of `examples/python`.
+fn python_example(python: &Path, name: &str) -> Command {
+    let mut command = Command::new(python);
+    command
+        .arg("-u")
+        .arg(root().join("examples/python").join(name));
+    command
 }
 
-/// A flight of few samples, of which the last is on the ground.
-fn flight() -> Vec<HeroTelemetry> {
-    Script::at(37.4, -5.9, 10.0)
-        .every_ms(500)
-        .take_off(1.0)
-        .land()
-        .hero()
+/// The lines about requests and not about telemetry.
+fn requests(finished: &Finished) -> Vec<&str> {
+    let lines = finished.stdout.iter().map(String::as_str);
+    lines.filter(|line| line.contains(": ")).collect()
 }
 
-/// The lines that a consumer prints of `samples`, if none is lost.
-fn lines_of(samples: &[HeroTelemetry]) -> Vec<String> {
-    (1..)
-        .zip(samples)
-        .map(|(sequence, sample)| {
-            let (altitude_m, flying) = (sample.geodetic.altitude_m, sample.flying);
-            format!("{sequence} {altitude_m:.2} m, flying {flying}, 0 lost")
-        })
-        .collect()
-}
-
-fn it_gets_the_latest_sample_at_once_and_then_every_one(example: &impl Example) {
+/// A program takes off, flies and lands, with a simulated helicopter.
+fn flies_a_mission(program: impl FnOnce() -> Command) {
     let domain = TestDomain::new();
-    let status = StandInStatus::start(&domain);
-    let samples = flight();
-    status.publish(&samples[0]);
-    let mut consumer = Process::spawn(&domain, example.command(samples.len() as u64));
-    consumer.wait_for_text("1 ");
-    for sample in &samples[1..] {
-        status.publish(sample);
+    let chain = Chain::hurried(&domain, &built().join("ril"), SPEED);
+    let finished = Process::spawn(&domain, program()).wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let requests = requests(&finished);
+    let ends: Vec<_> = requests
+        .iter()
+        .filter(|line| line.ends_with(": done"))
+        .collect();
+    let expected = ["start: done", "take off: done", "go to: done", "land: done"];
+    assert_eq!(ends, expected.iter().collect::<Vec<_>>(), "{finished:#?}");
+    let is_in_the_air = |line: &String| line.ends_with("m, flying 1");
+    assert!(finished.stdout.iter().any(is_in_the_air), "{finished:#?}");
+    chain.end();
+}
+
+/// What is said when no bridge runs.
+fn says_that_nothing_runs(command: Command, text: &str) {
+    let domain = TestDomain::new();
+    let finished = Process::spawn(&domain, command).wait_exit();
+    assert_eq!(finished.code(), Some(1), "{finished:#?}");
+    let is_told = finished.stderr.iter().any(|line| line.contains(text));
+    assert!(is_told, "{finished:#?}");
+}
+
+#[test]
+fn a_program_in_c_flies_a_mission() {
+    let Some(compiler) = Compiler::c() else {
+        return;
+    };
+    let folder = PtyFolder::new();
+    let program = compiler.with_shared_library("c/mission.c", &folder);
+    flies_a_mission(|| {
+        let mut command = Command::new(&program);
+        command.arg("5");
+        command
+    });
+    says_that_nothing_runs(Command::new(&program), "start `ril status`");
+}
+
+#[test]
+fn a_program_in_cpp_flies_a_mission() {
+    let Some(compiler) = Compiler::cpp() else {
+        return;
+    };
+    let folder = PtyFolder::new();
+    let program = compiler.with_static_library("cpp/mission.cpp", &folder);
+    flies_a_mission(|| {
+        let mut command = Command::new(&program);
+        command.arg("5");
+        command
+    });
+    says_that_nothing_runs(Command::new(&program), "start `ril status`");
+}
+
+/// A module's own topic, as `examples/c/voltages.c` has it too.
+#[allow(unsafe_code)]
+mod module {
+    ipc_types::shared_struct! {
+        /// Voltages of the flight battery.
+        pub struct Voltages("battery_watch.Voltages.v1") = 64 {
+            /// Counts the samples of this publisher from 1.
+            pub sequence: u64,
+            /// When the publisher began, host monotonic ns.
+            pub epoch_ns: u64,
+            /// Of the cells, from the negative pole, under load [V].
+            pub cells: [f32; 12],
+        }
     }
+    ipc_types::topic!(Voltages, "battery_watch/cell_voltages");
+}
+
+#[test]
+fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
+    let Some(compiler) = Compiler::c() else {
+        return;
+    };
+    let folder = PtyFolder::new();
+    let program = compiler.with_shared_library("c/voltages.c", &folder);
+    let start = |domain: &TestDomain, what: &str, count: &str| {
+        let mut command = Command::new(&program);
+        command.args([what, count]);
+        Process::spawn(domain, command)
+    };
+
+    let domain = TestDomain::new();
+    let ipc: Ipc = domain.join("battery-watch");
+    let mut consumer = start(&domain, "print", "2");
+    consumer.wait_for_text("subscribed");
+    let mut publisher: Publisher<module::Voltages> = ipc.publisher().unwrap();
+    let sample = |sample: &mut module::Voltages| sample.cells = [3.5; 12];
+    publisher.publish(sample).unwrap();
+    // The consumer joins now, or has: the publisher gives it the latest sample.
+    Waiter::new().wait(&[&publisher], Some(WAIT_LIMIT)).unwrap();
+    publisher.tend();
+    consumer.wait_for_text("1 3.50 V to 3.50 V");
+    publisher.publish(sample).unwrap();
+    let finished = consumer.wait_exit();
+    assert_eq!(finished.stdout.last().unwrap(), "2 3.50 V to 3.50 V");
+    drop((publisher, ipc));
+
+    let mut consumer = start(&domain, "print", "2");
+    consumer.wait_for_text("subscribed");
+    let mut publisher = start(&domain, "publish", "1000");
     let finished = consumer.wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
-    assert_eq!(finished.stdout, lines_of(&samples));
+    assert_eq!(finished.stdout.last().unwrap(), "2 3.70 V to 3.81 V");
+    publisher.signal(Signal::KILL);
+    publisher.wait_exit();
+    domain.sweep();
 }
 
-fn it_counts_what_it_loses(example: &impl Example) {
-    const SAMPLES: u64 = 300;
-    let domain = TestDomain::new();
-    let status = StandInStatus::start(&domain);
-    status.publish(&HeroTelemetry::default());
-    let mut consumer = Process::spawn(&domain, example.command(1 + KEPT));
-    consumer.wait_for_text("1 - m");
-    consumer.signal(Signal::STOP);
-    for _ in 0..SAMPLES {
-        status.publish(&HeroTelemetry::default());
-    }
-    consumer.signal(Signal::CONT);
-    let finished = consumer.wait_exit();
-    assert_eq!(finished.stdout.len() as u64, 1 + KEPT, "{finished:#?}");
-    let lost = SAMPLES - KEPT;
-    let last = format!("{} - m, flying 0, {lost} lost", 1 + SAMPLES);
-    assert_eq!(finished.stdout.last(), Some(&last));
-}
-
-fn it_ends_in_order(example: &impl Example) {
-    for signal in [Signal::INT, Signal::TERM] {
-        let domain = TestDomain::new();
-        let _status = StandInStatus::start(&domain);
-        let mut consumer = Process::spawn(&domain, example.command(u64::from(u32::MAX)));
-        consumer.wait_for_text("subscribed");
-        consumer.signal(signal);
-        let finished = consumer.wait_exit();
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
-    }
-}
-
-/// The one error that a consumer tells.
-#[track_caller]
-fn error(finished: &Finished) -> &str {
-    assert_eq!(finished.stderr.len(), 1, "{finished:#?}");
-    &finished.stderr[0]
-}
-
-fn it_says_what_is_missing(example: &impl Example) {
-    let domain = TestDomain::new();
-    let nobody = Process::spawn(&domain, example.command(1)).wait_exit();
-    assert_eq!(nobody.code(), Some(3), "{nobody:#?}");
-    assert!(error(&nobody).contains("start it first"), "{nobody:#?}");
-    let _somebody = domain.join("somebody");
-    let no_status = Process::spawn(&domain, example.command(1)).wait_exit();
-    assert_eq!(no_status.code(), Some(3), "{no_status:#?}");
-    assert!(
-        error(&no_status).contains("start `ril status`"),
-        "{no_status:#?}"
-    );
-}
-
-fn it_refuses_another_layout_and_names_both(example: &impl Example) {
-    let (domain, folder) = (TestDomain::new(), PtyFolder::new());
-    let _status = StandInStatus::start(&domain);
-    let consumer = example.of_another_layout(folder.path());
-    let finished = Process::spawn(&domain, consumer).wait_exit();
-    assert_eq!(finished.code(), Some(1), "{finished:#?}");
-    let hash = ipc_types::ServiceId::HeroTelemetry.spec().layout_hash;
-    for part in [
-        "`hero/1/hero_telemetry`".to_owned(),
-        format!("carries `hero.HeroTelemetry.v2 {hash:016x}`"),
-        "for `hero.HeroTelemetry.v2 0123456789abcdef`".to_owned(),
-    ] {
-        assert!(error(&finished).contains(&part), "{part}: {finished:#?}");
-    }
-}
-
-/// A test of each language for each of these checks.
-macro_rules! for_each_language {
-    ($($check:ident),+ $(,)?) => {
-        mod in_c {
-            $(
-                #[test]
-                fn $check() {
-                    if let Some(example) = super::C::find() {
-                        super::$check(&example);
-                    }
-                }
-            )+
-        }
-
-        mod in_python {
-            $(
-                #[test]
-                fn $check() {
-                    if let Some(example) = super::Python::find() {
-                        super::$check(&example);
-                    }
-                }
-            )+
-        }
+#[test]
+fn the_python_package_does_what_its_tests_say() {
+    let Some(python) = python() else {
+        return;
     };
+    let domain = TestDomain::new();
+    let mut command = Command::new(python);
+    command.arg(root().join("bindings/python/tests/test_hero_ril.py"));
+    let finished = Process::spawn(&domain, command).wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
 }
 
-for_each_language! {
-    it_gets_the_latest_sample_at_once_and_then_every_one,
-    it_counts_what_it_loses,
-    it_ends_in_order,
-    it_says_what_is_missing,
-    it_refuses_another_layout_and_names_both,
+#[test]
+fn a_program_in_python_flies_a_mission() {
+    let Some(python) = python() else {
+        return;
+    };
+    flies_a_mission(|| {
+        let mut command = python_example(python, "mission.py");
+        command.arg("5");
+        command
+    });
+    says_that_nothing_runs(python_example(python, "mission.py"), "start `ril status`");
+}
+
+#[test]
+fn a_program_in_python_prints_telemetry_and_ends_in_order() {
+    let Some(python) = python() else {
+        return;
+    };
+    let domain = TestDomain::new();
+    let chain = Chain::hurried(&domain, &built().join("ril"), SPEED);
+    let mut asynchronous = python_example(python, "mission_async.py");
+    asynchronous.arg("3");
+    let mission = Process::spawn(&domain, asynchronous).wait_exit();
+    assert_eq!(mission.code(), Some(0), "{mission:#?}");
+    assert!(
+        mission.stdout.contains(&"land: done".to_owned()),
+        "{mission:#?}"
+    );
+    let mut printing = Process::spawn(&domain, python_example(python, "print_telemetry.py"));
+    printing.wait_for_text("m, flying 0, 0 lost");
+    printing.signal(Signal::INT);
+    let finished = printing.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    chain.end();
 }

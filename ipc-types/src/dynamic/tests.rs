@@ -156,3 +156,50 @@ fn topics_that_are_there_are_listed_and_nothing_else() {
     drop((server, publisher, _other, other));
     leaves_nothing(&domain, ipc);
 }
+
+/// As a program in another language has it: a text, and bytes.
+const VOLTAGES: &str =
+    "# Layout: battery_watch.Voltages.v1\n\nuint64 sequence\nuint64 epoch_ns\nfloat32[12] cells\n";
+
+#[test]
+fn a_struct_that_was_published_by_its_schema_is_read_as_a_struct() {
+    let (domain, ipc) = joined();
+    let mut subscriber = ipc.subscriber::<Voltages>().unwrap();
+    let mut publisher = DynamicPublisher::open(&ipc, Voltages::KEY, VOLTAGES).unwrap();
+    let cells = publisher.schema().number("cells[11]").unwrap().offset;
+    for index in 1..=2 {
+        let sequence = publisher.publish(|bytes| {
+            assert!(bytes.iter().all(|byte| *byte == 0));
+            bytes[cells..].copy_from_slice(&3.5_f32.to_ne_bytes());
+        });
+        assert_eq!(sequence.unwrap(), index);
+    }
+    let mut seen = Vec::new();
+    while seen.len() < 2 {
+        assert!(subscriber.wait(WATCHDOG).unwrap().is_ready(0));
+        subscriber
+            .drain(|sample| seen.push((sample.sequence, sample.cells[11])))
+            .unwrap();
+        publisher.tend();
+    }
+    assert_eq!(seen, [(1, 3.5), (2, 3.5)]);
+    drop((publisher, subscriber));
+    leaves_nothing(&domain, ipc);
+}
+
+#[test]
+fn what_is_no_topic_of_a_module_is_not_published() {
+    let (domain, ipc) = joined();
+    let refusal = |key: &str, schema: &str| match DynamicPublisher::open(&ipc, key, schema) {
+        Ok(_) => panic!("`{key}` is published"),
+        Err(error) => error.to_string(),
+    };
+    assert!(refusal("voltages", VOLTAGES).contains("is no key"));
+    assert!(refusal("a/Voltages", VOLTAGES).contains("is no key"));
+    assert!(refusal("hero_telemetry", VOLTAGES).contains("hero.HeroTelemetry"));
+    assert!(refusal("movement", VOLTAGES).contains("robot's own"));
+    assert!(refusal("a/b", "nonsense").contains("not usable"));
+    let other = VOLTAGES.replace("sequence", "number");
+    assert!(refusal("a/b", &other).contains("do not begin"));
+    leaves_nothing(&domain, ipc);
+}

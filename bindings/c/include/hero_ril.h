@@ -1,0 +1,183 @@
+/* The HERO RIL for C11 and C++11: telemetry, requests and topics of your own, through the library hero_ril.
+ *
+ * Every function that returns int returns a hero_ril_result: HERO_RIL_OK (0); a positive value when there is nothing to report,
+ * which is no error; a negative value for an error, whose text hero_ril_last_error() has.
+ *
+ * Threads: use a handle in one thread at a time; different handles may be used in different threads at the same time, and a
+ * handle may move to another thread. Close the handles of a robot in any order; when the last one is closed, the process has left
+ * nothing in shared memory. Other processes clean up after a process that was killed.
+ *
+ * Fork: make handles after fork(). A child cannot use the handles of its parent.
+ */
+#ifndef HERO_RIL_H
+#define HERO_RIL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "hero_ipc.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum hero_ril_result {
+    HERO_RIL_OK = 0,
+    HERO_RIL_NOTHING = 1,     /* The time is over, or there is nothing. */
+    HERO_RIL_INTERRUPTED = 2, /* A signal came first. Nothing is lost: call again, or end. */
+    HERO_RIL_INVALID = -1,    /* An argument makes no sense. */
+    HERO_RIL_LAYOUT = -2,     /* The service carries another struct than this program was built with. */
+    HERO_RIL_NOT_THERE = -3,  /* No process serves the request, or no schema of the topic is there. */
+    HERO_RIL_TAKEN = -4,      /* Another process publishes the topic already. */
+    HERO_RIL_FULL = -5,       /* As many as there can be: 32 subscribers, 16 clients, 8 open requests of a client. */
+    HERO_RIL_FAILED = -6,     /* Anything else. */
+    HERO_RIL_PANIC = -7       /* A bug in the library. Close the handle. */
+} hero_ril_result;
+
+typedef struct hero_ril_robot hero_ril_robot;
+typedef struct hero_ril_subscriber hero_ril_subscriber;
+typedef struct hero_ril_publisher hero_ril_publisher;
+typedef struct hero_ril_client hero_ril_client;
+
+/* Which topic, and the struct that this program expects in it. */
+typedef struct hero_ril_topic {
+    const char *key;         /* Such as "hero_telemetry", or "battery_watch/cell_voltages". */
+    const char *layout_hash; /* What hero_ipc.h has; NULL is not checked. */
+    const char *schema;      /* The struct in ROS 2's message format. NULL: of the robot's own topics the known one, of a module's
+                                topic the one that its publisher has laid beside it. */
+    size_t size;             /* sizeof the struct; 0 is not checked. */
+} hero_ril_topic;
+
+/* A place to fly to. The altitude has the same zero as telemetry. */
+typedef struct hero_ril_waypoint {
+    double latitude_deg;
+    double longitude_deg;
+    double altitude_m;
+} hero_ril_waypoint;
+
+/* What a subscriber got and missed. */
+typedef struct hero_ril_losses {
+    uint64_t received;
+    uint64_t lost;               /* Published, but never came. */
+    uint64_t repeated;           /* Came twice and were dropped. */
+    uint64_t publisher_restarts; /* Another publisher took over. */
+} hero_ril_losses;
+
+/* One of the three; the others are NULL. */
+typedef struct hero_ril_source {
+    hero_ril_subscriber *subscriber;
+    hero_ril_client *client;
+    hero_ril_publisher *publisher;
+} hero_ril_source;
+
+/* The sample lies in shared memory and is valid during the call. The callback must not call functions with the subscriber, and
+ * no exception or longjmp may leave it. */
+typedef void (*hero_ril_sample_callback)(const void *sample, size_t size, void *context);
+
+/* The text of the last error of this thread; valid until its next error. */
+const char *hero_ril_last_error(void);
+
+/* ---- A robot ---- */
+
+/* Takes part in the shared memory of a robot (1, 2, ...). `root` is the folder of the shared memory; NULL takes the variable
+ * RIL_IPC_ROOT, else the user's own. `process_name` is what others see: letters, digits, `-` and `_`. */
+int hero_ril_join(const char *root, uint32_t robot, const char *process_name, hero_ril_robot **out);
+void hero_ril_leave(hero_ril_robot *robot);
+
+/* ---- Telemetry, and topics of modules ---- */
+
+/* Subscribes to a topic. The publisher need not be there yet, unless the topic is a module's and `schema` is NULL. */
+int hero_ril_subscribe(hero_ril_robot *robot, const hero_ril_topic *topic, hero_ril_subscriber **out);
+void hero_ril_unsubscribe(hero_ril_subscriber *subscriber);
+
+/* Copies the oldest sample that was not received yet; `size` is that of the struct. Waits for one as long as `timeout_ms`: 0
+ * does not wait, a negative number waits without a limit. */
+int hero_ril_receive(hero_ril_subscriber *subscriber, void *sample, size_t size, int32_t timeout_ms);
+
+/* Copies the newest sample that was not received yet, and drops older ones. */
+int hero_ril_latest(hero_ril_subscriber *subscriber, void *sample, size_t size);
+
+/* Calls `callback` for each sample that is there, without a copy. */
+int hero_ril_drain(hero_ril_subscriber *subscriber, hero_ril_sample_callback callback, void *context);
+
+/* Size of a sample, for a topic whose struct this program does not know. */
+size_t hero_ril_sample_size(const hero_ril_subscriber *subscriber);
+
+int hero_ril_count(hero_ril_subscriber *subscriber, hero_ril_losses *losses);
+
+/* A descriptor for poll, epoll or an event loop: readable when there may be samples. Do not read or close it. When it is
+ * readable, and every 250 ms in any case, receive until HERO_RIL_NOTHING. Returns HERO_RIL_NOTHING when no publisher has been
+ * there. `generation` (or NULL) counts: when it has changed after receiving, the descriptor is another one. */
+int hero_ril_descriptor(hero_ril_subscriber *subscriber, int *descriptor, uint64_t *generation);
+
+/* ---- Publishing ---- */
+
+/* Becomes the one publisher of a topic; a module's topic needs its schema. The struct begins with `uint64 sequence` and
+ * `uint64 epoch_ns`, which the library fills in. */
+int hero_ril_advertise(hero_ril_robot *robot, const hero_ril_topic *topic, hero_ril_publisher **out);
+
+/* Publishes a copy of the struct. Never blocks. `sequence` (or NULL) gets its number, from 1. */
+int hero_ril_publish(hero_ril_publisher *publisher, const void *sample, size_t size, uint64_t *sequence);
+
+/* Gives the latest sample to subscribers that have joined since. hero_ril_publish and hero_ril_wait do so too: call it only when
+ * seconds pass between two samples. */
+int hero_ril_tend(hero_ril_publisher *publisher);
+void hero_ril_withdraw(hero_ril_publisher *publisher);
+
+/* ---- Requests ---- */
+
+/* A client of all request services of the robot. It follows up to 8 requests of each service at a time. */
+int hero_ril_client_open(hero_ril_robot *robot, hero_ril_client **out);
+
+/* Gives up the requests that have no final report yet. */
+void hero_ril_client_close(hero_ril_client *client);
+
+/* Sends a request of the service `key` ("movement", "module_control", "parameters") as a struct of hero_ipc.h. A `request_id` of
+ * 0 in the struct is replaced. Here and below, `request_id` (or NULL) gets the id. */
+int hero_ril_send(hero_ril_client *client, const char *key, const void *request, size_t size, uint64_t *request_id);
+int hero_ril_start(hero_ril_client *client, uint64_t *request_id);
+int hero_ril_stop(hero_ril_client *client, uint64_t *request_id);
+int hero_ril_take_off(hero_ril_client *client, double altitude_m, uint64_t *request_id);
+int hero_ril_land(hero_ril_client *client, int preempt, uint64_t *request_id);
+int hero_ril_hold(hero_ril_client *client, uint64_t *request_id);
+
+/* Flies a path. The id is that of the last waypoint, or of the first one that was refused. */
+int hero_ril_go_to(hero_ril_client *client, const hero_ril_waypoint *waypoints, size_t count, int preempt, uint64_t *request_id);
+
+/* Copies the oldest report about the request, of any request for 0. HERO_RIL_NOTHING when the time is over, and when no request is
+ * open: read until hero_ril_is_final(). A request whose server is gone ends with the stage `unknown`. */
+int hero_ril_next_report(hero_ril_client *client, uint64_t request_id, int32_t timeout_ms, RequestReport *report);
+int hero_ril_is_final(const RequestReport *report);
+
+/* Such as "done" and "not-flying"; valid until the thread's next call of the same function. */
+const char *hero_ril_stage_name(uint32_t stage);
+const char *hero_ril_reason_name(uint32_t reason);
+
+/* ---- Several at once ---- */
+
+/* Sleeps until one of the sources may have something, or the time is over. Then receive from all of them. 16 are possible; a
+ * client counts for each service that it has sent to. */
+int hero_ril_wait(const hero_ril_source *sources, size_t count, int32_t timeout_ms);
+
+/* ---- The robot's own topics ---- */
+
+static inline hero_ril_topic hero_ril_dsp_telemetry(void) {
+    hero_ril_topic topic = {"dsp_telemetry", HERO_DSP_TELEMETRY_LAYOUT_HASH, NULL, sizeof(DspTelemetry)};
+    return topic;
+}
+
+static inline hero_ril_topic hero_ril_hero_telemetry(void) {
+    hero_ril_topic topic = {"hero_telemetry", HERO_HERO_TELEMETRY_LAYOUT_HASH, NULL, sizeof(HeroTelemetry)};
+    return topic;
+}
+
+static inline hero_ril_topic hero_ril_module_state(void) {
+    hero_ril_topic topic = {"module_state", HERO_MODULE_STATE_LAYOUT_HASH, NULL, sizeof(ModuleState)};
+    return topic;
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,303 @@
+/* The HERO RIL for C++17: hero_ril.h with objects that close themselves, structs as types, and exceptions.
+ *
+ * One header over the same library; what it says of threads holds here as well: use an object in one thread at a time.
+ */
+#ifndef HERO_RIL_HPP
+#define HERO_RIL_HPP
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <exception>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "hero_ril.h"
+
+namespace hero_ril {
+
+/* What a call to the library ended with. */
+class Error : public std::runtime_error {
+  public:
+    Error(int code, const std::string &text) : std::runtime_error(text), code_(static_cast<hero_ril_result>(code)) {}
+
+    hero_ril_result code() const noexcept { return code_; }
+
+  private:
+    hero_ril_result code_;
+};
+
+/* A request ended otherwise than done. */
+class RequestFailed : public std::runtime_error {
+  public:
+    explicit RequestFailed(const RequestReport &report)
+        : std::runtime_error(std::string(hero_ril_stage_name(report.stage)) + ": " +
+                             hero_ril_reason_name(report.reason)),
+          report_(report) {}
+
+    const RequestReport &report() const noexcept { return report_; }
+
+  private:
+    RequestReport report_;
+};
+
+using Milliseconds = std::chrono::milliseconds;
+using Waypoint = hero_ril_waypoint;
+using Losses = hero_ril_losses;
+
+/* Waits without a limit. */
+inline constexpr Milliseconds FOREVER{-1};
+
+/* Which topic carries a struct. For a struct of your own: HERO_RIL_TOPIC. */
+template <class T> struct TopicOf;
+
+template <> struct TopicOf<DspTelemetry> {
+    static hero_ril_topic get() { return hero_ril_dsp_telemetry(); }
+};
+template <> struct TopicOf<HeroTelemetry> {
+    static hero_ril_topic get() { return hero_ril_hero_telemetry(); }
+};
+template <> struct TopicOf<ModuleState> {
+    static hero_ril_topic get() { return hero_ril_module_state(); }
+};
+
+/* Declares the topic of a struct of your own, outside of every namespace: its key, and its schema or nullptr. */
+#define HERO_RIL_TOPIC(Type, key_text, schema_text)                                                                    \
+    template <> struct hero_ril::TopicOf<Type> {                                                                       \
+        static hero_ril_topic get() { return hero_ril_topic{key_text, nullptr, schema_text, sizeof(Type)}; }           \
+    }
+
+namespace detail {
+
+inline int check(int result) {
+    if (result < 0) {
+        throw Error(result, hero_ril_last_error());
+    }
+    return result;
+}
+
+inline std::int32_t milliseconds(Milliseconds timeout) {
+    return static_cast<std::int32_t>(timeout.count() > INT32_MAX ? -1 : timeout.count());
+}
+
+template <auto close> struct Closer {
+    template <class T> void operator()(T *handle) const noexcept { close(handle); }
+};
+
+template <class T, auto close> using Handle = std::unique_ptr<T, Closer<close>>;
+
+} // namespace detail
+
+/* The reading end of a topic. */
+template <class T> class Subscriber {
+    static_assert(std::is_trivially_copyable_v<T>, "a sample is a plain struct");
+
+  public:
+    explicit Subscriber(hero_ril_robot *robot) {
+        hero_ril_topic topic = TopicOf<T>::get();
+        hero_ril_subscriber *subscriber = nullptr;
+        detail::check(hero_ril_subscribe(robot, &topic, &subscriber));
+        handle_.reset(subscriber);
+    }
+
+    /* The oldest sample that was not received yet. Nothing when the time is over, or a signal came. */
+    std::optional<T> receive(Milliseconds timeout = FOREVER) {
+        T sample;
+        int result = hero_ril_receive(handle_.get(), &sample, sizeof sample, detail::milliseconds(timeout));
+        return detail::check(result) == HERO_RIL_OK ? std::optional<T>(sample) : std::nullopt;
+    }
+
+    /* The newest sample that was not received yet; older ones are dropped. */
+    std::optional<T> latest() {
+        T sample;
+        return detail::check(hero_ril_latest(handle_.get(), &sample, sizeof sample)) == HERO_RIL_OK
+                   ? std::optional<T>(sample)
+                   : std::nullopt;
+    }
+
+    /* Calls `take(const T &)` for each sample that is there, without a copy. */
+    template <class Take> void for_each(Take &&take) {
+        struct Context {
+            Take &take;
+            std::exception_ptr thrown;
+        } context{take, nullptr};
+        int result = hero_ril_drain(
+            handle_.get(),
+            [](const void *sample, size_t, void *pointer) {
+                auto *context = static_cast<Context *>(pointer);
+                // No exception may pass through the library.
+                try {
+                    if (!context->thrown) {
+                        context->take(*static_cast<const T *>(sample));
+                    }
+                } catch (...) {
+                    context->thrown = std::current_exception();
+                }
+            },
+            &context);
+        if (context.thrown) {
+            std::rethrow_exception(context.thrown);
+        }
+        detail::check(result);
+    }
+
+    Losses losses() const {
+        Losses losses;
+        detail::check(hero_ril_count(handle_.get(), &losses));
+        return losses;
+    }
+
+    /* For poll or an event loop, see hero_ril_descriptor; -1 when no publisher has been there. */
+    int descriptor() const {
+        int descriptor = -1;
+        detail::check(hero_ril_descriptor(handle_.get(), &descriptor, nullptr));
+        return descriptor;
+    }
+
+    operator hero_ril_source() const { return {handle_.get(), nullptr, nullptr}; }
+
+  private:
+    detail::Handle<hero_ril_subscriber, hero_ril_unsubscribe> handle_;
+};
+
+/* The writing end of a topic, of which a robot has one. */
+template <class T> class Publisher {
+    static_assert(std::is_trivially_copyable_v<T>, "a sample is a plain struct");
+
+  public:
+    explicit Publisher(hero_ril_robot *robot) {
+        hero_ril_topic topic = TopicOf<T>::get();
+        hero_ril_publisher *publisher = nullptr;
+        detail::check(hero_ril_advertise(robot, &topic, &publisher));
+        handle_.reset(publisher);
+    }
+
+    /* Publishes a copy and returns its number, from 1. Never blocks. */
+    std::uint64_t publish(const T &sample) {
+        std::uint64_t sequence = 0;
+        detail::check(hero_ril_publish(handle_.get(), &sample, sizeof sample, &sequence));
+        return sequence;
+    }
+
+    /* Gives the latest sample to those who joined since: when seconds pass between two samples. */
+    void tend() { detail::check(hero_ril_tend(handle_.get())); }
+
+    operator hero_ril_source() const { return {nullptr, nullptr, handle_.get()}; }
+
+  private:
+    detail::Handle<hero_ril_publisher, hero_ril_withdraw> handle_;
+};
+
+/* A request that was sent. The client must outlive it. */
+class Request {
+  public:
+    Request(hero_ril_client *client, std::uint64_t id) : client_(client), id_(id) {}
+
+    std::uint64_t id() const noexcept { return id_; }
+
+    /* The next report. Nothing when the time is over, a signal came, or the final report was read. */
+    std::optional<RequestReport> next(Milliseconds timeout = FOREVER) {
+        RequestReport report;
+        if (is_over_ ||
+            detail::check(hero_ril_next_report(client_, id_, detail::milliseconds(timeout), &report)) != HERO_RIL_OK) {
+            return std::nullopt;
+        }
+        is_over_ = hero_ril_is_final(&report) != 0;
+        return report;
+    }
+
+    /* Whether the final report was read. */
+    bool is_over() const noexcept { return is_over_; }
+
+    /* Waits for the final report, hands each on, and throws RequestFailed unless the request was done. */
+    template <class Take> RequestReport finish(Take &&take) {
+        RequestReport last{};
+        while (!is_over_) {
+            if (auto report = next(Milliseconds(250))) {
+                take(*report);
+                last = *report;
+            }
+        }
+        if (last.stage != HERO_STAGE_DONE) {
+            throw RequestFailed(last);
+        }
+        return last;
+    }
+
+    RequestReport finish() {
+        return finish([](const RequestReport &) {});
+    }
+
+  private:
+    hero_ril_client *client_;
+    std::uint64_t id_;
+    bool is_over_ = false;
+};
+
+/* Sends requests, and follows several at a time. */
+class Client {
+  public:
+    explicit Client(hero_ril_robot *robot) {
+        hero_ril_client *client = nullptr;
+        detail::check(hero_ril_client_open(robot, &client));
+        handle_.reset(client);
+    }
+
+    Request start() { return sent(hero_ril_start); }
+    Request stop() { return sent(hero_ril_stop); }
+    Request hold() { return sent(hero_ril_hold); }
+    Request take_off(double altitude_m) { return sent(hero_ril_take_off, altitude_m); }
+    Request land(bool preempt = false) { return sent(hero_ril_land, preempt ? 1 : 0); }
+    Request go_to(const std::vector<Waypoint> &path, bool preempt = false) {
+        return sent(hero_ril_go_to, path.data(), path.size(), preempt ? 1 : 0);
+    }
+
+    /* A request of the service `key` as its struct. */
+    template <class T> Request send(const char *key, const T &request) {
+        return sent(hero_ril_send, key, static_cast<const void *>(&request), sizeof request);
+    }
+
+    operator hero_ril_source() const { return {nullptr, handle_.get(), nullptr}; }
+
+  private:
+    template <class Send, class... Arguments> Request sent(Send send, Arguments... arguments) {
+        std::uint64_t id = 0;
+        detail::check(send(handle_.get(), arguments..., &id));
+        return Request(handle_.get(), id);
+    }
+
+    detail::Handle<hero_ril_client, hero_ril_client_close> handle_;
+};
+
+/* A part in the shared memory of a robot. */
+class Robot {
+  public:
+    explicit Robot(const char *process_name, std::uint32_t robot = 1, const char *root = nullptr) {
+        hero_ril_robot *joined = nullptr;
+        detail::check(hero_ril_join(root, robot, process_name, &joined));
+        handle_.reset(joined);
+    }
+
+    template <class T> Subscriber<T> subscribe() { return Subscriber<T>(handle_.get()); }
+    template <class T> Publisher<T> advertise() { return Publisher<T>(handle_.get()); }
+    Client client() { return Client(handle_.get()); }
+
+  private:
+    detail::Handle<hero_ril_robot, hero_ril_leave> handle_;
+};
+
+/* Sleeps until one of the subscribers, clients and publishers may have something: wait(1s, telemetry, client). Returns false when
+ * the time is over or a signal came. */
+template <class... Sources> bool wait(Milliseconds timeout, const Sources &...sources) {
+    std::array<hero_ril_source, sizeof...(Sources)> all{static_cast<hero_ril_source>(sources)...};
+    return detail::check(hero_ril_wait(all.data(), all.size(), detail::milliseconds(timeout))) == HERO_RIL_OK;
+}
+
+} // namespace hero_ril
+
+#endif

@@ -1,0 +1,102 @@
+//! [`Error`]: everything that can go wrong, as a text that says what to do, and as a code for C.
+
+use std::fmt::Write;
+
+use ipc_types::schema::{LoadError, SchemaError};
+use ipc_types::subscriber::ReceiveError;
+use ipc_types::{
+    DomainError, DynamicError, JoinError, OpenError, PublishError, SendError, WaitError,
+};
+
+/// Something went wrong.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum Error {
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    #[error(transparent)]
+    Join(#[from] JoinError),
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    #[error(transparent)]
+    Dynamic(#[from] DynamicError),
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+    #[error(transparent)]
+    Receive(#[from] ReceiveError),
+    #[error(transparent)]
+    Send(#[from] SendError),
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    #[error("the schema cannot be read")]
+    Schema(#[from] SchemaError),
+    /// The caller's struct is not the one that lies in the topic.
+    #[error("{0}")]
+    Layout(String),
+    /// The bridge hangs, or the machine stalls.
+    #[error("the bridge did not answer a waypoint of the path in time: is it alive?")]
+    NoAnswer,
+    /// An argument that cannot be meant.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+/// What kind of error it is: the negative values of `hero_ril_result` in the header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Kind {
+    /// An argument makes no sense.
+    Invalid = -1,
+    /// The service carries another struct than the caller was built with.
+    Layout = -2,
+    /// No process serves the request, or publishes a topic whose schema is wanted.
+    NotThere = -3,
+    /// Another process provides the service already.
+    Taken = -4,
+    /// There are as many ports or open requests as there can be.
+    Full = -5,
+    /// Anything else.
+    Failed = -6,
+    /// A bug in the library; the handle must be closed.
+    Panic = -7,
+}
+
+impl Error {
+    /// What kind of error it is.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Error::Open(error) | Error::Dynamic(DynamicError::Open(error)) => of_open(error),
+            Error::Dynamic(DynamicError::OwnService { .. }) | Error::Layout(_) => Kind::Layout,
+            Error::Send(SendError::NoServer { .. }) | Error::Load(LoadError::Missing(_)) => {
+                Kind::NotThere
+            }
+            Error::Send(SendError::TooManyOutstanding | SendError::ServerFull) => Kind::Full,
+            Error::Dynamic(_) | Error::Schema(_) | Error::Invalid(_) => Kind::Invalid,
+            Error::Join(JoinError::InvalidProcessName(_)) => Kind::Invalid,
+            _ => Kind::Failed,
+        }
+    }
+
+    /// The text with that of every cause.
+    pub fn text(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            // Writing to a string cannot fail.
+            let _ = write!(text, ": {error}");
+            cause = error.source();
+        }
+        text
+    }
+}
+
+fn of_open(error: &OpenError) -> Kind {
+    match error {
+        OpenError::LayoutMismatch { .. } => Kind::Layout,
+        OpenError::AlreadyProvided { .. } => Kind::Taken,
+        OpenError::Full { .. } => Kind::Full,
+        _ => Kind::Failed,
+    }
+}

@@ -1,0 +1,36 @@
+"""Takes off, flies to a point north of here and lands: mission.py [ALTITUDE_M]"""
+
+import math
+import sys
+
+import hero_ril
+
+
+def follow(request, what, telemetry):
+    for report in request:
+        print(f"{what}: {report.stage}")
+        sample = telemetry.latest()
+        if sample is not None:
+            print(f"{sample.sequence} {sample.geodetic.altitude_m:.2f} m, flying {sample.flying}")
+
+
+def main(altitude_m=10.0):
+    with hero_ril.Robot(name="python-mission") as robot:
+        telemetry = robot.telemetry()
+        here = telemetry.receive(timeout=5)
+        if here is None:
+            sys.exit("no telemetry: start `ril status`")
+        latitude_deg = math.degrees(here.geodetic.latitude_rad)
+        longitude_deg = math.degrees(here.geodetic.longitude_rad)
+        north = (latitude_deg + 1e-4, longitude_deg, here.geodetic.altitude_m + altitude_m)
+        follow(robot.start(), "start", telemetry)
+        follow(robot.take_off(altitude_m), "take off", telemetry)
+        follow(robot.go_to(north), "go to", telemetry)
+        follow(robot.land(), "land", telemetry)
+
+
+if __name__ == "__main__":
+    try:
+        main(*map(float, sys.argv[1:]))
+    except hero_ril.RilError as error:
+        sys.exit(str(error))
