@@ -152,19 +152,27 @@ impl Inbox {
     }
 
     fn fill(&mut self, timeout: Duration) -> Result<Fill, Error> {
-        let mut deadline = None;
+        if timeout.is_zero() {
+            return Ok(if self.drain()? {
+                Fill::Samples
+            } else {
+                Fill::Nothing
+            });
+        }
+        let deadline = Instant::now() + timeout;
+        let mut left = timeout;
         loop {
+            // Before it sleeps it looks for samples, which is cheaper than draining.
+            let wake = self.subscriber.wait(left)?;
             if self.drain()? {
                 return Ok(Fill::Samples);
             }
-            let now = Instant::now();
-            let until = *deadline.get_or_insert(now + timeout);
-            if now >= until {
-                return Ok(Fill::Nothing);
-            }
-            if self.subscriber.wait(until - now)? == Wake::Interrupted {
+            left = deadline.saturating_duration_since(Instant::now());
+            match wake {
                 // What came with the signal is not lost: the next call reads it.
-                return Ok(Fill::Interrupted);
+                Wake::Interrupted => return Ok(Fill::Interrupted),
+                _ if left.is_zero() => return Ok(Fill::Nothing),
+                _ => {}
             }
         }
     }
