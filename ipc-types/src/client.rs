@@ -102,6 +102,10 @@ struct Outstanding<R: Request> {
 type Pending<R> = PendingResponse<Svc, R, (), RequestReport, ()>;
 type Report = iceoryx2::response::Response<Svc, RequestReport, ()>;
 
+// SAFETY: a client owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
+#[allow(unsafe_code)]
+unsafe impl<R: Request> Send for Client<R> {}
+
 impl<R: Request> Port<R> {
     fn open(
         session: &Arc<Session>,

@@ -15,8 +15,12 @@ pub(crate) use iceoryx2::prelude::{NodeBuilder, ZeroCopySend};
 
 use crate::segment::Segment;
 
-/// The service variant of the whole contract: iceoryx2's `ipc`, with ports that may change their thread, and with
-/// [`Segment`]s. A program with iceoryx2's own variant `ipc` shares its services.
+/// The service variant of the whole contract: iceoryx2's `ipc`, with [`Segment`]s. A program with iceoryx2's own variant `ipc`
+/// shares its services.
+///
+/// What belongs to one port counts its references without a lock, as in iceoryx2's `ipc`: a lock would cost a fifth of a hop.
+/// The ports of this crate can be handed to another thread all the same: each owns its generation, with the node, and all that
+/// was made of them, so everything that shares those counts moves at once.
 #[derive(Clone, Debug)]
 pub struct Svc;
 
@@ -37,7 +41,7 @@ impl Service for Svc {
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;
     type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> =
-        arc_sync_policy::mutex_protected::MutexProtected<T>;
+        arc_sync_policy::single_threaded::SingleThreaded<T>;
     type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Segment<T>;
     type BlackboardPayload = Memory<iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator>;
     type UniqueId = iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;

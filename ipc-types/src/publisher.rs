@@ -160,6 +160,10 @@ fn bytes_of(sample: &mut Preloaned) -> &mut [u8] {
     }
 }
 
+// SAFETY: it owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
+#[allow(unsafe_code)]
+unsafe impl Send for Port {}
+
 impl Port {
     fn make(session: &Arc<Session>, offer: &Offer) -> Result<Port, OpenError> {
         let pattern = Pattern::PublishSubscribe;

@@ -85,8 +85,16 @@ impl Membership {
             if !is_at(&lock, &path) {
                 continue;
             }
-            let doorbell =
-                Doorbell::map(&lock).map_err(|error| DomainError::io("map", &path, error))?;
+            let doorbell = match Doorbell::map(&lock) {
+                Ok(doorbell) => doorbell,
+                Err(error) => {
+                    drop(lock);
+                    // Nothing is left of an attempt, unless others are here.
+                    let _ = delete_if_dead(domain, robot);
+                    let _ = fs::remove_dir(domain.root());
+                    return Err(DomainError::io("map", &path, error));
+                }
+            };
             return Ok(Membership {
                 domain: domain.clone(),
                 robot,

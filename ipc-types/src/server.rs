@@ -80,6 +80,10 @@ pub struct Server<R: Request> {
     session: Arc<Session>,
 }
 
+// SAFETY: the requests that it has taken share counts of references with its ports alone, see [`Svc`](crate::iox::Svc).
+#[allow(unsafe_code)]
+unsafe impl<R: Request> Send for Server<R> {}
+
 impl<R: Request> Server<R> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Server<R>, OpenError> {
         let lock = session.provide(R::KEY)?;

@@ -176,6 +176,10 @@ struct Round<R: Request> {
     ended: Vec<Active<R>>,
 }
 
+// SAFETY: it owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
+#[allow(unsafe_code)]
+unsafe impl<R: Request> Send for ServingPort<R> {}
+
 impl<R: Request> ServingPort<R> {
     pub(crate) fn make(
         session: &Arc<Session>,

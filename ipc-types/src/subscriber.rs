@@ -236,6 +236,10 @@ struct Port {
     generation: Generation,
 }
 
+// SAFETY: it owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
+#[allow(unsafe_code)]
+unsafe impl Send for Port {}
+
 impl Port {
     /// `history` samples of those that were published before come at once.
     fn open(
