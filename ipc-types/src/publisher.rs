@@ -1,4 +1,4 @@
-//! [`Publisher`]: the writing end of a published service. What it does with bytes, [`BytesPublisher`] does, which knows
+//! [`Publisher`]: the writing end of a published service. What it does with bytes, `BytesPublisher` does, which knows
 //! nothing of structs.
 //!
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.

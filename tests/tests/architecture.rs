@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 9] = [
+const ARROWS: [(&str, &[&str]); 10] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
