@@ -1,4 +1,5 @@
 //! The thread of a process that provides something: it removes what dead members left, beside everything that carries data.
+//! In other processes it only drops former generations, whose last member deletes them.
 //!
 //! Removing is best effort, through iceoryx2's own means, and only the provider of a generation does it. What cannot be
 //! removed is left behind: when it becomes much, or removing stalls, the provider begins a new generation, and the old one is
@@ -241,12 +242,19 @@ impl Drop for Housekeeper {
 }
 
 fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
-    robot_folder::delete_discarded(domain);
-    generation::delete_orphans(domain);
     let mut tended: Vec<Weak<Tended>> = Vec::new();
     loop {
-        match orders.recv_timeout(PERIOD) {
+        // A process that provides nothing has nothing to look after, and sleeps.
+        let order = match tended.is_empty() {
+            true => orders.recv().map_err(RecvTimeoutError::from),
+            false => orders.recv_timeout(PERIOD),
+        };
+        match order {
             Ok(Order::Tend(one)) => {
+                if tended.is_empty() {
+                    robot_folder::delete_discarded(domain);
+                    generation::delete_orphans(domain);
+                }
                 if let Some(one) = one.upgrade() {
                     one.keep_reserve();
                 }

@@ -54,7 +54,7 @@ pub struct Ipc {
 
 /// What all ports share.
 pub(crate) struct Session {
-    /// First, so that it has ended before the process leaves. Begun by the first port that provides something.
+    /// First, so that it has ended before the process leaves. Begun when it is first needed.
     housekeeper: OnceLock<Housekeeper>,
     membership: Membership,
     process_name: String,

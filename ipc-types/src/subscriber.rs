@@ -398,7 +398,10 @@ impl BytesSubscriber {
             if taken == most {
                 return Ok(taken);
             }
-            self.former = None;
+            if let Some(former) = self.former.take() {
+                // The last member of a generation deletes it, among everybody's segments.
+                self.session.housekeeper().drop_later(former);
+            }
         }
         taken += self.drain_port(most - taken, take)?;
         match followed {

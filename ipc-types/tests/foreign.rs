@@ -179,6 +179,27 @@ fn a_foreign_consumer_opens_what_the_publisher_made() {
     });
 }
 
+/// It would deafen every consumer with a start time of its own.
+#[test]
+fn a_second_publisher_finds_no_place() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let foreign = enter(domain, ServiceId::DspTelemetry);
+        let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
+        let service = foreign
+            .node
+            .service_builder(&name.as_str().try_into().unwrap())
+            .publish_subscribe::<DspTelemetry>()
+            .open()
+            .unwrap();
+        assert!(service.publisher_builder().create().is_err());
+        publisher.publish(|_| {}).unwrap();
+        assert_eq!(subscriber.drain(|_| {}).unwrap(), 1);
+    });
+}
+
 #[test]
 fn a_live_foreign_program_keeps_the_robot_s_folder() {
     in_domain(|domain| {
