@@ -56,7 +56,7 @@ pub struct Ipc {
 pub(crate) struct Session {
     /// First, so that it has ended before the process leaves. Begun when it is first needed.
     housekeeper: OnceLock<Housekeeper>,
-    membership: Membership,
+    membership: Arc<Membership>,
     process_name: String,
 }
 
@@ -88,7 +88,7 @@ impl Ipc {
         Ok(Ipc {
             session: Arc::new(Session {
                 housekeeper: OnceLock::new(),
-                membership: Membership::join(domain, robot)?,
+                membership: Arc::new(Membership::join(domain, robot)?),
                 process_name: process_name.to_owned(),
             }),
         })
@@ -165,6 +165,10 @@ impl Ipc {
 }
 
 impl Session {
+    pub(crate) fn membership(&self) -> &Arc<Membership> {
+        &self.membership
+    }
+
     pub(crate) fn doorbell(&self) -> &Doorbell {
         self.membership.doorbell()
     }

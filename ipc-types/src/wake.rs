@@ -12,13 +12,15 @@ use crate::doorbell::{Bits, Place};
 use crate::event::{self, Channel, Event};
 use crate::iox::{Listener, Notifier};
 use crate::open::OpenError;
+use crate::robot_folder::Membership;
 use crate::session::Session;
 
 /// Wakes the other side of a service.
 pub(crate) struct WakeSender {
     notifier: Notifier,
     event: Event,
-    session: Arc<Session>,
+    /// Not the session: a former port may be the last thing that the session's own thread drops.
+    membership: Arc<Membership>,
     bits: Bits,
 }
 
@@ -33,14 +35,14 @@ impl WakeSender {
         Ok(WakeSender {
             notifier: event.notifier()?,
             event,
-            session: Arc::clone(session),
+            membership: Arc::clone(session.membership()),
             bits: place.bits(channel),
         })
     }
 
     /// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
     pub(crate) fn wake(&self) {
-        self.session.doorbell().ring(self.bits);
+        self.membership.doorbell().ring(self.bits);
         if let Err(error) = self.notifier.notify() {
             tracing::debug!(event = self.event.name(), ?error, "nobody was notified");
         }
