@@ -40,6 +40,10 @@ impl Site {
 
 impl Drop for Site {
     fn drop(&mut self) {
+        // Plain iceoryx2 leaves its folders in the root.
+        for folder in ["nodes", "services"] {
+            let _ = std::fs::remove_dir_all(self.domain.root().join(folder));
+        }
         // What cannot be removed is told, and is no reason to lose the measurement.
         if let Err(error) = self.domain.remove_if_dead() {
             eprintln!("the domain of a measurement is left behind: {error}");

@@ -1,18 +1,20 @@
 //! What the kernel says about a process: `/proc/PID`, all threads added up, and system calls as `strace` counts them.
 
 use std::fs;
+use std::io;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ipc_types::MonotonicNs;
+use rustix::io::Errno;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::machine::field;
 use crate::pace::sleep_until;
 
-/// Sums since the process began.
+/// Sums since the process began, over the threads that it has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Usage {
     /// Time on a processor, ns.
@@ -32,20 +34,31 @@ impl Usage {
         let mut usage = Usage::default();
         let tasks = format!("/proc/{id}/task");
         for task in fs::read_dir(&tasks).context(tasks)? {
-            let task = task?.path();
-            // Time on a processor, time waiting for one, slices; ns.
-            let schedule = fs::read_to_string(task.join("schedstat"))?;
-            let cpu = schedule.split_whitespace().next().unwrap_or_default();
-            usage.cpu_ns += cpu.parse::<u64>().context("schedstat")?;
-            let status = fs::read_to_string(task.join("status"))?;
-            let count = |key| -> Result<u64> {
-                let value = field(&status, key).context(key)?;
-                value.parse().context(key)
-            };
-            usage.wakes += count("voluntary_ctxt_switches")?;
-            usage.preemptions += count("nonvoluntary_ctxt_switches")?;
+            let thread = task.and_then(|task| ThreadFiles::read(&task.path()));
+            match thread {
+                Ok(files) => usage.add(&files)?,
+                // The thread has ended since it was listed.
+                Err(error) if is_gone(&error) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
         Ok(usage)
+    }
+
+    fn add(&mut self, thread: &ThreadFiles) -> Result<()> {
+        // Time on a processor, time waiting for one, slices; ns.
+        let cpu = thread.schedule.split_whitespace().next();
+        self.cpu_ns += cpu
+            .unwrap_or_default()
+            .parse::<u64>()
+            .context("schedstat")?;
+        let count = |key| -> Result<u64> {
+            let value = field(&thread.status, key).context(key)?;
+            value.parse().context(key)
+        };
+        self.wakes += count("voluntary_ctxt_switches")?;
+        self.preemptions += count("nonvoluntary_ctxt_switches")?;
+        Ok(())
     }
 
     /// What was used since `earlier`.
@@ -56,6 +69,27 @@ impl Usage {
             preemptions: self.preemptions.saturating_sub(earlier.preemptions),
         }
     }
+}
+
+/// What the kernel says about one thread.
+struct ThreadFiles {
+    schedule: String,
+    status: String,
+}
+
+impl ThreadFiles {
+    fn read(task: &Path) -> io::Result<ThreadFiles> {
+        Ok(ThreadFiles {
+            schedule: fs::read_to_string(task.join("schedstat"))?,
+            status: fs::read_to_string(task.join("status"))?,
+        })
+    }
+}
+
+/// Whether what was to be read has ended: before its file was opened, or between that and the reading.
+fn is_gone(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::NotFound
+        || error.raw_os_error() == Some(Errno::SRCH.raw_os_error())
 }
 
 /// The system calls of one process by name, most frequent first.
@@ -100,6 +134,9 @@ fn parse_calls(table: &str) -> Calls {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::thread;
+
     use super::*;
 
     #[test]
@@ -111,6 +148,23 @@ mod tests {
             sum = std::hint::black_box(sum + 1);
         }
         assert!(Usage::of(0).is_err());
+    }
+
+    #[test]
+    fn threads_that_end_meanwhile_are_no_error() {
+        let over = AtomicBool::new(false);
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                while !over.load(Ordering::Relaxed) {
+                    thread::scope(|scope| [(); 8].map(|()| scope.spawn(|| {}).thread().id()));
+                }
+            });
+            let usages: Vec<_> = (0..2000).map(|_| Usage::of(std::process::id())).collect();
+            over.store(true, Ordering::Relaxed);
+            for usage in usages {
+                usage.unwrap();
+            }
+        });
     }
 
     #[test]

@@ -3,11 +3,9 @@
 use std::path::Path;
 
 use clap::Args as ClapArgs;
-use ipc_types::{Domain, Ipc, RobotId};
+use module_kit::SetUp;
 use runtime::args::CommonArgs;
-use runtime::exit::{ExitCode, Failure, OrFail};
-use runtime::notify::Notifier;
-use runtime::signal::Termination;
+use runtime::exit::{ExitCode, Failure};
 
 use crate::config::BridgeConfig;
 use crate::shell::{self, ShellError};
@@ -32,23 +30,13 @@ pub struct Args {
 /// # Errors
 /// Exit code 78 when the configuration is wrong, 1 when shared memory cannot be used or another bridge of the robot runs.
 pub fn run(args: Args) -> Result<(), Failure> {
-    runtime::logging::init(args.common.verbosity())?;
-    let loaded = runtime::config::load::<BridgeConfig>(
-        args.common.config.as_deref(),
-        Path::new(DEFAULT_CONFIG_FILE),
-    )?;
-    let mut config = loaded.value;
-    if let Some(port) = args.port {
-        config.serial.port = port;
-    }
-    if args.common.check_config {
+    let Some(mut set_up) = SetUp::<BridgeConfig>::begin(&args.common, DEFAULT_CONFIG_FILE)? else {
         return Ok(());
+    };
+    if let Some(port) = args.port {
+        set_up.config.serial.port = port;
     }
-    tracing::debug!(file = ?loaded.file, ?config, "configuration");
-    let robot = RobotId::from(args.common.robot);
-    let termination = Termination::install().map_err(Failure::internal)?;
-    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-    let ipc = Ipc::join(&domain, robot, "bridge").map_err(Failure::internal)?;
+    let ipc = set_up.join("bridge")?;
     let explicit = args.common.config.as_deref();
     let read_fence = || {
         runtime::config::load::<BridgeConfig>(explicit, Path::new(DEFAULT_CONFIG_FILE))
@@ -56,11 +44,11 @@ pub fn run(args: Args) -> Result<(), Failure> {
             .map_err(|error| error.to_string())
     };
     shell::run(
-        &config,
+        &set_up.config,
         &read_fence,
         &ipc,
-        &termination,
-        &Notifier::from_env(),
+        &set_up.termination,
+        &set_up.supervisor,
     )
     .map_err(|error| match error {
         ShellError::NotAPort(_) => Failure::new(ExitCode::Configuration, error),

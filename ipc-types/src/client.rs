@@ -69,6 +69,8 @@ pub struct Client<R: Request> {
     follower: Follower,
     waiter: Waiter,
     place: Place,
+    /// Last part of the service's name: that of `R`, or another that carries the same struct.
+    key: &'static str,
     session: Arc<Session>,
 }
 
@@ -101,14 +103,18 @@ type Pending<R> = PendingResponse<Svc, R, (), RequestReport, ()>;
 type Report = iceoryx2::response::Response<Svc, RequestReport, ()>;
 
 impl<R: Request> Port<R> {
-    fn open(session: &Arc<Session>, generation: Generation) -> Result<Port<R>, OpenError> {
+    fn open(
+        session: &Arc<Session>,
+        generation: Generation,
+        key: &'static str,
+    ) -> Result<Port<R>, OpenError> {
         let robot = session.robot();
-        let service = open::open_request::<R>(&generation, robot)?;
-        let event = |channel| Event::open(&generation, robot, R::KEY, channel);
+        let service = open::open_request::<R>(&generation, robot, key)?;
+        let event = |channel| Event::open(&generation, robot, key, channel);
         let responses = WakeReceiver::new(event(Channel::Responses)?);
         let requests = event(Channel::Requests)?;
         let port = open::port(
-            &service_name(robot, R::KEY),
+            &service_name(robot, key),
             ("clients", MAX_CLIENTS),
             |error| error == ClientCreateError::ExceedsMaxSupportedClients,
             || {
@@ -124,7 +130,7 @@ impl<R: Request> Port<R> {
         Ok(Port {
             port,
             responses,
-            requests: WakeSender::make(session, requests, place(R::KEY), Channel::Requests)?,
+            requests: WakeSender::make(session, requests, place(key), Channel::Requests)?,
             server: ServerWatch::new(generation.watch()),
             generation,
         })
@@ -147,14 +153,15 @@ impl<R: Request> Port<R> {
 }
 
 impl<R: Request> Client<R> {
-    pub(crate) fn open(session: &Arc<Session>) -> Result<Client<R>, OpenError> {
+    pub(crate) fn open(session: &Arc<Session>, key: &'static str) -> Result<Client<R>, OpenError> {
         let mut client = Client {
             outstanding: Vec::with_capacity(MAX_OUTSTANDING),
             port: None,
             former: None,
-            follower: Follower::new(session, R::KEY),
+            follower: Follower::new(session, key),
             waiter: Waiter::new(),
-            place: place(R::KEY),
+            place: place(key),
+            key,
             session: Arc::clone(session),
         };
         match client.follow() {
@@ -167,6 +174,14 @@ impl<R: Request> Client<R> {
         Ok(client)
     }
 
+    /// Enters another generation if there is one.
+    fn enter(&self) -> Result<Option<Port<R>>, OpenError> {
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        self.follower.follow(present, |session, generation| {
+            Port::open(session, generation, self.key)
+        })
+    }
+
     /// Enters another generation if there is one, unless requests are open in two already.
     fn follow(&mut self) -> Result<(), OpenError> {
         if self.outstanding.is_empty() {
@@ -175,8 +190,14 @@ impl<R: Request> Client<R> {
         if self.former.is_some() {
             return Ok(());
         }
-        let present = self.port.as_ref().map(|port| port.generation.name());
-        if let Some(port) = self.follower.follow(present, Port::open)? {
+        let entered = match self.enter() {
+            Err(error) if error.is_no_room() && self.session.make_room() => {
+                self.follower.forget();
+                self.enter()?
+            }
+            entered => entered?,
+        };
+        if let Some(port) = entered {
             let former = self.port.replace(port);
             self.former = former.filter(|_| !self.outstanding.is_empty());
         }
@@ -282,7 +303,7 @@ impl<R: Request> Client<R> {
 
     /// Whether a live process serves. One that hangs counts as alive.
     pub fn is_server_alive(&self) -> bool {
-        let provider = self.session.watch(R::KEY).look();
+        let provider = self.session.watch(self.key).look();
         provider.is_ok_and(|provider| provider.is_some())
     }
 
@@ -295,7 +316,7 @@ impl<R: Request> Client<R> {
 
     fn no_server(&self) -> SendError {
         SendError::NoServer {
-            service: R::KEY,
+            service: self.key,
             robot: self.session.robot().get(),
         }
     }

@@ -30,7 +30,7 @@ pub const ROOT_VARIABLE: &str = "RIL_IPC_ROOT";
 pub(crate) const MAX_GENERATION_LEN: usize = 61;
 
 /// Longest root, bytes: what [`MAX_GENERATION_LEN`] leaves beside robot 1, the longest of the RIL's services (14 letters), a
-/// generation, and four separators.
+/// generation, and three separators.
 const MAX_ROOT_LEN: usize = MAX_GENERATION_LEN - PREFIX_LEN - GENERATION_LEN - 18;
 
 /// Letters of a generation's name: 30 random bits.

@@ -187,6 +187,10 @@ impl Generation {
         &self.name
     }
 
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Tells whether the provider is still there.
     pub(crate) fn watch(&self) -> LockWatch {
         LockWatch::new(self.path.join(PROVIDER_FILE))
@@ -268,6 +272,11 @@ pub(crate) fn current(service: &Path) -> Option<Current> {
 /// The schema of what lies in a generation: of samples, or of requests.
 pub(crate) fn schema(service: &Path, name: &str) -> Result<Schema, LoadError> {
     schema::load(&service.join(name).join(SCHEMA_FILE))
+}
+
+/// Tells whether a generation has a provider.
+pub(crate) fn provider_lock(service: &Path, name: &str) -> LockWatch {
+    LockWatch::new(service.join(name).join(PROVIDER_FILE))
 }
 
 /// The folders of a robot's services.
@@ -414,6 +423,10 @@ pub(crate) fn segments_of(domain: &Domain) -> Vec<PathBuf> {
 
 /// Segments of generations that have no folder any more: nobody can open them, and nobody will delete them.
 pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
+    // Elsewhere two containers can have a root of the same name each, and share the segments' folder.
+    if !domain.root().starts_with(SHM_DIR) {
+        return Vec::new();
+    }
     // Listed before the folders: a generation has its folder before its first segment.
     let mut segments = segments_of(domain);
     if !segments.is_empty() {

@@ -5,8 +5,9 @@
 //! deleted when its last member has gone.
 
 use std::any::Any;
+use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Weak};
@@ -20,7 +21,7 @@ use iceoryx2::prelude::{CallbackProgression, NodeState};
 use crate::domain::Domain;
 use crate::generation::{self, Generation};
 use crate::iox::{Node, Svc};
-use crate::{files, robot_folder};
+use crate::{files, reserve, robot_folder};
 
 /// How often it looks for dead members: their partners are told of the death after that time.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -32,6 +33,16 @@ const MAX_DEATHS: u32 = 256;
 /// Dead members that cannot be removed, after which another generation begins.
 const MAX_STUCK: u32 = 8;
 
+/// Files in a generation beyond what its living members account for, after which another generation begins. A member that was
+/// killed while it made its node leaves three that belong to nobody.
+const MAX_LEFTOVERS: usize = 256;
+
+/// Most files of a living member: its node, two events, a port, and their tags.
+const FILES_PER_MEMBER: usize = 24;
+
+/// Passes from one count of files to the next: ten seconds.
+const PASSES_PER_COUNT: u32 = 20;
+
 /// A generation that is looked after.
 #[derive(Debug)]
 pub(crate) struct Tended {
@@ -39,16 +50,29 @@ pub(crate) struct Tended {
     domain: Domain,
     /// The folder of the service.
     service: PathBuf,
+    /// The folder of the generation.
+    folder: PathBuf,
+    /// Whether its clients may need the reserve.
+    keeps_reserve: bool,
+    passes: AtomicU32,
     deaths: AtomicU32,
     is_worn: AtomicBool,
 }
 
 impl Tended {
-    pub(crate) fn new(domain: &Domain, service: PathBuf, generation: &Generation) -> Arc<Tended> {
+    pub(crate) fn new(
+        domain: &Domain,
+        service: PathBuf,
+        generation: &Generation,
+        keeps_reserve: bool,
+    ) -> Arc<Tended> {
         Arc::new(Tended {
             config: generation.config().clone(),
             domain: domain.clone(),
             service,
+            keeps_reserve,
+            folder: generation.path().to_owned(),
+            passes: AtomicU32::new(0),
             deaths: AtomicU32::new(0),
             is_worn: AtomicBool::new(false),
         })
@@ -83,9 +107,37 @@ impl Tended {
             self.wear_out("many processes died in the old one");
         } else if pass.stuck >= MAX_STUCK {
             self.wear_out("dead processes cannot be removed");
+        } else if self.is_littered(pass.living) {
+            self.wear_out("killed processes left files in the old one");
         }
         generation::delete_dead(&self.domain, &self.service);
+        self.keep_reserve();
     }
+
+    fn keep_reserve(&self) {
+        if let Some(robot_folder) = self.service.parent().filter(|_| self.keeps_reserve) {
+            reserve::fill(robot_folder);
+        }
+    }
+}
+
+impl Tended {
+    /// Whether it is time to count the files of the generation, and there are too many.
+    fn is_littered(&self, living: usize) -> bool {
+        let passes = self.passes.fetch_add(1, Ordering::Relaxed);
+        passes % PASSES_PER_COUNT == PASSES_PER_COUNT - 1
+            && count_files(&self.folder) > MAX_LEFTOVERS + living * FILES_PER_MEMBER
+    }
+}
+
+fn count_files(folder: &Path) -> usize {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .map(|entry| match entry.file_type() {
+            Ok(kind) if kind.is_dir() => 1 + count_files(&entry.path()),
+            _ => 1,
+        })
+        .sum()
 }
 
 /// What a pass over the members of a generation did.
@@ -95,11 +147,16 @@ pub(crate) struct Pass {
     pub(crate) removed: u32,
     /// Dead members that could not be.
     pub(crate) stuck: u32,
+    /// Members that live.
+    pub(crate) living: usize,
 }
 
 fn remove_dead(config: &Config) -> Pass {
     let mut pass = Pass::default();
     let listed = Node::list(config, |state| {
+        if matches!(state, NodeState::Alive(_)) {
+            pass.living += 1;
+        }
         if let NodeState::Dead(node) = state {
             let result = match node.details() {
                 Some(_) => node.try_remove_stale_resources(),
@@ -189,7 +246,12 @@ fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
     let mut tended: Vec<Weak<Tended>> = Vec::new();
     loop {
         match orders.recv_timeout(PERIOD) {
-            Ok(Order::Tend(one)) => tended.push(one),
+            Ok(Order::Tend(one)) => {
+                if let Some(one) = one.upgrade() {
+                    one.keep_reserve();
+                }
+                tended.push(one);
+            }
             Ok(Order::Drop(thing)) => drop(thing),
             Err(RecvTimeoutError::Timeout) => {
                 tended.retain(|one| one.upgrade().inspect(|one| one.tend()).is_some());

@@ -42,6 +42,8 @@ pub struct RobotFacts {
     pub is_live: bool,
     /// Generations of its services, those that are left behind included.
     pub generations: usize,
+    /// Of these, generations that have no provider any more.
+    pub former: usize,
     /// Members of the current generations, live ones first.
     pub members: Vec<Member>,
 }
@@ -57,6 +59,8 @@ pub struct Member {
     pub process: String,
     /// Key of the service.
     pub service: String,
+    /// Whether the generation has a provider, which removes its dead members.
+    pub is_tended: bool,
 }
 
 /// How the process of a member is.
@@ -186,7 +190,11 @@ impl Domain {
     pub fn others() -> Vec<Entry> {
         let entries = fs::read_dir(SHM_DIR).into_iter().flatten().flatten();
         let mut found: Vec<Entry> = entries
-            .filter(|entry| entry.file_name().to_string_lossy().starts_with("hero"))
+            .filter(|entry| {
+                let name = entry.file_name();
+                let uid = name.to_str().and_then(|name| name.strip_prefix("hero"));
+                uid.is_some_and(|uid| uid.parse::<u32>().is_ok())
+            })
             .filter_map(|entry| Entry::of(&entry.path()))
             .filter(|entry| entry.is_folder && !entry.is_ours())
             .collect();
@@ -273,19 +281,29 @@ fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
         robot,
         is_live: robot_folder::is_anybody_in(domain, robot),
         generations: 0,
+        former: 0,
         members: Vec::new(),
     };
     for service in generation::services(&domain.robot_folder(robot)) {
-        facts.generations += generation::names(&service).len();
+        let names = generation::names(&service);
+        let has_provider = |name: &str| {
+            let held = generation::provider_lock(&service, name).is_held();
+            held.unwrap_or(false)
+        };
+        facts.generations += names.len();
+        facts.former += names.iter().filter(|name| !has_provider(name)).count();
         if let Some(current) = generation::current(&service) {
-            facts.members.extend(members(domain, &service, &current));
+            let is_tended = has_provider(&current.name);
+            facts
+                .members
+                .extend(members(domain, &service, &current, is_tended));
         }
     }
     facts.members.sort();
     facts
 }
 
-fn members(domain: &Domain, service: &Path, current: &Current) -> Vec<Member> {
+fn members(domain: &Domain, service: &Path, current: &Current, is_tended: bool) -> Vec<Member> {
     let mut members = Vec::new();
     let Ok(config) = generation::config_of(domain, service, &current.name) else {
         return members;
@@ -303,6 +321,7 @@ fn members(domain: &Domain, service: &Path, current: &Current) -> Vec<Member> {
             pid: u32::try_from(pid).unwrap_or(0),
             process: details.map_or_else(String::new, |details| details.name().to_string()),
             service: current.key.clone(),
+            is_tended,
         });
         CallbackProgression::Continue
     });

@@ -7,6 +7,7 @@
 //! * [`group`]: the groups of a telemetry sample and their bits;
 //! * [`schema`]: what lies in a topic, as a text that programs read which have never seen the struct;
 //! * [`service`]: the one table of services, with every quality-of-service value;
+//! * [`mod@module`]: a module of a crate of its own: its name, its id, its state and its control requests;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
@@ -38,20 +39,13 @@
 //! # A consumer
 //!
 //! ```no_run
-//! use std::time::Duration;
-//! use ipc_types::payload::HeroTelemetry;
-//! use ipc_types::{Domain, Ipc, Place, RobotId, wake_promptly};
+//! use ipc_types::{Ipc, payload::HeroTelemetry};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let ipc = Ipc::join(&Domain::from_environment()?, RobotId::DEFAULT, "example")?;
-//! let mut telemetry = ipc.subscriber::<HeroTelemetry>()?;
-//! wake_promptly(Place::Consumer);
-//! loop {
-//!     telemetry.wait(Duration::from_secs(1))?;
-//!     telemetry.drain(|sample| {
-//!         println!("{} at {:.1} m", sample.sequence, sample.geodetic.altitude_m);
-//!     })?;
+//! for sample in Ipc::connect("example")?.subscriber::<HeroTelemetry>()?.iter() {
+//!     println!("{:.1} m", sample?.geodetic.altitude_m);
 //! }
+//! # Ok(())
 //! # }
 //! ```
 
@@ -69,12 +63,16 @@ pub mod group;
 mod housekeeper;
 pub mod inspect;
 mod iox;
+// What the macros make is unsafe to implement by hand: they check what makes it safe.
+#[allow(unsafe_code)]
+pub mod module;
 pub mod open;
 pub mod payload;
 pub mod provider;
 pub mod publisher;
 mod random;
 pub mod request_id;
+mod reserve;
 pub mod robot;
 mod robot_folder;
 pub mod scheduling;
@@ -100,6 +98,7 @@ pub use domain_error::DomainError;
 pub use dynamic::{DynamicError, DynamicPublisher, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
+pub use module::{ControlOf, Module, StateOf};
 pub use open::OpenError;
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};
@@ -111,7 +110,7 @@ pub use sequence::Losses;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::{Ipc, JoinError};
-pub use subscriber::{ReceiveError, Subscriber};
+pub use subscriber::{ReceiveError, RecvError, Subscriber};
 pub use ticket::Ticket;
 pub use time::MonotonicNs;
 pub use waiter::{Descriptor, Ready, Source, WaitError, Waiter, Wake};

@@ -94,6 +94,14 @@ fn describe(provider: Option<&Provider>) -> String {
 }
 
 impl OpenError {
+    /// Whether `/dev/shm` is full.
+    pub fn is_no_room(&self) -> bool {
+        matches!(
+            self,
+            OpenError::NoRoom { .. } | OpenError::Domain(DomainError::NoRoom { .. })
+        )
+    }
+
     /// Of a generation of `service`.
     pub(crate) fn enter(service: &str, error: EnterError) -> OpenError {
         match error {
@@ -243,7 +251,7 @@ fn layout_of(
     let key = AttributeKey::try_from("layout_hash").ok()?;
     let hash = details.static_details.attributes().key_value(&key, 0);
     Some(match hash {
-        Some(hash) => format!("{types} {hash}", hash = hash.to_string()),
+        Some(hash) => format!("{types} {hash}"),
         None => format!("{types} without a layout hash"),
     })
 }
@@ -398,13 +406,18 @@ pub(crate) fn create_request<R: Request>(
         .map_err(|error| failed(&name, error))
 }
 
-/// Opens the request service of `R`.
+/// Opens the request service `key`, which carries `R`.
 pub(crate) fn open_request<R: Request>(
     generation: &Generation,
     robot: RobotId,
+    key: &'static str,
 ) -> Result<RequestService<R>, OpenError> {
     use RequestResponseOpenError as Error;
-    let expected = Expected::of(&Contract::of_request::<R>(), robot);
+    let contract = Contract {
+        key,
+        ..Contract::of_request::<R>()
+    };
+    let expected = Expected::of(&contract, robot);
     let name = service_name(&expected.name)?;
     let attributes = expected.verifier()?;
     let builder = generation

@@ -20,7 +20,7 @@ use crate::housekeeper::Tended;
 use crate::iox::Svc;
 use crate::open::{self, Offer, OpenError};
 use crate::provider::ProviderLock;
-use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, SEQUENCE_OFFSET, Topic, service_name};
+use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, Pattern, SEQUENCE_OFFSET, Topic, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
@@ -162,7 +162,8 @@ fn bytes_of(sample: &mut Preloaned) -> &mut [u8] {
 
 impl Port {
     fn make(session: &Arc<Session>, offer: &Offer) -> Result<Port, OpenError> {
-        session.begin(&offer.key, &offer.schema, |generation, tended| {
+        let service = (offer.key.as_str(), Pattern::PublishSubscribe);
+        session.begin(service, &offer.schema, |generation, tended| {
             let robot = session.robot();
             let key = offer.key.as_str();
             let service = open::create_topic(&generation, offer, robot)?;

@@ -129,6 +129,12 @@ impl Drop for Membership {
         if let Some(folder) = set_aside(&self.domain, self.robot) {
             delete(&self.domain, &folder);
         }
+        // The last process of another robot may have been killed, and nobody come after it.
+        for robot in robots(&self.domain) {
+            if let Err(error) = delete_if_dead(&self.domain, robot) {
+                tracing::debug!(%robot, %error, "a dead robot was left behind");
+            }
+        }
         // Fails while another robot is there.
         let _ = fs::remove_dir(self.domain.root());
     }
@@ -210,7 +216,10 @@ pub(crate) fn delete_if_dead(domain: &Domain, robot: RobotId) -> Result<bool, Do
     let path = domain.robot_folder(robot).join(DOORBELL_FILE);
     let lock = match open_to_look(&path) {
         Ok(lock) => lock,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        // Its maker was killed before it made the lock, or is about to make it and will then begin anew.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return Ok(fs::remove_dir(domain.robot_folder(robot)).is_ok());
+        }
         Err(error) => return Err(DomainError::io("open", &path, error)),
     };
     if !flock(&lock, FlockOperation::NonBlockingLockExclusive, &path)? || !is_at(&lock, &path) {

@@ -21,7 +21,7 @@ use crate::waiter::{WaitError, Waiter, Wake, sealed};
 /// that their clients gave up, from one call of [`Server::vanished`] to the next.
 ///
 /// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who vanished,
-/// is refused with [`Reason::TooManyRequests`]; nothing that is open is touched.
+/// is refused with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests); nothing that is open is touched.
 pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
 /// How long a server at least takes requests in its former generation too. Clients change with their next request.

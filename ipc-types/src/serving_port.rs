@@ -182,7 +182,8 @@ impl<R: Request> ServingPort<R> {
         number: PortNumber,
     ) -> Result<ServingPort<R>, OpenError> {
         let contract = Contract::of_request::<R>();
-        session.begin(contract.key, &contract.schema(), |generation, tended| {
+        let service = (contract.key, contract.pattern);
+        session.begin(service, &contract.schema(), |generation, tended| {
             let robot = session.robot();
             let service = open::create_request::<R>(&generation, robot)?;
             let event = |channel| Event::create(&generation, robot, R::KEY, channel);

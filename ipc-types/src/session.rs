@@ -1,7 +1,7 @@
 //! [`Ipc`]: a process's part in the shared memory of one robot; it makes the ports.
 //!
 //! Joining makes nothing of iceoryx2's, installs no signal handler and reads no configuration file. Publishers and servers
-//! begin a [generation](crate::generation) of their service each; subscribers and clients enter the one that is current.
+//! begin a generation of their service each; subscribers and clients enter the one that is current.
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -15,11 +15,14 @@ use crate::generation::{self, Generation};
 use crate::housekeeper::{Housekeeper, Tended};
 use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
-use crate::robot::RobotId;
+use crate::robot::{InvalidRobotId, RobotId};
 use crate::robot_folder::Membership;
-use crate::service::{Request, Topic, folder_name, service_name};
+use crate::service::{Pattern, Request, Topic, folder_name, service_name};
 use crate::time::MonotonicNs;
-use crate::{Client, Publisher, Server, Subscriber};
+use crate::{Client, Publisher, Server, Subscriber, reserve};
+
+/// The environment variable that names the robot.
+const ROBOT_VARIABLE: &str = "RIL_ROBOT";
 
 /// Longest process name, bytes: it stands in the names of nodes and in the locks of providers.
 const MAX_PROCESS_NAME_LEN: usize = 64;
@@ -30,6 +33,9 @@ pub enum JoinError {
     /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
+    /// `RIL_ROBOT` names no robot.
+    #[error("RIL_ROBOT: {0}")]
+    InvalidRobot(#[from] InvalidRobotId),
     /// The name of the process cannot be used.
     #[error(
         "`{0}` is no process name: use 1 to {MAX_PROCESS_NAME_LEN} letters, digits, `-` and `_`"
@@ -55,6 +61,20 @@ pub(crate) struct Session {
 }
 
 impl Ipc {
+    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
+    /// robot of `RIL_ROBOT`, or 1.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::join`]; and when a variable cannot be used.
+    pub fn connect(process_name: &str) -> Result<Ipc, JoinError> {
+        let robot = match std::env::var(ROBOT_VARIABLE) {
+            Ok(robot) => robot.parse()?,
+            Err(_) => RobotId::DEFAULT,
+        };
+        Ipc::join(&Domain::from_environment()?, robot, process_name)
+    }
+
     /// Takes part in the shared memory of `robot`.
     ///
     /// `process_name` (such as `bridge`) is what others read when they ask who provides a service.
@@ -117,7 +137,17 @@ impl Ipc {
     ///
     /// When there is a server, and its service cannot be opened: see [`OpenError`].
     pub fn client<R: Request>(&self) -> Result<Client<R>, OpenError> {
-        Client::open(&self.session)
+        Client::open(&self.session, R::KEY)
+    }
+
+    /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the contract's
+    /// requests to a module whose types it was not built with.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::client`]; and when the service carries something else.
+    pub fn client_of<R: Request>(&self, key: &'static str) -> Result<Client<R>, OpenError> {
+        Client::open(&self.session, key)
     }
 
     /// The live process that publishes or serves the service `key` of this robot, or nothing.
@@ -166,7 +196,7 @@ impl Session {
     /// Begins a generation of a service that this process provides, makes something in it, and then announces it.
     pub(crate) fn begin<P>(
         &self,
-        key: &str,
+        (key, pattern): (&str, Pattern),
         schema: &str,
         make: impl FnOnce(Generation, Arc<Tended>) -> Result<P, OpenError>,
     ) -> Result<P, OpenError> {
@@ -175,13 +205,23 @@ impl Session {
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
         generation.describe(schema)?;
-        let tended = Tended::new(domain, folder.clone(), &generation);
+        let keeps_reserve = pattern == Pattern::RequestResponse;
+        let tended = Tended::new(domain, folder.clone(), &generation, keeps_reserve);
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
         generation::announce(domain, &folder, &name, key)?;
         self.doorbell().change_generation();
         self.housekeeper().tend(&tended);
         Ok(made)
+    }
+
+    /// Makes room for a client. Says whether that could be.
+    pub(crate) fn make_room(&self) -> bool {
+        let made = reserve::give_up(&self.membership.domain().robot_folder(self.robot()));
+        if made {
+            tracing::warn!("/dev/shm is full: the reserve for those that give orders was used");
+        }
+        made
     }
 
     /// Says that a service has no provider any more.

@@ -1,5 +1,5 @@
 //! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed. What it does with
-//! bytes, [`BytesSubscriber`] does, which knows nothing of structs.
+//! bytes, `BytesSubscriber` does, which knows nothing of structs.
 
 use std::hint;
 use std::marker::PhantomData;
@@ -29,6 +29,9 @@ use crate::wake::{WakeReceiver, WakeSender};
 /// Most samples of one [`Subscriber::drain`] and generation: a full buffer. What comes meanwhile waits for the next.
 const MAX_SAMPLES_PER_DRAIN: usize = SUBSCRIBER_BUFFER;
 
+/// A timeout that nobody lives to see the end of.
+const FOR_EVER: Duration = Duration::from_secs(1 << 32);
+
 /// How often [`Subscriber::spin`] looks for samples before it looks at the clock, which takes about as long as a look.
 const SPINS_PER_LOOK: u32 = 16;
 
@@ -40,7 +43,28 @@ pub struct ReceiveError {
     reason: String,
 }
 
+/// The next sample could not be waited for or received.
+#[derive(Debug, thiserror::Error)]
+pub enum RecvError {
+    /// See [`ReceiveError`].
+    #[error(transparent)]
+    Receive(#[from] ReceiveError),
+    /// See [`WaitError`].
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+}
+
 /// The reading end of a published service.
+///
+/// ```no_run
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let robot = ipc_types::Ipc::connect("altimeter")?;
+/// for sample in robot.subscriber::<ipc_types::payload::HeroTelemetry>()?.iter() {
+///     println!("{:.1} m", sample?.geodetic.altitude_m);
+/// }
+/// # Ok(())
+/// # }
+/// ```
 ///
 /// It may be there before its publisher, and stays over the publisher's restarts.
 pub struct Subscriber<T: Topic> {
@@ -68,6 +92,52 @@ impl<T: Topic> Subscriber<T> {
             // bits is a value of it. The bytes are as many, and lie where the publisher has put a `T`.
             #[allow(unsafe_code)]
             take(unsafe { &*bytes.as_ptr().cast::<T>() });
+        })
+    }
+
+    /// The oldest sample that was not handed on yet, or nothing when there is none.
+    ///
+    /// # Errors
+    ///
+    /// As [`Subscriber::drain`].
+    pub fn try_recv(&mut self) -> Result<Option<T>, ReceiveError> {
+        let mut next = None;
+        self.bytes
+            .drain_at_most(1, |bytes| next = T::from_bytes(bytes))?;
+        Ok(next)
+    }
+
+    /// As [`Subscriber::try_recv`], but sleeps until there is a sample or `timeout` has passed. A signal does not end it.
+    ///
+    /// # Errors
+    ///
+    /// See [`RecvError`].
+    pub fn recv_timeout(&mut self, timeout: Duration) -> Result<Option<T>, RecvError> {
+        let deadline = MonotonicNs::now() + timeout;
+        loop {
+            if let Some(sample) = self.try_recv()? {
+                return Ok(Some(sample));
+            }
+            let now = MonotonicNs::now();
+            if now >= deadline {
+                return Ok(None);
+            }
+            self.bytes.wait(deadline.since(now))?;
+        }
+    }
+
+    /// The samples as they come, for ever: `for sample in telemetry.iter()`. Sleeps while there is none.
+    ///
+    /// Each item is [`Subscriber::recv_timeout`] without a timeout, so an error does not end it.
+    pub fn iter(&mut self) -> impl Iterator<Item = Result<T, RecvError>> {
+        std::iter::from_fn(|| {
+            loop {
+                match self.recv_timeout(FOR_EVER) {
+                    Ok(None) => {}
+                    Ok(Some(sample)) => return Some(Ok(sample)),
+                    Err(error) => return Some(Err(error)),
+                }
+            }
         })
     }
 
@@ -142,6 +212,8 @@ impl<T: Topic> sealed::Source for Subscriber<T> {
 pub(crate) struct BytesSubscriber {
     /// Nothing while no publisher has been there.
     port: Option<Port>,
+    /// The port of the former generation, while there are samples in it.
+    former: Option<Port>,
     key: String,
     expected: Expected,
     /// Bytes of a sample.
@@ -201,16 +273,20 @@ impl Port {
         })
     }
 
-    /// Hands on the samples that the tracker accepts, and says how many those were.
+    /// Hands on at most so many samples that the tracker accepts, and says how many those were.
     fn drain(
         &self,
         tracker: &mut SequenceTracker,
         size: usize,
+        most: usize,
         mut take: impl FnMut(&[u8]),
     ) -> Result<usize, String> {
         self.samples.take();
         let mut taken = 0;
         for _ in 0..MAX_SAMPLES_PER_DRAIN {
+            if taken == most {
+                break;
+            }
             match self.port.receive() {
                 Ok(None) => break,
                 Ok(Some(sample)) => {
@@ -260,6 +336,7 @@ impl BytesSubscriber {
     ) -> Result<BytesSubscriber, OpenError> {
         let mut subscriber = BytesSubscriber {
             port: None,
+            former: None,
             key: key.to_owned(),
             expected,
             size,
@@ -275,48 +352,62 @@ impl BytesSubscriber {
             Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
                 tracing::debug!(%error, "there is no publisher yet");
             }
-            Err(error) => return Err(error),
-            Ok(former) => debug_assert!(former.is_none()),
+            result => result?,
         }
         Ok(subscriber)
     }
 
-    /// Enters another generation if there is one. Returns the former port, in which there may be samples still.
-    fn follow(&mut self, history: usize) -> Result<Option<Port>, OpenError> {
+    /// Enters another generation if there is one. Samples that the former one got go first; from now on the publisher feeds
+    /// the new one.
+    fn follow(&mut self, history: usize) -> Result<(), OpenError> {
         let present = self.port.as_ref().map(|port| port.generation.name());
         let open = |session: &_, generation| {
             Port::open(session, generation, &self.key, &self.expected, history)
         };
-        let Some(port) = self.follower.follow(present, open)? else {
-            return Ok(None);
-        };
-        self.generations += 1;
-        Ok(self.port.replace(port))
+        if let Some(port) = self.follower.follow(present, open)? {
+            self.generations += 1;
+            self.former = self.port.replace(port);
+        }
+        Ok(())
     }
 
     /// Hands on every sample that is there, in order, and says how many those were.
-    pub(crate) fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        let mut taken = 0;
-        match self.follow(HISTORY) {
-            Ok(None) => {}
-            // Samples that the former generation got go first. From now on the publisher feeds the new one.
-            Ok(Some(former)) => {
-                let drained = former.drain(&mut self.tracker, self.size, &mut take);
-                taken += drained.unwrap_or(0);
-            }
-            Err(error) => {
-                self.drain_port(&mut take)?;
-                return Err(self.failed(error.to_string()));
-            }
-        }
-        Ok(taken + self.drain_port(take)?)
+    pub(crate) fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        self.drain_at_most(usize::MAX, take)
     }
 
-    fn drain_port(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+    /// As [`BytesSubscriber::drain`], but stops after so many samples.
+    fn drain_at_most(
+        &mut self,
+        most: usize,
+        mut take: impl FnMut(&[u8]),
+    ) -> Result<usize, ReceiveError> {
+        // While there is a former generation, its samples are on the way.
+        let followed = match self.former {
+            None => self.follow(HISTORY),
+            Some(_) => Ok(()),
+        };
+        let mut taken = 0;
+        if let Some(former) = &self.former {
+            let drained = former.drain(&mut self.tracker, self.size, most, &mut take);
+            taken = drained.unwrap_or(0);
+            if taken == most {
+                return Ok(taken);
+            }
+            self.former = None;
+        }
+        taken += self.drain_port(most - taken, take)?;
+        match followed {
+            Ok(()) => Ok(taken),
+            Err(error) => Err(self.failed(error.to_string())),
+        }
+    }
+
+    fn drain_port(&mut self, most: usize, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let Some(port) = &self.port else {
             return Ok(0);
         };
-        port.drain(&mut self.tracker, self.size, take)
+        port.drain(&mut self.tracker, self.size, most, take)
             .map_err(|reason| {
                 // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
                 self.port = None;
@@ -370,7 +461,9 @@ impl BytesSubscriber {
 
 impl sealed::Source for BytesSubscriber {
     fn has_something(&self) -> bool {
-        self.port.as_ref().is_some_and(Port::has_samples) || self.follower.is_due()
+        self.port.as_ref().is_some_and(Port::has_samples)
+            || self.former.is_some()
+            || self.follower.is_due()
     }
 
     fn sense(&self) -> sealed::Sense<'_> {

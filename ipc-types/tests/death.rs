@@ -310,7 +310,10 @@ fn clients_that_are_killed_in_groups_leave_nothing_at_the_server() {
                 open.is_empty()
             });
             let before = *before.get_or_insert_with(open_descriptors);
-            until("no descriptor more", || open_descriptors() <= before);
+            until("no descriptor more", || {
+                serve(&mut server, &mut open);
+                open_descriptors() <= before
+            });
         }
         assert_eq!(server.generations(), 1);
         let mut client = ipc.client::<ModuleControl>().unwrap();

@@ -408,3 +408,53 @@ fn a_new_generation_costs_no_sample() {
         assert_eq!(late.latest().unwrap().unwrap().sequence, expected);
     });
 }
+
+/// Ports can be handed to other threads.
+#[test]
+fn ports_can_change_their_thread() {
+    fn is_send<T: Send>() {}
+    is_send::<Ipc>();
+    is_send::<ipc_types::Publisher<DspTelemetry>>();
+    is_send::<Subscriber<DspTelemetry>>();
+    is_send::<ipc_types::Server<ipc_types::payload::MovementData>>();
+    is_send::<ipc_types::Client<ipc_types::payload::MovementData>>();
+    is_send::<ipc_types::DynamicSubscriber>();
+    in_domain(|domain| {
+        let mut publisher = join(domain, "test").publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = join(domain, "test").subscriber::<DspTelemetry>().unwrap();
+        let sender = thread::spawn(move || publisher.publish(|_| {}).map(|_| publisher));
+        let publisher = sender.join().unwrap().unwrap();
+        let receiver = thread::spawn(move || subscriber.recv_timeout(WATCHDOG).unwrap());
+        assert_eq!(receiver.join().unwrap().unwrap().sequence, 1);
+        drop(publisher);
+    });
+}
+
+/// One at a time, in order, over a change of generation: none is lost, and none comes twice.
+#[test]
+fn samples_are_received_one_by_one() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        for _ in 0..3 {
+            publisher.publish(|_| {}).unwrap();
+        }
+        publisher.wear_out();
+        publisher.tend();
+        for _ in 0..3 {
+            publisher.publish(|_| {}).unwrap();
+        }
+        let mut seen = Vec::new();
+        while let Some(sample) = subscriber.try_recv().unwrap() {
+            seen.push(sample.sequence);
+            publisher.tend();
+        }
+        assert_eq!(seen, [1, 2, 3, 4, 5, 6]);
+        assert_eq!((subscriber.losses().lost, subscriber.generations()), (0, 2));
+        assert_eq!(subscriber.recv_timeout(Duration::ZERO).unwrap(), None);
+        publisher.publish(|_| {}).unwrap();
+        let next = subscriber.iter().next().unwrap().unwrap();
+        assert_eq!(next.sequence, 7);
+    });
+}

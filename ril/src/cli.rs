@@ -94,10 +94,10 @@ pub enum Command {
     Status(status::cli::Args),
     /// Run the simulator of DSP and helicopter, in the foreground
     Sim(dsp_sim::cli::Args),
-    /// Start the module, so that it takes movements
-    Start(RequestArgs),
-    /// Stop the module: the helicopter hovers, and everything that was planned is discarded
-    Stop(RequestArgs),
+    /// Start the bridge's module, so that it takes movements; or another module
+    Start(ControlArgs),
+    /// Stop the bridge's module: the helicopter hovers, and everything that was planned is discarded; or another module
+    Stop(ControlArgs),
     /// Take off and climb to an altitude over the point of take-off
     Takeoff(TakeoffArgs),
     /// Land on the spot
@@ -159,6 +159,18 @@ pub struct RequestArgs {
     /// Return once the request was accepted, instead of following it to its end
     #[arg(long)]
     pub no_wait: bool,
+}
+
+/// `ril start`, `ril stop`
+#[derive(Args, Clone, Debug)]
+pub struct ControlArgs {
+    /// Name of a module with a control service of its own, such as battery_watch [default: the bridge]
+    #[arg(long, value_name = "NAME", value_parser = module_name)]
+    pub module: Option<String>,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
 }
 
 /// `ril takeoff`
@@ -550,6 +562,14 @@ pub fn waypoints(text: &str) -> Result<Vec<WaypointPosition>, String> {
     match waypoints.is_empty() {
         true => Err("there is no waypoint".to_owned()),
         false => Ok(waypoints),
+    }
+}
+
+/// Reads the name of a module.
+fn module_name(text: &str) -> Result<String, String> {
+    match is_key(text) && !text.contains('/') {
+        true => Ok(text.to_owned()),
+        false => Err("a module's name is one word in lower snake case".to_owned()),
     }
 }
 

@@ -149,12 +149,13 @@ fn what_the_last_process_left_is_found_and_removed() {
 #[test]
 fn what_was_half_removed_is_found_and_removed() {
     let rig = Rig::new();
-    let status = rig.status(1);
+    // A process that provides nothing, and so removes nothing while others look.
+    let ipc = rig.domain.join("test");
     fs::create_dir(rig.domain.root().join("2~abcdefgh")).unwrap();
     assert_eq!(troubles(&rig, "", 8), ["leftovers"]);
     let text = texts(&examine(&rig, "--repair", 0));
     assert!(text.contains("removed: 1 thing half removed"), "{text}");
-    end(status, Signal::TERM);
+    drop(ipc);
 }
 
 #[test]
@@ -304,7 +305,7 @@ fn nothing_that_keeps_a_reader_waiting_holds_it_up() {
     let count = inside.map(|path| make_pipe(path)).count();
     assert!(count > 4, "{count} files");
     let report = examine(&rig, "", 78);
-    assert!(texts(&report).contains("reading status.toml of `ril status` was given up after 5s"));
+    assert!(texts(&report).contains("status.toml: is a pipe, not a regular file"));
     examine(&rig, "--repair", 78);
     drop((server, ipc));
     let _ = fs::remove_dir_all(rig.domain.root());

@@ -1,6 +1,8 @@
 //! The short form of the program `endurance`: processes that are killed, disturbed and cut off at random moments.
 
+// Some of it is for the attacks.
 #[path = "../examples/endurance/crew.rs"]
+#[allow(dead_code)]
 mod crew;
 #[path = "../examples/endurance/gap.rs"]
 mod gap;

@@ -2,11 +2,14 @@
 
 mod common;
 
+use std::fs;
+
 use common::{Rig, Watch, end, json, says};
 use ipc_types::code::{Functionality, ModuleStatus};
 use ril_tests::Process;
 use ril_tests::process::Signal;
 use ril_tests::pty::is_link;
+use rustix::fs::{CWD, Mode, mkfifoat};
 
 /// A simulator, a bridge and a status of robot 1, with the link up.
 struct Crew {
@@ -262,5 +265,22 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     );
     crew.status
         .wait_for_text("telemetry comes from another bridge now");
+    crew.end();
+}
+
+#[test]
+fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
+    let rig = Rig::new();
+    let config = rig.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
+    let crew = Crew::start(&rig, "--speed 4");
+    rig.run("start", 0);
+    rig.run("takeoff --altitude 3", 0);
+    fs::remove_file(&config).unwrap();
+    mkfifoat(CWD, &config, Mode::RUSR | Mode::WUSR).unwrap();
+    let finished = rig.run("fence reload", 5);
+    assert!(says(&finished.stderr, "invalid-fence"), "{finished:#?}");
+    // `land` reads ril.toml, and the bridge nothing.
+    rig.run("land", 0);
+    rig.run("stop", 0);
     crew.end();
 }

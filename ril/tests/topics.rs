@@ -30,7 +30,7 @@ fn topics_that_are_there_are_listed() {
     }
     let first = json(&listed[0]);
     assert_eq!(
-        (&first["schema"], &first["described"]),
+        (&first["schema"], &first["live"]),
         (&"ril.Topic.v1".into(), &true.into())
     );
 }

@@ -2,7 +2,10 @@
 
 mod common;
 
+use std::fs;
+
 use common::{Rig, says};
+use rustix::fs::{CWD, Mode, mkfifoat};
 
 #[test]
 fn what_makes_no_sense_is_refused_before_anybody_is_asked() {
@@ -68,6 +71,29 @@ fn a_wrong_configuration_is_told_with_file_and_line() {
         assert!(says(&finished.stderr, expected), "{command}: {finished:#?}");
         rig.domain.assert_empty();
     }
+}
+
+#[test]
+fn what_is_no_file_is_no_configuration_and_keeps_nobody_waiting() {
+    let rig = Rig::new();
+    let pipe = rig.folder().join("pipe");
+    mkfifoat(CWD, &pipe, Mode::RUSR | Mode::WUSR).unwrap();
+    let endless = fs::File::create(rig.folder().join("endless")).unwrap();
+    endless.set_len(1 << 40).unwrap();
+    for (file, expected) in [
+        ("pipe", "pipe: is a pipe, not a regular file; name a"),
+        ("/dev/ptmx", "/dev/ptmx: is a device, not a regular file"),
+        ("/dev/zero", "/dev/zero: is a device, not a regular file"),
+        (".", ".: is a folder, not a regular file"),
+        ("endless", "endless: is longer than 1048576 bytes"),
+    ] {
+        for command in ["bridge", "status", "sim", "start", "state", "doctor"] {
+            let finished = rig.run(&format!("{command} --config {file}"), 78);
+            let told = [finished.stdout, finished.stderr].concat();
+            assert!(says(&told, expected), "{command}: {told:#?}");
+        }
+    }
+    rig.domain.assert_empty();
 }
 
 #[test]

@@ -2,13 +2,17 @@
 //!
 //! A file becomes a typed value once, here; inside a process nothing is checked again. Structures say
 //! `#[serde(default, deny_unknown_fields)]`, and [`ranged!`](crate::ranged) bounds their numbers.
+//!
+//! Reading a configuration never waits for another process: the bridge does it in flight.
 
 use std::fmt;
-use std::fs::File;
+use std::fs::{self, File, FileType, OpenOptions};
 use std::io::{self, Read};
 use std::ops::RangeBounds;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use rustix::fs::OFlags;
 pub use serde::Deserializer;
 use serde::de::{DeserializeOwned, Error as _};
 
@@ -40,6 +44,14 @@ pub enum ConfigError {
         next_step: &'static str,
         /// What the operating system says.
         source: io::Error,
+    },
+    /// Something else stands in the place of the file.
+    #[error("{}: is {what}, not a regular file; name a configuration file", .file.display())]
+    NotAFile {
+        /// The path.
+        file: PathBuf,
+        /// What is there.
+        what: &'static str,
     },
     /// The file is far too long to be a configuration.
     #[error("{}: is longer than {MAX_FILE_BYTES} bytes; name a configuration file", .file.display())]
@@ -181,10 +193,20 @@ numbers!(u8, u16, u32, u64, usize, i8, i16, i32, i64, isize; f32, f64);
 /// The text of `file`.
 fn read(file: &Path) -> Result<String, ConfigError> {
     let mut bytes = Vec::new();
-    let outcome = File::open(file).and_then(|opened| {
-        // One byte more than allowed tells a file of the greatest length from a longer one.
-        opened.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)
+    let outcome = open(file).and_then(|opened| match opened {
+        Opened::Regular(opened) => {
+            // One byte more than allowed tells a file of the greatest length from a longer one.
+            opened.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+            Ok(None)
+        }
+        Opened::Other(kind) => Ok(Some(kind)),
     });
+    if let Ok(Some(kind)) = outcome {
+        return Err(ConfigError::NotAFile {
+            file: file.to_owned(),
+            what: describe(kind),
+        });
+    }
     if let Err(source) = outcome {
         let next_step = match source.kind() {
             io::ErrorKind::NotFound => "; name a file that exists, or none for the defaults",
@@ -207,6 +229,45 @@ fn read(file: &Path) -> Result<String, ConfigError> {
         let reason = "is not UTF-8 text; save the file as UTF-8".to_owned();
         invalid(error.as_bytes(), start, reason, file)
     })
+}
+
+/// What is at a path: a file that can be read, or something that cannot be one.
+enum Opened {
+    Regular(File),
+    Other(FileType),
+}
+
+/// Opens `file` without waiting.
+///
+/// A pipe would keep its opener waiting until somebody writes into it, and a serial port restarts some autopilots when it
+/// is opened: therefore the look before. What comes to the place after that look is opened without waiting, and not read.
+fn open(file: &Path) -> io::Result<Opened> {
+    let kind = fs::metadata(file)?.file_type();
+    if !kind.is_file() {
+        return Ok(Opened::Other(kind));
+    }
+    let without_waiting = OFlags::NONBLOCK | OFlags::NOCTTY;
+    let opened = OpenOptions::new()
+        .read(true)
+        .custom_flags(without_waiting.bits() as i32)
+        .open(file)?;
+    let kind = opened.metadata()?.file_type();
+    Ok(match kind.is_file() {
+        true => Opened::Regular(opened),
+        false => Opened::Other(kind),
+    })
+}
+
+fn describe(kind: FileType) -> &'static str {
+    if kind.is_dir() {
+        "a folder"
+    } else if kind.is_fifo() {
+        "a pipe"
+    } else if kind.is_socket() {
+        "a socket"
+    } else {
+        "a device"
+    }
 }
 
 /// The refusal of what stands at `start` in `text`.
@@ -437,10 +498,37 @@ mod tests {
                 .contains("absent.toml: cannot be read; name a file")
         );
         let error = load::<Example>(Some(folder.path()), &present).unwrap_err();
-        assert!(
-            matches!(error, ConfigError::Unreadable { .. }),
-            "a directory"
-        );
+        assert!(matches!(
+            error,
+            ConfigError::NotAFile {
+                what: "a folder",
+                ..
+            }
+        ));
+    }
+
+    #[test]
+    fn nothing_but_a_file_is_opened() {
+        use rustix::fs::{CWD, Mode, mkfifoat};
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        mkfifoat(CWD, &pipe, Mode::RUSR | Mode::WUSR).unwrap();
+        let socket = folder.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(&pipe, &link).unwrap();
+        for (path, expected) in [
+            (&*pipe, "is a pipe, not"),
+            (&link, "is a pipe, not"),
+            (&socket, "is a socket, not"),
+            (Path::new("/dev/null"), "is a device, not"),
+        ] {
+            // In the place of a default file it is no less wrong.
+            for explicit in [Some(path), None] {
+                let error = load::<Example>(explicit, path).unwrap_err();
+                assert!(error.to_string().contains(expected), "{error}");
+            }
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::config::ConfigError;
+use crate::signal;
 
 /// What a process tells its caller. `docs/operations.md` says what to do about each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -183,8 +184,15 @@ struct Explained {
 
 /// The body of `main`: runs `run`, tells its error once on standard error and gives the exit code.
 ///
+/// A limit on the size of files is an error as others are, see [`signal::survive_file_size_limits`].
+///
 /// A panic has been told by the panic hook; it ends with code 1 after the destructors.
 pub fn main_with(run: impl FnOnce() -> Result<(), Failure>) -> std::process::ExitCode {
+    let run = || {
+        signal::survive_file_size_limits()
+            .or_fail_with(ExitCode::Internal, "a signal handler cannot be installed")?;
+        run()
+    };
     let code = match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(())) => ExitCode::Ok,
         Ok(Err(failure)) => {

@@ -5,7 +5,7 @@
 //! * [`exit`]: exit codes, and how an error is told once;
 //! * [`logging`]: diagnostics on standard error;
 //! * [`notify`]: readiness and watchdog for a supervisor;
-//! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on.
+//! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors.
 //!
 //! Nothing here knows the helicopter, the serial line or shared memory.
 //!

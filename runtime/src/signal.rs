@@ -1,4 +1,5 @@
-//! Ctrl+C and SIGTERM as a file descriptor, so that they wake the one wait of a process like any other input.
+//! Ctrl+C and SIGTERM as a file descriptor, so that they wake the one wait of a process like any other input; and the
+//! signal of a file that may not grow, which must end no process.
 //!
 //! Nothing here runs code in a signal handler but the setting of a flag and a one-byte write, and nothing ends the
 //! process by itself.
@@ -9,7 +10,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
@@ -97,6 +98,19 @@ impl Termination {
     }
 }
 
+/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be the error `EFBIG` of the write or of the segment that
+/// is too long, which its caller reports. By default the limit's signal ends the process without a word.
+///
+/// A handler and not "ignore": programs that this process starts would inherit the latter, and not expect it.
+///
+/// # Errors
+/// The operating system refuses the handler.
+pub fn survive_file_size_limits() -> io::Result<()> {
+    // A handler must do something; the flag is read by no one.
+    let flag = Arc::new(AtomicBool::new(false));
+    flag::register(SIGXFSZ, flag).map(|_handler| ())
+}
+
 fn pair() -> io::Result<(UnixStream, UnixStream)> {
     let (receiver, sender) = UnixStream::pair()?;
     receiver.set_nonblocking(true)?;
@@ -162,6 +176,12 @@ mod tests {
             assert!(termination.requested());
             assert!(termination.requested(), "the wish stays");
         }
+    }
+
+    #[test]
+    fn the_signal_of_a_file_that_may_not_grow_ends_nobody() {
+        survive_file_size_limits().unwrap();
+        raise(SIGXFSZ).unwrap();
     }
 
     #[test]

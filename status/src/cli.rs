@@ -1,17 +1,8 @@
 //! The command line, for the binary `status` and for the command `ril status`.
 
-use std::io;
-use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
-use ipc_types::{Domain, RobotId};
+use module_kit::SetUp;
 use runtime::args::CommonArgs;
-use runtime::exit::{ExitCode, Failure, OrFail};
-use runtime::notify::Notifier;
-use runtime::signal::Termination;
-use runtime::{config, logging};
-use signal_hook::consts::SIGXFSZ;
+use runtime::exit::Failure;
 
 use crate::config::{Config, DEFAULT_FILE};
 use crate::core::Summary;
@@ -32,36 +23,14 @@ pub struct Args {
 /// # Errors
 /// The configuration is wrong (exit code 78), or the process cannot start (1); the failure says what to do.
 pub fn run(args: Args) -> Result<(), Failure> {
-    let common = args.common;
-    logging::init(common.verbosity())?;
-    let loaded = config::load::<Config>(common.config.as_deref(), Path::new(DEFAULT_FILE))?;
-    let file = match &loaded.file {
-        Some(file) => file.display().to_string(),
-        None => "built-in defaults".to_owned(),
-    };
-    tracing::debug!(%file, config = ?loaded.value, "configuration");
-    if common.check_config {
-        tracing::info!(%file, "the configuration is right");
+    let Some(set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {
         return Ok(());
-    }
-    // Before anything that must be left in order.
-    let termination = Termination::install().or_fail(ExitCode::Internal)?;
-    survive_file_size_limits().or_fail(ExitCode::Internal)?;
-    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-    let robot = RobotId::new(common.robot.get())
-        .ok_or_else(|| Failure::usage("a robot id is greater than 0"))?;
-    let shell = Shell::open(&domain, robot, &loaded.value, Notifier::from_env())?;
-    let summary = shell.run(&termination)?;
+    };
+    let ipc = set_up.join("status")?;
+    let shell = Shell::open(ipc, &set_up.config)?;
+    let summary = shell.run(&set_up.termination, &set_up.supervisor)?;
     log_summary(&summary);
     Ok(())
-}
-
-/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be an error that a log can deal with: by default its
-/// signal ends the process, and telemetry with it.
-fn survive_file_size_limits() -> io::Result<()> {
-    // A handler must do something; the flag is read by no one.
-    let flag = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(SIGXFSZ, flag).map(|_handler| ())
 }
 
 /// Logs in one line what the process did, and what became of each log.

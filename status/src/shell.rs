@@ -11,10 +11,8 @@ mod tests;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::waiter::SAFETY_BOUND;
-use ipc_types::{
-    Domain, Ipc, MonotonicNs, Place, Publisher, RobotId, Subscriber, Waiter, wake_promptly,
-};
+use ipc_types::{Ipc, MonotonicNs, Publisher, Subscriber, WaitError, Wake};
+use module_kit::process::{self, Process, Sources};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -34,25 +32,18 @@ pub struct Shell {
     input: Subscriber<DspTelemetry>,
     output: Publisher<HeroTelemetry>,
     ipc: Ipc,
-    notifier: Notifier,
-    next_watchdog: Option<MonotonicNs>,
     /// Whether the last attempt to receive failed, so that a series of failures is logged once.
     input_failing: bool,
 }
 
 impl Shell {
-    /// Joins the robot's shared memory in `domain` and starts the logs of `config`.
+    /// Opens the ports of status and starts the logs of `config`.
     ///
     /// # Errors
-    /// Shared memory cannot be used, or another process is the status of this robot. Logs that cannot be created are
-    /// no error: telemetry matters more.
-    pub fn open(
-        domain: &Domain,
-        robot: RobotId,
-        config: &Config,
-        notifier: Notifier,
-    ) -> Result<Shell, Failure> {
-        Shell::open_with(domain, robot, config, notifier, || FileStore)
+    /// Another process is the status of this robot, or shared memory cannot be used. Logs that cannot be created are no
+    /// error: telemetry matters more.
+    pub fn open(ipc: Ipc, config: &Config) -> Result<Shell, Failure> {
+        Shell::open_with(ipc, config, || FileStore)
     }
 
     /// The same with `estimator` in the place of the configured one.
@@ -63,19 +54,11 @@ impl Shell {
     }
 
     /// The same with another place for the files.
-    fn open_with<S>(
-        domain: &Domain,
-        robot: RobotId,
-        config: &Config,
-        notifier: Notifier,
-        store: impl FnMut() -> S,
-    ) -> Result<Shell, Failure>
+    fn open_with<S>(ipc: Ipc, config: &Config, store: impl FnMut() -> S) -> Result<Shell, Failure>
     where
         S: Store + Send + 'static,
         S::File: Send,
     {
-        let ipc = Ipc::join(domain, robot, "status")
-            .or_fail_with(ExitCode::Internal, "status cannot join the shared memory")?;
         let output = ipc
             .publisher::<HeroTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot publish telemetry")?;
@@ -83,8 +66,7 @@ impl Shell {
             .subscriber::<DspTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot receive telemetry")?;
         // Last, so that a process that cannot start leaves no files.
-        let (logs, log_threads) = LogThreads::start(&config.log, robot, store);
-        let now = MonotonicNs::now();
+        let (logs, log_threads) = LogThreads::start(&config.log, ipc.robot(), store);
         let mut status = Status::new(config.calibration.clone(), logs);
         if let Some(estimator) = config.estimator.build() {
             status = status.with_estimator(estimator);
@@ -96,8 +78,6 @@ impl Shell {
             input,
             output,
             ipc,
-            next_watchdog: notifier.watchdog_period().map(|period| now + period),
-            notifier,
             input_failing: false,
         })
     }
@@ -107,37 +87,21 @@ impl Shell {
     ///
     /// # Errors
     /// The operating system cannot wait any more.
-    pub fn run(mut self, termination: &Termination) -> Result<Summary, Failure> {
-        let result = self.work(termination);
-        self.notifier.stopping();
+    pub fn run(
+        mut self,
+        termination: &Termination,
+        supervisor: &Notifier,
+    ) -> Result<Summary, Failure> {
+        tracing::info!(robot = %self.ipc.robot(), "ready");
+        let result = process::run(&mut self, termination, supervisor);
+        // What was published before the end still counts.
+        self.step();
         let mut summary = self.status.finish();
         self.log_events();
         // Frees the place in shared memory before the disks have answered.
         drop((self.input, self.output, self.ipc));
         self.log_threads.end(&mut summary.logs, self.end_timeout);
-        result.map(|()| summary)
-    }
-
-    fn work(&mut self, termination: &Termination) -> Result<(), Failure> {
-        let waiter = Waiter::new();
-        // Not for the logs' threads, which began before.
-        wake_promptly(Place::Provider);
-        self.notifier.ready();
-        tracing::info!(robot = %self.ipc.robot(), "ready");
-        while !termination.requested() {
-            self.step();
-            let timeout = self.deadline().since(MonotonicNs::now());
-            // A signal ends the wait, unless it comes just before it begins; then the safety bound ends it.
-            waiter
-                .wait(
-                    &[&self.input, &self.output],
-                    Some(timeout.min(SAFETY_BOUND)),
-                )
-                .or_fail(ExitCode::Internal)?;
-        }
-        // What was published before the end still counts.
-        self.step();
-        Ok(())
+        result.map(|()| summary).or_fail(ExitCode::Internal)
     }
 
     /// Services every source that may have woken us, and does what is due.
@@ -154,10 +118,6 @@ impl Shell {
         self.status.count(counts, now);
         self.status.on_time(now);
         self.log_events();
-        if self.next_watchdog.is_some_and(|due| due <= now) {
-            self.next_watchdog = self.notifier.watchdog_period().map(|period| now + period);
-            self.notifier.watchdog();
-        }
     }
 
     /// Publishes every sample that has been received, each before it is logged.
@@ -179,16 +139,30 @@ impl Shell {
         }
     }
 
-    fn deadline(&self) -> MonotonicNs {
-        [self.status.deadline(), self.next_watchdog]
-            .into_iter()
-            .flatten()
-            .fold(MonotonicNs(u64::MAX), MonotonicNs::min)
-    }
-
     fn log_events(&mut self) {
         for event in self.status.take_events() {
             messages::log(&event);
         }
+    }
+}
+
+impl Process for Shell {
+    type Error = WaitError;
+
+    /// Telemetry goes on sooner when nothing but the doorbell wakes status.
+    const IS_PORTS_ALONE: bool = true;
+
+    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
+        sources.port(&self.input);
+        sources.port(&self.output);
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+        self.step();
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        self.status.deadline()
     }
 }

@@ -1,7 +1,7 @@
 //! Fixtures for programs that speak with the HERO's Robot Implementation Layer.
 //!
 //! * [`domain`]: shared memory of a test's own, and the proof that nothing of it is left;
-//! * [`stand_in`]: a bridge and a status that publish and answer as they are told;
+//! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as they are told;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
 //! * [`garbage`]: payloads of any bit pattern;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
@@ -60,7 +60,45 @@
 //! assert_eq!(last, Some((Stage::Unknown, Reason::BridgeGone)));
 //! ```
 //!
-//! `examples/consumer` is a project of its own that uses this library as a stranger would.
+//! # A program that speaks with a module, and its test
+//!
+//! [`StandInTopic`] and [`StandInServer`] take the place of any module, by the types of its topics and requests.
+//!
+//! ```
+//! # use ipc_types::{ControlOf, StateOf, code::ControlCommand, module::State};
+//! # use ril_tests::{StandInServer, StandInTopic, TestDomain, process::WAIT_LIMIT};
+//! ipc_types::shared_struct! {
+//!     /// How charged the battery is.
+//!     pub struct Charge("battery_watch.Charge.v1") = 24 {
+//!         /// Counts the samples of this publisher from 1.
+//!         pub sequence: u64,
+//!         /// When the publisher began, host monotonic ns.
+//!         pub epoch_ns: u64,
+//!         /// Of the whole battery, 0 to 1.
+//!         pub charge: f64,
+//!     }
+//! }
+//! ipc_types::topic!(Charge, "battery_watch/charge");
+//! struct BatteryWatch;
+//! ipc_types::module!(BatteryWatch, "battery_watch", 1001);
+//!
+//! let domain = TestDomain::new();
+//! let charges = StandInTopic::<Charge>::start(&domain);
+//! let control = StandInServer::<ControlOf<BatteryWatch>>::start(&domain);
+//!
+//! // What the program under test would do:
+//! let ipc = domain.join("program");
+//! let mut subscriber = ipc.subscriber::<Charge>().unwrap();
+//! charges.publish(&Charge { charge: 0.5, ..Charge::default() });
+//! subscriber.wait(WAIT_LIMIT).unwrap();
+//! assert_eq!(subscriber.latest().unwrap().unwrap().charge, 0.5);
+//! let mut client = ipc.client().unwrap();
+//! let start = ControlOf::<BatteryWatch>::command(7, ControlCommand::Start);
+//! client.send(&start).unwrap();
+//! assert_eq!(control.next_request(), start);
+//! ```
+//!
+//! `examples/consumer` and `examples/module` are projects of their own that use this library as a stranger would.
 
 pub mod chain;
 pub mod domain;
@@ -79,5 +117,8 @@ pub use process::Process;
 pub use pty::PtyFolder;
 pub use recording::Recording;
 pub use script::Script;
-pub use stand_in::{Answer, PortTable, Received, StandInBridge, StandInPort, StandInStatus};
+pub use stand_in::{
+    Answer, PortTable, Received, StandInBridge, StandInPort, StandInServer, StandInStatus,
+    StandInTopic,
+};
 pub use watchdog::Watchdog;

@@ -12,12 +12,19 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 9] = [
+const ARROWS: [(&str, &[&str]); 10] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
-    ("bridge", &["dsp-protocol", "ipc-types", "runtime"]),
-    ("status", &["dsp-protocol", "ipc-types", "runtime"]),
+    ("module-kit", &["ipc-types", "runtime"]),
+    (
+        "bridge",
+        &["dsp-protocol", "ipc-types", "module-kit", "runtime"],
+    ),
+    (
+        "status",
+        &["dsp-protocol", "ipc-types", "module-kit", "runtime"],
+    ),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
     (
         "ril",
@@ -26,6 +33,7 @@ const ARROWS: [(&str, &[&str]); 9] = [
             "dsp-protocol",
             "dsp-sim",
             "ipc-types",
+            "module-kit",
             "runtime",
             "status",
         ],
@@ -38,6 +46,7 @@ const ARROWS: [(&str, &[&str]); 9] = [
             "dsp-protocol",
             "dsp-sim",
             "ipc-types",
+            "module-kit",
             "runtime",
             "status",
         ],
@@ -65,6 +74,7 @@ const BANS: [Ban; 4] = [
         paths: &[
             "bridge/src",
             "status/src",
+            "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
         ],
@@ -76,6 +86,7 @@ const BANS: [Ban; 4] = [
         paths: &[
             "bridge/src",
             "status/src",
+            "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
         ],
@@ -97,7 +108,13 @@ const BANS: [Ban; 4] = [
         why: "the wire format knows no file, no clock and no thread",
     },
     Ban {
-        paths: &["bridge/src", "status/src"],
+        paths: &[
+            "bridge/src",
+            "status/src",
+            "module-kit/src/rules.rs",
+            "module-kit/src/manager.rs",
+            "module-kit/src/completed.rs",
+        ],
         except: &[
             "shell",
             "shell.rs",

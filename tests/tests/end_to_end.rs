@@ -113,11 +113,10 @@ fn status(domain: &Domain) -> Running {
     let domain = domain.clone();
     Running::start(move |termination| {
         let config = status::config::Config::default();
-        let notifier = Notifier::from_env();
-        let shell = status::shell::Shell::open(&domain, RobotId::DEFAULT, &config, notifier);
+        let shell = status::shell::Shell::open(join(&domain, "status"), &config);
         let summary = shell
             .expect("status")
-            .run(termination)
+            .run(termination, &Notifier::from_env())
             .expect("status' loop");
         assert_eq!(summary.lost, 0);
         assert_eq!(summary.published, summary.received);

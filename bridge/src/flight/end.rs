@@ -24,8 +24,7 @@ impl Flight {
                 return;
             }
             Motion::Idle(rest) => {
-                let was_blocked =
-                    matches!(rest, Rest::Waiting(_) | Rest::Stopped(_) | Rest::Aborted(_));
+                let was_blocked = rest.is_blocked();
                 *rest = rest.with_fatal(error);
                 if was_blocked {
                     return;

@@ -17,8 +17,7 @@
 mod answer;
 pub mod arrival;
 pub mod assembly;
-pub mod completed;
-mod dsp_order;
+pub mod dsp_order;
 mod end;
 pub mod motion;
 mod movement;
@@ -36,6 +35,7 @@ use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, ImiError, Reason, Stage};
 use ipc_types::payload::{MovementState, SafetyState};
+use module_kit::completed::Completed;
 
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
@@ -46,8 +46,7 @@ use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
-use completed::Completed;
-use motion::{Motion, PathStep, Rest, StartRefused, StopRefused};
+use motion::{Motion, PathStep, Rest};
 use observation::{Observation, known_position};
 use parameters::ParameterRequests;
 use report::{Refusal, Verdict};
@@ -55,6 +54,9 @@ use request::{RequestHeader, RequestKey};
 use route::Route;
 use safety::Safety;
 use trajectory::Trajectory;
+
+/// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB.
+const REMEMBERED: usize = 2048;
 
 timers! {
     /// What the flight waits for.
@@ -115,7 +117,7 @@ impl Flight {
             assembler: Assembler::new(),
             newest_waypoint: None,
             route: Route::new(&config.arrival, trajectory),
-            completed: Completed::new(),
+            completed: Completed::with_capacity(REMEMBERED),
             observation: Observation::default(),
             safety: Safety::new(config),
             parameters: ParameterRequests::new(),
@@ -213,10 +215,7 @@ impl Flight {
         if !cx.link.is_up() {
             return Err(Reason::LinkDown.into());
         }
-        let rest = motion::start(&self.motion).map_err(|refused| match refused {
-            StartRefused::Busy => Refusal::from(Reason::Busy),
-            StartRefused::Running => refusal_of(ImiError::ModuleRunningToRestartStopItBefore),
-        })?;
+        let rest = self.motion.standing().start().map_err(Refusal::from)?;
         self.change_motion(Motion::Idle(rest));
         self.report(header, &Verdict::DONE, cx);
         Ok(())
@@ -227,10 +226,7 @@ impl Flight {
         header: &RequestHeader,
         cx: &mut Context<'_, O>,
     ) -> Result<(), Refusal> {
-        let then = motion::stop(&self.motion).map_err(|refused| match refused {
-            StopRefused::Busy => Refusal::from(Reason::Busy),
-            StopRefused::UnableToAbort => refusal_of(ImiError::ImpossibleToStopModule),
-        })?;
+        let then = self.motion.standing().stop().map_err(Refusal::from)?;
         self.break_path(Reason::Stopped, cx);
         self.give_up_movement(&Verdict::aborted(Reason::Stopped), then, cx);
         if !cx.link.is_up() {
@@ -496,8 +492,4 @@ impl Flight {
         self.refusal = ImiError::None;
         self.is_changed = true;
     }
-}
-
-fn refusal_of(error: ImiError) -> Refusal {
-    Refusal::with_error(reason_of(error), error)
 }

@@ -18,8 +18,12 @@
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, ImiError, ModuleStatus, MovementKind};
+use module_kit::rules::{OnStop, Standing};
 
 use super::request::RequestHeader;
+
+/// How a module without a movement came to rest.
+pub type Rest = module_kit::rules::Rest<ImiError>;
 
 /// What the module does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,21 +50,6 @@ pub enum Motion {
         /// How the module rests afterwards.
         then: Rest,
     },
-}
-
-/// How a module without a movement came to rest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rest {
-    /// Never started; a fatal error may have been noted.
-    Waiting(ImiError),
-    /// Started, and no movement has ended as it should since.
-    Ready,
-    /// The last movement ended as it should.
-    Done,
-    /// Stopped without a movement; a fatal error may have been noted since.
-    Stopped(ImiError),
-    /// A stop or an error ended a movement early.
-    Aborted(ImiError),
 }
 
 /// A movement's request.
@@ -195,37 +184,35 @@ impl Motion {
         }
     }
 
+    /// What the manager's rules need to know of it.
+    pub fn standing(&self) -> Standing<ImiError> {
+        match self {
+            Motion::Idle(rest) => Standing::Resting(*rest),
+            Motion::TakingOff(_) | Motion::Landing(_) => Standing::Working(OnStop::Refused),
+            Motion::Following(_) => Standing::Working(OnStop::Aborts),
+            Motion::Holding { .. } => Standing::Working(OnStop::Ends),
+            Motion::Stopping { then, .. } => Standing::Stopping { then: *then },
+        }
+    }
+
     /// Take-off and landing cannot be aborted (`unable2abort`).
     pub fn unable_to_abort(&self) -> bool {
-        matches!(self, Motion::TakingOff(_) | Motion::Landing(_))
+        self.standing().unable_to_abort()
     }
 
     /// Whether no movement is taken until the next start.
     pub fn is_blocked(&self) -> bool {
-        matches!(
-            self,
-            Motion::Idle(Rest::Waiting(_) | Rest::Stopped(_) | Rest::Aborted(_))
-                | Motion::Stopping { .. }
-        )
+        self.standing().is_blocked()
     }
 
     /// The published state.
     pub fn status(&self) -> ModuleStatus {
-        match self {
-            Motion::Idle(rest) | Motion::Stopping { then: rest, .. } => rest.status(),
-            Motion::TakingOff(_)
-            | Motion::Landing(_)
-            | Motion::Following(_)
-            | Motion::Holding { .. } => ModuleStatus::Running,
-        }
+        self.standing().status()
     }
 
     /// The error that holds as long as the module rests like this.
     pub fn error(&self) -> ImiError {
-        match self {
-            Motion::Idle(rest) | Motion::Stopping { then: rest, .. } => rest.error(),
-            _ => ImiError::None,
-        }
+        self.standing().error()
     }
 
     /// How it is published.
@@ -242,82 +229,10 @@ impl Motion {
     }
 }
 
-impl Rest {
-    fn status(self) -> ModuleStatus {
-        match self {
-            Rest::Waiting(_) => ModuleStatus::WaitingDataToStart,
-            Rest::Ready => ModuleStatus::Running,
-            Rest::Done | Rest::Stopped(_) => ModuleStatus::Ended,
-            Rest::Aborted(_) => ModuleStatus::Aborted,
-        }
-    }
-
-    fn error(self) -> ImiError {
-        match self {
-            Rest::Waiting(error) | Rest::Stopped(error) | Rest::Aborted(error) => error,
-            Rest::Ready | Rest::Done => ImiError::None,
-        }
-    }
-
-    /// After a fatal error.
-    pub fn with_fatal(self, error: ImiError) -> Rest {
-        match self {
-            Rest::Waiting(_) => Rest::Waiting(error),
-            Rest::Stopped(_) => Rest::Stopped(error),
-            Rest::Ready | Rest::Done | Rest::Aborted(_) => Rest::Aborted(error),
-        }
-    }
-}
-
-/// What a start does.
-///
-/// # Errors
-/// The error of the source with which it is refused.
-pub fn start(motion: &Motion) -> Result<Rest, StartRefused> {
-    match motion {
-        Motion::Stopping { .. } => Err(StartRefused::Busy),
-        Motion::Idle(Rest::Waiting(_) | Rest::Done | Rest::Stopped(_) | Rest::Aborted(_)) => {
-            Ok(Rest::Ready)
-        }
-        _ => Err(StartRefused::Running),
-    }
-}
-
-/// Why a start is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StartRefused {
-    /// The module runs.
-    Running,
-    /// A stop is under way.
-    Busy,
-}
-
-/// How the module rests after a stop.
-///
-/// # Errors
-/// Why it cannot be stopped.
-pub fn stop(motion: &Motion) -> Result<Rest, StopRefused> {
-    match motion {
-        Motion::TakingOff(_) | Motion::Landing(_) => Err(StopRefused::UnableToAbort),
-        Motion::Stopping { .. } => Err(StopRefused::Busy),
-        Motion::Following(_) => Ok(Rest::Aborted(ImiError::None)),
-        Motion::Idle(Rest::Aborted(error)) => Ok(Rest::Aborted(*error)),
-        Motion::Idle(_) | Motion::Holding { .. } => Ok(Rest::Stopped(ImiError::None)),
-    }
-}
-
-/// Why a stop is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StopRefused {
-    /// Take-off and landing cannot be aborted.
-    UnableToAbort,
-    /// Another stop is under way.
-    Busy,
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use module_kit::rules::Refused;
 
     const ERROR: ImiError = ImiError::HeroDspFatalError;
     const NONE: ImiError = ImiError::None;
@@ -351,7 +266,7 @@ mod tests {
 
     #[test]
     fn every_motion_and_control() {
-        use StartRefused::Running;
+        use Refused::{Busy, Running, UnableToAbort};
         let idle = Motion::Idle;
         let (stopped, aborted) = (Rest::Stopped(NONE), Rest::Aborted(NONE));
         let table = [
@@ -366,13 +281,13 @@ mod tests {
             ),
             (FOLLOWING, Err(Running), Ok(aborted)),
             (HOLDING, Err(Running), Ok(stopped)),
-            (TAKING_OFF, Err(Running), Err(StopRefused::UnableToAbort)),
-            (LANDING, Err(Running), Err(StopRefused::UnableToAbort)),
-            (STOPPING, Err(StartRefused::Busy), Err(StopRefused::Busy)),
+            (TAKING_OFF, Err(Running), Err(UnableToAbort)),
+            (LANDING, Err(Running), Err(UnableToAbort)),
+            (STOPPING, Err(Busy), Err(Busy)),
         ];
         for (motion, started, stopped) in table {
-            assert_eq!(start(&motion), started, "{motion:?}");
-            assert_eq!(stop(&motion), stopped, "{motion:?}");
+            assert_eq!(motion.standing().start(), started, "{motion:?}");
+            assert_eq!(motion.standing().stop(), stopped, "{motion:?}");
         }
     }
 
@@ -407,21 +322,5 @@ mod tests {
             idle(Rest::Ready).functionality(true),
             Functionality::ReceivingPath
         );
-    }
-
-    #[test]
-    fn a_fatal_error_is_noted_where_nothing_runs_and_aborts_else() {
-        for (rest, after) in [
-            (Rest::Waiting(NONE), Rest::Waiting(ERROR)),
-            (Rest::Stopped(NONE), Rest::Stopped(ERROR)),
-            (Rest::Ready, Rest::Aborted(ERROR)),
-            (Rest::Done, Rest::Aborted(ERROR)),
-            (
-                Rest::Aborted(ImiError::MovementTimeout),
-                Rest::Aborted(ERROR),
-            ),
-        ] {
-            assert_eq!(rest.with_fatal(ERROR), after, "{rest:?}");
-        }
     }
 }

@@ -3,6 +3,7 @@
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
+use module_kit::rules::Refused;
 
 use super::violation::Violation;
 
@@ -124,6 +125,12 @@ impl Refusal {
     /// The final report.
     pub const fn verdict(&self) -> Verdict {
         Verdict::ended(Stage::Refused, self.reason, self.error).about(self.detail)
+    }
+}
+
+impl From<Refused> for Refusal {
+    fn from(refused: Refused) -> Refusal {
+        Refusal::with_error(refused.reason(), refused.error())
     }
 }
 

@@ -12,7 +12,10 @@ use super::audit::Audit;
 use crate::flight::request::RequestKey;
 use crate::outputs::{Notice, Outputs};
 
-/// The bridge's five services.
+/// How many services the bridge has.
+pub const SERVICES: usize = 5;
+
+/// The bridge's services.
 pub struct Services {
     telemetry: Publisher<DspTelemetry>,
     state: Publisher<ModuleState>,
@@ -48,7 +51,7 @@ impl Services {
     }
 
     /// What to wait for.
-    pub fn sources(&self) -> [&dyn Source; 5] {
+    pub fn sources(&self) -> [&dyn Source; SERVICES] {
         [
             &self.telemetry,
             &self.state,

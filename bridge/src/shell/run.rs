@@ -4,14 +4,12 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, LinkState, Reason};
-use ipc_types::waiter::SAFETY_BOUND;
-use ipc_types::{
-    Descriptor, Ipc, MonotonicNs, OpenError, Place, Source, WaitError, Waiter, Wake, wake_promptly,
-};
+use ipc_types::{Ipc, MonotonicNs, OpenError, WaitError, Wake};
+use module_kit::process::{self, FIRST, Process, Sources};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use super::publish::{Incoming, Services};
+use super::publish::{Incoming, SERVICES, Services};
 use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
 use crate::core::Bridge;
@@ -21,12 +19,8 @@ use crate::safety::fence::Fence;
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
 
-/// How often the services are drained though nothing has woken the bridge for them, and the supervisor is told that the bridge
-/// works: at the first wake after that time, no process is woken for it.
-const ROUND_PERIOD: Duration = Duration::from_millis(500);
-
-/// The place of the serial port among the sources of a wait: the last, because it may be absent.
-const LINE: usize = 6;
+/// The place of the serial port among the sources of a wait: after the services, because it may be absent.
+const LINE: usize = FIRST + SERVICES;
 
 /// So many headers of the other profile, without any valid message, are no noise.
 const OTHER_PROFILE_HEADERS: u32 = 3;
@@ -79,28 +73,12 @@ pub fn run(
         buffer: vec![0; READ_LEN],
         read_fence,
         other_profile: false,
+        wind_down_time: wind_down_time(config),
+        end: None,
     };
-    let waiter = Waiter::new();
-    let mut next_round = MonotonicNs::now() + ROUND_PERIOD;
     shell.open_port(MonotonicNs::now())?;
-    wake_promptly(Place::Provider);
-    supervisor.ready();
     tracing::info!(port = %config.serial.port.display(), "ready");
-    // Nothing is known yet of what there is.
-    let mut wake = Wake::TimedOut;
-    let mut end = None;
-    while !shell.may_end(&mut end, termination.requested(), wind_down_time(config)) {
-        shell.drain(wake)?;
-        let now = MonotonicNs::now();
-        if now >= next_round {
-            supervisor.watchdog();
-            next_round = now + ROUND_PERIOD;
-            // For what causes no wake-up: a sender that has room again for its final report.
-            shell.serve(now);
-        }
-        wake = shell.sleep(&waiter, termination, end)?;
-    }
-    supervisor.stopping();
+    process::run(&mut shell, termination, supervisor)?;
     shell.end();
     Ok(())
 }
@@ -115,26 +93,21 @@ struct Shell<'a> {
     read_fence: &'a dyn Fn() -> Result<Fence, String>,
     /// It was logged that the ends speak different profiles.
     other_profile: bool,
+    wind_down_time: Duration,
+    /// When the bridge ends at the latest, once it was asked to.
+    end: Option<MonotonicNs>,
 }
 
-impl Shell<'_> {
-    /// Whether the loop is over: some time after it was asked to be, when the DSP holds nothing, or cannot be made to hold
-    /// nothing.
-    fn may_end(
-        &mut self,
-        end: &mut Option<MonotonicNs>,
-        is_requested: bool,
-        within: Duration,
-    ) -> bool {
-        if !is_requested {
-            return false;
+impl Process for Shell<'_> {
+    type Error = ShellError;
+
+    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
+        for service in self.services.sources() {
+            sources.port(service);
         }
-        let now = MonotonicNs::now();
-        let end = *end.get_or_insert_with(|| {
-            self.bridge.wind_down(now, &mut self.services);
-            now + within
-        });
-        self.bridge.has_wound_down() || now >= end
+        if let Some(line) = &self.port.open {
+            sources.descriptor(line.as_fd());
+        }
     }
 
     /// Services every source that may have woken the bridge. A wake that was for the serial link alone leaves the services out,
@@ -156,6 +129,30 @@ impl Shell<'_> {
         Ok(())
     }
 
+    /// For what causes no wake-up: a sender that has room again for its final report.
+    fn round(&mut self, now: MonotonicNs) {
+        self.serve(now);
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        [self.end, self.port.next_try]
+            .into_iter()
+            .flatten()
+            .chain([self.bridge.deadline()])
+            .min()
+    }
+
+    /// Some time after it was asked to be, when the DSP holds nothing, or cannot be made to hold nothing.
+    fn may_end(&mut self, now: MonotonicNs) -> bool {
+        let end = *self.end.get_or_insert_with(|| {
+            self.bridge.wind_down(now, &mut self.services);
+            now + self.wind_down_time
+        });
+        self.bridge.has_wound_down() || now >= end
+    }
+}
+
+impl Shell<'_> {
     fn serve(&mut self, now: MonotonicNs) {
         self.services.drain(&mut self.inbox);
         for incoming in self.inbox.drain(..) {
@@ -226,39 +223,6 @@ impl Shell<'_> {
         self.port.close();
         self.bridge
             .port_closed(MonotonicNs::now(), &mut self.services);
-    }
-
-    fn sleep(
-        &self,
-        waiter: &Waiter,
-        termination: &Termination,
-        end: Option<MonotonicNs>,
-    ) -> Result<Wake, ShellError> {
-        let now = MonotonicNs::now();
-        let deadline = self
-            .bridge
-            .deadline()
-            .min(end.unwrap_or(MonotonicNs(u64::MAX)));
-        let deadline = self
-            .port
-            .next_try
-            .map_or(deadline, |next_try| deadline.min(next_try));
-        let timeout = deadline.since(now).min(SAFETY_BOUND);
-        let signals = Descriptor::new(termination.as_fd());
-        let line = self.port.open.as_ref();
-        let line = line.map(|port| Descriptor::new(port.as_fd()));
-        let [telemetry, state, control, movement, parameters] = self.services.sources();
-        let mut sources: [&dyn Source; LINE + 1] = [
-            &signals, telemetry, state, control, movement, parameters, &signals,
-        ];
-        let count = match &line {
-            Some(line) => {
-                sources[LINE] = line;
-                LINE + 1
-            }
-            None => LINE,
-        };
-        Ok(waiter.wait(&sources[..count], Some(timeout))?)
     }
 
     /// One damaged byte may look like a header of the other profile; several, and no valid message, are no noise.

@@ -4,19 +4,14 @@ use std::error::Error;
 use std::time::Duration;
 
 use altitude_guard::{Guard, watch};
-use ipc_types::{Domain, Ipc, Place, RobotId, wake_promptly};
+use ipc_types::{Ipc, Place, wake_promptly};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let limit = std::env::args().nth(1).unwrap_or_default();
     let Ok(limit_m) = limit.parse() else {
         return Err(format!("`{limit}` is no altitude in metres: altitude-guard LIMIT_M").into());
     };
-    let ipc = Ipc::join(
-        &Domain::from_environment()?,
-        RobotId::DEFAULT,
-        "altitude-guard",
-    )?;
-    let mut telemetry = ipc.subscriber()?;
+    let mut telemetry = Ipc::connect("altitude-guard")?.subscriber()?;
     wake_promptly(Place::Consumer);
     println!("guarding {limit_m} m");
     watch(

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{MonotonicNs, Subscriber};
-use ril_tests::process::{Signal, Stream, WAIT_LIMIT};
+use ril_tests::process::{Finished, Signal, Stream, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, TestDomain, Watchdog};
 
 /// First argument of a program that is to be `ril` itself.
@@ -123,6 +123,19 @@ impl Site {
     /// Starts `ril` with these arguments.
     pub fn start(&self, args: &str) -> Process {
         let mut command = Command::new(&self.program.path);
+        command.env(WITH_PARENT, "1");
+        self.spawn(command, args)
+    }
+
+    /// Starts `ril` with these arguments by way of another program, which is to run it and to end it with itself.
+    pub fn start_by(&self, starter: &str, args: &str) -> Process {
+        let mut words = starter.split_whitespace();
+        let mut command = Command::new(words.next().expect("a program"));
+        command.args(words).arg(&self.program.path);
+        self.spawn(command, args)
+    }
+
+    fn spawn(&self, mut command: Command, args: &str) -> Process {
         if self.program.is_this {
             command.arg(BE_RIL);
         }
@@ -131,8 +144,13 @@ impl Site {
         for variable in VARIABLES {
             command.env_remove(variable);
         }
-        command.env(WITH_PARENT, "1");
         Process::spawn(&self.domain, command)
+    }
+
+    /// Runs `ril` with these arguments to its end.
+    #[track_caller]
+    pub fn run(&self, args: &str) -> Finished {
+        self.start(args).wait_exit()
     }
 
     /// Starts one of the crew, which is not ready yet.
@@ -156,6 +174,41 @@ pub fn end(mut process: Process) {
     process.signal(Signal::TERM);
     let finished = process.wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
+}
+
+/// Starts simulator, bridge and status, and returns them in this order when telemetry comes. The simulated clock is fast, and
+/// a machine that stalls for seconds ends no flight.
+#[track_caller]
+pub fn start_chain(site: &Site) -> [Process; 3] {
+    site.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
+    let chain = [
+        "sim --link dsp --seed 1 --speed 4",
+        "bridge --port dsp",
+        "status",
+    ];
+    let mut chain = chain.map(|args| {
+        let mut process = site.start(args);
+        process.wait_for_text("ready");
+        process
+    });
+    chain[1].wait_for_text("to=\"up\"");
+    ask(site, "echo hero --count 1");
+    chain
+}
+
+/// Runs a command of `ril`, which must be done.
+#[track_caller]
+pub fn ask(site: &Site, args: &str) {
+    let finished = site.run(args);
+    assert_eq!(finished.code(), Some(0), "ril {args}: {finished:#?}");
+}
+
+/// Whether the process `id`, a child that nobody has waited for, still runs.
+pub fn is_alive(id: u32) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
+    // The program's name, in parentheses, may have any character in it.
+    let state = stat.rsplit(')').next().unwrap_or_default().trim_start();
+    !state.is_empty() && !state.starts_with(['Z', 'X'])
 }
 
 /// The end of the chain: it hears what simulator, bridge and status make together.

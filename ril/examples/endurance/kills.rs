@@ -26,8 +26,12 @@ const SAME_SAMPLES: u32 = 10;
 /// Part of the kills during which the survivors warm up: what they hold then at most, they may hold at the end.
 const WARM_UP: u32 = 5;
 
-/// How long the remains of what was killed may take to be removed. What was left half made is left alone for ten seconds,
-/// because it may still be in the making; the processes clean up once or twice a second.
+/// Files and segments that may be left of killed processes while others live. A process that is killed while it makes its node
+/// leaves three that belong to nobody. Its generation ends when there are too many, and they with it.
+const LEFTOVERS: usize = 256;
+
+/// How long what killed processes left may take to be removed: their providers look twice a second, and count files every ten
+/// seconds.
 const SETTLE_LIMIT: Duration = Duration::from_secs(30);
 
 /// What to do.
@@ -82,7 +86,7 @@ impl Outcome {
     pub fn is_clean(&self) -> bool {
         let are_flat =
             |survivor: &Survivor| survivor.after.descriptors <= survivor.before.descriptors;
-        self.things.1 <= self.things.0 && self.survivors.iter().all(are_flat)
+        self.things.1 <= self.things.0 + LEFTOVERS && self.survivors.iter().all(are_flat)
     }
 }
 
@@ -300,7 +304,7 @@ impl<'a> Loop<'a> {
     fn is_more(&self) -> bool {
         let now = self.holdings();
         let mut survivors = self.warm.iter().zip(&now);
-        self.site.domain.residue().len() > self.things.len()
+        self.site.domain.residue().len() > self.things.len() + LEFTOVERS
             || survivors.any(|((_, before), (_, after))| after.descriptors > before.descriptors)
     }
 

@@ -5,7 +5,16 @@
 //! cargo run --release -p ril --example endurance -- gap [--count 200] [--period-ms 20] [--seed 1]
 //! cargo run --release -p ril --example endurance -- port [--count 200] [--seed 1]
 //! cargo run --release -p ril --example endurance -- subscribers [--duration-s 120] [--period-ms 2] [--seed 1]
+//! cargo run --release -p ril --example endurance -- clients [--count 20000] [--seed 1]
+//! cargo run --release -p ril --example endurance -- flood [--count 20]
+//! cargo run --release -p ril --example endurance -- full
+//! cargo run --release -p ril --example endurance -- strangers [--count 200000]
+//! cargo run --release -p ril --example endurance -- joiners [--count 2000] [--seed 1]
+//! cargo run --release -p ril --example endurance -- namespaces [--count 600]
 //! ```
+//!
+//! `full` and `strangers` have a `/dev/shm` of their own, for which the program starts itself again in a mount namespace; so
+//! does `namespaces` for its consumers. What the kernel forbids is skipped with a word.
 //!
 //! Each prints a row of a table. The exit code is 1 when something was left or lost; a process that does not come up, or
 //! telemetry that does not come again, ends the program with the reason. Times are printed and judged by nobody. Ctrl+C
@@ -13,11 +22,18 @@
 //!
 //! The processes are this program itself: with the first argument `be-ril` it is `ril`.
 
+mod clients;
 mod crew;
+mod flood;
+mod full;
 mod gap;
+mod joiners;
 mod kills;
+mod memory;
+mod namespaces;
 mod port;
 mod spread;
+mod strangers;
 mod subscribers;
 
 use std::process::ExitCode;
@@ -39,7 +55,7 @@ struct Args {
     /// Who is killed [default: each, one after the other]
     #[arg(long, value_parser = kind)]
     victim: Option<Kind>,
-    /// How often: kills 1000, gap and port 200 if nothing else is said; port no more than 256
+    /// How often, or how many; each measurement has a number of its own. Port no more than 256
     #[arg(long)]
     count: Option<u32>,
     /// How long the subscribers disturb
@@ -63,6 +79,18 @@ enum What {
     Port,
     /// Subscribers that misbehave
     Subscribers,
+    /// Groups of clients end at the same moment
+    Clients,
+    /// Clients send without a pause
+    Flood,
+    /// No bytes or files are left in shared memory
+    Full,
+    /// Somebody else makes very many files in shared memory
+    Strangers,
+    /// Processes are stopped while they start
+    Joiners,
+    /// Process numbers and clocks of containers
+    Namespaces,
 }
 
 fn kind(name: &str) -> Result<Kind, String> {
@@ -137,6 +165,78 @@ fn main() -> ExitCode {
             println!("{outcome}");
             outcome.damaged() == 0 && outcome.lost() == 0
         }
+        What::Clients => {
+            let plan = clients::Plan {
+                clients: args.count.unwrap_or(20_000),
+                seed: args.seed,
+            };
+            println!("| clients | bridge | what it holds |\n|---|---|---|");
+            let outcome = clients::run(&site("clients"), &plan, &goes_on);
+            println!("{outcome}");
+            outcome.is_clean()
+        }
+        What::Flood => {
+            let plan = flood::Plan {
+                rounds: args.count.unwrap_or(20),
+            };
+            println!("| requests of the flood | orders | answered | not done |\n|---|---|---|---|");
+            let outcome = flood::run(&site("flood"), &plan, &goes_on);
+            println!("{outcome}");
+            outcome.failures.is_empty()
+        }
+        What::Full => in_own_memory(full::Lack::Inodes.mount_options(), || {
+            println!("| nothing left | processes | consumers | answers |\n|---|---|---|---|");
+            let mut is_good = true;
+            for lack in [full::Lack::Bytes, full::Lack::Inodes] {
+                let outcome = full::run(&site("full"), lack);
+                println!("{outcome}");
+                is_good &= outcome.flies_on() && outcome.is_landed();
+            }
+            is_good
+        }),
+        What::Strangers => in_own_memory(strangers::MOUNT_OPTIONS, || {
+            let plan = strangers::Plan {
+                files: args.count.unwrap_or(200_000),
+            };
+            println!(
+                "| files | between samples, before | among them | starts |\n|---|---|---|---|"
+            );
+            println!("{}", strangers::run(&site("strangers"), &plan));
+            true
+        }),
+        What::Joiners => {
+            let plan = joiners::Plan {
+                joiners: args.count.unwrap_or(2000),
+                seed: args.seed,
+            };
+            println!("| stopped | done meanwhile | ended meanwhile |\n|---|---|---|");
+            println!("{}", joiners::run(&site("joiners"), &plan, &goes_on));
+            true
+        }
+        What::Namespaces => {
+            let plan = namespaces::Plan {
+                starts: args.count.unwrap_or(600),
+            };
+            println!("| consumers | failures |\n|---|---|");
+            let numbers = namespaces::same_numbers(&site("numbers"), &plan, &goes_on);
+            let clocks = namespaces::other_clocks(&site("clocks"));
+            let mut is_good = true;
+            for outcome in [numbers, clocks].into_iter().flatten() {
+                println!("{outcome}");
+                is_good &= outcome.failures.is_empty();
+            }
+            is_good
+        }
     };
     ExitCode::from(u8::from(!is_good))
+}
+
+/// Runs `measure` in a `/dev/shm` that is mounted with `options` and nobody else has: this program again.
+fn in_own_memory(options: &str, measure: impl FnOnce() -> bool) -> bool {
+    if memory::is_own() {
+        return measure();
+    }
+    let args: Vec<_> = std::env::args().skip(1).collect();
+    let status = memory::run_again(options, &args).expect("this program can be started");
+    status.is_none_or(|status| status.success())
 }

@@ -35,6 +35,7 @@ impl Format {
 pub(super) struct Conversation<'a, R: Request> {
     verb: Verb,
     timeout: Duration,
+    key: &'static str,
     session: &'a Session,
     client: Client<R>,
     inbox: Vec<RequestReport>,
@@ -47,11 +48,22 @@ impl<'a, R: Request> Conversation<'a, R> {
         verb: Verb,
         timeout: Duration,
     ) -> Result<Conversation<'a, R>, Failure> {
+        Conversation::open_at(session, R::KEY, verb, timeout)
+    }
+
+    /// The same over the service `key`, which carries `R` too.
+    pub fn open_at(
+        session: &'a Session,
+        key: &'static str,
+        verb: Verb,
+        timeout: Duration,
+    ) -> Result<Conversation<'a, R>, Failure> {
         Ok(Conversation {
             verb,
             timeout,
+            key,
             session,
-            client: session.ipc.client().or_fail(ExitCode::Internal)?,
+            client: session.ipc.client_of(key).or_fail(ExitCode::Internal)?,
             inbox: Vec::new(),
         })
     }
@@ -118,7 +130,7 @@ impl<'a, R: Request> Conversation<'a, R> {
     fn send(&mut self, request: &R) -> Result<(), Failure> {
         match self.client.send(request) {
             Ok(()) => Ok(()),
-            Err(SendError::NoServer { .. }) => Err(absent(R::KEY, self.session.ipc.robot())),
+            Err(SendError::NoServer { .. }) => Err(absent(self.key, self.session.ipc.robot())),
             Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
             Err(error @ (SendError::TooManyOutstanding | SendError::Failed(_))) => {
                 Err(Failure::internal(error))
@@ -137,9 +149,13 @@ impl<'a, R: Request> Conversation<'a, R> {
                     1 => self.verb.name().to_owned(),
                     total => format!("waypoint {} of {total}", index + 1),
                 };
+                let (who, look) = match self.key.split_once('/') {
+                    None => ("the bridge", "ril state".to_owned()),
+                    Some((module, _)) => (module, format!("ril topic echo {module}/state")),
+                };
                 let text = format!(
-                    "the bridge of robot {robot} did not answer to {which} in time: it may hang. The request was \
-                     withdrawn; `ril state --robot {robot}` shows whether it took effect all the same"
+                    "{who} of robot {robot} did not answer to {which} in time: it may hang. The request was \
+                     withdrawn; `{look} --robot {robot}` shows whether it took effect all the same"
                 );
                 Err(Failure::new(ExitCode::Timeout, text))
             }

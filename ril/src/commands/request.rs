@@ -15,7 +15,9 @@ use super::conversation::{Conversation, Format};
 use super::exchange::Until;
 use super::robot::refuse_to_guess;
 use super::{Session, configuration};
-use crate::cli::{self, FenceCommand, GotoArgs, LandArgs, RequestArgs, RobotChoice, TakeoffArgs};
+use crate::cli::{
+    self, ControlArgs, FenceCommand, GotoArgs, LandArgs, RequestArgs, RobotChoice, TakeoffArgs,
+};
 use crate::messages::Verb;
 
 /// Longest file of waypoints: more than twenty times the bytes of the longest path that the bridge takes.
@@ -28,8 +30,8 @@ const MAX_FILE_BYTES: u64 = 1024 * 1024;
 /// As all requests: see [`messages::exit_code`](crate::messages::exit_code); code 2 when several robots are alive and none
 /// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
 /// report.
-pub fn start(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
-    control(Verb::Start, ControlCommand::Start, args, choice)
+pub fn start(args: &ControlArgs, choice: RobotChoice) -> Result<(), Failure> {
+    control_of(Verb::Start, ControlCommand::Start, args, choice)
 }
 
 /// `ril stop`
@@ -37,8 +39,8 @@ pub fn start(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`start`].
-pub fn stop(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
-    control(Verb::Stop, ControlCommand::Stop, args, choice)
+pub fn stop(args: &ControlArgs, choice: RobotChoice) -> Result<(), Failure> {
+    control_of(Verb::Stop, ControlCommand::Stop, args, choice)
 }
 
 /// `ril fence …`
@@ -48,9 +50,13 @@ pub fn stop(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
 /// As [`start`].
 pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure> {
     match command {
-        FenceCommand::Reload(args) => {
-            control(Verb::ReloadFence, ControlCommand::ReloadFence, args, choice)
-        }
+        FenceCommand::Reload(args) => control(
+            Verb::ReloadFence,
+            ControlCommand::ReloadFence,
+            ModuleControl::KEY,
+            args,
+            choice,
+        ),
     }
 }
 
@@ -126,13 +132,29 @@ fn read_waypoints(path: &Path) -> Result<Vec<WaypointPosition>, Failure> {
     }
 }
 
+/// A start or a stop of the bridge, or of the module that `args` name.
+fn control_of(
+    verb: Verb,
+    command: ControlCommand,
+    args: &ControlArgs,
+    choice: RobotChoice,
+) -> Result<(), Failure> {
+    let key = match &args.module {
+        None => ModuleControl::KEY,
+        // Once in the life of the process; the ports take keys that live as long as it.
+        Some(module) => format!("{module}/control").leak(),
+    };
+    control(verb, command, key, &args.request, choice)
+}
+
 fn control(
     verb: Verb,
     command: ControlCommand,
+    key: &'static str,
     args: &RequestArgs,
     choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, args, choice, |deadline_ms| {
+    run(verb, key, args, choice, |deadline_ms| {
         vec![ModuleControl {
             deadline_ms,
             ..ModuleControl::new(fresh_request_id(), command)
@@ -148,7 +170,7 @@ fn movement(
     args: &RequestArgs,
     choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, args, choice, |deadline_ms| {
+    run(verb, MovementData::KEY, args, choice, |deadline_ms| {
         let complete = |request| MovementData {
             deadline_ms,
             preempt: u16::from(preempt),
@@ -158,9 +180,10 @@ fn movement(
     })
 }
 
-/// Runs one command; `with_deadline` gives its requests once the deadline is known.
+/// Runs one command over the service `key`; `with_deadline` gives its requests once the deadline is known.
 fn run<R: Request>(
     verb: Verb,
+    key: &'static str,
     args: &RequestArgs,
     choice: RobotChoice,
     with_deadline: impl FnOnce(u32) -> Vec<R>,
@@ -177,6 +200,10 @@ fn run<R: Request>(
         true => Until::Accepted,
         false => Until::Final,
     };
-    Conversation::open(&session, verb, timeout)?.hold(&requests, until, Format::of(ask.json))?;
+    Conversation::open_at(&session, key, verb, timeout)?.hold(
+        &requests,
+        until,
+        Format::of(ask.json),
+    )?;
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 
-use ipc_types::{Wake, files};
+use ipc_types::{Domain, RobotId, Waiter, Wake, files};
 
 use super::*;
 use crate::calibration::Calibration;
@@ -314,12 +314,11 @@ fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_en
                 log: vec![config(&directory)],
                 ..Config::default()
             };
-            let (robot, notifier) = (RobotId::DEFAULT, Notifier::from_env());
-            let opening = Shell::open_with(&domain, robot, &config, notifier, || store.clone());
-            let mut shell = opening.unwrap();
+            let ipc = Ipc::join(&domain, RobotId::DEFAULT, "status").unwrap();
+            let mut shell = Shell::open_with(ipc, &config, || store.clone()).unwrap();
             shell.end_timeout = Duration::ZERO;
             opened.send(()).unwrap();
-            shell.run(&termination).unwrap()
+            shell.run(&termination, &Notifier::from_env()).unwrap()
         }
     });
     is_open.recv_timeout(TIMEOUT).unwrap();

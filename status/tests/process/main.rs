@@ -10,7 +10,7 @@ use std::thread;
 
 use fixture::{Ends, Process, TIMEOUT, command, config, folder, log_text};
 use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
-use ipc_types::{Domain, RobotId, TelemetryGroup, files};
+use ipc_types::{Domain, Ipc, RobotId, TelemetryGroup, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
@@ -45,11 +45,11 @@ fn samples_go_through_the_shell_and_into_the_log() {
     let process = thread::spawn({
         let domain = domain.clone();
         move || {
-            let notifier = Notifier::from_env();
-            let shell = Shell::open(&domain, RobotId::DEFAULT, &config, notifier).unwrap();
+            let ipc = Ipc::join(&domain, RobotId::DEFAULT, "status").unwrap();
+            let shell = Shell::open(ipc, &config).unwrap();
             let shell = shell.with_estimator(Box::new(SonarAlone));
             opened.send(()).unwrap();
-            shell.run(&termination).unwrap()
+            shell.run(&termination, &Notifier::from_env()).unwrap()
         }
     });
     is_open.recv_timeout(TIMEOUT).unwrap();

@@ -1,4 +1,4 @@
-//! Stand-ins for the bridge and for status: what a consumer or an operator's program is tested against, in one process
+//! Stand-ins for the bridge, for status and for any module's topics and requests: what a consumer or an operator's program is tested against, in one process
 //! and without a helicopter.
 //!
 //! Each has a thread of its own that owns the real ports of `ipc-types` and sleeps until there is something to do, so
@@ -6,11 +6,13 @@
 //! publishes because of a request.
 
 mod bridge;
+mod own;
 mod paths;
 mod ports;
 mod status;
 mod worker;
 
 pub use bridge::{Answer, Received, StandInBridge};
+pub use own::{StandInServer, StandInTopic};
 pub use ports::{PortTable, StandInPort};
 pub use status::StandInStatus;

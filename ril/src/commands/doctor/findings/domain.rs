@@ -2,11 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use ipc_types::RobotId;
 use ipc_types::inspect::{Entry, Inspection, Life, Member, RobotFacts};
-use ipc_types::{RobotId, ServiceId};
 
-use super::super::facts::{DomainFacts, Provided};
+use super::super::facts::DomainFacts;
 use super::{About, Finding, Subject, count, services};
+use crate::commands::process_of;
 
 const DOMAIN: About = About(Subject::Domain);
 
@@ -126,10 +127,9 @@ fn alive(robot: &RobotFacts, domain: &DomainFacts) -> Vec<Finding> {
         );
         findings.push(DOMAIN.warning("nodes-unclear", text, next_step));
     }
-    findings.extend(dead(robot, provided(domain, id)));
-    let in_use = provided(domain, id).count();
-    if robot.generations > in_use {
-        let former = count(robot.generations - in_use, "generation", "generations");
+    findings.extend(dead(robot));
+    if robot.former > 0 {
+        let former = count(robot.former, "generation", "generations");
         let text = format!(
             "robot {id} has {former} of shared memory without a provider: the last process in it removes it, or the next provider"
         );
@@ -141,12 +141,6 @@ fn alive(robot: &RobotFacts, domain: &DomainFacts) -> Vec<Finding> {
 fn members(robot: &RobotFacts, life: Life) -> Vec<&Member> {
     let members = robot.members.iter();
     members.filter(|member| member.life == life).collect()
-}
-
-/// What live processes provide of a robot.
-fn provided(domain: &DomainFacts, robot: RobotId) -> impl Iterator<Item = &Provided> {
-    let providers = domain.providers.as_deref().unwrap_or_default().iter();
-    providers.filter(move |provided| provided.robot == robot)
 }
 
 fn stopped(live: &[&Member], stopped: &[u32]) -> Vec<Finding> {
@@ -166,14 +160,11 @@ fn stopped(live: &[&Member], stopped: &[u32]) -> Vec<Finding> {
 }
 
 /// Members of a live robot that are dead.
-fn dead<'a>(robot: &RobotFacts, provided: impl Iterator<Item = &'a Provided>) -> Vec<Finding> {
+fn dead(robot: &RobotFacts) -> Vec<Finding> {
     let id = robot.robot;
-    let tended: Vec<&str> = provided
-        .map(|provided| provided.service.spec().key)
-        .collect();
     let (passing, left): (Vec<&Member>, Vec<&Member>) = members(robot, Life::Dead)
         .into_iter()
-        .partition(|member| tended.contains(&member.service.as_str()));
+        .partition(|member| member.is_tended);
     let mut findings = Vec::new();
     if !passing.is_empty() {
         let text = format!(
@@ -240,23 +231,20 @@ fn processes(members: &[&Member]) -> String {
     words.join(", ")
 }
 
-/// The commands that provide the services of these members.
+/// What provides the services of these members, as something that can be started.
 fn commands(members: &[&Member], robot: RobotId) -> String {
-    let is_concerned = |service: &ServiceId| {
-        let key = service.spec().key;
-        members.iter().any(|member| member.service == key)
-    };
-    let concerned: BTreeSet<&str> = ipc_types::service::SERVICES
+    let concerned: BTreeSet<&str> = members
         .iter()
-        .map(|spec| spec.id)
-        .filter(is_concerned)
-        .map(ServiceId::provider)
+        .map(|member| member.service.as_str())
         .collect();
-    let commands: Vec<String> = concerned
-        .iter()
-        .map(|command| format!("`ril {command} --robot {robot}`"))
+    let commands: BTreeSet<String> = concerned
+        .into_iter()
+        .map(|key| match process_of(key) {
+            Some(process) => format!("`ril {process} --robot {robot}`"),
+            None => format!("the module that provides {key}"),
+        })
         .collect();
-    commands.join(" and ")
+    commands.into_iter().collect::<Vec<_>>().join(" and ")
 }
 
 #[cfg(test)]

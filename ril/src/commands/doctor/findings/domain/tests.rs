@@ -2,9 +2,7 @@
 
 use std::time::Duration;
 
-use ipc_types::Provider;
-
-use super::super::super::facts::{Namespace, Trouble};
+use super::super::super::facts::Trouble;
 use super::super::Severity::{self, Error, Note, Warning};
 use super::*;
 
@@ -30,6 +28,7 @@ fn member(life: Life, pid: u32, process: &str) -> Member {
         pid,
         process: process.to_owned(),
         service: "movement".to_owned(),
+        is_tended: true,
     }
 }
 
@@ -39,6 +38,7 @@ fn robot(members: &[Member]) -> RobotFacts {
         robot: RobotId::DEFAULT,
         is_live: true,
         generations: 1,
+        former: 0,
         members: members.to_vec(),
     }
 }
@@ -60,35 +60,28 @@ fn of(robot: RobotFacts) -> Inspection {
     }
 }
 
-/// A domain in which process 7 provides movements.
 fn domain(inspection: Inspection) -> DomainFacts {
-    let provided = Provided {
-        robot: RobotId::DEFAULT,
-        service: ServiceId::Movement,
-        by: Provider {
-            pid: 7,
-            process: "bridge".to_owned(),
-            since_ns: 1,
-            pid_namespace: 4,
-            time_namespace: 5,
-        },
-        pids: Namespace::Ours,
-        clock: Namespace::Ours,
-    };
     DomainFacts {
         root: "/dev/shm/lab".into(),
         inspection: Ok(inspection),
-        providers: Ok(vec![provided]),
+        providers: Ok(Vec::new()),
         stopped: Vec::new(),
         others: Vec::new(),
     }
 }
 
-/// The same without the provider.
-fn without_provider(inspection: Inspection) -> DomainFacts {
-    DomainFacts {
-        providers: Ok(Vec::new()),
-        ..domain(inspection)
+/// The same robot when the provider of its one service has gone.
+fn without_provider(robot: RobotFacts) -> RobotFacts {
+    let members = robot.members.into_iter();
+    RobotFacts {
+        former: robot.generations,
+        members: members
+            .map(|member| Member {
+                is_tended: false,
+                ..member
+            })
+            .collect(),
+        ..robot
     }
 }
 
@@ -120,12 +113,12 @@ fn troubles(domain: &DomainFacts) -> Vec<(Severity, &'static str)> {
 
 #[test]
 fn what_is_in_order_gives_notes_alone() {
-    let nothing = without_provider(Inspection::default());
-    let waiting = without_provider(of(RobotFacts {
+    let nothing = domain(Inspection::default());
+    let waiting = domain(of(RobotFacts {
         generations: 0,
         ..robot(&[])
     }));
-    let empty = without_provider(Inspection {
+    let empty = domain(Inspection {
         robots: Vec::new(),
         entries: 1,
         ..healthy()
@@ -203,7 +196,7 @@ fn what_the_dead_left_is_trouble_only_when_nobody_removes_it() {
     let tended = domain(of(robot(&members)));
     assert_eq!(ids(&tended), ["root-right", "processes", "dead-nodes"]);
     assert_eq!(troubles(&tended), []);
-    let left = without_provider(of(robot(&members)));
+    let left = domain(of(without_provider(robot(&members))));
     assert_eq!(troubles(&left), [(Warning, "dead-nodes")]);
     let findings = findings(&left);
     let finding = findings.iter().find(|one| one.id == "dead-nodes").unwrap();
@@ -238,7 +231,7 @@ fn what_is_left_of_a_robot_names_the_processes() {
 
 #[test]
 fn what_is_not_the_domain_s_is_no_trouble() {
-    let kept = without_provider(Inspection {
+    let kept = domain(Inspection {
         robots: Vec::new(),
         entries: 3,
         ..healthy()
@@ -257,7 +250,7 @@ fn the_domains_of_others_are_named_while_no_robot_is_alive() {
     ];
     let nothing = DomainFacts {
         others: others.clone(),
-        ..without_provider(Inspection::default())
+        ..domain(Inspection::default())
     };
     // The domain itself is not another one.
     assert_eq!(ids(&nothing), ["domain-empty", "domain-of-another-user"]);

@@ -11,27 +11,26 @@ use std::collections::VecDeque;
 
 use ipc_types::payload::RequestReport;
 
-/// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB. An older one is forgotten, and
-/// asking again for it as a repetition is answered with `unknown`, which is true.
-pub const REMEMBERED: usize = 2048;
-
-/// The last final reports, oldest first.
+/// The last final reports, oldest first. An older one is forgotten, and asking again for it as a repetition is answered with
+/// `unknown`, which is true.
 #[derive(Clone, Debug)]
 pub struct Completed {
     ended: VecDeque<RequestReport>,
+    capacity: usize,
 }
 
 impl Completed {
-    /// Nothing remembered. All memory that it will ever need is taken here.
-    pub fn new() -> Self {
+    /// Nothing remembered, and room for so many reports. All memory that it will ever need is taken here.
+    pub fn with_capacity(capacity: usize) -> Self {
         Completed {
-            ended: VecDeque::with_capacity(REMEMBERED),
+            ended: VecDeque::with_capacity(capacity),
+            capacity,
         }
     }
 
     /// Remembers a final report.
     pub fn note(&mut self, report: &RequestReport) {
-        if self.ended.len() == REMEMBERED {
+        if self.ended.len() == self.capacity {
             self.ended.pop_front();
         }
         self.ended.push_back(*report);
@@ -42,12 +41,6 @@ impl Completed {
         self.ended
             .iter()
             .rfind(|report| report.request_id == request_id)
-    }
-}
-
-impl Default for Completed {
-    fn default() -> Self {
-        Completed::new()
     }
 }
 
@@ -65,9 +58,9 @@ mod tests {
 
     #[test]
     fn the_last_final_words_are_remembered_and_the_oldest_forgotten() {
-        let mut completed = Completed::new();
+        let mut completed = Completed::with_capacity(2);
         let capacity = completed.ended.capacity();
-        for id in 1..=REMEMBERED as u64 + 1 {
+        for id in 1..=3 {
             completed.note(&report(id, 16));
         }
         assert_eq!(completed.report_of(1), None);

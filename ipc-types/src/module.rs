@@ -1,0 +1,309 @@
+//! [`Module`]: a module of the robot by its name and id, and the two services that every module in a crate of its own has.
+//!
+//! | service | key | struct |
+//! |---|---|---|
+//! | how the module is | `<module>/state` | [`State`], as [`StateOf`] the module |
+//! | start and stop | `<module>/control` | [`ModuleControl`], as [`ControlOf`] the module |
+//!
+//! The bridge is older than this rule: its services are `module_state`, which says more, and `module_control`.
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut, RangeInclusive};
+
+use serde::ser::{Serialize, Serializer};
+
+use crate::code::{ControlCommand, ImiCode, ModuleStatus};
+use crate::payload::support::ZeroCopySend;
+use crate::payload::{Layout, ModuleControl, SharedStruct};
+use crate::service::{is_key, module_of};
+use crate::{Request, Topic};
+
+/// Ids of modules outside the RIL. Below are the RIL's own ([`ModuleId`](crate::code::ModuleId)).
+///
+/// Nobody hands them out: an id is unique among the modules of one robot, which its operator sees to. The name is what tells
+/// modules apart in shared memory; the id is for consumers that know modules by number.
+pub const OUTSIDE_IDS: RangeInclusive<u32> = 1000..=9999;
+
+/// Errors of modules outside the RIL, in [`State::error`] and in reports. Below are those of the Inter Modular Interface.
+pub const OUTSIDE_ERRORS: RangeInclusive<u32> = 1000..=9999;
+
+/// Bytes of [`State::doing`].
+pub const DOING_LEN: usize = 48;
+
+crate::shared_struct! {
+    /// State of a module. Service `<module>/state`, written at every change and at least once a second.
+    pub struct State("module.State.v1") = 104 {
+        /// Counts the samples of this publisher from 1.
+        pub sequence: u64,
+        /// When the publishing process began.
+        pub epoch_ns: u64,
+        /// When this was published.
+        pub published_ns: u64,
+        /// Since when `status` and `functionality` hold.
+        pub since_ns: u64,
+        /// Id of the module: below 1000 the robot's own, 1000 to 9999 others.
+        pub module_id: u32,
+        /// waiting-data-to-start 1, running 2, ended 3, aborted 4.
+        pub status: u32,
+        /// Why a control request was refused, or why the module rests: 0 none, below 1000 as in module_state, from 1000 the
+        /// module's own.
+        pub error: u32,
+        /// 1 when the module does not work until the next start.
+        pub blocked: u32,
+        /// What the module is doing, a number of its own; 0 is nothing.
+        pub functionality: u32,
+        /// 1 when what the module is doing cannot be stopped.
+        pub unable_to_abort: u32,
+        /// What the module is doing, in ASCII, filled up with zeros.
+        pub doing: [u8; 48],
+    }
+}
+
+impl State {
+    /// State of the module, nothing when the number is none of the contract's.
+    pub const fn status(&self) -> Option<ModuleStatus> {
+        ModuleStatus::from_code(self.status)
+    }
+
+    /// The error that goes with it.
+    pub const fn error(&self) -> ImiCode {
+        ImiCode(self.error)
+    }
+
+    /// Whether the module does not work until the next start.
+    pub const fn is_blocked(&self) -> bool {
+        self.blocked != 0
+    }
+
+    /// What the module is doing; nothing when it is not text.
+    pub fn doing(&self) -> Option<&str> {
+        let len = self.doing.iter().position(|byte| *byte == 0);
+        std::str::from_utf8(&self.doing[..len.unwrap_or(DOING_LEN)]).ok()
+    }
+}
+
+/// A text as it lies in [`State::doing`]: cut to its length, with `?` for what is not printable ASCII.
+pub fn doing_bytes(text: &str) -> [u8; DOING_LEN] {
+    let mut bytes = [0; DOING_LEN];
+    for (place, letter) in bytes.iter_mut().zip(text.chars()) {
+        let is_printable = letter.is_ascii_graphic() || letter == ' ';
+        *place = if is_printable { letter as u8 } else { b'?' };
+    }
+    bytes
+}
+
+/// A module of the robot. [`module!`](crate::module!) implements it.
+pub trait Module: 'static {
+    /// Name in lower snake case, such as `battery_watch`: the first part of the keys of all its services.
+    const NAME: &'static str;
+    /// Id, one of [`OUTSIDE_IDS`].
+    const ID: u32;
+    /// Key of the service with its state.
+    const STATE_KEY: &'static str;
+    /// Key of the service with its control requests.
+    const CONTROL_KEY: &'static str;
+}
+
+/// Makes a type a [`Module`]: `module!(BatteryWatch, "battery_watch", 1001)`.
+///
+/// ```
+/// struct BatteryWatch;
+/// ipc_types::module!(BatteryWatch, "battery_watch", 1001);
+///
+/// use ipc_types::Topic;
+/// use ipc_types::module::StateOf;
+/// assert_eq!(StateOf::<BatteryWatch>::KEY, "battery_watch/state");
+/// ```
+///
+/// The id is one of those for modules outside the RIL, and the name can be the first part of a key:
+///
+/// ```compile_fail
+/// struct BatteryWatch;
+/// ipc_types::module!(BatteryWatch, "battery_watch", 1);
+/// ```
+///
+/// ```compile_fail
+/// struct BatteryWatch;
+/// ipc_types::module!(BatteryWatch, "BatteryWatch", 1001);
+/// ```
+#[macro_export]
+macro_rules! module {
+    ($module:ty, $name:literal, $id:expr) => {
+        impl $crate::module::Module for $module {
+            const NAME: &'static str = $name;
+            const ID: u32 = $id;
+            const STATE_KEY: &'static str = ::core::concat!($name, "/state");
+            const CONTROL_KEY: &'static str = ::core::concat!($name, "/control");
+        }
+
+        const _: () = $crate::module::check::<$module>();
+    };
+}
+
+/// Whether a module's name and id are such as they must be: for [`module!`](crate::module!).
+#[doc(hidden)]
+pub const fn check<M: Module>() {
+    assert!(
+        is_key(M::STATE_KEY) && is_key(M::CONTROL_KEY) && module_of(M::NAME).is_empty(),
+        "a module's name is one word in lower snake case"
+    );
+    assert!(
+        M::ID >= *OUTSIDE_IDS.start() && M::ID <= *OUTSIDE_IDS.end(),
+        "the id of a module outside the RIL is from 1000 to 9999"
+    );
+}
+
+/// A struct of the contract as the module `M` publishes or serves it.
+macro_rules! of_module {
+    ($(#[$meta:meta])* $name:ident($payload:ty)) => {
+        $(#[$meta])*
+        #[repr(transparent)]
+        pub struct $name<M>(pub $payload, PhantomData<fn() -> M>);
+
+        impl<M> $name<M> {
+            /// What the module publishes or serves.
+            pub const fn new(payload: $payload) -> Self {
+                $name(payload, PhantomData)
+            }
+        }
+
+        impl<M> Clone for $name<M> {
+            fn clone(&self) -> Self {
+                *self
+            }
+        }
+
+        impl<M> Copy for $name<M> {}
+
+        impl<M> PartialEq for $name<M> {
+            fn eq(&self, other: &Self) -> bool {
+                self.0 == other.0
+            }
+        }
+
+        impl<M> Default for $name<M> {
+            fn default() -> Self {
+                $name::new(<$payload>::ZERO)
+            }
+        }
+
+        impl<M> fmt::Debug for $name<M> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.fmt(f)
+            }
+        }
+
+        impl<M> Deref for $name<M> {
+            type Target = $payload;
+
+            fn deref(&self) -> &$payload {
+                &self.0
+            }
+        }
+
+        impl<M> DerefMut for $name<M> {
+            fn deref_mut(&mut self) -> &mut $payload {
+                &mut self.0
+            }
+        }
+
+        impl<M> Serialize for $name<M> {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                self.0.serialize(serializer)
+            }
+        }
+
+        // SAFETY: the type is a transparent wrapper of the payload, whose description is true of it.
+        unsafe impl<M: 'static> SharedStruct for $name<M> {
+            const LAYOUT: &'static Layout = <$payload>::LAYOUT;
+            const ZERO: Self = $name::new(<$payload>::ZERO);
+        }
+
+        // SAFETY: as above; the name carries the version of the layout.
+        unsafe impl<M> ZeroCopySend for $name<M> {
+            unsafe fn type_name() -> &'static str {
+                <$payload>::TYPE_NAME
+            }
+        }
+    };
+}
+
+of_module! {
+    /// The state of the module `M`, in its own topic.
+    StateOf(State)
+}
+
+of_module! {
+    /// A request to start or stop the module `M`, in its own service.
+    ControlOf(ModuleControl)
+}
+
+impl<M: Module> ControlOf<M> {
+    /// The request that asks the module for `command`.
+    pub const fn command(request_id: u64, command: ControlCommand) -> ControlOf<M> {
+        ControlOf::new(ModuleControl::new(request_id, command))
+    }
+}
+
+impl<M: Module> Topic for StateOf<M> {
+    const KEY: &'static str = M::STATE_KEY;
+    const PROVIDER: &'static str = M::NAME;
+
+    fn stamp(&mut self, sequence: u64, epoch_ns: u64) {
+        self.0.sequence = sequence;
+        self.0.epoch_ns = epoch_ns;
+    }
+
+    fn sequence(&self) -> u64 {
+        self.0.sequence
+    }
+
+    fn epoch_ns(&self) -> u64 {
+        self.0.epoch_ns
+    }
+}
+
+impl<M: Module> Request for ControlOf<M> {
+    const KEY: &'static str = M::CONTROL_KEY;
+    const PROVIDER: &'static str = M::NAME;
+
+    fn request_id(&self) -> u64 {
+        self.0.request_id
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::service::Contract;
+
+    struct Watch;
+    crate::module!(Watch, "watch", 1000);
+
+    #[test]
+    fn a_module_has_two_services_under_its_name() {
+        let state = Contract::of_topic::<StateOf<Watch>>();
+        assert_eq!((state.key, state.provider), ("watch/state", "watch"));
+        assert_eq!(state.layout(), "module.State.v1");
+        let control = Contract::of_request::<ControlOf<Watch>>();
+        assert_eq!((control.key, control.provider), ("watch/control", "watch"));
+        let bridge = Contract::of_request::<ModuleControl>();
+        assert_eq!(control.layout(), bridge.layout());
+        assert_eq!(control.layout_hash(), bridge.layout_hash());
+    }
+
+    #[test]
+    fn what_a_module_is_doing_is_cut_and_printable() {
+        let state = |text: &str| State {
+            doing: doing_bytes(text),
+            ..State::default()
+        };
+        assert_eq!(state("watching").doing(), Some("watching"));
+        assert_eq!(state("caf\u{e9}\n").doing(), Some("caf??"));
+        assert_eq!(
+            state(&"a".repeat(99)).doing().map(str::len),
+            Some(DOING_LEN)
+        );
+    }
+}

@@ -1,0 +1,37 @@
+//! What every module of the robot has, so that its author writes its work alone: inputs, decision, outputs.
+//!
+//! `docs/modules.md` is the way to a module of one's own; `examples/module` is one.
+//!
+//! * [`Work`]: what the author writes, and [`main`], which runs it;
+//! * [`Manager`]: starts and stops the module and says how it is, by the [`rules`] that the bridge keeps as well;
+//! * [`Requests`]: serves a request of the module's own, each executed once;
+//! * [`process`]: the loop of every process, that of bridge and status too: one wait, deadlines, watchdog, the end;
+//! * [`SetUp`]: the start of every process: logging, configuration, signals, domain;
+//! * [`completed`]: final reports that are remembered.
+//!
+//! [`runtime`] is what it stands on, and is there under this name too: options, [`ranged!`] values of a configuration, exit
+//! codes.
+//!
+//! Nothing here knows the helicopter; the id and the name of a module are its own, and the contract's structs are those of
+//! `ipc-types`.
+
+pub mod completed;
+mod manager;
+pub mod process;
+pub mod requests;
+pub mod rules;
+mod set_up;
+mod work;
+
+pub use manager::Manager;
+pub use process::Sources;
+pub use requests::Requests;
+pub use rules::OnStop;
+pub use runtime::{self, ranged};
+pub use set_up::SetUp;
+pub use work::{STATE_PERIOD, Work, main, run, run_with};
+
+/// The configuration of a module that has none: an empty file.
+#[derive(Clone, Copy, Debug, Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoConfig {}

@@ -1,0 +1,216 @@
+//! [`run`]: the loop of every process: one wait over all that may wake it, its deadlines, the supervisor and the end.
+//!
+//! Whatever wakes it, it services every source. That is also the safety net for a wake-up that the shared-memory library can
+//! lose.
+
+use std::os::fd::{AsFd, BorrowedFd};
+use std::time::Duration;
+
+use ipc_types::waiter::{MAX_SOURCES, SAFETY_BOUND};
+use ipc_types::{Descriptor, MonotonicNs, Place, Source, WaitError, Waiter, Wake, wake_promptly};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+
+/// How often a process has a [`round`](Process::round), and tells its supervisor that it works: at the first wake after that
+/// time, no process is woken for it.
+pub const ROUND_PERIOD: Duration = Duration::from_millis(500);
+
+/// What a process does with what wakes it.
+pub trait Process {
+    /// Why the process cannot go on.
+    type Error: From<WaitError>;
+
+    /// Whether the process has publishers, subscribers and clients alone. It then sleeps on their doorbell, which wakes sooner
+    /// than a descriptor does, and a signal ends the sleep by interrupting it, or [`SAFETY_BOUND`] does.
+    const IS_PORTS_ALONE: bool = false;
+
+    /// Adds what the process waits for: every publisher, subscriber, server and client, and descriptors.
+    fn sources<'a>(&'a self, sources: &mut Sources<'a>);
+
+    /// Services every source that may have woken the process. The first of its [`sources`](Self::sources) has the index
+    /// [`FIRST`].
+    ///
+    /// # Errors
+    /// The process cannot go on.
+    fn drain(&mut self, wake: Wake) -> Result<(), Self::Error>;
+
+    /// What is due though nothing has woken the process for it.
+    fn round(&mut self, _now: MonotonicNs) {}
+
+    /// When the process must be woken at the latest.
+    fn deadline(&self) -> Option<MonotonicNs> {
+        None
+    }
+
+    /// Whether the process may end, which was asked for: called at each wake from then on, until it may.
+    fn may_end(&mut self, _now: MonotonicNs) -> bool {
+        true
+    }
+}
+
+/// The index of a process's first source in a [`Wake`]; before it are the signals.
+pub const FIRST: usize = 1;
+
+/// What a process waits for, in the order in which it was added.
+#[derive(Default)]
+pub struct Sources<'a> {
+    list: [Option<Entry<'a>>; MAX_SOURCES],
+    len: usize,
+}
+
+enum Entry<'a> {
+    Port(&'a dyn Source),
+    Descriptor(Descriptor<'a>),
+}
+
+impl<'a> Sources<'a> {
+    /// Adds a port.
+    ///
+    /// # Panics
+    /// When there are more than [`MAX_SOURCES`], which is a defect.
+    pub fn port(&mut self, port: &'a dyn Source) {
+        self.add(Entry::Port(port));
+    }
+
+    /// Adds a file descriptor, which wakes the process when it can be read.
+    ///
+    /// # Panics
+    /// When there are more than [`MAX_SOURCES`], which is a defect.
+    pub fn descriptor(&mut self, descriptor: BorrowedFd<'a>) {
+        self.add(Entry::Descriptor(Descriptor::new(descriptor)));
+    }
+
+    fn add(&mut self, entry: Entry<'a>) {
+        self.list[self.len] = Some(entry);
+        self.len += 1;
+    }
+
+    fn wait(&self, waiter: &Waiter, timeout: Duration) -> Result<Wake, WaitError> {
+        let entries = &self.list[..self.len];
+        let Some(Some(first)) = entries.first() else {
+            return Err(WaitError::NoSources);
+        };
+        // Filled from the front; what stays is not waited for.
+        let mut sources: [&dyn Source; MAX_SOURCES] = [first.source(); MAX_SOURCES];
+        for (source, entry) in sources.iter_mut().zip(entries.iter().flatten()) {
+            *source = entry.source();
+        }
+        waiter.wait(&sources[..self.len], Some(timeout))
+    }
+}
+
+impl Entry<'_> {
+    fn source(&self) -> &dyn Source {
+        match self {
+            Entry::Port(port) => *port,
+            Entry::Descriptor(descriptor) => descriptor,
+        }
+    }
+}
+
+/// Runs the process until `termination` asks it to end and it may.
+///
+/// # Errors
+/// Those of [`Process::drain`], and when the operating system cannot wait any more.
+pub fn run<P: Process>(
+    process: &mut P,
+    termination: &Termination,
+    supervisor: &Notifier,
+) -> Result<(), P::Error> {
+    let waiter = Waiter::new();
+    let period = supervisor
+        .watchdog_period()
+        .map_or(ROUND_PERIOD, |watchdog| watchdog.min(ROUND_PERIOD));
+    let mut next_round = MonotonicNs::now() + period;
+    wake_promptly(Place::Provider);
+    supervisor.ready();
+    // Nothing is known yet of what there is.
+    let mut wake = Wake::TimedOut;
+    while !(termination.requested() && process.may_end(MonotonicNs::now())) {
+        process.drain(wake)?;
+        let now = MonotonicNs::now();
+        if now >= next_round {
+            supervisor.watchdog();
+            next_round = now + period;
+            process.round(now);
+        }
+        wake = sleep(process, &waiter, termination, supervisor, next_round)?;
+    }
+    supervisor.stopping();
+    Ok(())
+}
+
+fn sleep<P: Process>(
+    process: &P,
+    waiter: &Waiter,
+    termination: &Termination,
+    supervisor: &Notifier,
+    next_round: MonotonicNs,
+) -> Result<Wake, WaitError> {
+    let watchdog = supervisor.watchdog_period().map(|_| next_round);
+    let deadline = [process.deadline(), watchdog]
+        .into_iter()
+        .flatten()
+        .fold(MonotonicNs(u64::MAX), MonotonicNs::min);
+    let mut sources = Sources::default();
+    if !P::IS_PORTS_ALONE {
+        sources.descriptor(termination.as_fd());
+    }
+    process.sources(&mut sources);
+    let timeout = deadline.since(MonotonicNs::now());
+    // A signal that comes just before a sleep on ports alone does not end it; then the safety bound does.
+    sources.wait(waiter, timeout.min(SAFETY_BOUND))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use runtime::signal::TerminationRequest;
+
+    /// Requests its own end at the first deadline, and ends at the third wake after that.
+    struct Example {
+        request: TerminationRequest,
+        due: Option<MonotonicNs>,
+        wakes: u32,
+        asked: u32,
+    }
+
+    impl Process for Example {
+        type Error = WaitError;
+
+        fn sources<'a>(&'a self, _sources: &mut Sources<'a>) {}
+
+        fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+            self.wakes += 1;
+            if self.due.is_some_and(|due| MonotonicNs::now() >= due) {
+                self.request.request();
+                self.due = None;
+            }
+            Ok(())
+        }
+
+        fn deadline(&self) -> Option<MonotonicNs> {
+            self.due
+        }
+
+        fn may_end(&mut self, _now: MonotonicNs) -> bool {
+            self.asked += 1;
+            self.asked == 3
+        }
+    }
+
+    #[test]
+    fn a_process_is_woken_for_its_deadline_and_ends_when_it_may() {
+        let (termination, request) = Termination::by_hand().unwrap();
+        let mut example = Example {
+            request,
+            due: Some(MonotonicNs::now() + Duration::from_millis(5)),
+            wakes: 0,
+            asked: 0,
+        };
+        run(&mut example, &termination, &Notifier::from_env()).unwrap();
+        assert_eq!((example.due, example.asked), (None, 3));
+        assert!(example.wakes >= 4, "{}", example.wakes);
+    }
+}

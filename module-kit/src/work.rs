@@ -1,0 +1,209 @@
+//! [`Work`]: what the author of a module writes, and [`Running`], the process around it.
+
+use std::fmt::Debug;
+use std::time::Duration;
+
+use clap::{Args, Command, FromArgMatches};
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::RequestReport;
+use ipc_types::{
+    ControlOf, Ipc, Module, MonotonicNs, OpenError, Publisher, StateOf, WaitError, Wake,
+};
+use runtime::args::CommonArgs;
+use runtime::exit::{self, ExitCode, Failure, OrFail};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+use serde::de::DeserializeOwned;
+
+use crate::manager::Manager;
+use crate::process::{self, Process, Sources};
+use crate::requests::Requests;
+use crate::set_up::SetUp;
+
+/// How often the state is published though it has not changed: consumers see by it that the module works.
+pub const STATE_PERIOD: Duration = Duration::from_secs(1);
+
+/// The work of a module: its ports, and what it does with what comes through them.
+///
+/// The kit does the rest: command line, configuration, logging, signals, readiness and watchdog, the loop with its one wait,
+/// the topic `<module>/state` and the requests of `<module>/control`.
+pub trait Work: Module + Sized {
+    /// What stands in `<module>.toml`, every value with a default.
+    type Config: DeserializeOwned + Default + Debug;
+
+    /// Opens the module's ports.
+    ///
+    /// # Errors
+    /// See [`OpenError`]; another process may publish or serve the same.
+    fn open(config: Self::Config, ipc: &Ipc) -> Result<Self, OpenError>;
+
+    /// Adds every port of the module to what it waits for.
+    fn sources<'a>(&'a self, sources: &mut Sources<'a>);
+
+    /// Called after every wake, whatever it was for: tends every publisher, takes everything that has come through the other
+    /// ports, and does what is due. Must not block.
+    ///
+    /// A module that is not [started](Manager::is_started) may receive and publish; it commands nothing.
+    fn step(&mut self, now: MonotonicNs, manager: &mut Manager);
+
+    /// A start was accepted.
+    fn started(&mut self, _now: MonotonicNs, _manager: &mut Manager) {}
+
+    /// A stop was accepted: whatever is under way must end. It is not called when the process ends; the ports are dropped then,
+    /// and with them requests that are open.
+    fn stopped(&mut self, _now: MonotonicNs) {}
+
+    /// When the module wants to be woken at the latest.
+    fn deadline(&self) -> Option<MonotonicNs> {
+        None
+    }
+}
+
+/// The body of a module's `main`.
+///
+/// ```no_run
+/// # use ipc_types::{Ipc, MonotonicNs, OpenError};
+/// # use module_kit::{Manager, Sources, Work};
+/// struct Idle;
+/// ipc_types::module!(Idle, "idle", 1000);
+///
+/// impl Work for Idle {
+///     type Config = module_kit::NoConfig;
+///     fn open(_: Self::Config, _: &Ipc) -> Result<Idle, OpenError> {
+///         Ok(Idle)
+///     }
+///     fn sources<'a>(&'a self, _: &mut Sources<'a>) {}
+///     fn step(&mut self, _: MonotonicNs, _: &mut Manager) {}
+/// }
+///
+/// fn main() -> std::process::ExitCode {
+///     module_kit::main::<Idle>()
+/// }
+/// ```
+pub fn main<W: Work>() -> std::process::ExitCode {
+    exit::main_with(|| {
+        let command = CommonArgs::augment_args(Command::new(W::NAME));
+        let args = CommonArgs::from_arg_matches(&command.get_matches());
+        run::<W>(&args.map_err(Failure::usage)?)
+    })
+}
+
+/// Runs a module in the foreground until SIGINT or SIGTERM, for a program with options of its own.
+///
+/// # Errors
+/// Exit code 78 when the configuration is wrong, 1 when shared memory cannot be used or the module runs already.
+pub fn run<W: Work>(args: &CommonArgs) -> Result<(), Failure> {
+    let file = format!("{}.toml", W::NAME);
+    let Some(set_up) = SetUp::<W::Config>::begin(args, &file)? else {
+        return Ok(());
+    };
+    let ipc = set_up.join(W::NAME)?;
+    let SetUp {
+        config,
+        termination,
+        supervisor,
+        ..
+    } = set_up;
+    run_with::<W>(config, &ipc, &termination, &supervisor)
+}
+
+/// The same without a process of its own, as a test has it: `termination` may be requested by hand.
+///
+/// # Errors
+/// Exit code 1 when a service cannot be opened or the operating system cannot wait.
+pub fn run_with<W: Work>(
+    config: W::Config,
+    ipc: &Ipc,
+    termination: &Termination,
+    supervisor: &Notifier,
+) -> Result<(), Failure> {
+    let mut running = Running::<W>::open(config, ipc)
+        .or_fail_with(ExitCode::Internal, format!("{} cannot start", W::NAME))?;
+    tracing::info!(module = W::NAME, robot = %ipc.robot(), "ready");
+    process::run(&mut running, termination, supervisor).or_fail(ExitCode::Internal)?;
+    tracing::info!(module = W::NAME, "ended");
+    Ok(())
+}
+
+/// A module with its state, its control and its manager.
+struct Running<W: Work> {
+    work: W,
+    manager: Manager,
+    state: Publisher<StateOf<W>>,
+    control: Requests<ControlOf<W>>,
+    next_state: MonotonicNs,
+}
+
+impl<W: Work> Running<W> {
+    fn open(config: W::Config, ipc: &Ipc) -> Result<Running<W>, OpenError> {
+        // The control first: of two processes of one module the second gets no further.
+        let control = Requests::open(ipc)?;
+        let now = MonotonicNs::now();
+        Ok(Running {
+            control,
+            state: ipc.publisher()?,
+            work: W::open(config, ipc)?,
+            manager: Manager::new(now),
+            next_state: now,
+        })
+    }
+
+    fn publish_state(&mut self, now: MonotonicNs) {
+        let is_changed = self.manager.take_changed();
+        if !is_changed && now < self.next_state {
+            return;
+        }
+        self.next_state = now + STATE_PERIOD;
+        let mut state = self.manager.state(W::ID);
+        state.published_ns = now.0;
+        if is_changed {
+            tracing::info!(
+                status = %self.manager.standing().status(),
+                error = state.error,
+                doing = state.doing().unwrap_or_default(),
+                "state"
+            );
+        }
+        if let Err(error) = self.state.publish(|sample| *sample = StateOf::new(state)) {
+            tracing::warn!(%error, "the state was not published");
+        }
+    }
+}
+
+impl<W: Work> Process for Running<W> {
+    type Error = WaitError;
+
+    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
+        sources.port(&self.state);
+        sources.port(self.control.source());
+        self.work.sources(sources);
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+        let now = MonotonicNs::now();
+        self.state.tend();
+        let (work, manager) = (&mut self.work, &mut self.manager);
+        self.control.serve(|request| {
+            let Some(command) = request.command() else {
+                return RequestReport::new(Stage::Refused, Reason::InvalidRequest);
+            };
+            tracing::info!(%command, request_id = request.request_id, "control");
+            if let Err(refused) = manager.control(now, command) {
+                return refused.report();
+            }
+            match command {
+                ControlCommand::Start => work.started(now, manager),
+                _ => work.stopped(now),
+            }
+            RequestReport::new(Stage::Done, Reason::None)
+        });
+        self.work.step(now, &mut self.manager);
+        self.publish_state(now);
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        let work = self.work.deadline().unwrap_or(self.next_state);
+        Some(work.min(self.next_state))
+    }
+}
