@@ -5,7 +5,7 @@ mod common;
 use std::fs;
 
 use common::{Rig, Watch, end, json, says};
-use ipc_types::code::{Functionality, ModuleStatus};
+use ipc_types::code::{Functionality, LinkState, ModuleStatus};
 use ril_tests::Process;
 use ril_tests::process::Signal;
 use ril_tests::pty::is_link;
@@ -255,8 +255,11 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
         line.text.contains("source_epoch_ns")
             && json(&line.text)["source_epoch_ns"] != first["source_epoch_ns"]
     });
-    let state = crew.watch.until_ready();
-    assert_eq!(state.status(), Some(ModuleStatus::WaitingDataToStart));
+    // What the killed bridge has published last comes first.
+    crew.watch.until("the new bridge is ready", |state| {
+        state.status() == Some(ModuleStatus::WaitingDataToStart)
+            && state.link.state() == Some(LinkState::Up)
+    });
     // Telemetry in SI units came from the same status all the time.
     let finished = end(echo, Signal::INT);
     assert!(

@@ -26,9 +26,14 @@ const SAME_SAMPLES: u32 = 10;
 /// Part of the kills during which the survivors warm up: what they hold then at most, they may hold at the end.
 const WARM_UP: u32 = 5;
 
-/// Files and segments that may be left of killed processes while others live. A process that is killed while it makes its node
-/// leaves three that belong to nobody. Its generation ends when there are too many, and they with it.
-const LEFTOVERS: usize = 256;
+/// Most files that may be left of killed processes while others live: their generation ends when there are more.
+const MAX_LEFTOVERS: usize = 256;
+
+/// Files that may be left of so many processes that were killed while they started: one that was killed while it made its node
+/// leaves three that belong to nobody.
+fn may_be_left(in_start_up: u32) -> usize {
+    (3 * in_start_up as usize).min(MAX_LEFTOVERS)
+}
 
 /// How long what killed processes left may take to be removed: their providers look twice a second, and count files every ten
 /// seconds.
@@ -86,7 +91,7 @@ impl Outcome {
     pub fn is_clean(&self) -> bool {
         let are_flat =
             |survivor: &Survivor| survivor.after.descriptors <= survivor.before.descriptors;
-        self.things.1 <= self.things.0 + LEFTOVERS && self.survivors.iter().all(are_flat)
+        self.things.1 <= self.things.0 + may_be_left(self.in_start_up) && self.survivors.iter().all(are_flat)
     }
 }
 
@@ -300,29 +305,28 @@ impl<'a> Loop<'a> {
         things
     }
 
-    /// Whether there is more in the domain than before, or a survivor holds more descriptors than while it warmed up.
-    fn is_more(&self) -> bool {
-        let now = self.holdings();
-        let mut survivors = self.warm.iter().zip(&now);
-        self.site.domain.residue().len() > self.things.len() + LEFTOVERS
+    /// Whether there is more in the domain than may be left, or a survivor holds more descriptors than while it warmed up.
+    fn is_more(&self, things: &[PathBuf], now: &[(Kind, Holdings)]) -> bool {
+        let mut survivors = self.warm.iter().zip(now);
+        things.len() > self.things.len() + may_be_left(self.in_start_up)
             || survivors.any(|((_, before), (_, after))| after.descriptors > before.descriptors)
     }
 
     /// Waits until what was left is removed, ends everybody and says what came of it.
     fn settle(mut self) -> Outcome {
         let begun = MonotonicNs::now();
-        while self.is_more() && MonotonicNs::now().since(begun) < SETTLE_LIMIT {
+        let (mut things, mut now) = (self.site.domain.residue(), self.holdings());
+        while self.is_more(&things, &now) && MonotonicNs::now().since(begun) < SETTLE_LIMIT {
             // The next sample is the occasion: the processes clean up by themselves, this one does not.
             self.witness.hear_after(MonotonicNs::now());
+            (things, now) = (self.site.domain.residue(), self.holdings());
         }
         let settled = MonotonicNs::now().since(begun);
-        let things = self.site.domain.residue();
         let count = things.len();
         let left = match count > self.things.len() {
             true => self.left_of_the_killed(things),
             false => Vec::new(),
         };
-        let now = self.holdings();
         let survivors = self.warm.iter().zip(&now);
         let outcome = Outcome {
             victim: self.victim,
