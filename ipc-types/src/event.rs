@@ -3,7 +3,7 @@
 //! An event carries nothing but a reason to drain. The provider makes both of its service's, with every setting of the table;
 //! the others open them.
 
-use iceoryx2::prelude::EventId;
+use iceoryx2::prelude::{EventId, PortFactory};
 
 use crate::files;
 use crate::generation::Generation;
@@ -106,6 +106,16 @@ impl Event {
             service,
             limits: (listeners, notifiers),
         })
+    }
+
+    /// Places of listeners and notifiers of the other side that are taken, and how many there are.
+    pub(crate) fn places(&self) -> (usize, usize) {
+        let taken = self.service.dynamic_config();
+        let (listeners, notifiers) = self.limits;
+        match listeners > notifiers {
+            true => (taken.number_of_listeners(), listeners),
+            false => (taken.number_of_notifiers(), notifiers),
+        }
     }
 
     pub(crate) fn name(&self) -> &str {

@@ -9,7 +9,7 @@ use std::any::Any;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Weak};
 use std::thread::{self, JoinHandle};
@@ -56,6 +56,8 @@ pub(crate) struct Tended {
     /// Whether its clients may need the reserve.
     keeps_reserve: bool,
     passes: AtomicU32,
+    /// Members that lived at the last pass, the provider included.
+    living: AtomicUsize,
     deaths: AtomicU32,
     is_worn: AtomicBool,
 }
@@ -74,6 +76,7 @@ impl Tended {
             keeps_reserve,
             folder: generation.path().to_owned(),
             passes: AtomicU32::new(0),
+            living: AtomicUsize::new(1),
             deaths: AtomicU32::new(0),
             is_worn: AtomicBool::new(false),
         })
@@ -87,6 +90,16 @@ impl Tended {
     /// Dead members that were removed so far.
     pub(crate) fn deaths(&self) -> u32 {
         self.deaths.load(Ordering::Acquire)
+    }
+
+    /// Is told how many of its places for ports are taken. A member that was killed between taking a place and saying so leaves it
+    /// taken for good; before there are too few left, another generation begins.
+    pub(crate) fn count_places(&self, taken: usize, places: usize) {
+        // Living members may take as many as they like: a new generation would be no emptier.
+        let living = self.living.load(Ordering::Relaxed);
+        if taken * 4 >= places * 3 && taken > living + places / 8 {
+            self.wear_out("killed processes took places in the old one");
+        }
     }
 
     /// Asks its provider to begin another generation.
@@ -103,6 +116,7 @@ impl Tended {
         let Ok(pass) = pass else {
             return self.wear_out("a dead process could not be removed");
         };
+        self.living.store(pass.living, Ordering::Relaxed);
         let deaths = self.deaths.fetch_add(pass.removed, Ordering::AcqRel) + pass.removed;
         if deaths >= MAX_DEATHS {
             self.wear_out("many processes died in the old one");

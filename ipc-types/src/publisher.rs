@@ -10,17 +10,19 @@ use std::time::Duration;
 
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
 use crate::doorbell::{Place, place};
 use crate::event::{Channel, Event};
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
-use crate::iox::Svc;
+use crate::iox::{Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
 use crate::provider::ProviderLock;
-use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, Pattern, SEQUENCE_OFFSET, Topic, service_name};
+use crate::service::{
+    EPOCH_OFFSET, MAX_PROVIDERS, MAX_SUBSCRIBERS, Pattern, SEQUENCE_OFFSET, Topic, service_name,
+};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
@@ -137,6 +139,7 @@ struct Port {
     /// back costs more than the rest of publishing, and then nobody waits for it.
     preloaned: Option<Preloaned>,
     port: iceoryx2::port::publisher::Publisher<Svc, [CustomPayloadMarker], CustomHeaderMarker>,
+    service: TopicService,
     samples: WakeSender,
     subscribers: WakeReceiver,
     /// Subscribers that [`Publisher::tend`] has served, as the doorbell counts them.
@@ -192,6 +195,7 @@ impl Port {
             Ok(Port {
                 preloaned: None,
                 port,
+                service,
                 samples: WakeSender::make(session, samples, place(key), Channel::Samples)?,
                 subscribers,
                 served: session.doorbell().joined(place(key)),
@@ -234,6 +238,11 @@ impl Port {
 
     /// Connects subscribers that have joined, which gives them the latest sample.
     fn connect(&self) {
+        let subscribers = self.service.dynamic_config().number_of_subscribers();
+        self.tended.count_places(subscribers, MAX_SUBSCRIBERS);
+        for (taken, places) in [self.samples.places(), self.subscribers.places()] {
+            self.tended.count_places(taken, places);
+        }
         if let Err(error) = self.port.update_connections() {
             tracing::debug!(service = self.key, ?error, "a subscriber was not reached");
         }

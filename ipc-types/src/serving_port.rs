@@ -349,6 +349,11 @@ impl<R: Request> ServingPort<R> {
     /// Connects new clients, and lets go of those that are gone.
     pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry<R>>) {
         self.deaths = self.tended.deaths();
+        let clients = self.service.dynamic_config().number_of_clients();
+        self.tended.count_places(clients, MAX_CLIENTS);
+        for (taken, places) in [self.requests.places(), self.responses.places()] {
+            self.tended.count_places(taken, places);
+        }
         if let Err(error) = self.port.update_connections() {
             // The failures are counted where they happen.
             tracing::debug!(?error, "a client was not connected");

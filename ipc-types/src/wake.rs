@@ -40,6 +40,11 @@ impl WakeSender {
         })
     }
 
+    /// See [`Event::places`].
+    pub(crate) fn places(&self) -> (usize, usize) {
+        self.event.places()
+    }
+
     /// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
     pub(crate) fn wake(&self) {
         self.membership.doorbell().ring(self.bits);
@@ -87,6 +92,11 @@ impl WakeReceiver {
         }
         let listener = self.event.listener()?;
         Ok(self.listener.get_or_init(|| listener))
+    }
+
+    /// See [`Event::places`].
+    pub(crate) fn places(&self) -> (usize, usize) {
+        self.event.places()
     }
 
     /// A descriptor that can be read when there is something to drain, until [`drain`](WakeReceiver::drain).

@@ -91,7 +91,8 @@ impl Outcome {
     pub fn is_clean(&self) -> bool {
         let are_flat =
             |survivor: &Survivor| survivor.after.descriptors <= survivor.before.descriptors;
-        self.things.1 <= self.things.0 + may_be_left(self.in_start_up) && self.survivors.iter().all(are_flat)
+        self.things.1 <= self.things.0 + may_be_left(self.in_start_up)
+            && self.survivors.iter().all(are_flat)
     }
 }
 
