@@ -83,7 +83,7 @@ impl Chain {
         }
     }
 
-    /// Starts another bridge in the place of one that was killed, and returns when it is ready.
+    /// Starts another bridge in the place of one that was killed, and returns when telemetry comes.
     #[track_caller]
     pub fn restart_bridge(&mut self, domain: &Domain) {
         self.bridge = spawn(
@@ -92,6 +92,7 @@ impl Chain {
             &self.folder,
             &["bridge", "--port", "dsp"],
         );
+        wait_for_telemetry(domain);
     }
 
     /// Starts another status in the place of one that was killed, and returns when it is ready.

@@ -23,7 +23,8 @@ const BUFFER: usize = 64;
 pub fn node() -> Result<Node> {
     let domain = Domain::from_environment()?;
     let mut config = Config::default();
-    let prefix = FileName::new(format!("{}plains_", domain.tag()).as_bytes()).map_err(|error| anyhow!("{error:?}"))?;
+    let prefix = FileName::new(format!("{}plains_", domain.tag()).as_bytes())
+        .map_err(|error| anyhow!("{error:?}"))?;
     let root = domain.root().to_string_lossy();
     let root = Path::new(root.as_bytes()).map_err(|error| anyhow!("{error:?}"))?;
     config.global.prefix = prefix;
