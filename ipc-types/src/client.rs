@@ -15,8 +15,8 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::{Place, place};
-use crate::event::{Channel, Event};
+use crate::doorbell::{Channel, Place, place};
+use crate::event::Event;
 use crate::follow::Follower;
 use crate::generation::Generation;
 use crate::iox::Svc;

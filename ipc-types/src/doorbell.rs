@@ -31,7 +31,6 @@ use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
-use crate::event::Channel;
 use crate::random;
 use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
@@ -54,6 +53,19 @@ struct Page {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; PLACES + 1],
+}
+
+/// Which of a service's events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Channel {
+    /// From publisher to subscribers: the service's own name.
+    Samples,
+    /// From subscribers to the publisher: `<service>/subscribers`.
+    Subscribers,
+    /// From clients to the server: `<service>/requests`.
+    Requests,
+    /// From the server to clients: `<service>/responses`.
+    Responses,
 }
 
 /// Which events wake a sleeper, or are rung.

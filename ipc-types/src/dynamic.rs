@@ -8,6 +8,7 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use crate::generation;
+use crate::ipc::Ipc;
 use crate::open::{Expected, Offer, OpenError};
 use crate::payload::Number;
 use crate::provider::{Provider, ProviderWatch};
@@ -15,7 +16,7 @@ use crate::publisher::{BytesPublisher, PublishError};
 use crate::schema::{LoadError, Schema, SchemaError};
 use crate::sequence::Losses;
 use crate::service::{CONTRACTS, EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, is_key, service_name};
-use crate::session::{Ipc, service_folder};
+use crate::session::service_folder;
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};
 

@@ -5,25 +5,13 @@
 
 use iceoryx2::prelude::{EventId, PortFactory};
 
+use crate::doorbell::Channel;
 use crate::files;
 use crate::generation::Generation;
 use crate::iox::{EventService, Listener, Notifier};
 use crate::open::{self, OpenError};
 use crate::robot::RobotId;
 use crate::service::{self, EventCode, service_name};
-
-/// Which of a service's events.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Channel {
-    /// From publisher to subscribers: the service's own name.
-    Samples,
-    /// From subscribers to the publisher: `<service>/subscribers`.
-    Subscribers,
-    /// From clients to the server: `<service>/requests`.
-    Requests,
-    /// From the server to clients: `<service>/responses`.
-    Responses,
-}
 
 /// End of the name, listeners and notifiers of an event service.
 fn limits(channel: Channel) -> (&'static str, usize, usize) {

@@ -15,9 +15,10 @@ use crate::domain::{Domain, SHM_DIR};
 use crate::domain_error::DomainError;
 use crate::generation::{self, Current};
 use crate::iox::{Node, Svc};
+use crate::lock_file::is_ours;
 use crate::provider::{Provider, ProviderWatch};
 use crate::robot::RobotId;
-use crate::robot_folder::{self, is_ours};
+use crate::robot_folder;
 use crate::session::service_folder;
 
 /// What is there of a domain.

@@ -10,7 +10,7 @@
 //! * [`mod@module`]: a module of a crate of its own: its name, its id, its state and its control requests;
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
-//! * [`session`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
+//! * [`ipc`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
 //! * [`dynamic`]: topics of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
@@ -63,6 +63,8 @@ pub mod group;
 mod housekeeper;
 pub mod inspect;
 mod iox;
+pub mod ipc;
+mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
 #[allow(unsafe_code)]
 pub mod module;
@@ -98,6 +100,7 @@ pub use domain_error::DomainError;
 pub use dynamic::{DynamicError, DynamicPublisher, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
+pub use ipc::Ipc;
 pub use module::{ControlOf, Module, StateOf};
 pub use open::OpenError;
 pub use provider::Provider;
@@ -109,7 +112,7 @@ pub use schema::Schema;
 pub use sequence::Losses;
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
-pub use session::{Ipc, JoinError};
+pub use session::JoinError;
 pub use subscriber::{ReceiveError, RecvError, Subscriber};
 pub use ticket::Ticket;
 pub use time::MonotonicNs;

@@ -12,7 +12,7 @@ use std::time::Duration;
 use rustix::fs::FlockOperation;
 
 use crate::domain_error::DomainError;
-use crate::robot_folder::{flock, make_folder, open_lock_file, open_to_look};
+use crate::lock_file::{flock, make_folder, open_lock_file, open_to_look};
 
 /// The file in a service's folder that its provider has locked.
 const LOCK_FILE: &str = "lock";

@@ -13,8 +13,8 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
-use crate::doorbell::{Place, place};
-use crate::event::{Channel, Event};
+use crate::doorbell::{Channel, Place, place};
+use crate::event::Event;
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
 use crate::iox::{Svc, TopicService};

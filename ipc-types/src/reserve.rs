@@ -12,7 +12,7 @@ use rustix::fs::{FallocateFlags, fallocate};
 
 use crate::domain::SHM_DIR;
 use crate::files;
-use crate::robot_folder::make_folder;
+use crate::lock_file::make_folder;
 
 /// The folder in that of the robot.
 const FOLDER: &str = "reserve";

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
-use crate::doorbell::{Place, place};
-use crate::event::Channel;
+use crate::doorbell::{Channel, Place, place};
 use crate::open::OpenError;
 use crate::payload::RequestReport;
 use crate::provider::ProviderLock;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
 use crate::serving_port::{Entry, ServingPort};
+pub use crate::serving_port::{ReportError, ServeError};
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
@@ -33,31 +33,6 @@ const RETRY: Duration = Duration::from_secs(1);
 /// Former generations in which requests are open still. When there are more, the oldest is given up: what becomes of its
 /// requests cannot be known to their clients.
 const MAX_FORMER: usize = 3;
-
-/// Requests could not be received.
-#[derive(Debug, thiserror::Error)]
-#[error("requests of {service} cannot be received ({reason}); the next call tries again")]
-pub struct ServeError {
-    pub(crate) service: &'static str,
-    pub(crate) reason: String,
-}
-
-/// A report could not be sent.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ReportError {
-    /// The ticket's request has had its final report, or its client vanished.
-    #[error("the request is not open any more")]
-    NotOpen,
-    /// The client is gone; the ticket is closed.
-    #[error("the client of the request is gone")]
-    Vanished,
-    /// The client does not read, so that as many reports are waiting as can. Only progress is ever refused for that.
-    #[error("the client does not read its reports")]
-    BufferFull,
-    /// iceoryx2 failed; the request stays open.
-    #[error("the report was not sent ({0})")]
-    Failed(String),
-}
 
 /// Takes the requests of a service, of which a robot has one server.
 ///

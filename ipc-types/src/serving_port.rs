@@ -16,14 +16,13 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::place;
-use crate::event::{Channel, Event};
+use crate::doorbell::{Channel, place};
+use crate::event::Event;
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
 use crate::iox::{RequestService, Svc};
 use crate::open::{self, OpenError};
 use crate::payload::RequestReport;
-use crate::server::{ReportError, ServeError};
 use crate::service::{
     Contract, MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER,
     Request,
@@ -59,6 +58,31 @@ const MAX_WEAR: u32 = 64;
 /// How long a client may stay without a connection until the server [is worn](Server::is_worn). One that died meanwhile has
 /// been cleaned up after by then.
 const UNCONNECTED_TIME: Duration = Duration::from_secs(2);
+
+/// Requests could not be received.
+#[derive(Debug, thiserror::Error)]
+#[error("requests of {service} cannot be received ({reason}); the next call tries again")]
+pub struct ServeError {
+    pub(crate) service: &'static str,
+    pub(crate) reason: String,
+}
+
+/// A report could not be sent.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReportError {
+    /// The ticket's request has had its final report, or its client vanished.
+    #[error("the request is not open any more")]
+    NotOpen,
+    /// The client is gone; the ticket is closed.
+    #[error("the client of the request is gone")]
+    Vanished,
+    /// The client does not read, so that as many reports are waiting as can. Only progress is ever refused for that.
+    #[error("the client does not read its reports")]
+    BufferFull,
+    /// iceoryx2 failed; the request stays open.
+    #[error("the report was not sent ({0})")]
+    Failed(String),
+}
 
 /// Tells the ports of a server apart: the generations that it has begun, counted.
 pub(crate) type PortNumber = u64;

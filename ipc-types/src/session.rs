@@ -1,4 +1,4 @@
-//! [`Ipc`]: a process's part in the shared memory of one robot; it makes the ports.
+//! What the ports of a process share: its membership, its housekeeper, and how generations are begun and entered.
 //!
 //! Joining makes nothing of iceoryx2's, installs no signal handler and reads no configuration file. Publishers and servers
 //! begin a generation of their service each; subscribers and clients enter the one that is current.
@@ -15,14 +15,11 @@ use crate::generation::{self, Generation};
 use crate::housekeeper::{Housekeeper, Tended};
 use crate::open::OpenError;
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
+use crate::reserve;
 use crate::robot::{InvalidRobotId, RobotId};
 use crate::robot_folder::Membership;
-use crate::service::{Pattern, Request, Topic, folder_name, service_name};
+use crate::service::{Pattern, folder_name, service_name};
 use crate::time::MonotonicNs;
-use crate::{Client, Publisher, Server, Subscriber, reserve};
-
-/// The environment variable that names the robot.
-const ROBOT_VARIABLE: &str = "RIL_ROBOT";
 
 /// Longest process name, bytes: it stands in the names of nodes and in the locks of providers.
 const MAX_PROCESS_NAME_LEN: usize = 64;
@@ -43,15 +40,6 @@ pub enum JoinError {
     InvalidProcessName(String),
 }
 
-/// A process's part in the shared memory of one robot.
-///
-/// Cheap to clone, and to hand to other threads. When the last part of the robot's last process is dropped, nothing of the
-/// robot is left.
-#[derive(Clone)]
-pub struct Ipc {
-    session: Arc<Session>,
-}
-
 /// What all ports share.
 pub(crate) struct Session {
     /// First, so that it has ended before the process leaves. Begun when it is first needed.
@@ -60,111 +48,22 @@ pub(crate) struct Session {
     process_name: String,
 }
 
-impl Ipc {
-    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
-    /// robot of `RIL_ROBOT`, or 1.
-    ///
-    /// # Errors
-    ///
-    /// As [`Ipc::join`]; and when a variable cannot be used.
-    pub fn connect(process_name: &str) -> Result<Ipc, JoinError> {
-        let robot = match std::env::var(ROBOT_VARIABLE) {
-            Ok(robot) => robot.parse()?,
-            Err(_) => RobotId::DEFAULT,
-        };
-        Ipc::join(&Domain::from_environment()?, robot, process_name)
-    }
-
+impl Session {
     /// Takes part in the shared memory of `robot`.
-    ///
-    /// `process_name` (such as `bridge`) is what others read when they ask who provides a service.
-    ///
-    /// # Errors
-    ///
-    /// See [`JoinError`]; each says what to do.
-    pub fn join(domain: &Domain, robot: RobotId, process_name: &str) -> Result<Ipc, JoinError> {
+    pub(crate) fn join(
+        domain: &Domain,
+        robot: RobotId,
+        process_name: &str,
+    ) -> Result<Session, JoinError> {
         set_log_level_from_env_or(LogLevel::Error);
         check_process_name(process_name)?;
-        Ok(Ipc {
-            session: Arc::new(Session {
-                housekeeper: OnceLock::new(),
-                membership: Arc::new(Membership::join(domain, robot)?),
-                process_name: process_name.to_owned(),
-            }),
+        Ok(Session {
+            housekeeper: OnceLock::new(),
+            membership: Arc::new(Membership::join(domain, robot)?),
+            process_name: process_name.to_owned(),
         })
     }
 
-    /// The robot.
-    pub fn robot(&self) -> RobotId {
-        self.session.robot()
-    }
-
-    /// The domain.
-    pub fn domain(&self) -> &Domain {
-        self.session.membership.domain()
-    }
-
-    /// The publisher of `T`, of which a robot has one in all processes.
-    ///
-    /// # Errors
-    ///
-    /// [`OpenError::AlreadyProvided`] names the live process that publishes; see the others there.
-    pub fn publisher<T: Topic>(&self) -> Result<Publisher<T>, OpenError> {
-        Publisher::open(&self.session)
-    }
-
-    /// A subscriber of `T`. It may be there before the publisher.
-    ///
-    /// # Errors
-    ///
-    /// When there is a publisher, and its service cannot be opened: see [`OpenError`].
-    pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, OpenError> {
-        Subscriber::open(&self.session)
-    }
-
-    /// The server of `R`, of which a robot has one in all processes.
-    ///
-    /// # Errors
-    ///
-    /// [`OpenError::AlreadyProvided`] names the live process that serves; see the others there.
-    pub fn server<R: Request>(&self) -> Result<Server<R>, OpenError> {
-        Server::open(&self.session)
-    }
-
-    /// A client of `R`. It may be there before the server.
-    ///
-    /// # Errors
-    ///
-    /// When there is a server, and its service cannot be opened: see [`OpenError`].
-    pub fn client<R: Request>(&self) -> Result<Client<R>, OpenError> {
-        Client::open(&self.session, R::KEY)
-    }
-
-    /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the contract's
-    /// requests to a module whose types it was not built with.
-    ///
-    /// # Errors
-    ///
-    /// As [`Ipc::client`]; and when the service carries something else.
-    pub fn client_of<R: Request>(&self, key: &'static str) -> Result<Client<R>, OpenError> {
-        Client::open(&self.session, key)
-    }
-
-    /// The live process that publishes or serves the service `key` of this robot, or nothing.
-    ///
-    /// # Errors
-    ///
-    /// When the service's folder cannot be read.
-    pub fn provider(&self, key: &str) -> Result<Option<Provider>, OpenError> {
-        Ok(self.session.watch(key).look()?)
-    }
-
-    pub(crate) fn session(&self) -> &Arc<Session> {
-        &self.session
-    }
-}
-
-impl Session {
     pub(crate) fn membership(&self) -> &Arc<Membership> {
         &self.membership
     }
@@ -271,6 +170,7 @@ fn check_process_name(name: &str) -> Result<(), JoinError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Ipc;
 
     #[test]
     fn a_process_name_is_letters_digits_dashes_and_underscores() {

@@ -10,8 +10,8 @@ use std::time::Duration;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
-use crate::doorbell::{Place, place};
-use crate::event::{Channel, Event};
+use crate::doorbell::{Channel, Place, place};
+use crate::event::Event;
 use crate::follow::Follower;
 use crate::generation::Generation;
 use crate::iox::Svc;

@@ -8,8 +8,8 @@ use std::cell::{Cell, OnceCell};
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::sync::Arc;
 
-use crate::doorbell::{Bits, Place};
-use crate::event::{self, Channel, Event};
+use crate::doorbell::{Bits, Channel, Place};
+use crate::event::{self, Event};
 use crate::iox::{Listener, Notifier};
 use crate::open::OpenError;
 use crate::robot_folder::Membership;

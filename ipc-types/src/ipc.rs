@@ -1,0 +1,121 @@
+//! [`Ipc`]: a process's part in the shared memory of one robot; it makes the ports.
+
+use std::sync::Arc;
+
+use crate::domain::Domain;
+use crate::open::OpenError;
+use crate::provider::Provider;
+use crate::robot::RobotId;
+use crate::service::{Request, Topic};
+use crate::session::{JoinError, Session};
+use crate::{Client, Publisher, Server, Subscriber};
+
+/// The environment variable that names the robot.
+const ROBOT_VARIABLE: &str = "RIL_ROBOT";
+
+/// A process's part in the shared memory of one robot.
+///
+/// Cheap to clone, and to hand to other threads. When the last part of the robot's last process is dropped, nothing of the
+/// robot is left.
+#[derive(Clone)]
+pub struct Ipc {
+    session: Arc<Session>,
+}
+
+impl Ipc {
+    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
+    /// robot of `RIL_ROBOT`, or 1.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::join`]; and when a variable cannot be used.
+    pub fn connect(process_name: &str) -> Result<Ipc, JoinError> {
+        let robot = match std::env::var(ROBOT_VARIABLE) {
+            Ok(robot) => robot.parse()?,
+            Err(_) => RobotId::DEFAULT,
+        };
+        Ipc::join(&Domain::from_environment()?, robot, process_name)
+    }
+
+    /// Takes part in the shared memory of `robot`.
+    ///
+    /// `process_name` (such as `bridge`) is what others read when they ask who provides a service.
+    ///
+    /// # Errors
+    ///
+    /// See [`JoinError`]; each says what to do.
+    pub fn join(domain: &Domain, robot: RobotId, process_name: &str) -> Result<Ipc, JoinError> {
+        Ok(Ipc {
+            session: Arc::new(Session::join(domain, robot, process_name)?),
+        })
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> RobotId {
+        self.session.robot()
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> &Domain {
+        self.session.membership().domain()
+    }
+
+    /// The publisher of `T`, of which a robot has one in all processes.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenError::AlreadyProvided`] names the live process that publishes; see the others there.
+    pub fn publisher<T: Topic>(&self) -> Result<Publisher<T>, OpenError> {
+        Publisher::open(&self.session)
+    }
+
+    /// A subscriber of `T`. It may be there before the publisher.
+    ///
+    /// # Errors
+    ///
+    /// When there is a publisher, and its service cannot be opened: see [`OpenError`].
+    pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, OpenError> {
+        Subscriber::open(&self.session)
+    }
+
+    /// The server of `R`, of which a robot has one in all processes.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenError::AlreadyProvided`] names the live process that serves; see the others there.
+    pub fn server<R: Request>(&self) -> Result<Server<R>, OpenError> {
+        Server::open(&self.session)
+    }
+
+    /// A client of `R`. It may be there before the server.
+    ///
+    /// # Errors
+    ///
+    /// When there is a server, and its service cannot be opened: see [`OpenError`].
+    pub fn client<R: Request>(&self) -> Result<Client<R>, OpenError> {
+        Client::open(&self.session, R::KEY)
+    }
+
+    /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the contract's
+    /// requests to a module whose types it was not built with.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::client`]; and when the service carries something else.
+    pub fn client_of<R: Request>(&self, key: &'static str) -> Result<Client<R>, OpenError> {
+        Client::open(&self.session, key)
+    }
+
+    /// The live process that publishes or serves the service `key` of this robot, or nothing.
+    ///
+    /// # Errors
+    ///
+    /// When the service's folder cannot be read.
+    pub fn provider(&self, key: &str) -> Result<Option<Provider>, OpenError> {
+        Ok(self.session.watch(key).look()?)
+    }
+
+    pub(crate) fn session(&self) -> &Arc<Session> {
+        &self.session
+    }
+}
