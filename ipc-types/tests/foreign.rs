@@ -88,6 +88,15 @@ fn provide(domain: &Domain) -> Foreign {
     enter(domain, ServiceId::DspTelemetry)
 }
 
+/// Opens the published `dsp_telemetry`.
+fn open(node: &Node<ipc::Service>) -> Topic<ipc::Service, DspTelemetry, ()> {
+    let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
+    node.service_builder(&name.as_str().try_into().unwrap())
+        .publish_subscribe::<DspTelemetry>()
+        .open()
+        .unwrap()
+}
+
 fn create<T: std::fmt::Debug + ZeroCopySend>(
     node: &Node<ipc::Service>,
     attributes: &[(&str, &str)],
@@ -159,13 +168,7 @@ fn a_foreign_consumer_opens_what_the_publisher_made() {
         let ipc = join(domain, "test");
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let foreign = enter(domain, ServiceId::DspTelemetry);
-        let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
-        let service = foreign
-            .node
-            .service_builder(&name.as_str().try_into().unwrap())
-            .publish_subscribe::<DspTelemetry>()
-            .open()
-            .unwrap();
+        let service = open(&foreign.node);
         let slot = AttributeKey::try_from("slot").unwrap();
         let slot = service
             .attributes()
@@ -187,13 +190,7 @@ fn a_second_publisher_finds_no_place() {
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let foreign = enter(domain, ServiceId::DspTelemetry);
-        let name = ServiceId::DspTelemetry.name(RobotId::DEFAULT);
-        let service = foreign
-            .node
-            .service_builder(&name.as_str().try_into().unwrap())
-            .publish_subscribe::<DspTelemetry>()
-            .open()
-            .unwrap();
+        let service = open(&foreign.node);
         assert!(service.publisher_builder().create().is_err());
         publisher.publish(|_| {}).unwrap();
         assert_eq!(subscriber.drain(|_| {}).unwrap(), 1);
