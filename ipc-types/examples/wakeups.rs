@@ -196,8 +196,11 @@ fn sleep_on_descriptors(
     let waiter = Waiter::new();
     let (other, _writer) = std::io::pipe()?;
     while !seen.is_over {
-        let other = Descriptor::new(other.as_fd());
-        waiter.wait(&[&subscriber, &other], Some(PATIENCE))?;
+        let mut other = Descriptor::new(other.as_fd());
+        waiter.wait(
+            &mut [((), &mut subscriber), ((), &mut other)],
+            Some(PATIENCE),
+        )?;
         subscriber.drain(|sample| seen.take(sample))?;
     }
     seen.missed = waiter.missed();

@@ -273,7 +273,10 @@ impl<R: Request> Client<R> {
     ///
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.waiter.wait(&[&*self], Some(timeout))
+        let waiter = std::mem::take(&mut self.waiter);
+        let wake = waiter.wait_for_one(self, timeout);
+        self.waiter = waiter;
+        wake
     }
 
     /// A file descriptor that can be read once there are reports, for a reactor of the caller's own; [`Client::drain`] empties

@@ -158,7 +158,7 @@ impl DynamicSubscriber {
     /// # Errors
     ///
     /// See [`WaitError`].
-    pub fn wait(&self, timeout: Duration) -> Result<Wake, WaitError> {
+    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
         self.bytes.wait(timeout)
     }
 
@@ -166,8 +166,8 @@ impl DynamicSubscriber {
     ///
     /// # Errors
     ///
-    /// When there are more listeners than the contract allows.
-    pub fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+    /// As there.
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
         self.bytes.descriptor()
     }
 
@@ -241,6 +241,15 @@ impl DynamicPublisher {
         self.bytes.tend();
     }
 
+    /// As [`Publisher::descriptor`](crate::Publisher::descriptor).
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.bytes.descriptor()
+    }
+
     /// Number of the last sample, 0 before the first.
     pub fn sequence(&self) -> u64 {
         self.bytes.sequence()
@@ -250,6 +259,11 @@ impl DynamicPublisher {
 impl sealed::Source for DynamicPublisher {
     fn has_something(&self) -> bool {
         self.bytes.has_something()
+    }
+
+    fn tend(&mut self) -> bool {
+        self.bytes.tend();
+        true
     }
 
     fn sense(&self) -> sealed::Sense<'_> {

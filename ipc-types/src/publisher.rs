@@ -4,7 +4,9 @@
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 makes a handle of 104 bytes on the heap for each sample.
 
+use std::cell::OnceCell;
 use std::marker::PhantomData;
+use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -19,13 +21,14 @@ use crate::generation::Generation;
 use crate::housekeeper::Tended;
 use crate::iox::{Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
+use crate::pollable::{self, Pollable};
 use crate::provider::ProviderLock;
 use crate::service::{
     EPOCH_OFFSET, MAX_PROVIDERS, MAX_SUBSCRIBERS, Pattern, SEQUENCE_OFFSET, Topic, service_name,
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::sealed;
+use crate::waiter::{WaitError, sealed};
 use crate::wake::{WakeReceiver, WakeSender};
 
 /// How long a publisher feeds its former generation beside the new one. Subscribers change within a
@@ -45,8 +48,8 @@ pub struct PublishError {
 
 /// The writing end of a published service, of which a robot has one.
 ///
-/// Give it to the [`Waiter`](crate::Waiter) as well and call [`Publisher::tend`] after every wake: subscribers that
-/// join between two samples then get the latest at once, not with the next one.
+/// Give it to the [`Waiter`](crate::Waiter) as well: subscribers that join between two samples then get the latest at once, not
+/// with the next one.
 pub struct Publisher<T: Topic> {
     bytes: BytesPublisher,
     payload: PhantomData<fn(T)>,
@@ -78,9 +81,19 @@ impl<T: Topic> Publisher<T> {
     }
 
     /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
-    /// is worn. Costs next to nothing when there is nothing to do.
+    /// is worn. Costs next to nothing when there is nothing to do. A [`Waiter`](crate::Waiter) does it in every wait.
     pub fn tend(&mut self) {
         self.bytes.tend();
+    }
+
+    /// A file descriptor for an event loop of the caller's own, as [`Subscriber::descriptor`](crate::Subscriber::descriptor):
+    /// when it can be read, [`tend`](Publisher::tend) the publisher.
+    ///
+    /// # Errors
+    ///
+    /// When the process has too many descriptors.
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.bytes.descriptor()
     }
 
     /// Number of the last sample, 0 before the first.
@@ -110,6 +123,11 @@ impl<T: Topic> sealed::Source for Publisher<T> {
         self.bytes.has_something()
     }
 
+    fn tend(&mut self) -> bool {
+        self.bytes.tend();
+        true
+    }
+
     fn sense(&self) -> sealed::Sense<'_> {
         self.bytes.sense()
     }
@@ -123,6 +141,8 @@ pub(crate) struct BytesPublisher {
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
+    /// Made when a descriptor is first asked for.
+    pollable: OnceCell<Pollable>,
     /// A copy of the last sample, for those that come to a new generation before the next one.
     latest: Vec<u8>,
     epoch_ns: u64,
@@ -257,6 +277,7 @@ impl BytesPublisher {
             former: None,
             retry: MonotonicNs::default(),
             generations: 1,
+            pollable: OnceCell::new(),
             latest: vec![0; offer.size],
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
@@ -292,6 +313,9 @@ impl BytesPublisher {
     /// See [`Publisher::tend`].
     pub(crate) fn tend(&mut self) {
         self.change_generation();
+        if let Some(pollable) = self.pollable.get() {
+            pollable.drained();
+        }
         let joined = self.joined();
         if self.port.subscribers.take() == 0 && joined == self.port.served {
             return;
@@ -328,6 +352,9 @@ impl BytesPublisher {
                     // When it fails, late joiners wait for the next sample.
                     let _ = port.send(copy);
                 }
+                if let Some(pollable) = self.pollable.get() {
+                    pollable.change(&port.subscribers);
+                }
                 let former = std::mem::replace(&mut self.port, port);
                 self.former = Some((former, now + OVERLAP));
             }
@@ -338,6 +365,10 @@ impl BytesPublisher {
     /// Subscribers that have come so far, as the doorbell counts them.
     fn joined(&self) -> u32 {
         self.session.doorbell().joined(self.place)
+    }
+
+    pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        pollable::of(&self.pollable, Some(&self.port.subscribers))
     }
 
     pub(crate) fn sequence(&self) -> u64 {
@@ -363,6 +394,11 @@ impl sealed::Source for BytesPublisher {
         self.port.subscribers.is_pending()
             || self.joined() != self.port.served
             || self.port.tended.is_worn() && MonotonicNs::now() >= self.retry
+    }
+
+    fn tend(&mut self) -> bool {
+        BytesPublisher::tend(self);
+        true
     }
 
     fn sense(&self) -> sealed::Sense<'_> {

@@ -259,7 +259,10 @@ impl<R: Request> Server<R> {
     ///
     /// See [`WaitError`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.waiter.wait(&[&*self], Some(timeout))
+        let waiter = std::mem::take(&mut self.waiter);
+        let wake = waiter.wait_for_one(self, timeout);
+        self.waiter = waiter;
+        wake
     }
 
     /// The process that sent a request which is open, by its id in the sender's own PID namespace.

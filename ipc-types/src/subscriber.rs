@@ -1,11 +1,13 @@
 //! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed. What it does with
 //! bytes, `BytesSubscriber` does, which knows nothing of structs.
 
-use std::hint;
+use std::cell::OnceCell;
 use std::marker::PhantomData;
+use std::ops::Deref;
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
+use std::{hint, mem};
 
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::service::marker::CustomPayloadMarker;
@@ -16,6 +18,7 @@ use crate::follow::Follower;
 use crate::generation::Generation;
 use crate::iox::Svc;
 use crate::open::{self, Expected, OpenError};
+use crate::pollable::{self, Pollable};
 use crate::sequence::{Losses, SequenceTracker};
 use crate::service::{
     Contract, EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER,
@@ -23,11 +26,11 @@ use crate::service::{
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::{self, WaitError, Waiter, Wake, sealed};
+use crate::waiter::{WaitError, Waiter, Wake, sealed};
 use crate::wake::{WakeReceiver, WakeSender};
 
-/// Most samples of one [`Subscriber::drain`] and generation: a full buffer. What comes meanwhile waits for the next.
-const MAX_SAMPLES_PER_DRAIN: usize = SUBSCRIBER_BUFFER;
+/// Most samples of one [`Subscriber::drain`]: a full buffer of each of two generations. What comes meanwhile waits for the next.
+const MAX_SAMPLES_PER_DRAIN: usize = 2 * SUBSCRIBER_BUFFER;
 
 /// A timeout that nobody lives to see the end of.
 const FOR_EVER: Duration = Duration::from_secs(1 << 32);
@@ -95,16 +98,27 @@ impl<T: Topic> Subscriber<T> {
         })
     }
 
-    /// The oldest sample that was not handed on yet, or nothing when there is none.
+    /// A copy of the oldest sample that was not handed on yet, or nothing when there is none.
     ///
     /// # Errors
     ///
     /// As [`Subscriber::drain`].
     pub fn try_recv(&mut self) -> Result<Option<T>, ReceiveError> {
-        let mut next = None;
-        self.bytes
-            .drain_at_most(1, |bytes| next = T::from_bytes(bytes))?;
-        Ok(next)
+        Ok(self.try_borrow()?.map(|sample| *sample))
+    }
+
+    /// The oldest sample that was not handed on yet, where it lies in shared memory: no copy is made. It stays as it is for as
+    /// long as it is held, whatever is published meanwhile; the publisher goes on.
+    ///
+    /// # Errors
+    ///
+    /// As [`Subscriber::drain`].
+    pub fn try_borrow(&mut self) -> Result<Option<Sample<'_, T>>, ReceiveError> {
+        let sample = self.bytes.next()?;
+        Ok(sample.map(|sample| Sample {
+            sample,
+            borrowed: PhantomData,
+        }))
     }
 
     /// As [`Subscriber::try_recv`], but sleeps until there is a sample or `timeout` has passed. A signal does not end it.
@@ -163,22 +177,19 @@ impl<T: Topic> Subscriber<T> {
     }
 
     /// As [`Subscriber::wait`], but keeps the processor busy instead of sleeping: for a consumer that has one of its own.
-    /// A signal does not end it.
-    pub fn spin(&mut self, timeout: Duration) -> Wake {
+    /// A signal does not end it. Says whether there is something.
+    pub fn spin(&mut self, timeout: Duration) -> bool {
         self.bytes.spin(timeout)
     }
 
-    /// A file descriptor that can be read once there are samples, for a reactor of the caller's own such as `epoll` or an
-    /// asynchronous runtime; [`Subscriber::drain`] empties it. Nothing else may read it. Nothing while there has been no
-    /// publisher; another one after [`Subscriber::generations`] has changed.
-    ///
-    /// Drain after every wake, whatever caused it, and at least every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND):
-    /// iceoryx2 can lose a wake-up.
+    /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be read when
+    /// there may be samples, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case. Drain the port then; nothing else
+    /// may read the descriptor. It is the same for as long as the port lives.
     ///
     /// # Errors
     ///
-    /// When there are more listeners than the contract allows.
-    pub fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
+    /// When the process has too many descriptors, or the service more listeners than the contract allows.
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
         self.bytes.descriptor()
     }
 
@@ -208,6 +219,25 @@ impl<T: Topic> sealed::Source for Subscriber<T> {
     }
 }
 
+/// A sample that lies in shared memory, until it is dropped. Made by [`Subscriber::try_borrow`].
+pub struct Sample<'subscriber, T: Topic> {
+    sample: BytesSample,
+    /// It shares counts of references with the port, so it stays in the thread.
+    borrowed: PhantomData<(&'subscriber mut Subscriber<T>, *const T)>,
+}
+
+impl<T: Topic> Deref for Sample<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        // SAFETY: as in `Subscriber::drain`; the sample is held.
+        #[allow(unsafe_code)]
+        unsafe {
+            &*self.sample.payload().as_ptr().cast::<T>()
+        }
+    }
+}
+
 /// The reading end of a published service whose samples are bytes.
 pub(crate) struct BytesSubscriber {
     /// Nothing while no publisher has been there.
@@ -220,6 +250,8 @@ pub(crate) struct BytesSubscriber {
     size: usize,
     follower: Follower,
     waiter: Waiter,
+    /// Made when a descriptor is first asked for.
+    pollable: OnceCell<Pollable>,
     tracker: SequenceTracker,
     generations: u64,
     place: Place,
@@ -277,35 +309,26 @@ impl Port {
         })
     }
 
-    /// Hands on at most so many samples that the tracker accepts, and says how many those were.
-    fn drain(
+    /// The oldest of at most `left` samples that the tracker accepts.
+    fn next(
         &self,
         tracker: &mut SequenceTracker,
         size: usize,
-        most: usize,
-        mut take: impl FnMut(&[u8]),
-    ) -> Result<usize, String> {
-        self.samples.take();
-        let mut taken = 0;
-        for _ in 0..MAX_SAMPLES_PER_DRAIN {
-            if taken == most {
-                break;
-            }
-            match self.port.receive() {
-                Ok(None) => break,
-                Ok(Some(sample)) => {
-                    let sample = bytes(sample.payload());
-                    if sample.len() == size
-                        && tracker.accept(word(sample, EPOCH_OFFSET), word(sample, SEQUENCE_OFFSET))
-                    {
-                        take(sample);
-                        taken += 1;
-                    }
-                }
-                Err(error) => return Err(format!("{error:?}")),
+        left: &mut usize,
+    ) -> Result<Option<BytesSample>, String> {
+        while *left > 0 {
+            *left -= 1;
+            let Some(sample) = self.port.receive().map_err(|error| format!("{error:?}"))? else {
+                return Ok(None);
+            };
+            let payload = bytes(sample.payload());
+            if payload.len() == size
+                && tracker.accept(word(payload, EPOCH_OFFSET), word(payload, SEQUENCE_OFFSET))
+            {
+                return Ok(Some(sample));
             }
         }
-        Ok(taken)
+        Ok(None)
     }
 
     /// Trouble counts as something: draining then says what it is.
@@ -313,6 +336,9 @@ impl Port {
         self.port.has_samples().unwrap_or(true)
     }
 }
+
+/// Any payload is a slice of markers, each of which is one byte.
+type BytesSample = iceoryx2::sample::Sample<Svc, [CustomPayloadMarker], ()>;
 
 /// The marker is one byte; it stands for any payload.
 fn bytes(payload: &[CustomPayloadMarker]) -> &[u8] {
@@ -346,6 +372,7 @@ impl BytesSubscriber {
             size,
             follower: Follower::new(session, key),
             waiter: Waiter::new(),
+            pollable: OnceCell::new(),
             tracker: SequenceTracker::default(),
             generations: 0,
             place: place(key),
@@ -370,51 +397,67 @@ impl BytesSubscriber {
         };
         if let Some(port) = self.follower.follow(present, open)? {
             self.generations += 1;
+            if let Some(pollable) = self.pollable.get() {
+                pollable.change(&port.samples);
+            }
             self.former = self.port.replace(port);
         }
         Ok(())
     }
 
     /// Hands on every sample that is there, in order, and says how many those were.
-    pub(crate) fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        self.drain_at_most(usize::MAX, take)
+    pub(crate) fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        let begun = self.begin();
+        let mut left = MAX_SAMPLES_PER_DRAIN;
+        let mut taken = 0;
+        while let Some(sample) = self.next_of(&mut left)? {
+            take(bytes(sample.payload()));
+            taken += 1;
+        }
+        begun.map(|()| taken)
     }
 
-    /// As [`BytesSubscriber::drain`], but stops after so many samples.
-    fn drain_at_most(
-        &mut self,
-        most: usize,
-        mut take: impl FnMut(&[u8]),
-    ) -> Result<usize, ReceiveError> {
+    /// The oldest sample that was not handed on yet.
+    fn next(&mut self) -> Result<Option<BytesSample>, ReceiveError> {
+        let begun = self.begin();
+        let mut left = MAX_SAMPLES_PER_DRAIN;
+        match self.next_of(&mut left)? {
+            Some(sample) => Ok(Some(sample)),
+            None => begun.map(|()| None),
+        }
+    }
+
+    /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can be read.
+    fn begin(&mut self) -> Result<(), ReceiveError> {
         // While there is a former generation, its samples are on the way.
         let followed = match self.former {
             None => self.follow(HISTORY),
             Some(_) => Ok(()),
         };
-        let mut taken = 0;
+        for port in self.former.iter().chain(&self.port) {
+            port.samples.take();
+        }
+        if let Some(pollable) = self.pollable.get() {
+            pollable.drained();
+        }
+        followed.map_err(|error| self.failed(error.to_string()))
+    }
+
+    /// The oldest of at most `left` samples.
+    fn next_of(&mut self, left: &mut usize) -> Result<Option<BytesSample>, ReceiveError> {
         if let Some(former) = &self.former {
-            let drained = former.drain(&mut self.tracker, self.size, most, &mut take);
-            taken = drained.unwrap_or(0);
-            if taken == most {
-                return Ok(taken);
+            if let Ok(Some(sample)) = former.next(&mut self.tracker, self.size, left) {
+                return Ok(Some(sample));
             }
-            if let Some(former) = self.former.take() {
+            if let Some(former) = self.former.take_if(|_| *left > 0) {
                 // The last member of a generation deletes it, among everybody's segments.
                 self.session.housekeeper().drop_later(former);
             }
         }
-        taken += self.drain_port(most - taken, take)?;
-        match followed {
-            Ok(()) => Ok(taken),
-            Err(error) => Err(self.failed(error.to_string())),
-        }
-    }
-
-    fn drain_port(&mut self, most: usize, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let Some(port) = &self.port else {
-            return Ok(0);
+            return Ok(None);
         };
-        port.drain(&mut self.tracker, self.size, most, take)
+        port.next(&mut self.tracker, self.size, left)
             .map_err(|reason| {
                 // iceoryx2 does not try a failed connection again until the publishers change; a new port does.
                 self.port = None;
@@ -430,22 +473,24 @@ impl BytesSubscriber {
         }
     }
 
-    pub(crate) fn wait(&self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.waiter.wait(&[self], Some(timeout))
+    pub(crate) fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
+        let waiter = mem::take(&mut self.waiter);
+        let wake = waiter.wait_for_one(self, timeout);
+        self.waiter = waiter;
+        wake
     }
 
-    fn spin(&self, timeout: Duration) -> Wake {
+    fn spin(&self, timeout: Duration) -> bool {
         let deadline = MonotonicNs::now() + timeout;
         loop {
             for _ in 0..SPINS_PER_LOOK {
-                let ready = waiter::look(&[self]);
-                if !ready.is_empty() {
-                    return Wake::Ready(ready);
+                if sealed::Source::has_something(self) {
+                    return true;
                 }
                 hint::spin_loop();
             }
             if MonotonicNs::now() >= deadline {
-                return Wake::TimedOut;
+                return false;
             }
         }
     }
@@ -454,11 +499,9 @@ impl BytesSubscriber {
         self.generations
     }
 
-    pub(crate) fn descriptor(&self) -> Result<Option<BorrowedFd<'_>>, OpenError> {
-        self.port
-            .as_ref()
-            .map(|port| port.samples.lend_descriptor())
-            .transpose()
+    pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        let receiver = self.port.as_ref().map(|port| &port.samples);
+        pollable::of(&self.pollable, receiver)
     }
 
     pub(crate) fn losses(&self) -> Losses {

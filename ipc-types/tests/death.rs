@@ -15,7 +15,7 @@ use std::time::Duration;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
 use ipc_types::{
-    Domain, Ipc, Publisher, Removal, ReportError, RobotId, Server, Source, Ticket, Waiter, Wake,
+    Domain, Ipc, Publisher, Removal, ReportError, RobotId, Server, Ticket, Waiter, Wake,
     fresh_request_id,
 };
 use rustix::process::{Pid, Signal, kill_process};
@@ -84,8 +84,9 @@ fn play(role: &str) {
             // Those that come later get what was published before.
             let waiter = Waiter::new();
             loop {
-                waiter.wait(&[&publisher], None).expect("wait");
-                publisher.tend();
+                waiter
+                    .wait(&mut [((), &mut publisher)], None)
+                    .expect("wait");
             }
         }
         "subscriber" => {
@@ -123,11 +124,11 @@ fn play(role: &str) {
         "sleeper" => {
             let is_signalled = Arc::new(AtomicBool::new(false));
             signal_hook::flag::register(Signal::USR1.as_raw(), is_signalled).expect("a handler");
-            let subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
+            let mut subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
             let waiter = Waiter::new();
             println!("asleep");
             let wake = waiter
-                .wait(&[&subscriber as &dyn Source], None)
+                .wait(&mut [((), &mut subscriber)], None)
                 .expect("wait");
             println!("{wake:?}");
         }
@@ -264,7 +265,7 @@ fn clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server()
             for client in &mut clients {
                 client.send(&start()).unwrap();
             }
-            assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+            assert!(server.wait(WATCHDOG).unwrap().is_ready());
             drop(clients);
             assert!(take(&mut server).is_empty(), "nobody waits for them");
             let mut gone = 0;
@@ -376,7 +377,7 @@ fn a_signal_ends_a_wait() {
                 line = is_done.recv_timeout(Duration::from_millis(20)).ok();
                 line.is_some()
             });
-            let interrupted = format!("{:?}\n", Wake::Interrupted);
+            let interrupted = format!("{:?}\n", Wake::<()>::Interrupted);
             assert_eq!(line, Some(interrupted));
         });
         assert!(sleeper.child.wait().unwrap().success());

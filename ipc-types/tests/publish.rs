@@ -39,7 +39,7 @@ fn a_sample_wakes_the_subscriber_and_arrives_as_it_was_filled_in() {
             })
             .unwrap();
         assert_eq!(sequence, 1);
-        assert!(subscriber.wait(WATCHDOG).unwrap().is_ready(0));
+        assert!(subscriber.wait(WATCHDOG).unwrap().is_ready());
         let sample = subscriber.latest().unwrap().unwrap();
         assert_eq!(sample.rotor_rpm, 1500);
         assert_eq!(sample.geographic.latitude_deg, 37.4);
@@ -82,16 +82,16 @@ fn a_late_joiner_gets_the_latest_at_once() {
             publisher.publish(|sample| sample.status = status).unwrap();
         }
         let mut late = ipc.subscriber::<ModuleState>().unwrap();
-        // The publisher publishes nothing more: it is woken by the arrival, and hands the latest on.
+        // The publisher publishes nothing more: it hands the latest on in its wait, which goes on.
         let waiter = Waiter::new();
-        let wake = waiter.wait(&[&publisher as &dyn Source], Some(WATCHDOG));
-        assert!(wake.unwrap().is_ready(0));
-        publisher.tend();
-        assert!(late.wait(WATCHDOG).unwrap().is_ready(0));
+        let ports: &mut [(_, &mut dyn Source)] =
+            &mut [("publisher", &mut publisher), ("late", &mut late)];
+        let wake = waiter.wait(ports, Some(WATCHDOG)).unwrap();
+        assert!(wake.is_only("late"), "{wake:?}");
         let sample = late.latest().unwrap().unwrap();
         assert_eq!((sample.status, sample.sequence), (3, 3));
         assert_eq!(late.losses().lost, 0);
-        let quiet = waiter.wait(&[&publisher as &dyn Source], Some(A_MOMENT));
+        let quiet = waiter.wait(&mut [((), &mut publisher)], Some(A_MOMENT));
         assert_eq!(quiet.unwrap(), Wake::TimedOut);
     });
 }
@@ -112,8 +112,8 @@ fn a_subscriber_may_be_there_first() {
             // The subscriber enters when it likes; the publisher is woken by that and hands on what was published.
             let waiter = Waiter::new();
             while is_seen.try_recv().is_err() {
-                waiter.wait(&[&publisher], Some(A_MOMENT)).unwrap();
-                publisher.tend();
+                let wake = waiter.wait(&mut [((), &mut publisher)], Some(A_MOMENT));
+                assert_eq!(wake.unwrap(), Wake::TimedOut);
             }
         });
         let mut samples = Vec::new();
@@ -296,10 +296,9 @@ fn no_sample_is_slept_through(way: fn(&Ipc) -> Way) {
                     let sequence = publisher.publish(|_| {}).unwrap();
                     // At most a quarter of the buffer is on its way: what is missing was slept through, not dropped.
                     while sequence - last > SUBSCRIBER_BUFFER as u64 / 4 {
-                        waiter
-                            .wait(&[&confirmed, &publisher], Some(WATCHDOG))
-                            .unwrap();
-                        publisher.tend();
+                        let ports: &mut [(_, &mut dyn Source)] =
+                            &mut [((), &mut confirmed), ((), &mut publisher)];
+                        waiter.wait(ports, Some(WATCHDOG)).unwrap();
                         confirmed
                             .drain(|sample| last = sample.source_sequence)
                             .unwrap();
@@ -313,7 +312,7 @@ fn no_sample_is_slept_through(way: fn(&Ipc) -> Way) {
             let wake = match &way {
                 Way::Own => subscriber.wait(WATCHDOG).unwrap(),
                 Way::Waiter(waiter) => waiter
-                    .wait(&[&subscriber as &dyn Source], Some(WATCHDOG))
+                    .wait(&mut [((), &mut subscriber)], Some(WATCHDOG))
                     .unwrap(),
             };
             assert_ne!(wake, Wake::TimedOut, "slept through after {last}");
@@ -342,29 +341,25 @@ fn no_sample_is_slept_through_with_a_waiter() {
 fn a_waiter_says_which_descriptor_is_ready_and_lets_it_go() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
-        let subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let waiter = Waiter::new();
         let (reader, mut writer) = std::io::pipe().unwrap();
         {
-            let descriptor = Descriptor::new(reader.as_fd());
-            let sources: [&dyn Source; 2] = [&subscriber, &descriptor];
-            assert_eq!(
-                waiter.wait(&sources, Some(A_MOMENT)).unwrap(),
-                Wake::TimedOut
-            );
+            let mut descriptor = Descriptor::new(reader.as_fd());
+            let sources: &mut [(_, &mut dyn Source)] =
+                &mut [("port", &mut subscriber), ("pipe", &mut descriptor)];
+            let wake = waiter.wait(sources, Some(A_MOMENT)).unwrap();
+            assert_eq!(wake, Wake::TimedOut);
             writer.write_all(b"x").unwrap();
-            let wake = waiter.wait(&sources, Some(WATCHDOG)).unwrap();
-            assert!(wake.is_ready(1) && !wake.is_ready(0));
+            let wake = waiter.wait(sources, Some(WATCHDOG)).unwrap();
+            assert!(wake.has("pipe") && wake.is_only("pipe") && !wake.has("port"));
             drop(writer);
-            // Hung up: ready for ever, until nobody waits for it any more.
-            assert!(waiter.wait(&sources, Some(WATCHDOG)).unwrap().is_ready(1));
+            // Hung up: ready for ever, until it is not waited for any more.
+            assert!(waiter.wait(sources, Some(WATCHDOG)).unwrap().has("pipe"));
         }
         drop(reader);
-        let sources: [&dyn Source; 1] = [&subscriber];
-        assert_eq!(
-            waiter.wait(&sources, Some(A_MOMENT)).unwrap(),
-            Wake::TimedOut
-        );
+        let wake = waiter.wait(&mut [((), &mut subscriber)], Some(A_MOMENT));
+        assert_eq!(wake.unwrap(), Wake::TimedOut);
     });
 }
 
@@ -372,14 +367,20 @@ fn a_waiter_says_which_descriptor_is_ready_and_lets_it_go() {
 fn a_waiter_refuses_what_it_cannot_wait_for() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
-        let subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let (pipe, _writer) = std::io::pipe().unwrap();
         let waiter = Waiter::new();
-        let wait = |sources: &[&dyn Source]| waiter.wait(sources, Some(Duration::ZERO));
+        let wait =
+            |sources: &mut [((), &mut dyn Source)]| waiter.wait(sources, Some(Duration::ZERO));
 
-        assert!(matches!(wait(&[]), Err(WaitError::NoSources)));
-        let many = [&subscriber as &dyn Source; MAX_SOURCES + 1];
-        assert!(matches!(wait(&many), Err(WaitError::TooManySources(_))));
-        assert_eq!(wait(&[&subscriber as &dyn Source]).unwrap(), Wake::TimedOut);
+        assert!(matches!(wait(&mut []), Err(WaitError::NoSources)));
+        let mut many = [Descriptor::new(pipe.as_fd()); MAX_SOURCES + 1];
+        let mut many: Vec<_> = many
+            .iter_mut()
+            .map(|one| ((), one as &mut dyn Source))
+            .collect();
+        assert!(matches!(wait(&mut many), Err(WaitError::TooManySources(_))));
+        assert_eq!(wait(&mut [((), &mut subscriber)]).unwrap(), Wake::TimedOut);
     });
 }
 
@@ -456,5 +457,27 @@ fn samples_are_received_one_by_one() {
         publisher.publish(|_| {}).unwrap();
         let next = subscriber.iter().next().unwrap().unwrap();
         assert_eq!(next.sequence, 7);
+    });
+}
+
+/// No copy: what is held stays, though every chunk of the publisher is used again meanwhile.
+#[test]
+fn a_sample_that_is_held_stays_as_it_was() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        assert!(subscriber.try_borrow().unwrap().is_none());
+        publisher.publish(|sample| sample.rotor_rpm = 7).unwrap();
+        let held = subscriber.try_borrow().unwrap().unwrap();
+        for _ in 0..2 * SUBSCRIBER_BUFFER * MAX_SUBSCRIBERS {
+            publisher.publish(|sample| sample.rotor_rpm = 8).unwrap();
+        }
+        publisher.wear_out();
+        publisher.tend();
+        assert_eq!((held.sequence, held.rotor_rpm), (1, 7));
+        drop(held);
+        let next = subscriber.try_borrow().unwrap().unwrap();
+        assert_eq!(next.rotor_rpm, 8);
     });
 }

@@ -56,7 +56,7 @@ fn a_request_is_accepted_goes_on_and_has_a_final_word() {
         let mut server = ipc.server::<MovementData>().unwrap();
         let request = MovementData::take_off(fresh_request_id(), 12.5);
         client.send(&request).unwrap();
-        assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+        assert!(server.wait(WATCHDOG).unwrap().is_ready());
         let requests = take(&mut server);
         let [(ticket, received)] = requests[..] else {
             panic!("{requests:?}");
@@ -65,7 +65,7 @@ fn a_request_is_accepted_goes_on_and_has_a_final_word() {
 
         for (stage, outstanding) in [(Stage::Accepted, 1), (Stage::Progress, 1), (Stage::Done, 0)] {
             server.report(ticket, &report(stage)).unwrap();
-            assert!(client.wait(WATCHDOG).unwrap().is_ready(0));
+            assert!(client.wait(WATCHDOG).unwrap().is_ready());
             let expected = [(request.request_id, stage, Reason::None)];
             assert_eq!(reports(&mut client), expected);
             assert_eq!(client.outstanding(), outstanding);
@@ -117,7 +117,7 @@ fn a_client_that_is_dropped_or_gives_up_is_seen_as_vanished() {
 
         drop(dropped);
         giving_up.give_up();
-        assert!(server.wait(WATCHDOG).unwrap().is_ready(0));
+        assert!(server.wait(WATCHDOG).unwrap().is_ready());
         let mut gone = Vec::new();
         server.vanished(|_, request_id| gone.push(request_id));
         gone.sort_unstable();
@@ -186,7 +186,7 @@ fn when_the_server_goes_every_open_request_ends_as_unknown() {
             .report(requests[1].0, &report(Stage::Accepted))
             .unwrap();
         drop(server);
-        assert!(client.wait(WATCHDOG).unwrap().is_ready(0));
+        assert!(client.wait(WATCHDOG).unwrap().is_ready());
         let mut told = reports(&mut client);
         told.sort_by_key(|(id, stage, _)| {
             let order = sent.iter().position(|request| request.request_id == *id);
@@ -389,13 +389,11 @@ fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
             let domain = domain.clone();
             thread::spawn(move || {
                 let ipc = join(&domain, "operator");
-                let waiter = Waiter::new();
                 let mut client = ipc.client::<ModuleControl>().unwrap();
                 for _ in 0..REQUESTS {
                     client.send(&start()).unwrap();
                     while client.outstanding() > 0 {
-                        let wake = waiter.wait(&[&client as &dyn Source], Some(WATCHDOG));
-                        assert!(wake.unwrap().is_ready(0));
+                        assert!(client.wait(WATCHDOG).unwrap().is_ready());
                         for (_, stage, _) in reports(&mut client) {
                             assert_eq!(stage, Stage::Done);
                         }
@@ -405,10 +403,10 @@ fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
         };
         let mut served = 0;
         while served < REQUESTS {
-            let wake = waiter
-                .wait(&[&movement as &dyn Source, &control], Some(WATCHDOG))
-                .unwrap();
-            assert_ne!(wake, Wake::TimedOut);
+            let servers: &mut [(_, &mut dyn Source)] =
+                &mut [("movement", &mut movement), ("control", &mut control)];
+            let wake = waiter.wait(servers, Some(WATCHDOG)).unwrap();
+            assert!(wake.is_only("control"), "{wake:?}");
             assert!(take(&mut movement).is_empty());
             for (ticket, _) in take(&mut control) {
                 control.report(ticket, &report(Stage::Done)).unwrap();
@@ -419,7 +417,9 @@ fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
         operator.join().unwrap();
         // The operator's end wakes the server, which finds nothing; then it is quiet.
         until("quiet", || {
-            let wake = waiter.wait(&[&movement as &dyn Source, &control], Some(A_MOMENT));
+            let servers: &mut [(_, &mut dyn Source)] =
+                &mut [((), &mut movement), ((), &mut control)];
+            let wake = waiter.wait(servers, Some(A_MOMENT));
             assert!(take(&mut control).is_empty());
             wake.unwrap() == Wake::TimedOut
         });

@@ -6,6 +6,7 @@
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
+use arrayvec::ArrayVec;
 use ipc_types::waiter::{MAX_SOURCES, SAFETY_BOUND};
 use ipc_types::{Descriptor, MonotonicNs, Place, Source, WaitError, Waiter, Wake, wake_promptly};
 use runtime::notify::Notifier;
@@ -20,19 +21,21 @@ pub trait Process {
     /// Why the process cannot go on.
     type Error: From<WaitError>;
 
+    /// What the process calls its sources, its ports by the default; `()` when it never asks which of them has woken it.
+    type Key: Copy + Default + PartialEq;
+
     /// Whether the process has publishers, subscribers and clients alone. It then sleeps on their doorbell, which wakes sooner
     /// than a descriptor does, and a signal ends the sleep by interrupting it, or [`SAFETY_BOUND`] does.
     const IS_PORTS_ALONE: bool = false;
 
     /// Adds what the process waits for: every publisher, subscriber, server and client, and descriptors.
-    fn sources<'a>(&'a self, sources: &mut Sources<'a>);
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a, Self::Key>);
 
-    /// Services every source that may have woken the process. The first of its [`sources`](Self::sources) has the index
-    /// [`FIRST`].
+    /// Services every source that may have woken the process.
     ///
     /// # Errors
     /// The process cannot go on.
-    fn drain(&mut self, wake: Wake) -> Result<(), Self::Error>;
+    fn drain(&mut self, wake: Wake<Self::Key>) -> Result<(), Self::Error>;
 
     /// What is due though nothing has woken the process for it.
     fn round(&mut self, _now: MonotonicNs) {}
@@ -48,63 +51,62 @@ pub trait Process {
     }
 }
 
-/// The index of a process's first source in a [`Wake`]; before it are the signals.
-pub const FIRST: usize = 1;
-
-/// What a process waits for, in the order in which it was added.
-#[derive(Default)]
-pub struct Sources<'a> {
-    list: [Option<Entry<'a>>; MAX_SOURCES],
-    len: usize,
+/// What a process waits for.
+pub struct Sources<'a, K = ()> {
+    list: ArrayVec<Entry<'a, K>, MAX_SOURCES>,
 }
 
-enum Entry<'a> {
-    Port(&'a dyn Source),
+/// A source; the signals, which are not the process's own, have no key.
+struct Entry<'a, K> {
+    key: Option<K>,
+    source: AnySource<'a>,
+}
+
+enum AnySource<'a> {
+    Port(&'a mut dyn Source),
     Descriptor(Descriptor<'a>),
 }
 
-impl<'a> Sources<'a> {
-    /// Adds a port.
+impl<'a, K: Copy> Sources<'a, K> {
+    /// Adds a port, whose key is the default one.
     ///
     /// # Panics
     /// When there are more than [`MAX_SOURCES`], which is a defect.
-    pub fn port(&mut self, port: &'a dyn Source) {
-        self.add(Entry::Port(port));
+    pub fn port(&mut self, port: &'a mut dyn Source)
+    where
+        K: Default,
+    {
+        self.add(Some(K::default()), AnySource::Port(port));
     }
 
     /// Adds a file descriptor, which wakes the process when it can be read.
     ///
     /// # Panics
     /// When there are more than [`MAX_SOURCES`], which is a defect.
-    pub fn descriptor(&mut self, descriptor: BorrowedFd<'a>) {
-        self.add(Entry::Descriptor(Descriptor::new(descriptor)));
+    pub fn descriptor(&mut self, key: K, descriptor: BorrowedFd<'a>) {
+        let descriptor = Descriptor::new(descriptor);
+        self.add(Some(key), AnySource::Descriptor(descriptor));
     }
 
-    fn add(&mut self, entry: Entry<'a>) {
-        self.list[self.len] = Some(entry);
-        self.len += 1;
+    fn add(&mut self, key: Option<K>, source: AnySource<'a>) {
+        self.list.push(Entry { key, source });
     }
 
-    fn wait(&self, waiter: &Waiter, timeout: Duration) -> Result<Wake, WaitError> {
-        let entries = &self.list[..self.len];
-        let Some(Some(first)) = entries.first() else {
-            return Err(WaitError::NoSources);
-        };
-        // Filled from the front; what stays is not waited for.
-        let mut sources: [&dyn Source; MAX_SOURCES] = [first.source(); MAX_SOURCES];
-        for (source, entry) in sources.iter_mut().zip(entries.iter().flatten()) {
-            *source = entry.source();
-        }
-        waiter.wait(&sources[..self.len], Some(timeout))
+    fn wait(&mut self, waiter: &Waiter, timeout: Duration) -> Result<Wake<K>, WaitError> {
+        let mut sources: ArrayVec<_, MAX_SOURCES> =
+            self.list.iter_mut().map(Entry::keyed).collect();
+        let wake = waiter.wait(&mut sources, Some(timeout))?;
+        Ok(wake.rename(|key| key))
     }
 }
 
-impl Entry<'_> {
-    fn source(&self) -> &dyn Source {
-        match self {
-            Entry::Port(port) => *port,
-            Entry::Descriptor(descriptor) => descriptor,
-        }
+impl<K: Copy> Entry<'_, K> {
+    fn keyed(&mut self) -> (Option<K>, &mut dyn Source) {
+        let source: &mut dyn Source = match &mut self.source {
+            AnySource::Port(port) => *port,
+            AnySource::Descriptor(descriptor) => descriptor,
+        };
+        (self.key, source)
     }
 }
 
@@ -141,23 +143,26 @@ pub fn run<P: Process>(
 }
 
 fn sleep<P: Process>(
-    process: &P,
+    process: &mut P,
     waiter: &Waiter,
     termination: &Termination,
     supervisor: &Notifier,
     next_round: MonotonicNs,
-) -> Result<Wake, WaitError> {
+) -> Result<Wake<P::Key>, WaitError> {
     let watchdog = supervisor.watchdog_period().map(|_| next_round);
     let deadline = [process.deadline(), watchdog]
         .into_iter()
         .flatten()
         .fold(MonotonicNs(u64::MAX), MonotonicNs::min);
-    let mut sources = Sources::default();
+    let timeout = deadline.since(MonotonicNs::now());
+    let mut sources = Sources {
+        list: ArrayVec::new(),
+    };
     if !P::IS_PORTS_ALONE {
-        sources.descriptor(termination.as_fd());
+        let signals = Descriptor::new(termination.as_fd());
+        sources.add(None, AnySource::Descriptor(signals));
     }
     process.sources(&mut sources);
-    let timeout = deadline.since(MonotonicNs::now());
     // A signal that comes just before a sleep on ports alone does not end it; then the safety bound does.
     sources.wait(waiter, timeout.min(SAFETY_BOUND))
 }
@@ -178,8 +183,9 @@ mod tests {
 
     impl Process for Example {
         type Error = WaitError;
+        type Key = ();
 
-        fn sources<'a>(&'a self, _sources: &mut Sources<'a>) {}
+        fn sources<'a>(&'a mut self, _sources: &mut Sources<'a>) {}
 
         fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
             self.wakes += 1;

@@ -30,8 +30,8 @@ impl<R: Request> Requests<R> {
     }
 
     /// What to wait for.
-    pub fn source(&self) -> &dyn Source {
-        &self.server
+    pub fn source(&mut self) -> &mut dyn Source {
+        &mut self.server
     }
 
     /// Takes every request that is there: `answer` carries one out and gives the report about it, of which only stage, reason

@@ -38,10 +38,10 @@ pub trait Work: Module + Sized {
     fn open(config: Self::Config, ipc: &Ipc) -> Result<Self, OpenError>;
 
     /// Adds every port of the module to what it waits for.
-    fn sources<'a>(&'a self, sources: &mut Sources<'a>);
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>);
 
-    /// Called after every wake, whatever it was for: tends every publisher, takes everything that has come through the other
-    /// ports, and does what is due. Must not block.
+    /// Called after every wake, whatever it was for: takes everything that has come through the ports, and does what is due. Must
+    /// not block.
     ///
     /// A module that is not [started](Manager::is_started) may receive and publish; it commands nothing.
     fn step(&mut self, now: MonotonicNs, manager: &mut Manager);
@@ -72,7 +72,7 @@ pub trait Work: Module + Sized {
 ///     fn open(_: Self::Config, _: &Ipc) -> Result<Idle, OpenError> {
 ///         Ok(Idle)
 ///     }
-///     fn sources<'a>(&'a self, _: &mut Sources<'a>) {}
+///     fn sources<'a>(&'a mut self, _: &mut Sources<'a>) {}
 ///     fn step(&mut self, _: MonotonicNs, _: &mut Manager) {}
 /// }
 ///
@@ -172,16 +172,16 @@ impl<W: Work> Running<W> {
 
 impl<W: Work> Process for Running<W> {
     type Error = WaitError;
+    type Key = ();
 
-    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
-        sources.port(&self.state);
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.port(&mut self.state);
         sources.port(self.control.source());
         self.work.sources(sources);
     }
 
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         let now = MonotonicNs::now();
-        self.state.tend();
         let (work, manager) = (&mut self.work, &mut self.manager);
         self.control.serve(|request| {
             let Some(command) = request.command() else {

@@ -106,7 +106,6 @@ impl Shell {
 
     /// Services every source that may have woken us, and does what is due.
     fn step(&mut self) {
-        self.output.tend();
         self.drain();
         let now = MonotonicNs::now();
         let losses = self.input.losses();
@@ -148,13 +147,14 @@ impl Shell {
 
 impl Process for Shell {
     type Error = WaitError;
+    type Key = ();
 
     /// Telemetry goes on sooner when nothing but the doorbell wakes status.
     const IS_PORTS_ALONE: bool = true;
 
-    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
-        sources.port(&self.input);
-        sources.port(&self.output);
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.port(&mut self.input);
+        sources.port(&mut self.output);
     }
 
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {

@@ -149,7 +149,7 @@ fn await_link(states: &mut Subscriber<ModuleState>) {
     let mut is_up = false;
     while !is_up {
         assert!(
-            states.wait(WAIT_LIMIT).expect("a wait").is_ready(0),
+            states.wait(WAIT_LIMIT).expect("a wait").is_ready(),
             "no state"
         );
         states
@@ -169,8 +169,13 @@ fn consumer(domain: &Domain) -> (Running, mpsc::Receiver<Seen>) {
         let waiter = Waiter::new();
         let mut seen = Seen::default();
         while !termination.requested() {
-            let signals = Descriptor::new(termination.as_fd());
-            waiter.wait(&[&raw, &hero, &signals], None).expect("a wait");
+            let mut signals = Descriptor::new(termination.as_fd());
+            waiter
+                .wait(
+                    &mut [((), &mut raw), ((), &mut hero), ((), &mut signals)],
+                    None,
+                )
+                .expect("a wait");
             raw.drain(|sample| seen.raw.push(*sample)).expect("samples");
             hero.drain(|sample| seen.hero.push(*sample))
                 .expect("samples");

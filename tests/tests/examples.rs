@@ -11,9 +11,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
-use ipc_types::{Ipc, Publisher, Waiter};
-use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
+use ipc_types::{Ipc, Publisher, Source, Waiter};
+use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::{Chain, Process, PtyFolder, TestDomain};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
@@ -314,10 +315,15 @@ fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
     let mut publisher: Publisher<module::Voltages> = ipc.publisher().unwrap();
     let sample = |sample: &mut module::Voltages| sample.cells = [3.5; 12];
     publisher.publish(sample).unwrap();
-    // The consumer joins now, or has: the publisher gives it the latest sample.
-    Waiter::new().wait(&[&publisher], Some(WAIT_LIMIT)).unwrap();
-    publisher.tend();
-    consumer.wait_for_text("1 3.50 V to 3.50 V");
+    // The consumer joins now, or has: the publisher gives it the latest sample in its wait.
+    let waiter = Waiter::new();
+    let watchdog = Instant::now() + WAIT_LIMIT;
+    let is_shown = |line: &Line| line.text.contains("1 3.50 V to 3.50 V");
+    while !consumer.lines().iter().any(is_shown) {
+        assert!(Instant::now() < watchdog, "{:?}", consumer.lines());
+        let ports: &mut [(_, &mut dyn Source)] = &mut [((), &mut publisher)];
+        waiter.wait(ports, Some(Duration::from_millis(20))).unwrap();
+    }
     publisher.publish(sample).unwrap();
     let finished = consumer.wait_exit();
     assert_eq!(finished.stdout.last().unwrap(), "2 3.50 V to 3.50 V");

@@ -102,9 +102,9 @@ impl Waiting {
 
 impl super::Receiver for Waiting {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
-        let other = Descriptor::new(self.other.as_fd());
-        let sources: [&dyn Source; 2] = [&self.subscriber, &other];
-        self.waiter.wait(&sources, Some(PATIENCE))?;
+        let mut other = Descriptor::new(self.other.as_fd());
+        self.waiter
+            .wait(&mut [((), &mut self.subscriber), ((), &mut other)], Some(PATIENCE))?;
         self.subscriber.drain(|sample| take(Mark::of(sample)))?;
         Ok(())
     }

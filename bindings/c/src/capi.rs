@@ -341,12 +341,12 @@ pub unsafe extern "C" fn hero_ril_descriptor(
 ) -> c_int {
     guard(|| unsafe {
         let subscriber = handle(subscriber, "subscriber")?.subscriber();
-        let number = subscriber.descriptor()?.map_or(-1, |fd| fd.as_raw_fd());
+        let number = subscriber.descriptor()?.as_raw_fd();
         write(descriptor, number, "descriptor")?;
         if !generation.is_null() {
             generation.write(subscriber.generations());
         }
-        Ok(if number < 0 { NOTHING } else { OK })
+        Ok(OK)
     })
 }
 
@@ -602,31 +602,26 @@ pub unsafe extern "C" fn hero_ril_wait(
         // SAFETY: the caller has `count` sources there, whose handles no other thread uses now.
         let sources = std::slice::from_raw_parts(sources, count);
         let wake = {
-            let mut all: Vec<&dyn Source> = Vec::with_capacity(count);
+            let mut all: Vec<((), &mut dyn Source)> = Vec::with_capacity(count);
             for source in sources {
-                if let Some(inbox) = source.subscriber.as_ref() {
+                if let Some(inbox) = source.subscriber.as_mut() {
                     if inbox.has_buffered() {
                         return Ok(OK);
                     }
-                    all.push(inbox.subscriber());
+                    all.push(((), inbox.subscriber_mut()));
                 }
-                if let Some(client) = source.client.as_ref() {
+                if let Some(client) = source.client.as_mut() {
                     if client.has_waiting() {
                         return Ok(OK);
                     }
-                    all.extend(client.sources());
+                    all.extend(client.sources().into_iter().map(|source| ((), source)));
                 }
-                if let Some(publisher) = source.publisher.as_ref() {
-                    all.push(publisher);
+                if let Some(publisher) = source.publisher.as_mut() {
+                    all.push(((), publisher));
                 }
             }
-            Waiter::new().wait(&all, Some(timeout(timeout_ms)))?
+            Waiter::new().wait(&mut all, Some(timeout(timeout_ms)))?
         };
-        for source in sources {
-            if let Some(publisher) = source.publisher.as_mut() {
-                publisher.tend();
-            }
-        }
         Ok(match wake {
             Wake::Ready(_) => OK,
             Wake::TimedOut => NOTHING,

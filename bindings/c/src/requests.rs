@@ -230,7 +230,15 @@ impl Requests {
                 return Ok(Answer::Nothing);
             }
             let left = Some(until - now);
-            if self.waiter.wait(&self.sources(), left)? == Wake::Interrupted {
+            let waiter = std::mem::take(&mut self.waiter);
+            let mut sources: Vec<_> = self
+                .sources()
+                .into_iter()
+                .map(|source| ((), source))
+                .collect();
+            let wake = waiter.wait(&mut sources, left);
+            self.waiter = waiter;
+            if wake? == Wake::Interrupted {
                 return Ok(Answer::Interrupted);
             }
         }
@@ -278,14 +286,18 @@ impl Requests {
     }
 
     /// The clients that are open, to wait for.
-    pub fn sources(&self) -> Vec<&dyn Source> {
-        fn of<R: Request>(client: &Option<Client<R>>) -> Option<&dyn Source> {
-            client.as_ref().map(|client| client as &dyn Source)
+    pub fn sources(&mut self) -> Vec<&mut dyn Source> {
+        fn of<R: Request>(client: &mut Option<Client<R>>) -> Option<&mut dyn Source> {
+            client.as_mut().map(|client| client as &mut dyn Source)
         }
-        [of(&self.control), of(&self.movement), of(&self.parameters)]
-            .into_iter()
-            .flatten()
-            .collect()
+        [
+            of(&mut self.control),
+            of(&mut self.movement),
+            of(&mut self.parameters),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
     }
 
     /// Descriptors that can be read once there are reports, for an event loop. They change when the bridge starts again: ask

@@ -118,6 +118,11 @@ impl Inbox {
         &self.subscriber
     }
 
+    /// The same, to wait for.
+    pub fn subscriber_mut(&mut self) -> &mut DynamicSubscriber {
+        &mut self.subscriber
+    }
+
     /// Whether a sample waits in the buffer.
     pub fn has_buffered(&self) -> bool {
         self.next < self.buffer.len()

@@ -252,7 +252,7 @@ impl Subscriber {
         use std::os::fd::AsRawFd;
         let descriptor = self.inbox()?.subscriber().descriptor();
         let descriptor = descriptor.map_err(|error| raise(error.into()))?;
-        Ok(descriptor.map(|fd| fd.as_raw_fd()))
+        Ok(Some(descriptor.as_raw_fd()))
     }
 
     /// The struct: name, type name, and of each field its name, type (a number's name, or a struct of the same kind) and length.

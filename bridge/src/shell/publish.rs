@@ -12,9 +12,6 @@ use super::audit::Audit;
 use crate::flight::request::RequestKey;
 use crate::outputs::{Notice, Outputs};
 
-/// How many services the bridge has.
-pub const SERVICES: usize = 5;
-
 /// The bridge's services.
 pub struct Services {
     telemetry: Publisher<DspTelemetry>,
@@ -51,13 +48,13 @@ impl Services {
     }
 
     /// What to wait for.
-    pub fn sources(&self) -> [&dyn Source; SERVICES] {
+    pub fn sources(&mut self) -> [&mut dyn Source; 5] {
         [
-            &self.telemetry,
-            &self.state,
-            &self.control,
-            &self.movement,
-            &self.parameters,
+            &mut self.telemetry,
+            &mut self.state,
+            &mut self.control,
+            &mut self.movement,
+            &mut self.parameters,
         ]
     }
 
@@ -70,8 +67,6 @@ impl Services {
 
     /// Takes everything that is there into `inbox`, which keeps its memory.
     pub fn drain(&mut self, inbox: &mut Vec<Incoming>) {
-        self.telemetry.tend();
-        self.state.tend();
         let audit = &self.audit;
         drain(
             &mut self.control,

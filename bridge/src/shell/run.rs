@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, LinkState, Reason};
 use ipc_types::{Ipc, MonotonicNs, OpenError, WaitError, Wake};
-use module_kit::process::{self, FIRST, Process, Sources};
+use module_kit::process::{self, Process, Sources};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use super::publish::{Incoming, SERVICES, Services};
+use super::publish::{Incoming, Services};
 use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
 use crate::core::Bridge;
@@ -19,8 +19,15 @@ use crate::safety::fence::Fence;
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
 
-/// The place of the serial port among the sources of a wait: after the services, because it may be absent.
-const LINE: usize = FIRST + SERVICES;
+/// What wakes the bridge, besides signals and deadlines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Waker {
+    /// A service.
+    #[default]
+    Service,
+    /// The serial port.
+    Line,
+}
 
 /// So many headers of the other profile, without any valid message, are no noise.
 const OTHER_PROFILE_HEADERS: u32 = 3;
@@ -100,24 +107,24 @@ struct Shell<'a> {
 
 impl Process for Shell<'_> {
     type Error = ShellError;
+    type Key = Waker;
 
-    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a, Waker>) {
         for service in self.services.sources() {
             sources.port(service);
         }
         if let Some(line) = &self.port.open {
-            sources.descriptor(line.as_fd());
+            sources.descriptor(Waker::Line, line.as_fd());
         }
     }
 
     /// Services every source that may have woken the bridge. A wake that was for the serial link alone leaves the services out,
     /// and the other way round: the next wait looks at all of them again before it sleeps.
-    fn drain(&mut self, wake: Wake) -> Result<(), ShellError> {
-        let is_unknown = !matches!(wake, Wake::Ready(_));
-        if !wake.is_only(LINE) {
+    fn drain(&mut self, wake: Wake<Waker>) -> Result<(), ShellError> {
+        if !wake.is_only(Waker::Line) {
             self.serve(MonotonicNs::now());
         }
-        if is_unknown || wake.is_ready(LINE) {
+        if !wake.is_ready() || wake.has(Waker::Line) {
             self.read();
         }
         let now = MonotonicNs::now();

@@ -137,11 +137,11 @@ impl Work for BatteryWatch {
         })
     }
 
-    fn sources<'a>(&'a self, sources: &mut Sources<'a>) {
-        sources.port(&self.telemetry);
-        sources.port(&self.cells);
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.port(&mut self.telemetry);
+        sources.port(&mut self.cells);
         sources.port(self.limits.source());
-        sources.port(&self.movement);
+        sources.port(&mut self.movement);
     }
 
     fn step(&mut self, now: MonotonicNs, manager: &mut Manager) {
@@ -152,7 +152,6 @@ impl Work for BatteryWatch {
             limits,
             movement,
         } = self;
-        cells.tend();
         limits.serve(|request| {
             if !LIMITS_V.contains(&request.limit_v) {
                 return RequestReport::new(Stage::Refused, Reason::OutOfRange);

@@ -124,8 +124,10 @@ impl Consumer {
             let mut telemetry = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
             let waiter = Waiter::new();
             while !termination.requested() {
-                let ending = Descriptor::new(termination.as_fd());
-                waiter.wait(&[&telemetry, &ending], None).expect("a wait");
+                let mut ending = Descriptor::new(termination.as_fd());
+                waiter
+                    .wait(&mut [((), &mut telemetry), ((), &mut ending)], None)
+                    .expect("a wait");
                 // What cannot be received now can be by the next call, says the subscriber.
                 let _ = telemetry.drain(|sample| {
                     let heard = Heard {

@@ -174,8 +174,10 @@ impl Healthy {
             let mut telemetry = ipc.subscriber::<T>().expect("a subscriber");
             let waiter = Waiter::new();
             while !termination.requested() {
-                let ending = Descriptor::new(termination.as_fd());
-                waiter.wait(&[&telemetry, &ending], None).expect("a wait");
+                let mut ending = Descriptor::new(termination.as_fd());
+                waiter
+                    .wait(&mut [((), &mut telemetry), ((), &mut ending)], None)
+                    .expect("a wait");
                 telemetry.drain(|_| {}).expect("samples");
             }
             telemetry.losses()

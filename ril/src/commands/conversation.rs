@@ -95,7 +95,7 @@ impl<'a, R: Request> Conversation<'a, R> {
                     self.send(&requests[index])?;
                     exchange.sent(now);
                 }
-                Next::Wait(until) => self.session.wait(&[&self.client], until)?,
+                Next::Wait(until) => self.session.wait([&mut self.client as _], until)?,
             }
         }
     }

@@ -62,14 +62,19 @@ impl Session {
     }
 
     /// Sleeps until a port has something, a signal comes or it is `until`; nothing stands for no limit.
-    fn wait(&self, ports: &[&dyn Source], until: Option<MonotonicNs>) -> Result<(), Failure> {
-        let signals = Descriptor::new(self.termination.as_fd());
-        let mut sources: Vec<&dyn Source> = Vec::with_capacity(ports.len() + 1);
-        sources.extend(ports);
-        sources.push(&signals);
+    fn wait<'a>(
+        &self,
+        ports: impl IntoIterator<Item = &'a mut dyn Source>,
+        until: Option<MonotonicNs>,
+    ) -> Result<(), Failure> {
+        let mut signals = Descriptor::new(self.termination.as_fd());
+        let mut sources: Vec<((), &mut dyn Source)> = vec![((), &mut signals)];
+        for port in ports {
+            sources.push(((), port));
+        }
         let timeout = until.map(|until| until.since(MonotonicNs::now()));
         self.waiter
-            .wait(&sources, timeout)
+            .wait(&mut sources, timeout)
             .or_fail(ExitCode::Internal)?;
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, ReceiveError, Subscriber, Topic};
+use ipc_types::{MonotonicNs, ReceiveError, Source, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::state_report::{Sample, StateReport};
@@ -28,11 +28,12 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         if session.termination.requested() {
             return Ok(());
         }
-        let ports = &newest;
-        session.wait(
-            &[&ports.state.port, &ports.dsp.port, &ports.hero.port],
-            Some(give_up),
-        )?;
+        let ports: [&mut dyn Source; 3] = [
+            &mut newest.state.port,
+            &mut newest.dsp.port,
+            &mut newest.hero.port,
+        ];
+        session.wait(ports, Some(give_up))?;
         newest.drain();
     }
     let Some(state) = &newest.state.sample else {

@@ -148,7 +148,7 @@ pub(super) fn watch<S: Samples>(
         match patience.next(now) {
             Next::Wait(until) => {
                 let until = watcher.wake_at().map_or(until, |at| until.min(at));
-                session.wait(&[&*samples], Some(until))?;
+                session.wait([samples as _], Some(until))?;
             }
             Next::Look => {
                 patience.provider(watched.is_provided(session)?, now);

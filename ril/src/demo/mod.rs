@@ -367,25 +367,32 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    fn sleep(&self) -> Result<(), Failure> {
-        let signals = Descriptor::new(self.termination.as_fd());
-        let readiness = Descriptor::new(self.readiness.as_fd());
+    fn sleep(&mut self) -> Result<(), Failure> {
+        let mut signals = Descriptor::new(self.termination.as_fd());
+        let mut readiness = Descriptor::new(self.readiness.as_fd());
         let processes = self.processes.iter();
-        let processes: Vec<_> = processes
+        let mut processes: Vec<_> = processes
             .map(|process| Descriptor::new(process.as_fd()))
             .collect();
-        let mut sources: Vec<&dyn Source> = vec![
-            &signals,
-            &readiness,
-            &self.control,
-            &self.movement,
-            &self.dsp,
-            &self.hero,
-            &self.state,
+        let ports: [&mut dyn Source; 7] = [
+            &mut signals,
+            &mut readiness,
+            &mut self.control,
+            &mut self.movement,
+            &mut self.dsp,
+            &mut self.hero,
+            &mut self.state,
         ];
-        sources.extend(processes.iter().map(|process| process as &dyn Source));
+        let processes = processes
+            .iter_mut()
+            .map(|process| process as &mut dyn Source);
+        let mut sources: Vec<_> = ports
+            .into_iter()
+            .chain(processes)
+            .map(|source| ((), source))
+            .collect();
         self.waiter
-            .wait(&sources, Some(LONGEST_WAIT))
+            .wait(&mut sources, Some(LONGEST_WAIT))
             .map_err(Failure::internal)?;
         Ok(())
     }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 
-use ipc_types::{Domain, RobotId, Waiter, Wake, files};
+use ipc_types::{Domain, RobotId, Source, Waiter, Wake, files};
 
 use super::*;
 use crate::calibration::Calibration;
@@ -332,10 +332,10 @@ fn telemetry_flows_through_shared_memory_while_the_disk_hangs_and_the_process_en
         assert_eq!(bridge.publish(|_| {}).unwrap(), expected);
         let mut seen = 0;
         while seen < expected {
-            // Status may join only now: the bridge is woken by that, and gives it what it has published.
-            let wake = waiter.wait(&[&consumer, &bridge], Some(TIMEOUT)).unwrap();
+            // Status may join only now: the bridge then gives it in the wait what it has published.
+            let ports: &mut [((), &mut dyn Source)] = &mut [((), &mut consumer), ((), &mut bridge)];
+            let wake = waiter.wait(ports, Some(TIMEOUT)).unwrap();
             assert_ne!(wake, Wake::TimedOut, "no telemetry came out");
-            bridge.tend();
             let see = |hero: &HeroTelemetry| seen = hero.source_sequence;
             consumer.drain(see).unwrap();
         }

@@ -9,7 +9,9 @@ use std::thread;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Domain, Ipc, Publisher, RobotId, Subscriber, TelemetryGroup, Waiter, Wake, files};
+use ipc_types::{
+    Domain, Ipc, Publisher, RobotId, Source, Subscriber, TelemetryGroup, Waiter, Wake, files,
+};
 use rustix::process::{Pid, Signal, kill_process};
 use tempfile::TempDir;
 
@@ -44,10 +46,11 @@ impl Ends {
         let sequence = self.bridge.publish(fill).unwrap();
         let mut hero = None;
         while hero.is_none() {
-            // Status may join after the sample was published, and gets it when the publisher is tended.
-            let wake = Waiter::new().wait(&[&self.consumer, &self.bridge], Some(TIMEOUT));
+            // Status may join after the sample was published: the publisher then gives it to status in the wait.
+            let ports: &mut [((), &mut dyn Source)] =
+                &mut [((), &mut self.consumer), ((), &mut self.bridge)];
+            let wake = Waiter::new().wait(ports, Some(TIMEOUT));
             assert_ne!(wake.unwrap(), Wake::TimedOut, "no telemetry came out");
-            self.bridge.tend();
             self.consumer
                 .drain(|sample| {
                     if sample.source_sequence == sequence {

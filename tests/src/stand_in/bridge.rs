@@ -358,19 +358,17 @@ impl Ports for BridgePorts {
         })
     }
 
-    fn sources(&self) -> Vec<&dyn Source> {
+    fn sources(&mut self) -> Vec<&mut dyn Source> {
         vec![
-            &self.telemetry,
-            &self.state,
-            &self.control,
-            &self.movement,
-            &self.parameters,
+            &mut self.telemetry,
+            &mut self.state,
+            &mut self.control,
+            &mut self.movement,
+            &mut self.parameters,
         ]
     }
 
     fn drain(&mut self) -> bool {
-        self.telemetry.tend();
-        self.state.tend();
         let mut gone = Vec::new();
         self.control.vanished(|_, id| gone.push(id));
         self.movement.vanished(|_, id| gone.push(id));

@@ -64,12 +64,11 @@ impl<T: Topic> Ports for TopicPorts<T> {
         })
     }
 
-    fn sources(&self) -> Vec<&dyn Source> {
-        vec![&self.topic]
+    fn sources(&mut self) -> Vec<&mut dyn Source> {
+        vec![&mut self.topic]
     }
 
     fn drain(&mut self) -> bool {
-        self.topic.tend();
         true
     }
 }
@@ -199,8 +198,8 @@ impl<R: Request> Ports for ServerPorts<R> {
         })
     }
 
-    fn sources(&self) -> Vec<&dyn Source> {
-        vec![&self.server]
+    fn sources(&mut self) -> Vec<&mut dyn Source> {
+        vec![&mut self.server]
     }
 
     fn drain(&mut self) -> bool {

@@ -63,12 +63,11 @@ impl Ports for StatusPorts {
         })
     }
 
-    fn sources(&self) -> Vec<&dyn Source> {
-        vec![&self.telemetry]
+    fn sources(&mut self) -> Vec<&mut dyn Source> {
+        vec![&mut self.telemetry]
     }
 
     fn drain(&mut self) -> bool {
-        self.telemetry.tend();
         true
     }
 }
@@ -90,7 +89,7 @@ mod tests {
         let mut seen = Vec::new();
         for sample in &script {
             status.publish(sample);
-            assert!(telemetry.wait(WAIT_LIMIT).expect("a wait").is_ready(0));
+            assert!(telemetry.wait(WAIT_LIMIT).expect("a wait").is_ready());
             telemetry
                 .drain(|sample| seen.push(*sample))
                 .expect("samples");
@@ -102,7 +101,7 @@ mod tests {
         assert!(seen.iter().all(|sample| sample.received_ns > 0));
 
         let mut late = ipc.subscriber::<HeroTelemetry>().expect("a subscriber");
-        assert!(late.wait(WAIT_LIMIT).expect("a wait").is_ready(0));
+        assert!(late.wait(WAIT_LIMIT).expect("a wait").is_ready());
         let sample = late.latest().expect("samples").expect("the last one");
         assert_eq!(sample.sequence, script.len() as u64);
     }

@@ -15,10 +15,17 @@ pub(super) trait Ports: Sized + 'static {
     fn open(ipc: &Ipc) -> Result<Self, OpenError>;
 
     /// What to sleep on.
-    fn sources(&self) -> Vec<&dyn Source>;
+    fn sources(&mut self) -> Vec<&mut dyn Source>;
 
     /// Handles everything that has come. False ends the worker at once, as if its process had died.
     fn drain(&mut self) -> bool;
+}
+
+/// What may wake a worker.
+#[derive(Clone, Copy, PartialEq)]
+enum Waker {
+    Order,
+    Port,
 }
 
 type Order<P> = Box<dyn FnOnce(&mut P) + Send>;
@@ -126,10 +133,10 @@ fn work<P: Ports>(
             return Ok(());
         }
         let is_rung = {
-            let rung = Descriptor::new(bell.as_fd());
-            let mut sources = vec![&rung as &dyn Source];
-            sources.extend(ports.sources());
-            waiter.wait(&sources, None)?.is_ready(0)
+            let mut rung = Descriptor::new(bell.as_fd());
+            let mut sources = vec![(Waker::Order, &mut rung as &mut dyn Source)];
+            sources.extend(ports.sources().into_iter().map(|port| (Waker::Port, port)));
+            waiter.wait(&mut sources, None)?.has(Waker::Order)
         };
         if is_rung {
             // More rings than this ring again. When nobody is left to ring, the orders end as well.

@@ -1,0 +1,272 @@
+//! [`Sleep`]: one sleep over several sources, by their robot's doorbell where that wakes for all of them, else by `poll`.
+
+use std::cell::Cell;
+use std::os::fd::BorrowedFd;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use crate::doorbell::{Bits, Doorbell, Slept};
+use crate::time::MonotonicNs;
+use crate::waiter::sealed::Sense;
+use crate::waiter::{MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
+use crate::wake::WakeReceiver;
+
+/// How much longer a sleep may be when its own deadline comes so shortly after the bound: one wake then serves both.
+const BOUND_SLACK: Duration = Duration::from_millis(50);
+
+/// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
+/// deadlines does not also wake for that. Each listener takes two system calls.
+const DRAIN_PERIOD: Duration = Duration::from_millis(150);
+
+/// What one sleep leaves for the next.
+#[derive(Debug, Default)]
+pub(crate) struct History {
+    /// When all listeners were last emptied.
+    drained_all: Cell<MonotonicNs>,
+    /// Sleeps that nothing but the safety bound ended although there was something.
+    pub(crate) missed: Cell<u64>,
+}
+
+impl History {
+    fn count_missed(&self) {
+        self.missed.set(self.missed.get() + 1);
+    }
+}
+
+/// Which sources have something, by their places in the sleep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Places(u16);
+
+impl Places {
+    pub(crate) fn insert(&mut self, place: usize) {
+        self.0 |= 1 << place;
+    }
+
+    pub(crate) fn contains(self, place: usize) -> bool {
+        self.0 & (1 << place) != 0
+    }
+
+    pub(crate) fn without(self, others: Places) -> Places {
+        Places(self.0 & !others.0)
+    }
+
+    pub(crate) fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+}
+
+/// How a sleep ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ended {
+    Ready(Places),
+    TimedOut,
+    Interrupted,
+}
+
+/// The sources of one sleep.
+pub(crate) struct Sleep<'a> {
+    /// Filled from the front.
+    sources: [Option<&'a dyn Source>; MAX_SOURCES],
+}
+
+impl<'a> Sleep<'a> {
+    /// A sleep over the first [`MAX_SOURCES`] of `sources`.
+    pub(crate) fn of<K>(sources: &'a [(K, &mut dyn Source)]) -> Sleep<'a> {
+        Sleep {
+            sources: std::array::from_fn(|place| sources.get(place).map(|(_, source)| &**source)),
+        }
+    }
+
+    fn sources(&self) -> impl Iterator<Item = &'a dyn Source> {
+        self.sources.iter().flatten().copied()
+    }
+
+    /// Sleeps until a source has something, a signal comes or the time is `deadline`.
+    pub(crate) fn until(
+        &self,
+        deadline: MonotonicNs,
+        history: &History,
+    ) -> Result<Ended, WaitError> {
+        match self.doorbell() {
+            Some((doorbell, bits)) => self.by_doorbell(doorbell, bits, deadline, history),
+            None => self.by_descriptors(deadline, history),
+        }
+    }
+
+    /// The one doorbell that wakes for all sources, and by which bits.
+    fn doorbell(&self) -> Option<(&'a Doorbell, Bits)> {
+        let mut found: Option<(&Doorbell, Bits)> = None;
+        for source in self.sources() {
+            let Sense::Port {
+                doorbell,
+                bits,
+                by_descriptor: false,
+                ..
+            } = source.sense()
+            else {
+                return None;
+            };
+            found = match found {
+                None => Some((doorbell, bits)),
+                Some((other, all)) if std::ptr::eq(doorbell, other) => Some((doorbell, all | bits)),
+                Some(_) => return None,
+            };
+        }
+        found
+    }
+
+    fn by_doorbell(
+        &self,
+        doorbell: &Doorbell,
+        bits: Bits,
+        deadline: MonotonicNs,
+        history: &History,
+    ) -> Result<Ended, WaitError> {
+        let mut ready = self.look();
+        while ready.is_empty() {
+            let seen = doorbell.listen(bits);
+            ready = self.look();
+            if !ready.is_empty() {
+                break;
+            }
+            let now = MonotonicNs::now();
+            if now >= deadline {
+                return Ok(Ended::TimedOut);
+            }
+            let until = deadline.min(now + SAFETY_BOUND);
+            match doorbell.sleep(seen, bits, until)? {
+                Slept::Rung | Slept::Passed => ready = self.look(),
+                Slept::Interrupted => return Ok(Ended::Interrupted),
+                Slept::TimedOut => {
+                    self.drain_all();
+                    ready = self.look();
+                    if !ready.is_empty() && until < deadline && doorbell.is_awaited(bits) {
+                        history.count_missed();
+                    }
+                }
+            }
+        }
+        Ok(Ended::Ready(ready))
+    }
+
+    fn by_descriptors(&self, deadline: MonotonicNs, history: &History) -> Result<Ended, WaitError> {
+        // Before anything is looked at: a listener that is made here announces nothing of what came before it.
+        let descriptors = self.descriptors()?;
+        let mut slept = None;
+        loop {
+            let now = MonotonicNs::now();
+            if now.since(history.drained_all.get()) >= DRAIN_PERIOD {
+                self.drain_all();
+                history.drained_all.set(now);
+            }
+            let mut ready = self.look();
+            if slept == Some(Slept::TimedOut) && !ready.is_empty() {
+                history.count_missed();
+            }
+            if slept.is_some() && now >= deadline && ready.is_empty() {
+                return Ok(Ended::TimedOut);
+            }
+            let bound = history.drained_all.get() + SAFETY_BOUND;
+            // With something to do already, the kernel is only asked what else there is.
+            let until = match ready.is_empty() {
+                true if deadline <= bound + BOUND_SLACK => deadline,
+                true => bound,
+                false => now,
+            };
+            let outcome = self.poll(&descriptors, until.since(now), &mut ready)?;
+            if !ready.is_empty() {
+                return Ok(Ended::Ready(ready));
+            }
+            if outcome == Slept::Interrupted {
+                return Ok(Ended::Interrupted);
+            }
+            slept = Some(outcome);
+        }
+    }
+
+    /// Which sources have something.
+    fn look(&self) -> Places {
+        let mut ready = Places::default();
+        for (place, source) in self.sources().enumerate() {
+            if source.has_something() {
+                ready.insert(place);
+            }
+        }
+        ready
+    }
+
+    fn drain_all(&self) {
+        for source in self.sources() {
+            drain(source);
+        }
+    }
+
+    fn descriptors(&self) -> Result<Descriptors<'a>, WaitError> {
+        let mut descriptors = [None; MAX_SOURCES];
+        for (descriptor, source) in descriptors.iter_mut().zip(self.sources()) {
+            *descriptor = match source.sense() {
+                Sense::Port { receiver, .. } => {
+                    receiver.map(WakeReceiver::descriptor).transpose()?
+                }
+                Sense::Descriptor(descriptor) => Some(descriptor),
+            };
+        }
+        Ok(descriptors)
+    }
+
+    /// Sleeps once, and adds what is ready; the listeners among them are emptied.
+    fn poll(
+        &self,
+        descriptors: &Descriptors<'_>,
+        timeout: Duration,
+        ready: &mut Places,
+    ) -> Result<Slept, WaitError> {
+        let mut places = [0; MAX_SOURCES];
+        // Filled from the front; what stays is not polled.
+        let mut polled: [PollFd<'_>; MAX_SOURCES] = std::array::from_fn(|_| {
+            PollFd::from_borrowed_fd(rustix::stdio::stdin(), PollFlags::empty())
+        });
+        let mut count = 0;
+        for (place, descriptor) in descriptors.iter().enumerate() {
+            if let Some(descriptor) = descriptor {
+                polled[count] = PollFd::from_borrowed_fd(*descriptor, PollFlags::IN);
+                places[count] = place;
+                count += 1;
+            }
+        }
+        let polled = &mut polled[..count];
+        // Too long for the kernel is as good as for ever: the bound is shorter.
+        let timeout = Timespec::try_from(timeout).ok();
+        match poll(polled, timeout.as_ref()) {
+            Ok(0) => return Ok(Slept::TimedOut),
+            Ok(_) => {}
+            Err(Errno::INTR) => return Ok(Slept::Interrupted),
+            Err(errno) => return Err(errno.into()),
+        }
+        for (polled, place) in polled.iter().zip(places) {
+            if polled.revents().is_empty() {
+                continue;
+            }
+            ready.insert(place);
+            if let Some(source) = self.sources[place] {
+                drain(source);
+            }
+        }
+        Ok(Slept::Rung)
+    }
+}
+
+/// The sources' descriptors at their places; a port whose other side was never there has none.
+type Descriptors<'a> = [Option<BorrowedFd<'a>>; MAX_SOURCES];
+
+fn drain(source: &dyn Source) {
+    if let Sense::Port {
+        receiver: Some(receiver),
+        ..
+    } = source.sense()
+    {
+        receiver.drain();
+    }
+}

@@ -1,0 +1,95 @@
+//! Ports in an event loop of the caller's own: one descriptor for as long as the port lives.
+
+mod support;
+
+use std::os::fd::{AsRawFd, BorrowedFd};
+use std::thread;
+
+use ipc_types::payload::DspTelemetry;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use support::{WATCHDOG, in_domain, join, until};
+
+/// Sleeps until the descriptor can be read.
+fn wait_until_readable(descriptor: BorrowedFd<'_>) {
+    let mut polled = [PollFd::from_borrowed_fd(descriptor, PollFlags::IN)];
+    let limit = Timespec::try_from(WATCHDOG).unwrap();
+    assert_eq!(poll(&mut polled, Some(&limit)), Ok(1), "not readable");
+}
+
+fn is_readable(descriptor: BorrowedFd<'_>) -> bool {
+    let mut polled = [PollFd::from_borrowed_fd(descriptor, PollFlags::IN)];
+    poll(&mut polled, Some(&Timespec::default())).unwrap() == 1
+}
+
+/// Without a publisher, with one, in its next generation, and with the next publisher.
+#[test]
+fn the_descriptor_of_a_subscriber_outlives_publishers_and_generations() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let number = subscriber.descriptor().unwrap().as_raw_fd();
+        let mut seen = 0;
+        for _ in 0..2 {
+            let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+            for generation in 1..=2 {
+                publisher.publish(|_| {}).unwrap();
+                until("the sample", || {
+                    wait_until_readable(subscriber.descriptor().unwrap());
+                    publisher.tend();
+                    seen += subscriber.drain(|_| {}).unwrap();
+                    subscriber.losses().received == seen as u64 && seen % 2 == generation % 2
+                });
+                publisher.wear_out();
+            }
+        }
+        assert_eq!(seen, 4);
+        assert_eq!(subscriber.descriptor().unwrap().as_raw_fd(), number);
+    });
+}
+
+/// It becomes readable for a sample and for the safety bound, and is not readable any more when the port was drained.
+#[test]
+fn draining_a_subscriber_makes_its_descriptor_unreadable() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut samples = 0;
+        // A machine that stalls for longer than the bound between drain and look sees the bound.
+        until("quiet", || {
+            publisher.publish(|_| {}).unwrap();
+            wait_until_readable(subscriber.descriptor().unwrap());
+            samples += subscriber.drain(|_| {}).unwrap();
+            !is_readable(subscriber.descriptor().unwrap())
+        });
+        // Nothing is published: the bound alone.
+        wait_until_readable(subscriber.descriptor().unwrap());
+        assert!(samples > 0);
+    });
+}
+
+/// An event loop of descriptors alone: the subscriber that joins gets what was published before.
+#[test]
+fn a_publisher_is_tended_when_its_descriptor_says_so() {
+    in_domain(|domain| {
+        let mut publisher = join(domain, "provider")
+            .publisher::<DspTelemetry>()
+            .unwrap();
+        publisher.publish(|_| {}).unwrap();
+        let number = publisher.descriptor().unwrap().as_raw_fd();
+        let domain = domain.clone();
+        let consumer = thread::spawn(move || {
+            let mut late = join(&domain, "consumer")
+                .subscriber::<DspTelemetry>()
+                .unwrap();
+            late.recv_timeout(WATCHDOG).unwrap().unwrap().sequence
+        });
+        while !consumer.is_finished() {
+            wait_until_readable(publisher.descriptor().unwrap());
+            publisher.tend();
+        }
+        assert_eq!(consumer.join().unwrap(), 1);
+        assert_eq!(publisher.descriptor().unwrap().as_raw_fd(), number);
+    });
+}
