@@ -62,6 +62,11 @@ impl Recorder {
         }
     }
 
+    /// Whether the first sample that counts has come.
+    pub fn has_begun(&self) -> bool {
+        !self.series.times_ns.is_empty()
+    }
+
     /// Whether all that were wanted have come.
     pub fn is_complete(&self) -> bool {
         self.series.times_ns.len() >= self.wanted

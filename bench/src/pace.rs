@@ -12,6 +12,9 @@ use rustix::time::Timespec;
 pub struct Pace {
     next: MonotonicNs,
     period: Duration,
+    jitter: Duration,
+    /// Numbers that look random, the same in each run.
+    dice: u64,
 }
 
 impl Pace {
@@ -20,7 +23,22 @@ impl Pace {
         Pace {
             next: MonotonicNs::now(),
             period: Duration::from_secs(1) / rate_hz,
+            jitter: Duration::ZERO,
+            dice: 7,
         }
+    }
+
+    /// The same with each tick late by chance, evenly distributed up to `jitter`.
+    pub fn with_jitter(self, jitter: Duration) -> Pace {
+        Pace { jitter, ..self }
+    }
+
+    fn delay(&mut self) -> Duration {
+        self.dice ^= self.dice << 13;
+        self.dice ^= self.dice >> 7;
+        self.dice ^= self.dice << 17;
+        let ns = self.jitter.as_nanos() as u64;
+        Duration::from_nanos(self.dice.checked_rem(ns).unwrap_or(0))
     }
 
     /// When the next tick is.
@@ -37,7 +55,8 @@ impl Pace {
     /// Sleeps until the next tick.
     pub fn wait(&mut self) -> Result<()> {
         self.advance();
-        sleep_until(self.next)
+        let delay = self.delay();
+        sleep_until(self.next + delay)
     }
 }
 

@@ -24,13 +24,14 @@ use std::fs::File;
 use std::io;
 use std::num::NonZeroU32;
 use std::ptr::{self, NonNull};
-use std::sync::atomic::{AtomicU32, Ordering, fence};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
+use crate::anticipation::LONGEST_SPIN;
 use crate::random;
 use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
@@ -40,6 +41,9 @@ const LEN: usize = size_of::<Page>();
 
 /// Services that the page tells apart. Those beyond share a place, which wakes a process for nothing now and then.
 const PLACES: usize = 15;
+
+/// Processors that the page tells apart. Those beyond share a word, which keeps some consumers from looking out for nothing.
+const PROCESSORS: usize = 64;
 
 /// What lies in the file. `docs/ipc.md` has it as a table; another layout needs another name for the file.
 #[repr(C, align(64))]
@@ -53,6 +57,8 @@ struct Page {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; PLACES + 1],
+    /// For each processor, until when a consumer keeps it busy with looking out for a sample, host monotonic ns.
+    claims: [AtomicU64; PROCESSORS],
 }
 
 /// Which of a service's events.
@@ -224,9 +230,47 @@ impl Doorbell {
         self.ring(GENERATION);
     }
 
+    /// The right to keep a processor busy until then; nothing while another consumer of the robot does so.
+    ///
+    /// The claim of a consumer that was killed ends by itself. One that lasts longer than any may is of another clock, in
+    /// another time namespace, and counts for nothing.
+    pub(crate) fn claim_processor(
+        &self,
+        processor: usize,
+        until: MonotonicNs,
+    ) -> Option<Claim<'_>> {
+        let word = &self.page().claims[processor % PROCESSORS];
+        let claimed = word.load(Ordering::Relaxed);
+        let left = MonotonicNs(claimed).since(MonotonicNs::now());
+        if !left.is_zero() && left <= LONGEST_SPIN {
+            return None;
+        }
+        word.compare_exchange(claimed, until.0, Ordering::Relaxed, Ordering::Relaxed)
+            .ok()?;
+        Some(Claim {
+            word,
+            until: until.0,
+        })
+    }
+
     /// Another value than before: a service has another generation.
     pub(crate) fn generations(&self) -> u32 {
         self.page().generations.load(Ordering::SeqCst)
+    }
+}
+
+/// A consumer's right to keep a processor busy, until it is dropped.
+pub(crate) struct Claim<'doorbell> {
+    word: &'doorbell AtomicU64,
+    until: u64,
+}
+
+impl Drop for Claim<'_> {
+    fn drop(&mut self) {
+        // Another consumer may have it by now, if this one was stopped.
+        let _ = self
+            .word
+            .compare_exchange(self.until, 0, Ordering::Relaxed, Ordering::Relaxed);
     }
 }
 
@@ -358,6 +402,23 @@ mod tests {
         subscriber.join(place(DATA));
         assert_eq!(publisher.joined(place(DATA)), 2);
         assert_eq!(publisher.joined(place("dsp_telemetry")), 0);
+    }
+
+    /// Also one that was killed while it had it, and one whose clock is that of another time namespace.
+    #[test]
+    fn one_consumer_at_a_time_may_keep_a_processor_busy() {
+        let [one, other] = doorbells();
+        let until = MonotonicNs::now() + LONGEST_SPIN;
+        let claim = one.claim_processor(3, until).unwrap();
+        assert!(other.claim_processor(3, until).is_none());
+        assert!(other.claim_processor(4, until).is_some());
+        drop(claim);
+        std::mem::forget(other.claim_processor(3, until).unwrap());
+        while MonotonicNs::now() <= until {
+            std::thread::yield_now();
+        }
+        std::mem::forget(one.claim_processor(3, late()).unwrap());
+        assert!(other.claim_processor(3, late()).is_some());
     }
 
     #[test]

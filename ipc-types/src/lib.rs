@@ -49,6 +49,7 @@
 //! # }
 //! ```
 
+mod anticipation;
 pub mod client;
 pub mod code;
 pub mod domain;
@@ -96,6 +97,7 @@ mod wake;
 #[doc(hidden)]
 pub use payload::support as macro_support;
 
+pub use anticipation::Anticipated;
 pub use client::{Client, SendError};
 pub use domain::Domain;
 pub use domain_error::DomainError;

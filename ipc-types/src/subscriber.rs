@@ -12,6 +12,7 @@ use std::{hint, mem};
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
+use crate::anticipation::{Anticipated, Anticipation};
 use crate::doorbell::{Channel, Place, place};
 use crate::event::Event;
 use crate::follow::Follower;
@@ -182,6 +183,22 @@ impl<T: Topic> Subscriber<T> {
         self.bytes.spin(timeout)
     }
 
+    /// Lets [`wait`](Subscriber::wait) and all that waits with it be awake shortly before the next sample of a periodic topic is
+    /// due, and look out for it with at most `budget` of a processor: 0.02 is two percent, 0.5 the most, 0 ends it.
+    ///
+    /// A sample that is caught that way is seen a tenth of a microsecond after it was published, instead of some microseconds.
+    /// Where samples come so irregularly that the budget would catch less than half of them, and beside another consumer of
+    /// the robot that looks out on the same processor, the wait sleeps as without. Timers of the waiting thread become exact,
+    /// which Linux does not make them unasked. `docs/performance.md` says what it brings, and when it does not.
+    pub fn anticipate(&mut self, budget: f64) {
+        self.bytes.anticipate(budget);
+    }
+
+    /// What [`Subscriber::anticipate`] has brought and cost since it was called.
+    pub fn anticipated(&self) -> Option<Anticipated> {
+        self.bytes.anticipated()
+    }
+
     /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be read when
     /// there may be samples, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case. Drain the port then; nothing else
     /// may read the descriptor. It is the same for as long as the port lives.
@@ -250,6 +267,8 @@ pub(crate) struct BytesSubscriber {
     size: usize,
     follower: Follower,
     waiter: Waiter,
+    /// Nothing unless it was asked for.
+    anticipation: Option<Box<Anticipation>>,
     /// Made when a descriptor is first asked for.
     pollable: OnceCell<Pollable>,
     tracker: SequenceTracker,
@@ -372,6 +391,7 @@ impl BytesSubscriber {
             size,
             follower: Follower::new(session, key),
             waiter: Waiter::new(),
+            anticipation: None,
             pollable: OnceCell::new(),
             tracker: SequenceTracker::default(),
             generations: 0,
@@ -445,6 +465,16 @@ impl BytesSubscriber {
 
     /// The oldest of at most `left` samples.
     fn next_of(&mut self, left: &mut usize) -> Result<Option<BytesSample>, ReceiveError> {
+        let sample = self.receive(left)?;
+        if sample.is_some()
+            && let Some(anticipation) = &mut self.anticipation
+        {
+            anticipation.taken();
+        }
+        Ok(sample)
+    }
+
+    fn receive(&mut self, left: &mut usize) -> Result<Option<BytesSample>, ReceiveError> {
         if let Some(former) = &self.former {
             if let Ok(Some(sample)) = former.next(&mut self.tracker, self.size, left) {
                 return Ok(Some(sample));
@@ -475,9 +505,25 @@ impl BytesSubscriber {
 
     pub(crate) fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
         let waiter = mem::take(&mut self.waiter);
-        let wake = waiter.wait_for_one(self, timeout);
+        let wake = match self.anticipation.take() {
+            None => waiter.wait_for_one(self, timeout),
+            Some(mut anticipation) => {
+                let wake = anticipation.wait(&waiter, self, timeout);
+                self.anticipation = Some(anticipation);
+                wake
+            }
+        };
         self.waiter = waiter;
         wake
+    }
+
+    pub(crate) fn anticipate(&mut self, budget: f64) {
+        let anticipation = (budget > 0.0).then(|| Anticipation::new(budget, &self.session));
+        self.anticipation = anticipation.map(Box::new);
+    }
+
+    pub(crate) fn anticipated(&self) -> Option<Anticipated> {
+        self.anticipation.as_ref().map(|it| it.anticipated())
     }
 
     fn spin(&self, timeout: Duration) -> bool {

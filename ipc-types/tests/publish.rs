@@ -5,7 +5,7 @@ mod support;
 use std::io::Write;
 use std::os::fd::AsFd;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::{MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
@@ -479,5 +479,48 @@ fn a_sample_that_is_held_stays_as_it_was() {
         drop(held);
         let next = subscriber.try_borrow().unwrap().unwrap();
         assert_eq!(next.rotor_rpm, 8);
+    });
+}
+
+/// Two consumers that anticipate and one that does not get every sample, and looking out stays within its budget.
+#[test]
+fn a_consumer_that_anticipates_gets_every_sample() {
+    const SAMPLES: u64 = 300;
+    const BUDGET: f64 = 0.05;
+    in_domain(|domain| {
+        let mut publisher = join(domain, "publisher")
+            .publisher::<DspTelemetry>()
+            .unwrap();
+        let consumers = [0.0, BUDGET, BUDGET].map(|budget| {
+            let mut subscriber = join(domain, "consumer")
+                .subscriber::<DspTelemetry>()
+                .unwrap();
+            enter(&mut subscriber);
+            thread::spawn(move || {
+                subscriber.anticipate(budget);
+                let begin = Instant::now();
+                while subscriber.losses().received < SAMPLES {
+                    assert!(subscriber.recv_timeout(WATCHDOG).unwrap().is_some());
+                }
+                let spun = subscriber.anticipated().map(|it| it.spun);
+                let most = (begin.elapsed() + Duration::from_secs(1)).mul_f64(BUDGET);
+                // A look that is interrupted lasts longer than it was meant to.
+                assert!(
+                    spun.is_none_or(|spun| spun <= 2 * most),
+                    "{spun:?} of {most:?}"
+                );
+                assert_eq!(spun.is_some(), budget > 0.0);
+                subscriber.losses().lost
+            })
+        });
+        let mut next = Instant::now();
+        for _ in 0..SAMPLES {
+            next += Duration::from_millis(3);
+            thread::sleep(next.saturating_duration_since(Instant::now()));
+            publisher.publish(|_| {}).unwrap();
+        }
+        for consumer in consumers {
+            assert_eq!(consumer.join().unwrap(), 0);
+        }
     });
 }

@@ -28,7 +28,7 @@ use ipc_types::payload::HeroTelemetry;
 use ipc_types::{Place, wake_promptly};
 
 /// Longest time that a receiver waits for a sample before it gives up.
-const PATIENCE: Duration = Duration::from_secs(20);
+pub const PATIENCE: Duration = Duration::from_secs(20);
 
 /// What tells one sample from another, whatever else a peer carries of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

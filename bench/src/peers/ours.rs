@@ -5,9 +5,7 @@ use std::os::unix::net::UnixStream;
 
 use anyhow::Result;
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{
-    Descriptor, Domain, Ipc, Losses, Publisher, RobotId, Source, Subscriber, Topic, Waiter,
-};
+use ipc_types::{Descriptor, Domain, Ipc, Losses, Publisher, RobotId, Subscriber, Topic, Waiter};
 
 use super::{Mark, PATIENCE};
 
@@ -103,8 +101,10 @@ impl Waiting {
 impl super::Receiver for Waiting {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let mut other = Descriptor::new(self.other.as_fd());
-        self.waiter
-            .wait(&mut [((), &mut self.subscriber), ((), &mut other)], Some(PATIENCE))?;
+        self.waiter.wait(
+            &mut [((), &mut self.subscriber), ((), &mut other)],
+            Some(PATIENCE),
+        )?;
         self.subscriber.drain(|sample| take(Mark::of(sample)))?;
         Ok(())
     }

@@ -1,0 +1,192 @@
+//! [`Anticipation`]: a wait that is awake shortly before the next sample of a periodic topic is due, and looks out for it.
+//!
+//! Being woken takes microseconds; who looks already sees a sample a tenth of a microsecond after it was published. Looking out
+//! keeps a processor busy, so it has a budget, and it is done only where it pays: see [`predictor`]. A sample before the window
+//! wakes the sleeper as ever, and so does one after it.
+
+mod predictor;
+
+use std::num::NonZeroU64;
+use std::sync::Arc;
+use std::thread::{self, ThreadId};
+use std::time::Duration;
+use std::{fmt, hint};
+
+use predictor::{Predictor, Window};
+use rustix::time::{ClockId, clock_gettime};
+
+use crate::session::Session;
+use crate::time::MonotonicNs;
+use crate::waiter::{Source, WaitError, Waiter, Wake};
+
+/// The largest budget: half of a processor.
+const MOST: f64 = 0.5;
+
+/// A window that is longer is not used: two consumers must not keep each other from a processor for long.
+pub(crate) const LONGEST_SPIN: Duration = Duration::from_millis(20);
+
+/// How often to look for samples before looking at clock and processor, which takes about as long as a look.
+const SPINS_PER_LOOK: u32 = 16;
+
+/// What anticipation has brought, and cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Anticipated {
+    /// Samples that were seen without being woken for them.
+    pub caught: u64,
+    /// Samples that a wait was ended by in another way.
+    pub others: u64,
+    /// Processor time of looking out.
+    pub spun: Duration,
+}
+
+/// See the file's first lines.
+pub(crate) struct Anticipation {
+    predictor: Predictor,
+    /// When the wait saw that there was something, until the first sample of it is taken.
+    seen: Option<MonotonicNs>,
+    anticipated: Anticipated,
+    /// Whose timers are exact.
+    thread: Option<ThreadId>,
+    session: Arc<Session>,
+}
+
+impl fmt::Debug for Anticipation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Anticipation")
+            .field("predictor", &self.predictor)
+            .field("anticipated", &self.anticipated)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Anticipation {
+    /// `budget` is a share of one processor.
+    pub(crate) fn new(budget: f64, session: &Arc<Session>) -> Anticipation {
+        Anticipation {
+            predictor: Predictor::new(budget.clamp(0.0, MOST)),
+            seen: None,
+            anticipated: Anticipated::default(),
+            thread: None,
+            session: Arc::clone(session),
+        }
+    }
+
+    pub(crate) fn anticipated(&self) -> Anticipated {
+        self.anticipated
+    }
+
+    /// The first sample that came since the wait was taken. Not called for those behind it, whose times are unknown.
+    pub(crate) fn taken(&mut self) {
+        if let Some(at) = self.seen.take() {
+            self.predictor.arrived(at);
+        }
+    }
+
+    /// As [`Waiter::wait`] for `port`, which must be a subscriber.
+    pub(crate) fn wait(
+        &mut self,
+        waiter: &Waiter,
+        port: &mut dyn Source,
+        timeout: Duration,
+    ) -> Result<Wake, WaitError> {
+        self.seen = None;
+        if port.has_something() {
+            // When it came is not known.
+            return waiter.wait_for_one(port, Duration::ZERO);
+        }
+        self.make_timers_exact();
+        let mut now = MonotonicNs::now();
+        let deadline = now + timeout;
+        let mut after = now;
+        while let Some(window) = self.predictor.window(after) {
+            if window.begin > now {
+                let until = window.begin.min(deadline);
+                let wake = waiter.wait_for_one(port, until.since(now))?;
+                now = MonotonicNs::now();
+                if wake != Wake::TimedOut || now >= deadline {
+                    return Ok(self.ended(wake, now));
+                }
+                self.predictor.woke_late(now.since(window.begin));
+            }
+            if self.look_out(port, window, deadline) {
+                return waiter.wait_for_one(port, Duration::ZERO);
+            }
+            now = MonotonicNs::now();
+            // Of a window that may not be used, the rest is slept through.
+            after = now.max(window.end);
+            if after >= deadline {
+                break;
+            }
+        }
+        let left = deadline.since(MonotonicNs::now());
+        let wake = waiter.wait_for_one(port, left)?;
+        Ok(self.ended(wake, MonotonicNs::now()))
+    }
+
+    /// The wait was ended by something else than looking out.
+    fn ended(&mut self, wake: Wake, now: MonotonicNs) -> Wake {
+        if wake.is_ready() {
+            self.seen = Some(now);
+            self.anticipated.others += 1;
+        }
+        wake
+    }
+
+    /// Looks out for a sample until the window is over, and says whether there is something.
+    fn look_out(&mut self, port: &dyn Source, window: Window, deadline: MonotonicNs) -> bool {
+        let begin = MonotonicNs::now();
+        let until = window.end.min(deadline);
+        if until <= begin || until.since(begin) > LONGEST_SPIN {
+            return false;
+        }
+        let processor = current_processor();
+        let Some(_claim) = self.session.doorbell().claim_processor(processor, until) else {
+            return false;
+        };
+        let used = processor_time();
+        let mut is_there = false;
+        let mut now = begin;
+        // Moved to another processor, it might meet one there that looks out as well.
+        while !is_there && now < until && processor == current_processor() {
+            for _ in 0..SPINS_PER_LOOK {
+                if port.has_something() {
+                    is_there = true;
+                    break;
+                }
+                hint::spin_loop();
+            }
+            now = MonotonicNs::now();
+        }
+        let used = processor_time().saturating_sub(used);
+        self.predictor.spent(used);
+        self.anticipated.spun += used;
+        if is_there {
+            self.seen = Some(now);
+            self.anticipated.caught += 1;
+        }
+        is_there
+    }
+
+    /// Linux lets timers of ordinary threads be 50 µs late, so that some wakes are shared.
+    fn make_timers_exact(&mut self) {
+        let thread = thread::current().id();
+        if self.thread == Some(thread) {
+            return;
+        }
+        self.thread = Some(thread);
+        if let Err(error) = rustix::thread::set_current_timer_slack(NonZeroU64::new(1)) {
+            tracing::debug!(%error, "timers stay inexact");
+        }
+    }
+}
+
+/// What the thread has used of processors.
+fn processor_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
+}
+
+/// The processor that the thread runs on.
+fn current_processor() -> usize {
+    rustix::thread::sched_getcpu()
+}
