@@ -11,7 +11,8 @@
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`ipc`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
-//!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once;
+//!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once; with the feature `tokio`
+//!   `Async`, a port in that event loop;
 //! * [`dynamic`]: topics of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
 //! * [`scheduling`]: how a thread that waits comes to run sooner;
@@ -50,6 +51,8 @@
 //! ```
 
 mod anticipation;
+#[cfg(feature = "tokio")]
+mod async_io;
 pub mod client;
 pub mod code;
 pub mod domain;
@@ -98,6 +101,8 @@ mod wake;
 pub use payload::support as macro_support;
 
 pub use anticipation::Anticipated;
+#[cfg(feature = "tokio")]
+pub use async_io::{Async, AsyncError};
 pub use client::{Client, SendError};
 pub use domain::Domain;
 pub use domain_error::DomainError;

@@ -125,7 +125,7 @@ impl Predictor {
             return;
         }
         self.residuals.add(periods * period_ns);
-        if self.residuals.added % CHOICE_PERIOD == 0 && self.residuals.len() >= FEWEST {
+        if self.residuals.added.is_multiple_of(CHOICE_PERIOD) && self.residuals.len() >= FEWEST {
             let most_ns = self.budget * period_ns;
             let late_ns = |share| self.lateness.quantile(share, |ns| ns).min(LATEST_WAKE_NS);
             self.wake_ns = late_ns(0.5);
@@ -283,9 +283,9 @@ impl Residuals {
         for first in 0..len {
             let from_ns = sorted[first] - head_ns;
             let mut until_samples_ns = 0.0;
-            for last in first..len {
-                until_samples_ns += sorted[last] - from_ns;
-                let to_ns = sorted[last] + TAIL_NS;
+            for (last, last_ns) in sorted.iter().enumerate().skip(first) {
+                until_samples_ns += last_ns - from_ns;
+                let to_ns = last_ns + TAIL_NS;
                 let late = (len - 1 - last) as f64 * (to_ns - from_ns);
                 let cost_ns = (until_samples_ns + late) / len as f64;
                 let caught = last + 1 - first;
