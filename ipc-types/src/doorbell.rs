@@ -322,7 +322,7 @@ mod tests {
         let mut all = vec![GENERATION.get()];
         for spec in &SERVICES {
             for channel in channels {
-                all.push(place(spec.key).bits(channel).get());
+                all.push(place(spec.contract.key).bits(channel).get());
             }
         }
         assert!(all.iter().all(|bits| bits.count_ones() == 1));

@@ -15,7 +15,9 @@ use crate::provider::{Provider, ProviderWatch};
 use crate::publisher::{BytesPublisher, PublishError};
 use crate::schema::{LoadError, Schema, SchemaError};
 use crate::sequence::Losses;
-use crate::service::{CONTRACTS, EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, is_key, service_name};
+use crate::service::{
+    EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, ServiceId, is_key, own, service_name,
+};
 use crate::session::service_folder;
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};
@@ -95,9 +97,9 @@ pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
     let service = service_folder(ipc.domain(), ipc.robot(), key);
     match generation::current(&service).filter(|current| current.key == key) {
         Some(current) => generation::schema(&service, &current.name),
-        None => CONTRACTS
-            .iter()
-            .find(|contract| contract.key == key && contract.pattern == Pattern::PublishSubscribe)
+        None => own(key)
+            .map(ServiceId::contract)
+            .filter(|contract| contract.pattern == Pattern::PublishSubscribe)
             .map(|contract| Schema::from_layout(contract.payload))
             .ok_or_else(|| LoadError::Missing(key.to_owned())),
     }
@@ -273,7 +275,7 @@ impl sealed::Source for DynamicPublisher {
 
 /// Whether a topic with this schema may have this key.
 fn check_key(key: &str, schema: &Schema) -> Result<(), DynamicError> {
-    let Some(own) = CONTRACTS.iter().find(|contract| contract.key == key) else {
+    let Some(own) = own(key).map(ServiceId::contract) else {
         return match is_key(key) && key.contains('/') {
             true => Ok(()),
             false => Err(DynamicError::InvalidKey(key.to_owned())),

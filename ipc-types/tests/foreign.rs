@@ -34,7 +34,7 @@ struct Foreign {
 }
 
 fn folder_of(domain: &Domain, service: ServiceId) -> std::path::PathBuf {
-    domain.root().join("1").join(service.spec().key)
+    domain.root().join("1").join(service.key())
 }
 
 fn locked(path: std::path::PathBuf) -> File {
@@ -49,7 +49,7 @@ fn enter(domain: &Domain, service: ServiceId) -> Foreign {
     let current = fs::read_to_string(folder.join("current")).unwrap();
     let mut words = current.trim_end().split(' ');
     let (name, prefix) = (words.next().unwrap(), words.next().unwrap());
-    assert_eq!(words.next(), Some(service.spec().key));
+    assert_eq!(words.next(), Some(service.key()));
     let locks = [
         locked(domain.root().join("1/doorbell")),
         locked(folder.join(name).join("lock")),
@@ -134,7 +134,7 @@ fn another_version_is_refused_and_both_are_named() {
         let wanted = format!(
             "was built for `{} {:016x}`",
             DspTelemetry::TYPE_NAME,
-            ServiceId::DspTelemetry.spec().layout_hash
+            ServiceId::DspTelemetry.contract().layout_hash()
         );
         for part in [
             "hero/1/dsp_telemetry",

@@ -101,10 +101,15 @@ fn table() -> String {
     }
     text.push_str("\n# Services: slot offset, key, pattern, layout, layout hash.\n");
     for spec in &SERVICES {
+        let contract = &spec.contract;
         writeln!(
             text,
             "{} {} {:?} {} {:016x}",
-            spec.slot_offset, spec.key, spec.pattern, spec.layout, spec.layout_hash
+            spec.id.slot_offset(),
+            contract.key,
+            contract.pattern,
+            contract.layout(),
+            contract.layout_hash()
         )
         .unwrap();
     }
@@ -121,12 +126,13 @@ fn c_header() -> String {
     );
     writeln!(text, "#define HERO_EVENT_ID_MAX {EVENT_ID_MAX}").unwrap();
     for spec in &SERVICES {
-        let key = constant(spec.key);
-        writeln!(text, "#define HERO_{key}_LAYOUT \"{}\"", spec.layout).unwrap();
+        let contract = &spec.contract;
+        let key = constant(contract.key);
+        writeln!(text, "#define HERO_{key}_LAYOUT \"{}\"", contract.layout()).unwrap();
         writeln!(
             text,
             "#define HERO_{key}_LAYOUT_HASH \"{:016x}\"",
-            spec.layout_hash
+            contract.layout_hash()
         )
         .unwrap();
     }
@@ -164,7 +170,8 @@ fn python_module() -> String {
         "#: By service: the values of its attributes `layout` and `layout_hash`.\nLAYOUTS = {\n",
     );
     for spec in &SERVICES {
-        let (key, layout, hash) = (spec.key, spec.layout, spec.layout_hash);
+        let contract = &spec.contract;
+        let (key, layout, hash) = (contract.key, contract.layout(), contract.layout_hash());
         writeln!(text, "    \"{key}\": (\"{layout}\", \"{hash:016x}\"),").unwrap();
     }
     text.push_str("}\n");

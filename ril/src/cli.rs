@@ -522,7 +522,7 @@ impl Topic {
             Topic::Hero => ServiceId::HeroTelemetry,
             Topic::State => ServiceId::ModuleState,
         };
-        service.spec().key
+        service.key()
     }
 }
 

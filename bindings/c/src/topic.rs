@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use ipc_types::dynamic::schema_of;
-use ipc_types::service::{CONTRACTS, Contract, Pattern};
+use ipc_types::service::{self, Contract, Pattern, ServiceId};
 use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{DynamicPublisher, DynamicSubscriber, Ipc, Schema, Wake};
 
@@ -82,9 +82,9 @@ impl TopicName<'_> {
 
 /// The robot's own topic with this key.
 fn own(key: &str) -> Option<&'static Contract> {
-    CONTRACTS
-        .iter()
-        .find(|contract| contract.key == key && contract.pattern == Pattern::PublishSubscribe)
+    service::own(key)
+        .map(ServiceId::contract)
+        .filter(|contract| contract.pattern == Pattern::PublishSubscribe)
 }
 
 /// A subscriber that hands on its samples one at a time: those of one drain wait in a buffer.

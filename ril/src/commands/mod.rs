@@ -19,7 +19,7 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::time::Duration;
 
-use ipc_types::service::CONTRACTS;
+use ipc_types::service::{ServiceId, own};
 use ipc_types::{
     Descriptor, Domain, Ipc, MonotonicNs, Place, RobotId, Source, Waiter, wake_promptly,
 };
@@ -120,8 +120,7 @@ fn absent(key: &str, robot: RobotId) -> Failure {
 
 /// The process that provides the service `key`; nothing when that is a module of somebody else's.
 fn process_of(key: &str) -> Option<&'static str> {
-    let contract = CONTRACTS.iter().find(|contract| contract.key == key);
-    contract.map(|contract| contract.provider)
+    own(key).map(ServiceId::provider)
 }
 
 /// Writes `value` as one line of JSON.

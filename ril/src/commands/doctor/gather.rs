@@ -295,8 +295,8 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
 fn providers(domain: &Domain) -> Look<Vec<Provided>> {
     let mut provided = Vec::new();
     for spec in &SERVICES {
-        for robot in domain.robots(spec.key).map_err(failed)? {
-            let Some(by) = domain.provider(robot, spec.key).map_err(failed)? else {
+        for robot in domain.robots(spec.contract.key).map_err(failed)? {
+            let Some(by) = domain.provider(robot, spec.contract.key).map_err(failed)? else {
                 continue;
             };
             provided.push(Provided {
@@ -330,7 +330,7 @@ fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<
         let is_elsewhere = |service: &str| {
             providers.iter().any(|provided| {
                 provided.robot == robot.robot
-                    && provided.service.spec().key == service
+                    && provided.service.key() == service
                     && provided.pids != Namespace::Ours
             })
         };

@@ -43,7 +43,7 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
         let of_command = SERVICES.iter().filter(|spec| spec.id.provider() == command);
         let keys: Vec<&str> = of_command
             .filter(|spec| provided.iter().any(|one| one.service == spec.id) == wanted)
-            .map(|spec| spec.key)
+            .map(|spec| spec.contract.key)
             .collect();
         keys.join(", ")
     };

@@ -1,0 +1,260 @@
+//! [`Contract`]: what all processes that open a service must agree on. The traits [`Topic`] and [`Request`] give it for a
+//! payload, and the macros [`topic!`](crate::topic) and [`request!`](crate::request) implement them, in any crate.
+
+use super::key::service_name;
+use crate::iox::Wire;
+use crate::payload::{Layout, RequestReport, SharedStruct, layout_hash};
+use crate::robot::RobotId;
+
+/// How a service carries its data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pattern {
+    /// Publish/subscribe, the latest value wins; the source's non-secure slot.
+    PublishSubscribe,
+    /// Request/response with a stream of reports, nothing is lost; the source's secure slot.
+    RequestResponse,
+}
+
+/// What everybody must agree on who opens a service: the robot's own, or a module's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contract {
+    /// Last part of the service's name.
+    pub key: &'static str,
+    /// The module whose process publishes or serves it.
+    pub provider: &'static str,
+    /// How it carries data.
+    pub pattern: Pattern,
+    /// The payload: the sample, or the request.
+    pub payload: &'static Layout,
+    /// The report that answers the request; nothing for a topic.
+    pub report: Option<&'static Layout>,
+}
+
+impl Contract {
+    /// The service of a topic.
+    pub const fn of_topic<T: Topic>() -> Contract {
+        Contract {
+            key: T::KEY,
+            provider: T::PROVIDER,
+            pattern: Pattern::PublishSubscribe,
+            payload: T::LAYOUT,
+            report: None,
+        }
+    }
+
+    /// The service of a request.
+    pub const fn of_request<R: Request>() -> Contract {
+        Contract {
+            key: R::KEY,
+            provider: R::PROVIDER,
+            pattern: Pattern::RequestResponse,
+            payload: R::LAYOUT,
+            report: Some(RequestReport::LAYOUT),
+        }
+    }
+
+    /// The service's name, such as `hero/1/battery_watch/cell_voltages`.
+    pub fn name(&self, robot: RobotId) -> String {
+        service_name(robot, self.key)
+    }
+
+    /// The attribute `layout`: the payload's type name; for requests both, joined by `/`.
+    pub fn layout(&self) -> String {
+        match self.report {
+            None => self.payload.type_name.to_owned(),
+            Some(report) => format!("{}/{}", self.payload.type_name, report.type_name),
+        }
+    }
+
+    /// The attribute `layout_hash`, as a number: see [`layout_hash`].
+    pub const fn layout_hash(&self) -> u64 {
+        match self.report {
+            None => layout_hash(&[self.payload.fields]),
+            Some(report) => layout_hash(&[self.payload.fields, report.fields]),
+        }
+    }
+
+    /// The schema of the payload; of a request service that of the request.
+    pub fn schema(&self) -> String {
+        crate::schema::text(self.payload)
+    }
+}
+
+/// A payload that is published: the latest sample wins. [`topic!`](crate::topic) implements it, in any crate.
+pub trait Topic: SharedStruct + Wire {
+    /// Last part of the service's name, which is `hero/<robot>/<key>`; see [`is_key`].
+    const KEY: &'static str;
+
+    /// The module whose process publishes it, such as `bridge`.
+    const PROVIDER: &'static str;
+
+    /// Writes the publisher's count and identity into the sample.
+    fn stamp(&mut self, sequence: u64, epoch_ns: u64);
+
+    /// The sample's count, from 1.
+    fn sequence(&self) -> u64;
+
+    /// When its publisher began, host monotonic ns.
+    fn epoch_ns(&self) -> u64;
+}
+
+/// A payload that is sent as a request and answered with a stream of [`RequestReport`]s. [`request!`](crate::request)
+/// implements it, in any crate.
+pub trait Request: SharedStruct + Wire {
+    /// Last part of the service's name, which is `hero/<robot>/<key>`; see [`is_key`].
+    const KEY: &'static str;
+
+    /// The module whose process serves it, such as `bridge`.
+    const PROVIDER: &'static str;
+
+    /// The id that its sender chose; every report repeats it.
+    fn request_id(&self) -> u64;
+
+    /// The path that it belongs to, 0 for none.
+    fn path_id(&self) -> u64 {
+        0
+    }
+}
+
+/// Makes a [`shared_struct!`](crate::shared_struct) a topic of a module: `topic!(Battery, "battery_watch/cell_voltages")`.
+///
+/// The struct begins with `sequence: u64` and `epoch_ns: u64`, which the publisher fills in, and which are how a
+/// subscriber notices losses and restarts. The key begins with the module's name; see [`is_key`](crate::service::is_key).
+///
+/// ```
+/// ipc_types::shared_struct! {
+///     /// Voltages of the flight battery.
+///     pub struct Voltages("battery_watch.Voltages.v1") = 64 {
+///         /// Counts the samples of this publisher from 1.
+///         pub sequence: u64,
+///         /// When the publisher began, host monotonic ns.
+///         pub epoch_ns: u64,
+///         /// Of the cells, from the negative pole, under load [V].
+///         pub cells: [f32; 12],
+///     }
+/// }
+/// ipc_types::topic!(Voltages, "battery_watch/cell_voltages");
+///
+/// use ipc_types::Topic;
+/// use ipc_types::service::Contract;
+/// assert_eq!(Voltages::PROVIDER, "battery_watch");
+/// const CONTRACT: Contract = Contract::of_topic::<Voltages>();
+/// assert_eq!(CONTRACT.layout(), "battery_watch.Voltages.v1");
+/// ```
+///
+/// A struct that does not begin so does not compile, and neither does a key without a module:
+///
+/// ```compile_fail
+/// ipc_types::shared_struct! {
+///     pub struct Voltages("battery_watch.Voltages.v1") = 24 {
+///         pub epoch_ns: u64,
+///         pub sequence: u64,
+///         pub voltage_v: f64,
+///     }
+/// }
+/// ipc_types::topic!(Voltages, "battery_watch/voltages");
+/// ```
+///
+/// ```compile_fail
+/// ipc_types::shared_struct! {
+///     pub struct Voltages("battery_watch.Voltages.v1") = 24 {
+///         pub sequence: u64,
+///         pub epoch_ns: u64,
+///         pub voltage_v: f64,
+///     }
+/// }
+/// ipc_types::topic!(Voltages, "voltages");
+/// ```
+#[macro_export]
+macro_rules! topic {
+    ($payload:ty, $key:literal) => {
+        $crate::topic!($payload, $key, $crate::service::module_of($key));
+    };
+    ($payload:ty, $key:literal, $provider:expr) => {
+        impl $crate::Topic for $payload {
+            const KEY: &'static str = $key;
+            const PROVIDER: &'static str = $provider;
+
+            fn stamp(&mut self, sequence: u64, epoch_ns: u64) {
+                self.sequence = sequence;
+                self.epoch_ns = epoch_ns;
+            }
+
+            fn sequence(&self) -> u64 {
+                self.sequence
+            }
+
+            fn epoch_ns(&self) -> u64 {
+                self.epoch_ns
+            }
+        }
+
+        const _: () = {
+            ::core::assert!(
+                ::core::mem::offset_of!($payload, sequence) == $crate::service::SEQUENCE_OFFSET
+                    && ::core::mem::offset_of!($payload, epoch_ns) == $crate::service::EPOCH_OFFSET,
+                "a topic's struct begins with `sequence: u64` and `epoch_ns: u64`"
+            );
+            ::core::assert!(
+                $crate::service::is_key($key) && !<$payload as $crate::Topic>::PROVIDER.is_empty(),
+                "a module's key is `<module>/<topic>` in lower snake case"
+            );
+        };
+    };
+}
+
+/// Makes a [`shared_struct!`](crate::shared_struct) a request to a module: `request!(SetLimits, "battery_watch/limits")`.
+///
+/// The struct begins with `request_id: u64`, which the sender chooses and every report repeats. The key is as that of a
+/// [`topic!`](crate::topic).
+///
+/// ```
+/// ipc_types::shared_struct! {
+///     /// Sets the voltage below which `battery_watch` warns.
+///     pub struct SetLimit("battery_watch.SetLimit.v1") = 16 {
+///         /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+///         pub request_id: u64,
+///         /// Least voltage of a cell.
+///         pub least_v: f64,
+///     }
+/// }
+/// ipc_types::request!(SetLimit, "battery_watch/limits");
+///
+/// use ipc_types::service::Contract;
+/// const CONTRACT: Contract = Contract::of_request::<SetLimit>();
+/// assert_eq!(CONTRACT.layout(), "battery_watch.SetLimit.v1/hero.RequestReport.v2");
+/// ```
+#[macro_export]
+macro_rules! request {
+    ($payload:ty, $key:literal) => {
+        $crate::request!($payload, $key, $crate::service::module_of($key));
+    };
+    ($payload:ty, $key:literal, $provider:expr) => {
+        impl $crate::Request for $payload {
+            const KEY: &'static str = $key;
+            const PROVIDER: &'static str = $provider;
+
+            fn request_id(&self) -> u64 {
+                self.request_id
+            }
+        }
+
+        const _: () = {
+            ::core::assert!(
+                ::core::mem::offset_of!($payload, request_id) == 0,
+                "a request's struct begins with `request_id: u64`"
+            );
+            ::core::assert!(
+                $crate::service::is_key($key)
+                    && !<$payload as $crate::Request>::PROVIDER.is_empty(),
+                "a module's key is `<module>/<request>` in lower snake case"
+            );
+        };
+    };
+}
+
+/// Where `sequence` lies in every sample of a topic, bytes.
+pub const SEQUENCE_OFFSET: usize = 0;
+
+/// Where `epoch_ns` lies in every sample of a topic, bytes.
+pub const EPOCH_OFFSET: usize = 8;

@@ -1,0 +1,18 @@
+//! Services: what they are called, what lies in them, and every quality-of-service value.
+//!
+//! `key` has the names, `contract` what the processes of one service must agree on, `table` the robot's own services, `bounds`
+//! how much of everything a service holds.
+
+mod bounds;
+mod contract;
+mod event;
+mod key;
+mod table;
+
+pub use bounds::*;
+pub use contract::{Contract, EPOCH_OFFSET, Pattern, Request, SEQUENCE_OFFSET, Topic};
+pub use event::{EVENT_ID_MAX, EventCode};
+pub(crate) use key::folder_name;
+pub use key::{MAX_KEY_LEN, is_key, module_of, service_name};
+pub(crate) use table::slot;
+pub use table::{SERVICES, ServiceId, ServiceSpec, own};
