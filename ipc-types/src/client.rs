@@ -135,7 +135,7 @@ impl<R: Request> Port<R> {
             port,
             responses,
             requests: WakeSender::make(session, requests, place(key), Channel::Requests)?,
-            server: ServerWatch::new(generation.watch()),
+            server: ServerWatch::new(generation.provider_watch()),
             generation,
         })
     }

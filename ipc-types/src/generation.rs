@@ -22,7 +22,7 @@ use rustix::fs::FlockOperation;
 use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
 use crate::domain_error::DomainError;
 use crate::iox::{Node, NodeBuilder, Svc};
-use crate::lock_file::{flock, is_at, is_ours, open_lock_file, open_to_look};
+use crate::lock_file::{entries, flock, is_at, is_ours, open_lock_file, open_to_look};
 use crate::provider::LockWatch;
 use crate::schema::{self, LoadError, Schema};
 use crate::service::{MAX_KEY_LEN, is_key};
@@ -192,8 +192,8 @@ impl Generation {
     }
 
     /// Tells whether the provider is still there.
-    pub(crate) fn watch(&self) -> LockWatch {
-        LockWatch::new(self.path.join(PROVIDER_FILE))
+    pub(crate) fn provider_watch(&self) -> LockWatch {
+        provider_watch(&self.path)
     }
 
     /// Lays the schema of its content beside it.
@@ -274,17 +274,14 @@ pub(crate) fn schema(service: &Path, name: &str) -> Result<Schema, LoadError> {
     schema::load(&service.join(name).join(SCHEMA_FILE))
 }
 
-/// Tells whether a generation has a provider.
-pub(crate) fn provider_lock(service: &Path, name: &str) -> LockWatch {
-    LockWatch::new(service.join(name).join(PROVIDER_FILE))
+/// Tells whether the generation in this folder has a provider.
+pub(crate) fn provider_watch(generation: &Path) -> LockWatch {
+    LockWatch::new(generation.join(PROVIDER_FILE))
 }
 
 /// The folders of a robot's services.
 pub(crate) fn services(robot_folder: &Path) -> Vec<PathBuf> {
-    fs::read_dir(robot_folder)
-        .into_iter()
-        .flatten()
-        .flatten()
+    entries(robot_folder)
         .filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()))
         .map(|entry| entry.path())
         .collect()
@@ -332,10 +329,7 @@ pub(crate) fn config_of(
 
 /// The generations of a service that there are, drafts included, as names of folders.
 pub(crate) fn names(service: &Path) -> Vec<String> {
-    fs::read_dir(service)
-        .into_iter()
-        .flatten()
-        .flatten()
+    entries(service)
         .filter_map(|entry| entry.file_name().into_string().ok())
         .filter(|name| is_name(without_draft(name)))
         .collect()
@@ -403,10 +397,7 @@ fn prefix_of(name: &[u8]) -> Option<&str> {
 
 /// This user's segments with such a name. Costs in proportion to everybody's segments.
 fn segments(mut is_wanted: impl FnMut(&[u8]) -> bool) -> Vec<PathBuf> {
-    fs::read_dir(SHM_DIR)
-        .into_iter()
-        .flatten()
-        .flatten()
+    entries(Path::new(SHM_DIR))
         .filter(|entry| is_wanted(OsStr::as_bytes(&entry.file_name())))
         .filter(|entry| entry.metadata().is_ok_and(|metadata| is_ours(&metadata)))
         .map(|entry| entry.path())
@@ -430,8 +421,7 @@ pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
     // Listed before the folders: a generation has its folder before its first segment.
     let mut segments = segments_of(domain);
     if !segments.is_empty() {
-        let robots = fs::read_dir(domain.root()).into_iter().flatten().flatten();
-        let known: HashSet<String> = robots
+        let known: HashSet<String> = entries(domain.root())
             .flat_map(|robot| prefixes_in(domain, &robot.path()))
             .collect();
         segments.retain(|path| {

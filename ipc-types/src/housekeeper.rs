@@ -6,7 +6,6 @@
 //! deleted when its last member has gone.
 
 use std::any::Any;
-use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
@@ -22,6 +21,7 @@ use iceoryx2::prelude::{CallbackProgression, NodeState};
 use crate::domain::Domain;
 use crate::generation::{self, Generation};
 use crate::iox::{Node, Svc};
+use crate::lock_file::entries;
 use crate::{files, reserve, robot_folder};
 
 /// How often it looks for dead members: their partners are told of the death after that time.
@@ -146,8 +146,7 @@ impl Tended {
 }
 
 fn count_files(folder: &Path) -> usize {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries
+    entries(folder)
         .map(|entry| match entry.file_type() {
             Ok(kind) if kind.is_dir() => 1 + count_files(&entry.path()),
             _ => 1,

@@ -15,7 +15,7 @@ use crate::domain::{Domain, SHM_DIR};
 use crate::domain_error::DomainError;
 use crate::generation::{self, Current};
 use crate::iox::{Node, Svc};
-use crate::lock_file::is_ours;
+use crate::lock_file::{entries, is_ours};
 use crate::provider::{Provider, ProviderWatch};
 use crate::robot::RobotId;
 use crate::robot_folder;
@@ -189,8 +189,7 @@ impl Domain {
 
     /// The domains of all users in the usual place: each one's root, and its owner.
     pub fn others() -> Vec<Entry> {
-        let entries = fs::read_dir(SHM_DIR).into_iter().flatten().flatten();
-        let mut found: Vec<Entry> = entries
+        let mut found: Vec<Entry> = entries(Path::new(SHM_DIR))
             .filter(|entry| {
                 let name = entry.file_name();
                 let uid = name.to_str().and_then(|name| name.strip_prefix("hero"));
@@ -269,7 +268,7 @@ impl Domain {
 }
 
 fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+    for entry in entries(folder) {
         found.push(entry.path());
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             walk(&entry.path(), found);
@@ -288,7 +287,7 @@ fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
     for service in generation::services(&domain.robot_folder(robot)) {
         let names = generation::names(&service);
         let has_provider = |name: &str| {
-            let held = generation::provider_lock(&service, name).is_held();
+            let held = generation::provider_watch(&service.join(name)).is_held();
             held.unwrap_or(false)
         };
         facts.generations += names.len();

@@ -2,7 +2,7 @@
 //!
 //! All locks are `flock`s, because the kernel drops them with the process, however it ends. None is waited for here.
 
-use std::fs::{self, DirBuilder, File, Metadata, OpenOptions};
+use std::fs::{self, DirBuilder, DirEntry, File, Metadata, OpenOptions};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
@@ -82,6 +82,11 @@ pub(crate) fn open_to_look(path: &Path) -> io::Result<File> {
         .read(true)
         .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32)
         .open(path)
+}
+
+/// What is in a folder; nothing when it cannot be read, because it is gone for example.
+pub(crate) fn entries(folder: &Path) -> impl Iterator<Item = DirEntry> {
+    fs::read_dir(folder).into_iter().flatten().flatten()
 }
 
 /// Locks without waiting; says whether the lock was got.

@@ -15,7 +15,7 @@ use rustix::fs::FlockOperation;
 use crate::domain::Domain;
 use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
-use crate::lock_file::{flock, is_at, make_folder, open_lock_file, open_to_look};
+use crate::lock_file::{entries, flock, is_at, make_folder, open_lock_file, open_to_look};
 use crate::robot::RobotId;
 use crate::{generation, random};
 
@@ -87,10 +87,9 @@ impl Membership {
             let doorbell = match Doorbell::map(&lock) {
                 Ok(doorbell) => doorbell,
                 Err(error) => {
-                    drop(lock);
                     // Nothing is left of an attempt, unless others are here.
-                    let _ = delete_if_dead(domain, robot);
-                    let _ = fs::remove_dir(domain.root());
+                    let _ = delete_if_last(domain, robot, &lock);
+                    remove_root(domain);
                     return Err(DomainError::io("map", &path, error));
                 }
             };
@@ -128,13 +127,10 @@ impl Drop for Membership {
             // It has nothing to say, and a panic in it has been reported.
             let _ = cleaner.join();
         }
-        let path = self.domain.robot_folder(self.robot).join(DOORBELL_FILE);
-        let is_last = flock(&self.lock, FlockOperation::NonBlockingLockExclusive, &path);
-        if !is_last.unwrap_or(false) || !is_at(&self.lock, &path) {
-            return;
-        }
-        if let Some(folder) = set_aside(&self.domain, self.robot) {
-            delete(&self.domain, &folder);
+        match delete_if_last(&self.domain, self.robot, &self.lock) {
+            Ok(true) => {}
+            Ok(false) => return,
+            Err(error) => warn_of_leftovers(&self.domain.robot_folder(self.robot), &error),
         }
         // The last process of another robot may have been killed, and nobody come after it.
         for robot in robots(&self.domain) {
@@ -142,9 +138,13 @@ impl Drop for Membership {
                 tracing::debug!(%robot, %error, "a dead robot was left behind");
             }
         }
-        // Fails while another robot is there.
-        let _ = fs::remove_dir(self.domain.root());
+        remove_root(&self.domain);
     }
+}
+
+/// Removes the domain's root, unless a robot has a folder in it.
+fn remove_root(domain: &Domain) {
+    let _ = fs::remove_dir(domain.root());
 }
 
 /// Gives the robot's folder another name, under which nobody looks for it. The lock must be exclusive.
@@ -172,16 +172,17 @@ fn clean(domain: &Domain, folder: PathBuf) -> Option<JoinHandle<()>> {
 
 fn delete(domain: &Domain, folder: &Path) {
     if let Err(error) = generation::delete_robot_folder(domain, folder) {
-        tracing::warn!(folder = %folder.display(), %error, "shared memory of processes that are gone was left behind");
+        warn_of_leftovers(folder, &error);
     }
+}
+
+fn warn_of_leftovers(folder: &Path, error: &DomainError) {
+    tracing::warn!(folder = %folder.display(), %error, "shared memory of processes that are gone was left behind");
 }
 
 /// The folders that were set aside by processes that were then killed.
 pub(crate) fn discarded(domain: &Domain) -> Vec<PathBuf> {
-    fs::read_dir(domain.root())
-        .into_iter()
-        .flatten()
-        .flatten()
+    entries(domain.root())
         .filter(|entry| entry.file_name().to_string_lossy().contains(DISCARDED))
         .map(|entry| entry.path())
         .collect()
@@ -198,11 +199,7 @@ pub(crate) fn delete_discarded(domain: &Domain) -> usize {
 
 /// The robots that have a folder in the domain.
 pub(crate) fn robots(domain: &Domain) -> Vec<RobotId> {
-    let Ok(entries) = fs::read_dir(domain.root()) else {
-        return Vec::new();
-    };
-    let mut robots: Vec<RobotId> = entries
-        .flatten()
+    let mut robots: Vec<RobotId> = entries(domain.root())
         .filter_map(|entry| entry.file_name().to_str()?.parse().ok())
         .collect();
     robots.sort_unstable();
@@ -229,7 +226,13 @@ pub(crate) fn delete_if_dead(domain: &Domain, robot: RobotId) -> Result<bool, Do
         }
         Err(error) => return Err(DomainError::io("open", &path, error)),
     };
-    if !flock(&lock, FlockOperation::NonBlockingLockExclusive, &path)? || !is_at(&lock, &path) {
+    delete_if_last(domain, robot, &lock)
+}
+
+/// Sets aside and deletes the robot's folder, unless another process has its `lock`. Returns whether it was deleted.
+fn delete_if_last(domain: &Domain, robot: RobotId, lock: &File) -> Result<bool, DomainError> {
+    let path = domain.robot_folder(robot).join(DOORBELL_FILE);
+    if !flock(lock, FlockOperation::NonBlockingLockExclusive, &path)? || !is_at(lock, &path) {
         return Ok(false);
     }
     match set_aside(domain, robot) {
