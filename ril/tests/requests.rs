@@ -2,18 +2,11 @@
 
 mod common;
 
-use common::{Rig, end, json, says};
+use common::{Rig, end, json, movement, says};
 use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Process, Received, StandInBridge};
-
-fn movement(received: Received) -> MovementData {
-    match received {
-        Received::Movement(movement) => movement,
-        other => panic!("a movement was expected: {other:?}"),
-    }
-}
 
 fn control(received: Received) -> ModuleControl {
     match received {

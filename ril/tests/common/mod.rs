@@ -4,15 +4,17 @@
 // Each test file uses a part of it.
 #![allow(dead_code)]
 
+pub mod flight;
+
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ipc_types::payload::ModuleState;
+use ipc_types::payload::{ModuleState, MovementData};
 use ipc_types::{Ipc, RobotId, Subscriber, Wake};
 use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
-use ril_tests::{Process, PtyFolder, TestDomain};
+use ril_tests::{Process, PtyFolder, Received, TestDomain};
 
 /// Variables of the environment that would change what the commands do.
 const VARIABLES: [&str; 6] = [
@@ -190,4 +192,12 @@ pub fn says(lines: &[String], text: &str) -> bool {
 #[track_caller]
 pub fn json(line: &str) -> serde_json::Value {
     serde_json::from_str(line).unwrap_or_else(|error| panic!("{line}: {error}"))
+}
+
+/// The movement that was received.
+pub fn movement(received: Received) -> MovementData {
+    match received {
+        Received::Movement(movement) => movement,
+        other => panic!("a movement was expected: {other:?}"),
+    }
 }

@@ -1,0 +1,185 @@
+//! The serial port, the link, and what the DSP reports over it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use dsp_protocol::{Group, Profile, StatusMask};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+
+use super::{baud_rate, milliseconds, pc_timeout_ms};
+use crate::link::coherence::Rule;
+use crate::link::commands::ATTEMPTS;
+
+/// `[serial]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SerialConfig {
+    /// Path of the port (`puerto_serie`).
+    pub port: PathBuf,
+    /// Bits per second; 8N1.
+    #[serde(deserialize_with = "baud_rate")]
+    pub baud_rate: u32,
+    /// First pause before a port that is gone is opened again; doubled up to `reopen_max_ms`.
+    #[serde(deserialize_with = "milliseconds")]
+    pub reopen_min_ms: u64,
+    /// Longest pause before a port that is gone is opened again.
+    #[serde(deserialize_with = "milliseconds")]
+    pub reopen_max_ms: u64,
+}
+
+impl Default for SerialConfig {
+    fn default() -> Self {
+        SerialConfig {
+            port: PathBuf::from("/dev/ttyS0"),
+            baud_rate: 115_200,
+            reopen_min_ms: 20,
+            reopen_max_ms: 100,
+        }
+    }
+}
+
+impl SerialConfig {
+    /// Pause after `failures` failed openings in a row.
+    pub fn reopen_pause(&self, failures: u32) -> Duration {
+        back_off(self.reopen_min_ms, self.reopen_max_ms, failures)
+    }
+}
+
+checked!(LinkConfig);
+
+/// `[link]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(remote = "Self", deny_unknown_fields, default)]
+pub struct LinkConfig {
+    /// How messages are framed: the same as at the DSP.
+    #[serde(deserialize_with = "profile")]
+    pub profile: Profile,
+    /// After how long without a message from the bridge the DSP stops by itself; 0 never, and then the port is not touched.
+    #[serde(deserialize_with = "pc_timeout_ms")]
+    pub pc_timeout_ms: u16,
+    /// How long one attempt of a command waits for its acknowledgement.
+    #[serde(deserialize_with = "milliseconds")]
+    pub ack_timeout_ms: u64,
+    /// After how long without a valid message the link is silent, and after how long an observation is not known any more:
+    /// at least this, and three observed periods.
+    #[serde(deserialize_with = "milliseconds")]
+    pub silent_after_ms: u64,
+    /// First pause after a start-up that was not answered; doubled up to `start_up_retry_max_ms`.
+    #[serde(deserialize_with = "milliseconds")]
+    pub start_up_retry_min_ms: u64,
+    /// Longest pause after a start-up that was not answered.
+    #[serde(deserialize_with = "milliseconds")]
+    pub start_up_retry_max_ms: u64,
+}
+
+impl Default for LinkConfig {
+    fn default() -> Self {
+        LinkConfig {
+            profile: Profile::Classic,
+            pc_timeout_ms: 2000,
+            ack_timeout_ms: 200,
+            silent_after_ms: 1000,
+            start_up_retry_min_ms: 100,
+            start_up_retry_max_ms: 1000,
+        }
+    }
+}
+
+impl LinkConfig {
+    /// The DSP must not take a PC for gone that is still repeating its sign of life.
+    fn check(&self) -> Result<(), String> {
+        let shortest = (self.ack_timeout_ms * u64::from(ATTEMPTS)).saturating_mul(3) / 2;
+        let timeout = u64::from(self.pc_timeout_ms);
+        if timeout > 0 && timeout < shortest {
+            return Err(format!(
+                "pc_timeout_ms = {timeout} is too short for ack_timeout_ms = {}: 0, or at least {shortest}",
+                self.ack_timeout_ms
+            ));
+        }
+        Ok(())
+    }
+
+    /// How long one attempt waits for its acknowledgement.
+    pub fn ack_timeout(&self) -> Duration {
+        Duration::from_millis(self.ack_timeout_ms)
+    }
+
+    /// After how long without a message from the bridge the DSP stops by itself.
+    pub fn pc_timeout(&self) -> Duration {
+        Duration::from_millis(self.pc_timeout_ms.into())
+    }
+
+    /// After how long without a valid message the link is silent.
+    pub fn silent_after(&self) -> Duration {
+        Duration::from_millis(self.silent_after_ms)
+    }
+
+    /// Pause after `failures` failed start-ups in a row.
+    pub fn start_up_retry(&self, failures: u32) -> Duration {
+        back_off(
+            self.start_up_retry_min_ms,
+            self.start_up_retry_max_ms,
+            failures,
+        )
+    }
+}
+
+fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Profile, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    Profile::from_name(&name).ok_or_else(|| {
+        let known = Profile::ALL.map(Profile::name).join(" or ");
+        D::Error::custom(format_args!("unknown profile `{name}`: it is {known}"))
+    })
+}
+
+/// `[status]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StatusConfig {
+    /// Names of the groups that the DSP shall send (`mascara`).
+    #[serde(deserialize_with = "groups")]
+    pub groups: Vec<Group>,
+    /// Which samples are published.
+    pub coherence: Rule,
+}
+
+impl Default for StatusConfig {
+    fn default() -> Self {
+        StatusConfig {
+            groups: Group::ALL.to_vec(),
+            coherence: Rule::Immediate,
+        }
+    }
+}
+
+impl StatusConfig {
+    /// The mask of the groups.
+    pub fn mask(&self) -> StatusMask {
+        self.groups.iter().copied().collect()
+    }
+}
+
+fn groups<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Group>, D::Error> {
+    Vec::<String>::deserialize(deserializer)?
+        .iter()
+        .map(|name| {
+            Group::ALL
+                .into_iter()
+                .find(|group| group.name() == name)
+                .ok_or_else(|| {
+                    let known: Vec<_> = Group::ALL.iter().map(|group| group.name()).collect();
+                    D::Error::custom(format_args!(
+                        "unknown group `{name}`; the groups are {}",
+                        known.join(", ")
+                    ))
+                })
+        })
+        .collect()
+}
+
+/// `min`, doubled for each failure after the first, never more than `max`.
+fn back_off(min_ms: u64, max_ms: u64, failures: u32) -> Duration {
+    let doubled = min_ms.saturating_mul(1 << failures.saturating_sub(1).min(32));
+    Duration::from_millis(doubled.min(max_ms))
+}

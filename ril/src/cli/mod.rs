@@ -1,0 +1,192 @@
+//! The command line of `ril`: what can be asked for.
+//!
+//! Everything is checked here, once; the commands get typed values. `request` has the arguments of commands that ask a module
+//! for something, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
+//! another process.
+
+mod request;
+#[cfg(test)]
+mod tests;
+mod topic;
+mod value;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use runtime::args::CommonArgs;
+
+use crate::demo;
+pub use request::{
+    AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
+    ParamGetArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
+};
+pub use topic::{
+    EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
+    TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
+};
+pub use value::waypoints;
+use value::{protect_coordinates, seconds};
+
+/// What each exit code means, for the end of the help.
+pub const EXIT_CODES: &str = "\
+Exit codes:
+   0  done
+   1  internal error
+   2  usage error
+   3  the process that should answer does not run
+   4  no answer in time, or the DSP did not acknowledge
+   5  refused, or ended early; the reason is printed
+   6  the link to the DSP is down
+   7  the outcome cannot be known
+   8  something is not in order; the findings are printed
+  78  the configuration is wrong";
+
+/// The operator's tool of the HERO helicopter's Robot Implementation Layer.
+///
+/// Data goes to standard output, everything else to standard error. With --json, data is one JSON object a line.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "ril", version, after_help = EXIT_CODES)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Whether the operator said which robot is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RobotChoice {
+    /// By `--robot` or `RIL_ROBOT`.
+    Explicit,
+    /// No: the robot is the built-in default.
+    Default,
+}
+
+impl RobotChoice {
+    /// How the robot of the innermost command came about.
+    fn of(matches: &ArgMatches) -> RobotChoice {
+        let mut innermost = matches;
+        while let Some((_, inner)) = innermost.subcommand() {
+            innermost = inner;
+        }
+        // A command without this option has no robot to choose.
+        let is_known = innermost.try_contains_id("robot").unwrap_or(false);
+        match is_known.then(|| innermost.value_source("robot")).flatten() {
+            Some(ValueSource::DefaultValue) => RobotChoice::Default,
+            _ => RobotChoice::Explicit,
+        }
+    }
+}
+
+impl Cli {
+    /// Reads the command line, of which the first argument is the program's name.
+    ///
+    /// # Errors
+    ///
+    /// A usage error, or a text that was asked for, such as the help.
+    pub fn read(
+        args: impl IntoIterator<Item = OsString>,
+    ) -> Result<(Cli, RobotChoice), clap::Error> {
+        let mut command = Cli::command();
+        let matches = command.try_get_matches_from_mut(protect_coordinates(args))?;
+        let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        Ok((cli, RobotChoice::of(&matches)))
+    }
+}
+
+/// What to do.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Fly a whole simulated mission, with nothing else running, and check it
+    Demo(demo::Args),
+    /// Run the bridge between shared memory and the DSP's serial port, in the foreground
+    Bridge(bridge::cli::Args),
+    /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
+    Status(status::cli::Args),
+    /// Run the simulator of DSP and helicopter, in the foreground
+    Sim(dsp_sim::cli::Args),
+    /// Start the bridge's module, so that it takes movements; or another module
+    Start(ControlArgs),
+    /// Stop the bridge's module: the helicopter hovers, and everything that was planned is discarded; or another module
+    Stop(ControlArgs),
+    /// Take off and climb to an altitude over the point of take-off
+    Takeoff(TakeoffArgs),
+    /// Land on the spot
+    Land(LandArgs),
+    /// Hover on the spot and stay started; replaces a path that is under way
+    Hold(RequestArgs),
+    /// Fly a path of one or more waypoints
+    Goto(GotoArgs),
+    /// List, read or write the DSP's parameters (virtual ports)
+    Param(ParamArgs),
+    /// Manage the geofence
+    Fence(FenceArgs),
+    /// Show the state of the module, the link, the DSP, the safety rules and telemetry
+    State(StateArgs),
+    /// Print samples as they come
+    Echo(EchoArgs),
+    /// Measure how often samples come and how often they are published, and count the lost ones
+    Hz(MeasureArgs),
+    /// Measure how old samples are when they come
+    Delay(MeasureArgs),
+    /// Measure how many bytes the samples make
+    Bw(MeasureArgs),
+    /// List, describe, print and measure topics, those of modules included
+    Topic(TopicArgs),
+    /// Find what is wrong with shared memory, configuration and serial port, and what to do
+    Doctor(DoctorArgs),
+}
+
+/// `ril state`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct StateArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for a sample, in seconds [default: 2, or ril.toml]
+    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril doctor`
+///
+/// Without --repair nothing is joined or changed, and the serial port is not opened in any case.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct DoctorArgs {
+    /// What every process takes; the configuration is that of the operator's commands.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Configuration of the bridge [default: bridge.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub bridge: Option<PathBuf>,
+
+    /// Configuration of status [default: status.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub status: Option<PathBuf>,
+
+    /// Configuration of the simulator [default: dsp-sim.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub sim: Option<PathBuf>,
+
+    /// Serial port, instead of `serial.port` of the bridge's configuration
+    #[arg(long, value_name = "PATH", env = "RIL_PORT")]
+    pub port: Option<PathBuf>,
+
+    /// Remove what dead processes left, then examine
+    #[arg(long)]
+    pub repair: bool,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}

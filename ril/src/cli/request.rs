@@ -1,0 +1,175 @@
+//! The arguments of commands that ask a module for something: start and stop, movements, parameters, the geofence.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use ipc_types::payload::WaypointPosition;
+use runtime::args::CommonArgs;
+
+use super::EXIT_CODES;
+use super::value::{altitude, finite, module_name, port_key, seconds, waypoint};
+use crate::config::MAX_DEADLINE_MS;
+
+/// What every command takes that asks the bridge for something.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct AskArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for the bridge's first answer, in seconds [default: 2, or ril.toml]
+    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+
+    /// Within how many milliseconds the request must have reached the DSP; 0 leaves it to the bridge
+    #[arg(long, value_name = "MS", env = "RIL_DEADLINE_MS",
+        value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_DEADLINE_MS)))]
+    pub deadline: Option<u32>,
+
+    /// Print each report as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What every command takes whose request goes on for a while.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct RequestArgs {
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+
+    /// Return once the request was accepted, instead of following it to its end
+    #[arg(long)]
+    pub no_wait: bool,
+}
+
+/// `ril start`, `ril stop`
+#[derive(Args, Clone, Debug)]
+pub struct ControlArgs {
+    /// Name of a module with a control service of its own, such as battery_watch [default: the bridge]
+    #[arg(long, value_name = "NAME", value_parser = module_name)]
+    pub module: Option<String>,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril takeoff`
+#[derive(Args, Clone, Debug)]
+pub struct TakeoffArgs {
+    /// Altitude over the point of take-off, in metres
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = altitude)]
+    pub altitude: f64,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril land`
+#[derive(Args, Clone, Debug)]
+pub struct LandArgs {
+    /// Replace a path that is under way instead of being refused as busy
+    #[arg(long)]
+    pub preempt: bool,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril goto`
+#[derive(Args, Clone, Debug)]
+pub struct GotoArgs {
+    /// Waypoints: latitude and longitude in degrees, altitude in metres with the zero of telemetry, such as
+    /// -37.5,-6.25,20
+    #[arg(required_unless_present = "file", value_name = "LAT,LON,ALT", value_parser = waypoint)]
+    pub waypoints: Vec<WaypointPosition>,
+
+    /// Read the waypoints from a file, one LAT,LON,ALT a line; `#` begins a comment, - is standard input
+    #[arg(long, value_name = "FILE", conflicts_with = "waypoints")]
+    pub file: Option<PathBuf>,
+
+    /// Replace a path that is under way instead of being refused as busy
+    #[arg(long)]
+    pub preempt: bool,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril param`
+#[derive(Args, Clone, Debug)]
+pub struct ParamArgs {
+    /// What to do with the parameters.
+    #[command(subcommand)]
+    pub command: ParamCommand,
+}
+
+/// `ril param …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum ParamCommand {
+    /// List all parameters with number, kind, range and whether a request may write them
+    List(AskArgs),
+    /// Read a parameter from the DSP
+    Get(ParamGetArgs),
+    /// Write a parameter, and print the value that the DSP then has
+    Set(ParamSetArgs),
+}
+
+/// `ril param get`
+#[derive(Args, Clone, Debug)]
+pub struct ParamGetArgs {
+    /// Name of the parameter, as `ril param list` shows it, or number of its port
+    #[arg(value_name = "NAME", value_parser = port_key)]
+    pub port: PortKey,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+}
+
+/// `ril param set`
+#[derive(Args, Clone, Debug)]
+pub struct ParamSetArgs {
+    /// Name of the parameter, as `ril param list` shows it, or number of its port
+    #[arg(value_name = "NAME", value_parser = port_key)]
+    pub port: PortKey,
+
+    /// Value to write
+    #[arg(value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
+    pub value: f64,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+}
+
+/// How a command names a port of the DSP.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PortKey {
+    /// By the number of the port.
+    Number(u16),
+    /// By the name that the bridge gives it.
+    Name(String),
+}
+
+/// `ril fence`
+#[derive(Args, Clone, Debug)]
+pub struct FenceArgs {
+    /// What to do with the geofence.
+    #[command(subcommand)]
+    pub command: FenceCommand,
+}
+
+/// `ril fence …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum FenceCommand {
+    /// Read the geofence in bridge.toml again; the bridge checks a path that is under way against it
+    Reload(RequestArgs),
+}

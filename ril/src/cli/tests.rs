@@ -1,0 +1,168 @@
+//! The whole command line.
+
+use ipc_types::payload::WaypointPosition;
+use runtime::exit::ExitCode;
+
+use super::*;
+
+fn parse(arguments: &[&str]) -> Result<Command, clap::Error> {
+    read(arguments).map(|(cli, _)| cli.command)
+}
+
+fn read(arguments: &[&str]) -> Result<(Cli, RobotChoice), clap::Error> {
+    Cli::read(std::iter::once(&"ril").chain(arguments).map(OsString::from))
+}
+
+#[test]
+fn the_command_line_is_sound() {
+    Cli::command().debug_assert();
+}
+
+#[test]
+fn the_help_documents_every_exit_code() {
+    let help = Cli::command().render_help().to_string();
+    for code in ExitCode::ALL {
+        let line = format!("\n{:>4}  ", code.code());
+        assert!(help.contains(&line), "{code:?} is missing in\n{help}");
+    }
+}
+
+#[test]
+fn negative_coordinates_and_options_after_them_are_both_understood() {
+    let command = parse(&[
+        "goto",
+        "-37.1,-6.0,20",
+        "37,-.5,-3",
+        "-.5,0,1e1",
+        "--no-wait",
+        "--robot",
+        "7",
+        "--deadline",
+        "50",
+    ]);
+    let Ok(Command::Goto(goto)) = command else {
+        panic!("{command:?}");
+    };
+    let position = |latitude_deg, longitude_deg, altitude_m| WaypointPosition {
+        latitude_deg,
+        longitude_deg,
+        altitude_m,
+    };
+    let expected = [
+        position(-37.1, -6.0, 20.0),
+        position(37.0, -0.5, -3.0),
+        position(-0.5, 0.0, 10.0),
+    ];
+    assert_eq!(goto.waypoints, expected);
+    assert!(goto.request.no_wait);
+    assert_eq!(goto.request.ask.common.robot.get(), 7);
+    assert_eq!(goto.request.ask.deadline, Some(50));
+}
+
+#[test]
+fn a_robot_is_chosen_by_the_option_of_the_innermost_command() {
+    for (arguments, expected) in [
+        (&["start"][..], RobotChoice::Default),
+        (&["start", "--robot", "1"], RobotChoice::Explicit),
+        (&["param", "list"], RobotChoice::Default),
+        (&["param", "list", "--robot=2"], RobotChoice::Explicit),
+        (&["fence", "reload"], RobotChoice::Default),
+    ] {
+        // The environment of whoever runs the tests may name a robot as well.
+        let expected = match std::env::var_os("RIL_ROBOT") {
+            Some(_) => RobotChoice::Explicit,
+            None => expected,
+        };
+        assert_eq!(read(arguments).unwrap().1, expected, "{arguments:?}");
+    }
+}
+
+#[test]
+fn parameters_are_named_or_numbered_and_take_negative_values() {
+    let set = |arguments: &[&str]| match parse(arguments) {
+        Ok(Command::Param(ParamArgs {
+            command: ParamCommand::Set(args),
+        })) => (args.port, args.value),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(
+        set(&["param", "set", "trim_tail_us", "-40"]),
+        (PortKey::Name("trim_tail_us".to_owned()), -40.0)
+    );
+    assert_eq!(
+        set(&["param", "set", "20000", "5.5"]),
+        (PortKey::Number(20_000), 5.5)
+    );
+}
+
+#[test]
+fn what_makes_no_sense_is_a_usage_error_that_says_why() {
+    let cases: [(&[&str], &str); 31] = [
+        (&["goto"], "LAT,LON,ALT"),
+        (&["goto", "37,-6"], "2 numbers, three are needed"),
+        (&["goto", "37,-6,20,1"], "4 numbers"),
+        (&["goto", "37,", "-6,", "20"], "2 numbers"),
+        (
+            &["goto", "north,-6,20"],
+            "the latitude `north` is not a number",
+        ),
+        (
+            &["goto", "-90.1,-6,20"],
+            "the latitude -90.1 is out of range: it must be from -90 to 90",
+        ),
+        (
+            &["goto", "37,180.1,20"],
+            "the longitude 180.1 is out of range",
+        ),
+        (&["goto", "37,6,nan"], "the altitude `nan` is not finite"),
+        (
+            &["goto", "37,-inf,20"],
+            "the longitude `-inf` is not finite",
+        ),
+        (&["goto", "-nan,6,20"], "unexpected argument"),
+        (&["goto", "37,6,20", "-37,6"], "2 numbers"),
+        (
+            &["goto", "37,6,20", "--file", "path"],
+            "cannot be used with",
+        ),
+        (&["takeoff"], "--altitude"),
+        (&["takeoff", "--altitude", "5", "--preempt"], "--preempt"),
+        (&["param"], "Usage: ril param"),
+        (&["param", "set", "yaw_gain"], "<VALUE>"),
+        (
+            &["param", "set", "yaw_gain", "nan"],
+            "the value `nan` is not finite",
+        ),
+        (&["param", "get", "70000"], "from 0 to 65535"),
+        (&["fence", "relaod"], "reload"),
+        (&["takeoff", "--altitude", "-5"], "greater than 0"),
+        (
+            &["takeoff", "--altitude", "high"],
+            "the altitude `high` is not a number",
+        ),
+        (&["start", "--timeout", "0"], "seconds from 0.01"),
+        (&["start", "--deadline=-1"], "-1 is not in 0..=86400000"),
+        (&["echo", "gps"], "[possible values: dsp, hero, state]"),
+        (&["echo", "dsp", "--count", "0"], "count"),
+        (&["hz"], "<TOPIC>"),
+        (&["delay", "gps"], "[possible values: dsp, hero, state]"),
+        (&["hz", "hero", "--count", "1"], "1 is not in 2.."),
+        (&["bw", "hero", "--duration", "0"], "seconds from 0.01"),
+        (
+            &["bw", "hero", "--json"],
+            "not provided:\n  <--count <N>|--duration <S>>",
+        ),
+        (
+            &["strat"],
+            "some similar subcommands exist: 'status', 'state', 'start'",
+        ),
+    ];
+    for (arguments, expected) in cases {
+        let error = parse(arguments).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{arguments:?}: {error}");
+        assert!(
+            error.to_string().contains(expected),
+            "{arguments:?}: {error}"
+        );
+    }
+}

@@ -1,0 +1,155 @@
+//! Reading of coordinates, numbers, times and names.
+
+use std::ffi::OsString;
+use std::time::Duration;
+
+use ipc_types::payload::WaypointPosition;
+use ipc_types::service::is_key;
+
+use super::PortKey;
+use crate::config::{MAX_TIMEOUT_S, MIN_TIMEOUT_S};
+
+/// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
+///
+/// Such an argument gets a space in front, which the reader of waypoints drops. No option of ours begins with a digit, so
+/// nothing else is ever touched.
+pub(super) fn protect_coordinates(args: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let protect = |arg: OsString| match arg.to_str() {
+        Some(text) if is_negative_coordinate(text) => OsString::from(format!(" {text}")),
+        _ => arg,
+    };
+    args.into_iter().map(protect).collect()
+}
+
+/// A minus sign, a number, and a comma somewhere.
+fn is_negative_coordinate(text: &str) -> bool {
+    text.strip_prefix('-')
+        .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
+        && text.contains(',')
+}
+
+/// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
+///
+/// # Errors
+///
+/// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
+pub fn waypoints(text: &str) -> Result<Vec<WaypointPosition>, String> {
+    let mut waypoints = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if !line.is_empty() {
+            let read = waypoint(line).map_err(|reason| format!("line {}: {reason}", index + 1));
+            waypoints.push(read?);
+        }
+    }
+    match waypoints.is_empty() {
+        true => Err("there is no waypoint".to_owned()),
+        false => Ok(waypoints),
+    }
+}
+
+/// Reads the name of a module.
+pub(super) fn module_name(text: &str) -> Result<String, String> {
+    match is_key(text) && !text.contains('/') {
+        true => Ok(text.to_owned()),
+        false => Err("a module's name is one word in lower snake case".to_owned()),
+    }
+}
+
+/// Reads the name or the number of a port.
+pub(super) fn port_key(text: &str) -> Result<PortKey, String> {
+    match text.bytes().all(|byte| byte.is_ascii_digit()) {
+        true => text
+            .parse()
+            .map(PortKey::Number)
+            .map_err(|_| "the number of a port is from 0 to 65535".to_owned()),
+        false => Ok(PortKey::Name(text.to_owned())),
+    }
+}
+
+/// Reads the value of a parameter. Its range is the port's, which the bridge knows.
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    number("value", text, f64::MAX)
+}
+
+/// Reads `LAT,LON,ALT`.
+pub(super) fn waypoint(text: &str) -> Result<WaypointPosition, String> {
+    const EXPECTED: &str = "a waypoint is LAT,LON,ALT, such as 37.41,-6.01,20";
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    let [latitude, longitude, altitude] = parts[..] else {
+        return Err(format!(
+            "{} numbers, three are needed: {EXPECTED}",
+            parts.len()
+        ));
+    };
+    Ok(WaypointPosition {
+        latitude_deg: number("latitude", latitude, 90.0)?,
+        longitude_deg: number("longitude", longitude, 180.0)?,
+        altitude_m: number("altitude", altitude, f64::MAX)?,
+    })
+}
+
+/// Reads a finite number of at most `limit`, either way.
+fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if !number.is_finite() => Err(format!("the {what} `{text}` is not finite")),
+        Ok(number) if number.abs() > limit => Err(format!(
+            "the {what} {text} is out of range: it must be from -{limit} to {limit}"
+        )),
+        Ok(number) => Ok(number),
+        Err(_) => Err(format!("the {what} `{text}` is not a number")),
+    }
+}
+
+/// Reads the altitude of a take-off. Its upper limit is the DSP's, which the bridge knows.
+pub(super) fn altitude(text: &str) -> Result<f64, String> {
+    match number("altitude", text, f64::MAX)? {
+        altitude if altitude > 0.0 => Ok(altitude),
+        _ => Err("the altitude of a take-off is greater than 0".to_owned()),
+    }
+}
+
+/// Reads a time in seconds.
+pub(super) fn seconds(text: &str) -> Result<Duration, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (MIN_TIMEOUT_S..=MAX_TIMEOUT_S).contains(&seconds) => {
+            Ok(Duration::from_secs_f64(seconds))
+        }
+        _ => Err(format!(
+            "a time is a number of seconds from {MIN_TIMEOUT_S} to {MAX_TIMEOUT_S}"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_waypoints_are_protected() {
+        for text in ["-v", "--robot", "-1", "37,-6,2", "-x,1,2", "", "-"] {
+            let protected = protect_coordinates([OsString::from(text)]);
+            assert_eq!(protected, [text], "{text}");
+        }
+    }
+
+    #[test]
+    fn a_file_has_a_waypoint_a_line_and_comments() {
+        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,1e1 # the corner\n";
+        let read = waypoints(text).unwrap();
+        let altitudes: Vec<f64> = read.iter().map(|waypoint| waypoint.altitude_m).collect();
+        assert_eq!(altitudes, [20.0, 10.0]);
+        for (text, expected) in [
+            (
+                "37,-6,20\n\n91,0,0\n",
+                "line 3: the latitude 91 is out of range",
+            ),
+            ("37,-6\n", "line 1: 2 numbers, three are needed"),
+            ("# nothing\n", "there is no waypoint"),
+            ("", "there is no waypoint"),
+        ] {
+            let error = waypoints(text).unwrap_err();
+            assert!(error.contains(expected), "{text:?}: {error}");
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! What each reason means, and what the operator can do.
+
+use ipc_types::code::{PortKind, Reason};
+
+use super::FinalReport;
+use super::details::{port_label, port_range};
+
+/// What the reason means, and what the operator can do.
+pub const fn explain(reason: Reason) -> &'static str {
+    match reason {
+        Reason::None => "no reason was given",
+        Reason::InvalidRequest => {
+            "the request holds a number that the bridge does not know: install the same version of all programs"
+        }
+        Reason::NotFinite => "a coordinate or altitude is not finite",
+        Reason::OutOfRange => {
+            "a coordinate or altitude is out of range; the limits are in `[movement]` of bridge.toml"
+        }
+        Reason::TooFar => {
+            "the waypoint is farther from the helicopter than `max_distance_m` in bridge.toml"
+        }
+        Reason::NotStarted => "the module has not been started, or was stopped: `ril start`",
+        Reason::AlreadyRunning => {
+            "the module is running: `ril stop` comes first if a restart is meant"
+        }
+        Reason::UnableToAbort => "a take-off or landing cannot be aborted: wait for its end",
+        Reason::Busy => {
+            "another movement or stop is under way: wait for its end, or replace a path with --preempt or `ril hold`"
+        }
+        Reason::LinkDown => {
+            "the DSP cannot be reached: `ril state` shows the link, the bridge's log says why"
+        }
+        Reason::NotFlying => "the helicopter is on the ground: `ril takeoff` comes first",
+        Reason::AlreadyFlying => "the helicopter is in the air already",
+        Reason::NoPosition => {
+            "the position is not known: `ril echo dsp --field geographic` shows it once the DSP sends it"
+        }
+        Reason::PathWithoutHead => "the waypoint belongs to a path that was never opened",
+        Reason::PathReplaced => "another movement was begun before the path was complete",
+        Reason::PathTooLong => "the path has too many waypoints: split it",
+        Reason::PathBroken => "another waypoint of the path was refused, or its sender vanished",
+        Reason::TooManyRequests => "the bridge has too many open requests: try again later",
+        Reason::DeadlineExpired => "it did not begin on the DSP before its deadline",
+        Reason::MovementTimeout => {
+            "the movement took longer than `time_limit_s` in bridge.toml allows"
+        }
+        Reason::Stopped => "the module was stopped",
+        Reason::DspFatalError => "the DSP reported a fatal error: `ril state` shows which",
+        Reason::CommunicationFatalError => {
+            "the DSP did not acknowledge, or the link broke: `ril state` shows the link"
+        }
+        Reason::DspRebooted => "the DSP rebooted",
+        Reason::BridgeEnding => "the bridge was ended meanwhile",
+        Reason::BridgeGone => "the bridge vanished: start it again and look at `ril state`",
+        Reason::DeliveryFailed => {
+            "waypoints did not reach the DSP although they were sent again: `ril state` shows the link"
+        }
+        Reason::RefusedByDsp => {
+            "the DSP received the request and does not carry it out: `ril state` shows its errors"
+        }
+        Reason::Replaced => "another movement or `ril hold` took its place",
+        Reason::PilotHasControl => {
+            "the pilot's switch is on manual, so the pilot flies: movements are taken again when it is on auto"
+        }
+        Reason::FenceBreach => {
+            "the geofence forbids it: see `[fence]` of bridge.toml, and `ril fence reload` after a change"
+        }
+        Reason::SupplyLow => {
+            "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is always taken"
+        }
+        Reason::LinkLost => {
+            "the link to the DSP was lost in flight: `ril state` shows whether the DSP stops by itself"
+        }
+        Reason::NoSuchPort => {
+            "the port does not exist, or may not be written by request: `ril param list` shows all ports"
+        }
+        Reason::NotInFlight => "the port may not be written while the helicopter flies: land first",
+        Reason::InvalidFence => {
+            "the geofence in bridge.toml is not valid, so the one in force stays: the bridge's log says why"
+        }
+        Reason::NotRemembered => {
+            "another bridge may have carried it out: look at the helicopter, then send a new request"
+        }
+    }
+}
+
+/// What the reason means for a request about a port, where that differs from [`explain`].
+pub(super) fn explain_for_port(report: &FinalReport) -> Option<String> {
+    let text = match report.reason {
+        Reason::OutOfRange => match report.report.port {
+            port if port.kind().is_some() => {
+                let whole = match port.kind() {
+                    Some(PortKind::U16 | PortKind::I16) => "whole numbers from ",
+                    _ => "",
+                };
+                format!("{} takes {whole}{}", port_label(&port), port_range(&port))
+            }
+            _ => "the value is outside the port's range, which `ril param list` shows".to_owned(),
+        },
+        Reason::NotFinite => "the value is not finite".to_owned(),
+        Reason::InvalidRequest => {
+            "the value does not suit the port: a 16-bit port takes whole numbers only".to_owned()
+        }
+        Reason::RefusedByDsp => {
+            "the DSP did not take the value, or does not have the port".to_owned()
+        }
+        _ => return None,
+    };
+    Some(text)
+}

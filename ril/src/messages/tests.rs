@@ -1,0 +1,271 @@
+//! Lines, endings, objects and exit codes of reports.
+
+use ipc_types::code::{PortKind, Reason, SafetyRule};
+use ipc_types::payload::PortInfo;
+use runtime::exit::ExitCode;
+
+use super::*;
+
+#[test]
+fn every_final_report_has_its_exit_code() {
+    for stage in Stage::ALL {
+        for reason in Reason::ALL {
+            let expected = match stage {
+                Stage::Done => 0,
+                Stage::Refused => match reason {
+                    Reason::LinkDown | Reason::LinkLost => 6,
+                    _ => 5,
+                },
+                Stage::Aborted => match reason {
+                    Reason::LinkDown | Reason::LinkLost => 6,
+                    Reason::DeadlineExpired
+                    | Reason::MovementTimeout
+                    | Reason::CommunicationFatalError
+                    | Reason::DeliveryFailed => 4,
+                    _ => 5,
+                },
+                Stage::Unknown | Stage::Accepted | Stage::Progress => 7,
+            };
+            assert_eq!(
+                exit_code(*stage, *reason).code(),
+                expected,
+                "{stage} {reason}"
+            );
+            let report = RequestReport::new(*stage, *reason);
+            let word = FinalReport::of(&report);
+            assert_eq!(word.is_some(), stage.is_final());
+            if let Some(word) = word {
+                assert_eq!(word.exit_code().code(), expected);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_reason_that_nobody_knows_changes_nothing_but_itself() {
+    let report = RequestReport {
+        reason: 999,
+        ..RequestReport::new(Stage::Refused, Reason::None)
+    };
+    assert_eq!(
+        FinalReport::of(&report).unwrap().exit_code(),
+        ExitCode::Refused
+    );
+    assert_eq!(
+        line(Verb::Land, 0, 1, &report).unwrap(),
+        "land: refused (999)"
+    );
+    let report = RequestReport {
+        stage: 99,
+        ..report
+    };
+    assert_eq!(FinalReport::of(&report), None);
+    assert_eq!(line(Verb::Land, 0, 1, &report).unwrap(), "land: stage 99");
+    let json = serde_json::to_value(ReportObject::new(Verb::Land, &report)).unwrap();
+    assert_eq!((&json["stage"], &json["reason"]), (&99.into(), &999.into()));
+}
+
+#[test]
+fn each_reason_is_explained_in_its_own_words() {
+    for (index, reason) in Reason::ALL.iter().enumerate() {
+        let text = explain(*reason);
+        assert!(!text.is_empty() && !text.ends_with('.'), "{reason}");
+        for other in &Reason::ALL[..index] {
+            assert_ne!(text, explain(*other), "{reason} and {other}");
+        }
+    }
+}
+
+#[test]
+fn an_ending_says_what_why_and_what_to_do() {
+    let word = |stage, reason| RequestReport::new(stage, reason);
+    for (verb, report, expected) in [
+        (
+            Verb::TakeOff,
+            word(Stage::Refused, Reason::NotStarted),
+            "takeoff was refused (not-started): the module has not been started, or was stopped: `ril start`",
+        ),
+        (
+            Verb::GoTo,
+            word(Stage::Aborted, Reason::Stopped),
+            "goto was begun and ended early (stopped): the module was stopped",
+        ),
+        (
+            Verb::Land,
+            word(Stage::Unknown, Reason::BridgeGone),
+            "land has an unknown outcome (bridge-gone): the bridge vanished: start it again and look at `ril state`",
+        ),
+    ] {
+        assert_eq!(end(verb, report), expected);
+    }
+}
+
+fn end(verb: Verb, report: RequestReport) -> String {
+    ending(verb, &FinalReport::of(&report).unwrap())
+}
+
+#[test]
+fn an_ending_names_rule_place_amount_and_dsp_error() {
+    let breach = RequestReport {
+        rule: SafetyRule::FenceCeiling.code(),
+        waypoint: 3,
+        value: 4.2,
+        value_valid: 1,
+        ..RequestReport::new(Stage::Refused, Reason::FenceBreach)
+    };
+    assert_eq!(
+        line(Verb::GoTo, 0, 1, &breach).unwrap(),
+        "goto: refused (fence-breach: fence-ceiling, leg 3, by 4.2 m)"
+    );
+    let text = end(Verb::GoTo, breach);
+    let expected =
+        "goto was refused (fence-breach: fence-ceiling, leg 3, by 4.2 m): the geofence forbids it";
+    assert!(text.starts_with(expected), "{text}");
+
+    let refused = RequestReport {
+        waypoint: 2,
+        dsp_error_code: 30,
+        dsp_error_valid: 1,
+        ..RequestReport::new(Stage::Aborted, Reason::RefusedByDsp)
+    };
+    let text = end(Verb::GoTo, refused);
+    let expected = "goto was begun and ended early (refused-by-dsp: waypoint 2, dsp-error-30 (invalid command)): ";
+    assert!(text.starts_with(expected), "{text}");
+}
+
+#[test]
+fn a_take_off_says_how_high_it_is() {
+    let done = |value| RequestReport {
+        value,
+        value_valid: 1,
+        ..RequestReport::new(Stage::Done, Reason::None)
+    };
+    for (value, expected) in [
+        (9.84, "takeoff: done, 9.8 m over the point of take-off"),
+        (f64::NAN, "takeoff: done"),
+    ] {
+        assert_eq!(line(Verb::TakeOff, 0, 1, &done(value)).unwrap(), expected);
+    }
+}
+
+#[test]
+fn a_port_s_reports_say_its_value_or_its_limits() {
+    let port = PortInfo {
+        min: 0.1,
+        max: 20.0,
+        number: 20_000,
+        kind: PortKind::F32.code(),
+        name: PortInfo::name_bytes("cruise_speed_mps"),
+        ..PortInfo::default()
+    };
+    let report = |stage, reason| RequestReport {
+        port,
+        value: 5.5,
+        value_valid: 1,
+        ..RequestReport::new(stage, reason)
+    };
+    let done = report(Stage::Done, Reason::None);
+    for verb in [Verb::GetParameter, Verb::SetParameter] {
+        assert_eq!(line(verb, 0, 1, &done).unwrap(), "cruise_speed_mps = 5.5");
+        let accepted = report(Stage::Accepted, Reason::None);
+        assert_eq!(line(verb, 0, 1, &accepted), None);
+    }
+    assert_eq!(
+        end(
+            Verb::SetParameter,
+            report(Stage::Refused, Reason::OutOfRange)
+        ),
+        "param set was refused (out-of-range): cruise_speed_mps takes 0.1 to 20"
+    );
+    assert!(
+        end(
+            Verb::SetParameter,
+            RequestReport::new(Stage::Refused, Reason::OutOfRange)
+        )
+        .contains("`ril param list`")
+    );
+}
+
+#[test]
+fn people_read_what_goes_on() {
+    let counted = |stage| RequestReport {
+        waypoints_total: 3,
+        waypoints_sent: 2,
+        waypoints_reached: 1,
+        ..RequestReport::new(stage, Reason::None)
+    };
+    let refused = RequestReport::new(Stage::Refused, Reason::TooFar);
+    for (verb, index, report, expected) in [
+        (Verb::Start, 0, counted(Stage::Done), Some("start: done")),
+        (
+            Verb::TakeOff,
+            0,
+            counted(Stage::Accepted),
+            Some("takeoff: accepted"),
+        ),
+        (
+            Verb::TakeOff,
+            0,
+            counted(Stage::Progress),
+            Some("takeoff: begun on the DSP"),
+        ),
+        (
+            Verb::GoTo,
+            0,
+            counted(Stage::Accepted),
+            Some("goto: waypoint 1 of 3 accepted"),
+        ),
+        (Verb::GoTo, 0, counted(Stage::Done), None),
+        (
+            Verb::GoTo,
+            2,
+            counted(Stage::Accepted),
+            Some("goto: waypoint 3 of 3 accepted, the path is complete"),
+        ),
+        (
+            Verb::GoTo,
+            2,
+            counted(Stage::Progress),
+            Some("goto: progress, 2 of 3 waypoints sent, 1 reached"),
+        ),
+        (
+            Verb::GoTo,
+            2,
+            counted(Stage::Done),
+            Some("goto: done, 2 of 3 waypoints sent, 1 reached"),
+        ),
+        (Verb::GoTo, 1, refused, Some("goto: refused (too-far)")),
+    ] {
+        let total = if verb == Verb::GoTo { 3 } else { 1 };
+        assert_eq!(line(verb, index, total, &report).as_deref(), expected);
+    }
+}
+
+#[test]
+fn programs_read_names_in_one_object() {
+    let report = RequestReport {
+        request_id: 5,
+        path_id: 6,
+        reported_ns: 7,
+        imi_error: 2,
+        ..RequestReport::new(Stage::Refused, Reason::UnableToAbort)
+    };
+    let json = serde_json::to_string(&ReportObject::new(Verb::Stop, &report)).unwrap();
+    assert_eq!(
+        json,
+        r#"{"schema":"hero.RequestReport.v2","request":"stop","request_id":5,"path_id":6,"reported_ns":7,"stage":"refused","reason":"unable-to-abort","imi_error":"impossible-to-stop-module","waypoints_total":0,"waypoints_sent":0,"waypoints_reached":0}"#
+    );
+}
+
+#[test]
+fn whoever_leaves_is_told_what_goes_on() {
+    for verb in Verb::ALL {
+        let can_be_stopped = verb == Verb::GoTo;
+        assert_eq!(
+            verb.goes_on().contains("`ril hold`"),
+            can_be_stopped,
+            "{}",
+            verb.name()
+        );
+    }
+}
