@@ -441,6 +441,8 @@ fn consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing() {
         publisher.wear_out();
         until("nothing is left", || {
             publish(&mut publisher);
+            // The period of a publisher at 50 Hz. No event says that files are gone and descriptors are closed, so the test
+            // looks once a period; the watchdog bounds it.
             thread::sleep(Duration::from_millis(20));
             publisher.generations() > 1
                 && domain.residue().len() <= before

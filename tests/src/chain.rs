@@ -1,8 +1,9 @@
 //! [`Chain`]: the real simulator, bridge and status as processes of their own, for tests that want the real thing.
 //!
 //! They are commands of the one binary `ril`, which this library does not build: a test says where it is, or
-//! [`installed`] looks for it.
+//! [`installed_or_skip`] looks for it.
 
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use ipc_types::code::LinkState;
@@ -29,8 +30,21 @@ pub struct Chain {
     binary: PathBuf,
 }
 
-/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`; nothing when there is none.
-pub fn installed() -> Option<PathBuf> {
+/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. Nothing when there is none: a line on standard
+/// error then says that the test is skipped, also when tests that pass print nothing.
+pub fn installed_or_skip() -> Option<PathBuf> {
+    let installed = installed();
+    if installed.is_none() {
+        // Not `eprintln`, which is shown only if a test fails.
+        let _ = writeln!(
+            io::stderr(),
+            "SKIPPED: no `ril` in PATH, and {BINARY_VARIABLE} names none"
+        );
+    }
+    installed
+}
+
+fn installed() -> Option<PathBuf> {
     if let Some(binary) = std::env::var_os(BINARY_VARIABLE) {
         return Some(binary.into());
     }

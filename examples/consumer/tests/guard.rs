@@ -1,6 +1,5 @@
 //! The consumer against stand-ins, a recorded flight and, where `ril` is at hand, the real thing.
 
-use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
@@ -135,12 +134,7 @@ fn the_program_follows_a_status_that_dies_and_comes_back() {
 
 #[test]
 fn the_program_bears_a_bridge_that_is_killed_in_flight() {
-    let Some(ril) = chain::installed() else {
-        // Not `eprintln`, which is shown only if a test fails.
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: no `ril` in PATH, and RIL_BINARY names none"
-        );
+    let Some(ril) = chain::installed_or_skip() else {
         return;
     };
     let domain = TestDomain::new();

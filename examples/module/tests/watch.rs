@@ -1,6 +1,5 @@
 //! The module against stand-ins for bridge and status and, where `ril` is at hand, in the real chain.
 
-use std::io::Write;
 use std::time::Duration;
 
 use battery_watch::{BatteryWatch, Cells, LANDING, NOT_LANDED, SetLimit};
@@ -265,12 +264,7 @@ fn a_second_one_of_the_same_robot_is_refused_by_name() {
 
 #[test]
 fn in_the_real_chain_ril_sees_the_topic_and_the_helicopter_lands() {
-    let Some(ril) = chain::installed() else {
-        // Not `eprintln`, which is shown only if a test fails.
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: no `ril` in PATH, and RIL_BINARY names none"
-        );
+    let Some(ril) = chain::installed_or_skip() else {
         return;
     };
     let domain = TestDomain::new();

@@ -4,7 +4,7 @@
 //! replaces a path under way, and parameters are those of a [`PortTable`].
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::Sender;
 
 use ipc_types::code::{
     DspPathState, Functionality, LinkState, ModuleId, ModuleStatus, Reason, Stage,
@@ -18,10 +18,10 @@ use ipc_types::{
     Domain, Ipc, MonotonicNs, OpenError, Publisher, ReportError, RobotId, Server, Source, Ticket,
 };
 
+use super::inbox::Inbox;
 use super::paths::Paths;
 use super::ports::{PortTable, StandInPort};
 use super::worker::{Ports, Worker};
-use crate::process::WAIT_LIMIT;
 
 /// In the place of the bridge.
 ///
@@ -29,7 +29,7 @@ use crate::process::WAIT_LIMIT;
 /// [`StandInBridge::answer_next`] says otherwise; the module's documentation has the exceptions.
 pub struct StandInBridge {
     worker: Worker<BridgePorts>,
-    received: Receiver<Received>,
+    received: Inbox<Received>,
 }
 
 /// A request that has come.
@@ -119,7 +119,7 @@ impl StandInBridge {
     ///
     /// When that is not possible, with the reason.
     pub fn start_for(domain: &Domain, robot: RobotId) -> StandInBridge {
-        let (sender, received) = mpsc::channel();
+        let (sender, received) = Inbox::new();
         let worker = Worker::start(
             domain,
             robot,
@@ -241,13 +241,10 @@ impl StandInBridge {
     ///
     /// # Panics
     ///
-    /// When none comes for [`WAIT_LIMIT`], or the stand-in has died.
+    /// When none comes for [`WAIT_LIMIT`](crate::process::WAIT_LIMIT), or the stand-in has died.
     #[track_caller]
     pub fn next_request(&self) -> Received {
-        match self.received.recv_timeout(WAIT_LIMIT) {
-            Ok(received) => received,
-            Err(error) => panic!("no request came within {WAIT_LIMIT:?} ({error})"),
-        }
+        self.received.next()
     }
 
     /// Dies: everything is closed without a word to anybody. Returns when that is done.

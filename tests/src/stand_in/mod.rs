@@ -6,6 +6,7 @@
 //! publishes because of a request.
 
 mod bridge;
+mod inbox;
 mod own;
 mod paths;
 mod ports;

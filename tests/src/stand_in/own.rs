@@ -1,7 +1,7 @@
 //! [`StandInTopic`] and [`StandInServer`]: any topic and any request, those of a module's own included.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::Sender;
 
 use ipc_types::payload::RequestReport;
 use ipc_types::{
@@ -9,8 +9,8 @@ use ipc_types::{
 };
 
 use super::bridge::Answer;
+use super::inbox::Inbox;
 use super::worker::{Ports, Worker};
-use crate::process::WAIT_LIMIT;
 
 /// In the place of the module that publishes `T`: it publishes what it is given.
 pub struct StandInTopic<T: Topic> {
@@ -77,7 +77,7 @@ impl<T: Topic> Ports for TopicPorts<T> {
 /// [`StandInServer::answer_next`] says otherwise.
 pub struct StandInServer<R: Request> {
     worker: Worker<ServerPorts<R>>,
-    received: Receiver<R>,
+    received: Inbox<R>,
 }
 
 struct ServerPorts<R: Request> {
@@ -103,7 +103,7 @@ impl<R: Request> StandInServer<R> {
     ///
     /// When that is not possible, with the reason.
     pub fn start_for(domain: &Domain, robot: RobotId) -> StandInServer<R> {
-        let (sender, received) = mpsc::channel();
+        let (sender, received) = Inbox::new();
         let set_up = |ports: &mut ServerPorts<R>| ports.inbox = Some(sender);
         StandInServer {
             worker: Worker::start(domain, robot, R::PROVIDER, set_up),
@@ -142,13 +142,10 @@ impl<R: Request> StandInServer<R> {
     ///
     /// # Panics
     ///
-    /// When none comes for [`WAIT_LIMIT`], or the stand-in has died.
+    /// When none comes for [`WAIT_LIMIT`](crate::process::WAIT_LIMIT), or the stand-in has died.
     #[track_caller]
     pub fn next_request(&self) -> R {
-        match self.received.recv_timeout(WAIT_LIMIT) {
-            Ok(received) => received,
-            Err(error) => panic!("no request came within {WAIT_LIMIT:?} ({error})"),
-        }
+        self.received.next()
     }
 
     /// Dies: the service is closed without a word to anybody. Returns when that is done.
@@ -219,6 +216,7 @@ impl<R: Request> Ports for ServerPorts<R> {
 mod tests {
     use super::*;
     use crate::TestDomain;
+    use crate::process::WAIT_LIMIT;
     use ipc_types::code::{Reason, Stage};
     use ipc_types::module::State;
     use ipc_types::payload::ModuleControl;

@@ -6,6 +6,7 @@ use ipc_types::{Client, SendError};
 
 use super::*;
 use crate::TestDomain;
+use crate::process::WAIT_LIMIT;
 
 /// Sends a take-off and follows its reports to the final one.
 fn take_off(client: &mut Client<MovementData>, id: u64) -> Vec<(Stage, Reason)> {
