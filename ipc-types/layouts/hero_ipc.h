@@ -41,6 +41,7 @@ enum hero_movement_kind {
 
 enum hero_module_id {
     HERO_MODULE_ID_HERO_BRIDGE = 1,
+    HERO_MODULE_ID_HERO_STATUS = 2,
 };
 
 enum hero_module_status {

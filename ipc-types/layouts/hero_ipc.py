@@ -32,6 +32,7 @@ class MovementKind(enum.IntEnum):
 
 class ModuleId(enum.IntEnum):
     HERO_BRIDGE = 1
+    HERO_STATUS = 2
 
 
 class ModuleStatus(enum.IntEnum):

@@ -88,6 +88,8 @@ codes! {
     pub enum ModuleId {
         /// The bridge (`HERO_BRIDGE_MODULE_ID`).
         HeroBridge = 1 => "hero-bridge",
+        /// Status. The source has no id for it.
+        HeroStatus = 2 => "hero-status",
     }
 }
 

@@ -110,7 +110,7 @@ pub use dynamic::{DynamicError, DynamicPublisher, DynamicSubscriber};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
-pub use module::{ControlOf, Module, StateOf};
+pub use module::{ControlOf, Module, StateOf, StatusModule};
 pub use open::OpenError;
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};

@@ -5,7 +5,9 @@
 //! | how the module is | `<module>/state` | [`State`], as [`StateOf`] the module |
 //! | start and stop | `<module>/control` | [`ModuleControl`], as [`ControlOf`] the module |
 //!
-//! The bridge is older than this rule: its services are `module_state`, which says more, and `module_control`.
+//! The bridge is older than this rule: its services are `module_state`, which says more, and `module_control`. [`StatusModule`]
+//! has the first of the two services and no control: it commands nothing, so there is nothing to start or stop, and a server
+//! among its ports would make each sample of telemetry some microseconds older.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -13,7 +15,7 @@ use std::ops::{Deref, DerefMut, RangeInclusive};
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::code::{ControlCommand, ImiCode, ModuleStatus};
+use crate::code::{ControlCommand, ImiCode, ModuleId, ModuleStatus};
 use crate::payload::support::ZeroCopySend;
 use crate::payload::{Layout, ModuleControl, SharedStruct};
 use crate::service::{is_key, module_of};
@@ -97,12 +99,30 @@ pub fn doing_bytes(text: &str) -> [u8; DOING_LEN] {
 pub trait Module: 'static {
     /// Name in lower snake case, such as `battery_watch`: the first part of the keys of all its services.
     const NAME: &'static str;
-    /// Id, one of [`OUTSIDE_IDS`].
+    /// Id: one of [`OUTSIDE_IDS`], or of a module of the RIL's own a [`ModuleId`].
     const ID: u32;
     /// Key of the service with its state.
     const STATE_KEY: &'static str;
     /// Key of the service with its control requests.
     const CONTROL_KEY: &'static str;
+}
+
+/// The RIL's own module `status`, whose state is `status/state`.
+#[derive(Clone, Copy, Debug)]
+pub struct StatusModule;
+
+impl Module for StatusModule {
+    const NAME: &'static str = "status";
+    const ID: u32 = ModuleId::HeroStatus.code();
+    const STATE_KEY: &'static str = "status/state";
+    const CONTROL_KEY: &'static str = "status/control";
+}
+
+impl StatusModule {
+    /// [`State::functionality`]: no telemetry comes.
+    pub const WAITING: u32 = 1;
+    /// [`State::functionality`]: telemetry comes, and goes on in SI units.
+    pub const TRANSLATING: u32 = 2;
 }
 
 /// Makes a type a [`Module`]: `module!(BatteryWatch, "battery_watch", 1001)`.

@@ -68,6 +68,7 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
             &state,
             shown(dsp.sequence, dsp.received_ns),
             shown(hero.sequence, hero.published_ns),
+            Some(&garbage.payload()),
             NOW,
         );
         check_text(seed, &report.to_string());

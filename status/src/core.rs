@@ -5,8 +5,11 @@
 
 use std::time::Duration;
 
-use ipc_types::MonotonicNs;
+use ipc_types::code::ControlCommand;
+use ipc_types::module::State;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::{Module, MonotonicNs, StatusModule};
+use module_kit::{Manager, OnStop};
 
 use crate::calibration::Calibration;
 use crate::estimator::Estimator;
@@ -85,6 +88,8 @@ pub struct Status {
     logs: Logs,
     input: Input,
     output: Output,
+    /// What the published state says.
+    manager: Manager,
     /// Drained by the caller after each step: at most a handful for a step and a log.
     events: Vec<Event>,
 }
@@ -108,9 +113,12 @@ struct Output {
 }
 
 impl Status {
-    /// The process with `calibration` and without an estimator, which gives what comes to `logs`.
-    pub fn new(calibration: Calibration, logs: Logs) -> Status {
-        Status {
+    /// The process with `calibration` and without an estimator, which gives what comes to `logs`. It began at `now`.
+    pub fn new(calibration: Calibration, logs: Logs, now: MonotonicNs) -> Status {
+        let mut manager = Manager::new(now);
+        // Status has no control: it works from its beginning to its end.
+        let _ = manager.control(now, ControlCommand::Start);
+        let mut status = Status {
             calibration,
             estimator: None,
             logs,
@@ -121,8 +129,11 @@ impl Status {
                 implausible: GroupSet::default(),
             },
             output: Output::default(),
+            manager,
             events: Vec::new(),
-        }
+        };
+        status.input_flows(false, now);
+        status
     }
 
     /// The same with `estimator`, which is fed with every sample.
@@ -146,6 +157,7 @@ impl Status {
     pub fn record(&mut self, dsp: &DspTelemetry, outcome: Result<(), String>, now: MonotonicNs) {
         if self.input.flowing_since.replace(now).is_none() {
             self.events.push(Event::InputStarted);
+            self.input_flows(true, now);
         }
         match outcome {
             Ok(()) => {
@@ -185,6 +197,7 @@ impl Status {
         if self.input.silent_at().is_some_and(|at| at <= now) {
             self.input.flowing_since = None;
             self.events.push(Event::InputSilent);
+            self.input_flows(false, now);
         }
     }
 
@@ -202,6 +215,16 @@ impl Status {
         std::mem::take(&mut self.events)
     }
 
+    /// The state of the module, but for the publisher's fields and its time.
+    pub fn state(&self) -> State {
+        self.manager.state(StatusModule::ID)
+    }
+
+    /// Whether the state has changed since the last call.
+    pub fn take_state_changed(&mut self) -> bool {
+        self.manager.take_changed()
+    }
+
     /// Closes the logs; the last thing to do. How their writers end is not known here.
     pub fn finish(&mut self) -> Summary {
         self.logs.close();
@@ -211,6 +234,15 @@ impl Status {
             published: self.output.published,
             logs: self.logs.summaries().collect(),
         }
+    }
+
+    fn input_flows(&mut self, flows: bool, now: MonotonicNs) {
+        let (functionality, doing) = match flows {
+            true => (StatusModule::TRANSLATING, "translating telemetry"),
+            false => (StatusModule::WAITING, "waiting for telemetry"),
+        };
+        self.manager
+            .begin(now, functionality, doing, OnStop::Refused);
     }
 
     fn report_losses(&mut self, now: MonotonicNs) {
@@ -244,7 +276,7 @@ mod tests {
     }
 
     fn without_logs() -> Status {
-        Status::new(Calibration::default(), Logs::default())
+        Status::new(Calibration::default(), Logs::default(), START)
     }
 
     /// Names of the events since the last call.
@@ -391,7 +423,7 @@ mod tests {
         let mut logs = Logs::default();
         // Its thread takes nothing out.
         let hanging = logs.add("log/x.tsv".to_owned());
-        let mut status = Status::new(Calibration::default(), logs);
+        let mut status = Status::new(Calibration::default(), logs, START);
         let bound = QUEUE_SAMPLES as u64;
         for sequence in 1..=bound + 100 {
             let now = after_ms(20 * sequence);

@@ -26,7 +26,7 @@
 //! use status::core::Status;
 //! use status::log::Logs;
 //!
-//! let mut status = Status::new(Calibration::default(), Logs::default());
+//! let mut status = Status::new(Calibration::default(), Logs::default(), MonotonicNs(1));
 //! let mut dsp = DspTelemetry {
 //!     valid_groups: TelemetryGroup::Sonar.bit() | TelemetryGroup::Attitude.bit(),
 //!     sonar_adc: 400,

@@ -11,7 +11,7 @@ mod tests;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Ipc, MonotonicNs, Publisher, Subscriber, WaitError, Wake};
+use ipc_types::{Ipc, MonotonicNs, Publisher, StateOf, StatusModule, Subscriber, WaitError, Wake};
 use module_kit::process::{self, Process, Sources};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
@@ -31,9 +31,12 @@ pub struct Shell {
     end_timeout: Duration,
     input: Subscriber<DspTelemetry>,
     output: Publisher<HeroTelemetry>,
+    state: Publisher<StateOf<StatusModule>>,
     ipc: Ipc,
     /// Whether the last attempt to receive failed, so that a series of failures is logged once.
     input_failing: bool,
+    /// The same of publishing the state.
+    state_failing: bool,
 }
 
 impl Shell {
@@ -62,12 +65,15 @@ impl Shell {
         let output = ipc
             .publisher::<HeroTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot publish telemetry")?;
+        let state = ipc
+            .publisher()
+            .or_fail_with(ExitCode::Internal, "status cannot publish its state")?;
         let input = ipc
             .subscriber::<DspTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot receive telemetry")?;
         // Last, so that a process that cannot start leaves no files.
         let (logs, log_threads) = LogThreads::start(&config.log, ipc.robot(), store);
-        let mut status = Status::new(config.calibration.clone(), logs);
+        let mut status = Status::new(config.calibration.clone(), logs, MonotonicNs::now());
         if let Some(estimator) = config.estimator.build() {
             status = status.with_estimator(estimator);
         }
@@ -77,8 +83,10 @@ impl Shell {
             end_timeout: END_TIMEOUT,
             input,
             output,
+            state,
             ipc,
             input_failing: false,
+            state_failing: false,
         })
     }
 
@@ -99,7 +107,7 @@ impl Shell {
         let mut summary = self.status.finish();
         self.log_events();
         // Frees the place in shared memory before the disks have answered.
-        drop((self.input, self.output, self.ipc));
+        drop((self.input, self.output, self.state, self.ipc));
         self.log_threads.end(&mut summary.logs, self.end_timeout);
         result.map(|()| summary).or_fail(ExitCode::Internal)
     }
@@ -117,6 +125,21 @@ impl Shell {
         self.status.count(counts, now);
         self.status.on_time(now);
         self.log_events();
+        if self.status.take_state_changed() {
+            self.publish_state(now);
+        }
+    }
+
+    fn publish_state(&mut self, now: MonotonicNs) {
+        let mut state = self.status.state();
+        state.published_ns = now.0;
+        let result = self.state.publish(|sample| *sample = StateOf::new(state));
+        let was_failing = std::mem::replace(&mut self.state_failing, result.is_err());
+        if let Err(error) = result
+            && !was_failing
+        {
+            tracing::warn!(%error, "the state cannot be published");
+        }
     }
 
     /// Publishes every sample that has been received, each before it is logged.
@@ -155,11 +178,18 @@ impl Process for Shell {
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.port(&mut self.input);
         sources.port(&mut self.output);
+        sources.port(&mut self.state);
     }
 
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         self.step();
         Ok(())
+    }
+
+    /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes with the
+    /// next wake, [`SAFETY_BOUND`](ipc_types::waiter::SAFETY_BOUND) later at the latest.
+    fn round(&mut self, now: MonotonicNs) {
+        self.publish_state(now);
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {

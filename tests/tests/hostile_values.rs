@@ -42,7 +42,7 @@ fn floats(hero: &HeroTelemetry) -> Vec<f64> {
 
 #[test]
 fn nothing_that_cannot_be_is_translated_whatever_was_published() {
-    let mut status = Status::new(Calibration::default(), Logs::default());
+    let mut status = Status::new(Calibration::default(), Logs::default(), MonotonicNs(1));
     let (mut kept, mut left_out) = (0, 0);
     for seed in 0..SEEDS {
         let dsp: DspTelemetry = Garbage::new(seed).payload();

@@ -72,7 +72,7 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
     let mut dsp = Simulator::new(Setup::default());
     let mut bridge = Bridge::new(&BridgeConfig::default());
     let mut behind = Behind {
-        status: Status::new(Calibration::default(), Logs::default()),
+        status: Status::new(Calibration::default(), Logs::default(), MonotonicNs(1)),
         now: MonotonicNs::default(),
         samples: 0,
         latest: HeroTelemetry::default(),

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, ReceiveError, Source, Subscriber, Topic};
+use ipc_types::{MonotonicNs, ReceiveError, Source, StateOf, StatusModule, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::state_report::{Sample, StateReport};
@@ -28,10 +28,11 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         if session.termination.requested() {
             return Ok(());
         }
-        let ports: [&mut dyn Source; 3] = [
+        let ports: [&mut dyn Source; 4] = [
             &mut newest.state.port,
             &mut newest.dsp.port,
             &mut newest.hero.port,
+            &mut newest.status.port,
         ];
         session.wait(ports, Some(give_up))?;
         newest.drain();
@@ -46,6 +47,7 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         state,
         newest.dsp.shown(now),
         newest.hero.shown(now),
+        newest.status.sample.as_deref(),
         now,
     );
     let mut out = io::stdout().lock();
@@ -61,6 +63,7 @@ struct Newest {
     state: Latest<ModuleState>,
     dsp: Latest<DspTelemetry>,
     hero: Latest<HeroTelemetry>,
+    status: Latest<StateOf<StatusModule>>,
 }
 
 /// The newest sample of one service.
@@ -69,7 +72,7 @@ struct Latest<T: Topic> {
     sample: Option<T>,
 }
 
-impl<T: Measured> Latest<T> {
+impl<T: Topic> Latest<T> {
     fn open(session: &Session) -> Result<Latest<T>, Failure> {
         Ok(Latest {
             port: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
@@ -83,7 +86,9 @@ impl<T: Measured> Latest<T> {
         }
         Ok(())
     }
+}
 
+impl<T: Measured> Latest<T> {
     fn shown(&self, now: MonotonicNs) -> Option<Sample> {
         let sample = self.sample.as_ref()?;
         Some(Sample::new(sample.sequence(), sample.stamps().sent, now))
@@ -96,22 +101,31 @@ impl Newest {
             state: Latest::open(session)?,
             dsp: Latest::open(session)?,
             hero: Latest::open(session)?,
+            status: Latest::open(session)?,
         })
     }
 
     fn drain(&mut self) {
-        let results = [self.state.drain(), self.dsp.drain(), self.hero.drain()];
+        let results = [
+            self.state.drain(),
+            self.dsp.drain(),
+            self.hero.drain(),
+            self.status.drain(),
+        ];
         for error in results.into_iter().filter_map(Result::err) {
             tracing::warn!(%error, "samples could not be received");
         }
     }
 
     /// Whether everything is there that can be expected: telemetry only if the bridge has published some, and telemetry
-    /// in SI units only if somebody makes it.
+    /// in SI units and the state of status only if a process provides them.
     fn is_complete(&self, session: &Session) -> Result<bool, Failure> {
         let Some(state) = &self.state.sample else {
             return Ok(false);
         };
+        if self.status.sample.is_none() && session.is_provided(StateOf::<StatusModule>::KEY)? {
+            return Ok(false);
+        }
         if state.link.telemetry_published == 0 {
             return Ok(true);
         }

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
+use ipc_types::module::State;
 use ipc_types::payload::{
     DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters, SafetyState,
 };
@@ -41,6 +42,8 @@ pub struct StateReport {
     dsp: Option<Sample>,
     /// Telemetry in SI units; nothing when none was received.
     hero: Option<Sample>,
+    /// The state of the module status; nothing when none was received.
+    status: Option<StatusState>,
 }
 
 /// A sample by its age.
@@ -70,6 +73,16 @@ struct Module {
     functionality: String,
     blocked: bool,
     unable_to_abort: bool,
+    error: String,
+    sample: Sample,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct StatusState {
+    id: String,
+    status: String,
+    doing: String,
+    blocked: bool,
     error: String,
     sample: Sample,
 }
@@ -164,12 +177,13 @@ struct DspErrorCount {
 }
 
 impl StateReport {
-    /// What `state` and the newest telemetry say at `now`.
+    /// What `state`, the newest telemetry and the state of status say at `now`.
     pub fn new(
         robot: u32,
         state: &ModuleState,
         dsp: Option<Sample>,
         hero: Option<Sample>,
+        status: Option<&State>,
         now: MonotonicNs,
     ) -> StateReport {
         StateReport {
@@ -183,6 +197,20 @@ impl StateReport {
             safety: Safety::new(&state.safety),
             dsp,
             hero,
+            status: status.map(|status| StatusState::new(status, now)),
+        }
+    }
+}
+
+impl StatusState {
+    fn new(state: &State, now: MonotonicNs) -> StatusState {
+        StatusState {
+            id: named(ModuleId::from_code(state.module_id), state.module_id),
+            status: named(state.status(), state.status),
+            doing: state.doing().unwrap_or("unreadable").to_owned(),
+            blocked: state.is_blocked(),
+            error: state.error().to_string(),
+            sample: Sample::new(state.sequence, MonotonicNs(state.published_ns), now),
         }
     }
 }

@@ -166,7 +166,11 @@ fn start(directory: &Path, blocking_act: usize) -> (Status, LogThreads, Receiver
     let (store, hangs) = HangingStore::new(blocking_act);
     let configs = [config(directory)];
     let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, || store.clone());
-    (Status::new(Calibration::default(), logs), threads, hangs)
+    (
+        Status::new(Calibration::default(), logs, MonotonicNs(1)),
+        threads,
+        hangs,
+    )
 }
 
 fn record(status: &mut Status, sequences: RangeInclusive<u64>) {
@@ -188,7 +192,7 @@ fn nothing_is_created_when_no_group_is_chosen() {
     }];
     let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, || FileStore);
     assert!(threads.ends.is_empty(), "no thread");
-    let mut status = Status::new(Calibration::default(), logs);
+    let mut status = Status::new(Calibration::default(), logs, MonotonicNs(1));
     record(&mut status, 1..=10);
     let summary = status.finish();
     assert_eq!((summary.published, summary.logs.len()), (10, 0));
@@ -258,7 +262,7 @@ fn a_log_thread_that_panics_is_reported_as_such_and_telemetry_goes_on() {
     drop(hangs);
     let configs = [config(folder.path())];
     let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, || store.clone());
-    let mut status = Status::new(Calibration::default(), logs);
+    let mut status = Status::new(Calibration::default(), logs, MonotonicNs(1));
     let end = threads.ends[0].recv_timeout(TIMEOUT);
     assert_eq!(end, Err(RecvTimeoutError::Disconnected));
 
@@ -288,7 +292,7 @@ fn one_log_that_hangs_is_no_trouble_for_another() {
         ..store.clone()
     };
     let (logs, threads) = LogThreads::start(&configs, RobotId::DEFAULT, stores);
-    let mut status = Status::new(Calibration::default(), logs);
+    let mut status = Status::new(Calibration::default(), logs, MonotonicNs(1));
     let hang = hangs.recv_timeout(TIMEOUT).unwrap();
     record(&mut status, 1..=100);
     status.finish();

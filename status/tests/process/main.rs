@@ -9,8 +9,9 @@ use std::sync::mpsc;
 use std::thread;
 
 use fixture::{Ends, Process, TIMEOUT, command, config, folder, log_text};
+use ipc_types::code::ModuleStatus;
 use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
-use ipc_types::{Domain, Ipc, RobotId, TelemetryGroup, files};
+use ipc_types::{Domain, Ipc, RobotId, StateOf, StatusModule, Subscriber, TelemetryGroup, files};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::process::Signal;
@@ -106,6 +107,45 @@ fn the_estimator_that_the_configuration_chooses_is_published() {
         assert_eq!(process.end(Signal::TERM).0, Some(0));
     }
     assert_eq!(altitudes, [(0, 0.0), (1, 100.0)]);
+}
+
+#[test]
+fn status_publishes_its_own_state_at_every_change_and_all_the_time() {
+    let folder = folder();
+    let file = folder.path().join("status.toml");
+    fs::write(&file, "").unwrap();
+    let domain = Domain::isolated();
+    let ipc = Ipc::join(&domain, RobotId::DEFAULT, "watcher").unwrap();
+    let mut states: Subscriber<StateOf<StatusModule>> = ipc.subscriber().unwrap();
+    let mut ends = Ends::join(&domain);
+    let mut process = Process::start(&domain, &file);
+    let mut next = |doing: &str| loop {
+        let state = states.recv_timeout(TIMEOUT).unwrap().expect("a state");
+        if state.doing() == Some(doing) {
+            break state;
+        }
+    };
+
+    let waiting = next("waiting for telemetry");
+    assert_eq!(
+        (waiting.module_id, waiting.status(), waiting.is_blocked()),
+        (2, Some(ModuleStatus::Running), false)
+    );
+    // Nothing changes, and the state comes all the same.
+    let again = next("waiting for telemetry");
+    assert!(again.published_ns > waiting.published_ns);
+    assert_eq!(again.since_ns, waiting.since_ns);
+
+    ends.through(7);
+    let translating = next("translating telemetry");
+    assert!(translating.since_ns > waiting.since_ns);
+    // No sample for a second.
+    let silent = next("waiting for telemetry");
+    assert!(silent.since_ns > translating.since_ns);
+
+    drop((states, ipc, ends));
+    assert_eq!(process.end(Signal::TERM).0, Some(0));
+    assert!(domain.residue().is_empty(), "{:?}", domain.residue());
 }
 
 fn code_and_errors(output: Output) -> (Option<i32>, String) {

@@ -24,7 +24,7 @@ pub struct Chain {
 impl Chain {
     pub fn new() -> Chain {
         Chain {
-            status: Status::new(Calibration::default(), Logs::default()),
+            status: Status::new(Calibration::default(), Logs::default(), MonotonicNs(1)),
             latest: None,
             compared: 0,
         }

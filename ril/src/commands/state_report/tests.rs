@@ -3,6 +3,7 @@
 use ipc_types::code::{
     DspPathState, ImiError, MovementKind, PilotSwitch, SafetyAction, SafetyRule,
 };
+use ipc_types::module::doing_bytes;
 
 use super::*;
 
@@ -67,6 +68,18 @@ fn eventful() -> ModuleState {
     state
 }
 
+/// The state of status while telemetry comes.
+fn translating() -> State {
+    State {
+        sequence: 4,
+        published_ns: ago(300).0,
+        module_id: ModuleId::HeroStatus.code(),
+        status: ModuleStatus::Running.code(),
+        doing: doing_bytes("translating telemetry"),
+        ..State::default()
+    }
+}
+
 #[test]
 fn a_bridge_that_has_seen_nothing_says_so() {
     let state = ModuleState {
@@ -81,10 +94,11 @@ fn a_bridge_that_has_seen_nothing_says_so() {
         },
         ..ModuleState::default()
     };
-    let text = StateReport::new(1, &state, None, None, NOW).to_string();
+    let text = StateReport::new(1, &state, None, None, None, NOW).to_string();
     let expected = "\
 robot       1
 module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
+status      no sample
 movement    none yet
 link        gone since an unknown time; port opened 0 times, DSP boots seen 0
             last message never, last telemetry never
@@ -105,7 +119,15 @@ hero        no sample
 fn everything_that_happened_is_told_with_its_age() {
     let dsp = Sample::new(30, ago(2500), NOW);
     let hero = Sample::new(29, ago(1000), NOW);
-    let text = StateReport::new(7, &eventful(), Some(dsp), Some(hero), NOW).to_string();
+    let text = StateReport::new(
+        7,
+        &eventful(),
+        Some(dsp),
+        Some(hero),
+        Some(&translating()),
+        NOW,
+    )
+    .to_string();
     for expected in [
         "robot       7\n",
         "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
@@ -120,6 +142,7 @@ fn everything_that_happened_is_told_with_its_age() {
         "1 × unknown codes\n",
         "dsp         sample 30, 2.500 s old, STALE\n",
         "hero        sample 29, 1.000 s old\n",
+        "status      hero-status running, translating telemetry; no-error; sample 4, 0.300 s old\n",
     ] {
         assert!(
             text.contains(expected),
@@ -145,7 +168,7 @@ fn what_the_dsp_does_without_a_bridge_is_known_once_it_was_asked() {
         let mut state = eventful();
         state.link.state = link.code();
         state.link.pc_timeout_supported = supported;
-        let text = StateReport::new(1, &state, None, None, NOW).to_string();
+        let text = StateReport::new(1, &state, None, None, None, NOW).to_string();
         let expected = format!("when the bridge is gone: {expected}\n");
         assert!(text.contains(&expected), "{link}: {text}");
     }
@@ -161,7 +184,7 @@ fn a_time_of_the_future_never_looks_fresh() {
     state.link.last_telemetry_ns = later.0;
     state.movement.distance_to_go_m = f32::NAN;
     let dsp = Sample::new(1, later, NOW);
-    let report = StateReport::new(7, &state, Some(dsp), None, NOW);
+    let report = StateReport::new(7, &state, Some(dsp), None, None, NOW);
     let json = serde_json::to_value(&report).unwrap();
     for pointer in [
         "/module/sample/age_s",
@@ -191,8 +214,15 @@ fn a_time_of_the_future_never_looks_fresh() {
 #[test]
 fn programs_get_names_ages_and_nothing_for_what_never_was() {
     let hero = Sample::new(29, ago(1001), NOW);
-    let json =
-        serde_json::to_value(StateReport::new(7, &eventful(), None, Some(hero), NOW)).unwrap();
+    let json = serde_json::to_value(StateReport::new(
+        7,
+        &eventful(),
+        None,
+        Some(hero),
+        None,
+        NOW,
+    ))
+    .unwrap();
     for (pointer, expected) in [
         ("/schema", serde_json::json!("ril.State.v2")),
         ("/module/status", "running".into()),
@@ -228,6 +258,7 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
         &ModuleState::default(),
         None,
         None,
+        None,
         NOW,
     ))
     .unwrap();
@@ -248,4 +279,16 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
         );
     }
     assert_eq!(json["module"]["status"], "unknown-0");
+}
+
+#[test]
+fn text_of_another_process_does_not_command_the_terminal() {
+    let mut state = translating();
+    state.doing[..3].copy_from_slice(b"\x1b[2");
+    let report = StateReport::new(1, &ModuleState::default(), None, None, Some(&state), NOW);
+    let text = report.to_string();
+    assert!(
+        !text.contains('\x1b') && text.contains("\\u{1b}[2"),
+        "{text}"
+    );
 }

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::{
     DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, Sample, StateReport,
+    StatusState,
 };
 
 impl fmt::Display for StateReport {
@@ -11,6 +12,10 @@ impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
         writeln!(f, "module      {}", self.module)?;
+        match &self.status {
+            Some(status) => writeln!(f, "status      {status}")?,
+            None => writeln!(f, "status      no sample")?,
+        }
         match &self.movement {
             Some(movement) => writeln!(f, "movement    {movement}")?,
             None => writeln!(f, "movement    none yet")?,
@@ -72,6 +77,18 @@ impl fmt::Display for Module {
         }
         if self.unable_to_abort {
             f.write_str(", unable to abort")?;
+        }
+        write!(f, "; {}; {}", self.error, self.sample)
+    }
+}
+
+impl fmt::Display for StatusState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Text of another process: it must not command the terminal.
+        let doing = self.doing.escape_debug();
+        write!(f, "{} {}, {doing}", self.id, self.status)?;
+        if self.blocked {
+            f.write_str(", blocked")?;
         }
         write!(f, "; {}; {}", self.error, self.sample)
     }
