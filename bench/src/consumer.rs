@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 use dsp_protocol::MAX_CLASSIC_FRAME_LEN;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Losses, MonotonicNs, Place, Topic, wake_promptly};
+use ipc_types::{Losses, MonotonicNs, SchedulingRole, Topic, request_short_slice};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use rustix::time::ClockId;
@@ -89,7 +89,7 @@ fn consume_topic<T: Indexed>(
     ready: impl FnOnce() -> Result<()>,
 ) -> Result<Vec<Arrival>> {
     let mut consumer = ours::Blocking::<T>::new()?;
-    wake_promptly(Place::Consumer);
+    request_short_slice(SchedulingRole::Consumer);
     let mut arrivals = Vec::with_capacity(count + 64);
     ready()?;
     while arrivals.len() < count {
@@ -160,7 +160,7 @@ pub struct Kept {
 /// Reads `HeroTelemetry` for so long, and counts.
 pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result<Kept> {
     let mut consumer = ours::Blocking::<HeroTelemetry>::new()?;
-    wake_promptly(Place::Consumer);
+    request_short_slice(SchedulingRole::Consumer);
     ready()?;
     // The first sample begins the count: bridge and status are up by then.
     let (mut last, mut missing) = (None, 0_u64);

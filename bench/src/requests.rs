@@ -10,7 +10,7 @@ use iceoryx2::port::server::Server as RawServer;
 use iceoryx2::prelude::ipc;
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData, RequestReport};
-use ipc_types::{Client, MonotonicNs, Place, Request, fresh_request_id, wake_promptly};
+use ipc_types::{Client, MonotonicNs, SchedulingRole, Request, fresh_request_id, request_short_slice};
 use runtime::signal::Termination;
 
 use crate::pace::{Pace, sleep_until};
@@ -26,7 +26,7 @@ const WARM_UP: usize = 20;
 /// report that the DSP has acknowledged it, ns.
 pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> Result<Vec<u64>> {
     let ipc = ours::join("bench-client")?;
-    wake_promptly(Place::Consumer);
+    request_short_slice(SchedulingRole::Consumer);
     let mut control = ipc.client::<ModuleControl>()?;
     let mut movement = ipc.client::<MovementData>()?;
     let mut telemetry = ipc.subscriber::<DspTelemetry>()?;

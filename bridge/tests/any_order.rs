@@ -1,4 +1,4 @@
-//! Whatever happens in whatever order: every request has exactly one final word, and nothing panics.
+//! Whatever happens in whatever order: every request has exactly one final report, and nothing panics.
 
 mod desk;
 
@@ -51,7 +51,7 @@ fn one_step(desk: &mut Desk, random: &mut Random) {
 }
 
 #[test]
-fn every_request_has_exactly_one_final_word() {
+fn every_request_has_exactly_one_final_report() {
     for seed in 0..400 {
         let mut desk = Desk::started();
         let mut random = Random(seed);
@@ -65,7 +65,7 @@ fn every_request_has_exactly_one_final_word() {
             let count = finals.entry(report.request_id).or_default();
             assert_eq!(
                 *count, 0,
-                "seed {seed}: {stage} after the final word of request {}",
+                "seed {seed}: {stage} after the final report of request {}",
                 report.request_id
             );
             *count += u32::from(stage.is_final());

@@ -1,4 +1,4 @@
-//! The core's side of the operator: control, movements, and the one final word of every request.
+//! The core's side of the operator: control, movements, and the one final report of every request.
 
 mod desk;
 
@@ -372,7 +372,7 @@ fn asking_again_never_executes_twice() {
     assert_eq!(
         again(&mut desk, 1).0,
         Stage::Done,
-        "the same final word once more"
+        "the same final report once more"
     );
     assert_eq!(desk.dsp.commands.len(), commands);
 

@@ -1,5 +1,5 @@
 //! Requests of any bit pattern, as a faulty client may leave them in shared memory: each is answered with exactly one
-//! final word, nothing that cannot be flown reaches the DSP, and the bridge goes on.
+//! final report, nothing that cannot be flown reaches the DSP, and the bridge goes on.
 
 mod desk;
 
@@ -105,7 +105,7 @@ fn one_step(desk: &mut Desk, random: &mut Random, request_id: u64) {
 }
 
 #[test]
-fn any_request_gets_one_final_word_and_nothing_wild_reaches_the_dsp() {
+fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
     let (mut waypoints, mut take_offs) = (0, 0);
     for seed in 0..SEEDS {
         let mut desk = Desk::started();

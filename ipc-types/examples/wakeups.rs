@@ -19,7 +19,7 @@ use ipc_types::payload::DspTelemetry;
 use ipc_types::{Descriptor, Domain, Ipc, RobotId, ServiceId, Subscriber, Waiter};
 use rustix::process::{Pid, Signal, kill_process};
 
-/// The ways to sleep, and how often data was there that had woken nobody.
+/// The ways to sleep, and how often data was there that had woken no thread.
 const WAYS: [&str; 3] = ["doorbell", "descriptors", "waitset"];
 
 /// The variable that makes this program one of its own children.
@@ -85,7 +85,7 @@ fn plan() -> Option<Plan> {
     })
 }
 
-/// Starts everybody, disturbs them, and prints what became of it.
+/// Starts all threads, disturbs them, and prints what became of it.
 fn conduct(plan: Plan) -> Result<(), Failure> {
     let domain = Domain::isolated();
     let mut consumers = Vec::new();
@@ -105,7 +105,7 @@ fn conduct(plan: Plan) -> Result<(), Failure> {
         let victim = victims
             .map(Pid::from_child)
             .nth(random as usize % (WAYS.len() + 1));
-        let victim = victim.ok_or("nobody to stop")?;
+        let victim = victim.ok_or("no thread to stop")?;
         kill_process(victim, Signal::STOP)?;
         // Shorter than the subscribers' buffers last, so that nothing else is lost.
         thread::sleep(Duration::from_micros(random >> 32 & 0x3fff));

@@ -228,7 +228,7 @@ codes! {
 }
 
 codes! {
-    /// How far a request has come. `Accepted` and `Progress` may be followed by more; the others are final words.
+    /// How far a request has come. `Accepted` and `Progress` may be followed by more; the others are final reports.
     pub enum Stage {
         /// Taken; more will follow.
         Accepted = 1 => "accepted",
@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn the_final_words_are_done_refused_aborted_unknown() {
+    fn the_final_reports_are_done_refused_aborted_unknown() {
         let finals: Vec<_> = Stage::ALL.iter().filter(|stage| stage.is_final()).collect();
         assert_eq!(
             finals,

@@ -96,7 +96,7 @@ impl Domain {
         })
     }
 
-    /// A domain that nobody else has: for tests and demonstrations. Nothing is created before a process joins.
+    /// A domain of its own: for tests and demonstrations. Nothing is created before a process joins.
     ///
     /// Child processes get it by [`Domain::environment`].
     pub fn isolated() -> Domain {

@@ -1,7 +1,7 @@
 //! Creating files in a process that opens ports.
 //!
 //! iceoryx2 changes the umask while it binds the socket of a listener, and sets it back afterwards. The umask belongs to the
-//! whole process, not to a thread. So another thread that creates a folder at that moment gets one that nobody can enter
+//! whole process, not to a thread. So another thread that creates a folder at that moment gets one that no process can enter
 //! (mode 600), a file gets mode 600, and a child process that is started then keeps the wrong umask for good. And of two
 //! threads that bind sockets at once, the second saves what the first has set: when they set it back in the wrong
 //! order, the umask of the process stays wrong. Root may enter every folder, and therefore does not notice.
@@ -27,7 +27,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// The lock of the process: held while iceoryx2 may have changed the umask, and while files are created.
 static UMASK: Mutex<()> = Mutex::new(());
 
-/// How often [`UMASK`] was taken by somebody who may change the umask.
+/// How often [`UMASK`] was taken by a thread that may change the umask.
 static TURNS: AtomicU64 = AtomicU64::new(0);
 
 /// How often [`create_new`] and [`create_dir_all`] begin anew before they take the lock. A process opens its ports in
@@ -120,7 +120,7 @@ fn create_undisturbed<T>(
         if TURNS.load(Ordering::SeqCst) == turns {
             return Ok(created);
         }
-        // Its mode may be wrong. Nobody knows of it yet.
+        // Its mode may be wrong. No other process knows of it yet.
         remove()?;
     }
     while_no_port_opens(create)

@@ -1,9 +1,9 @@
-//! [`Generation`]: one life of a provider. It begins with an empty folder and a prefix that nobody else has, and when nobody is
+//! [`Generation`]: one life of a provider. It begins with an empty folder and a prefix of its own, and when no process is
 //! in it any more it is deleted as a whole. Nothing in it is ever repaired.
 //!
 //! Its provider makes everything of it and then writes its name into `current`. Others only open what is there. Each of them
-//! holds a shared `flock` on the generation's lock; whoever gets it exclusively knows that nobody is there, and deletes folder
-//! and segments without a look into them.
+//! holds a shared `flock` on the generation's lock; a process that gets it exclusively knows that no other is there, and deletes
+//! folder and segments without a look into them.
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
@@ -28,7 +28,7 @@ use crate::schema::{self, LoadError, Schema};
 use crate::service::{MAX_KEY_LEN, is_key};
 use crate::{files, random};
 
-/// The file whose lock says that somebody is in the generation.
+/// The file whose lock says that a process is in the generation.
 const LOCK_FILE: &str = "lock";
 
 /// The file that the provider has locked for as long as it publishes or serves in the generation.
@@ -40,7 +40,7 @@ const CURRENT_FILE: &str = "current";
 /// The file with the schema of what lies in the generation.
 const SCHEMA_FILE: &str = "schema.msg";
 
-/// Ends the name of a generation of which nobody knows yet.
+/// Ends the name of a generation that is being made.
 const DRAFT: &str = ".new";
 
 /// How often a process begins anew whose draft was removed before it was locked.
@@ -78,7 +78,7 @@ pub(crate) enum EnterError {
 }
 
 impl Generation {
-    /// Begins a generation in the folder of a service. Nobody knows of it before [`announce`].
+    /// Begins a generation in the folder of a service. Others cannot enter it before [`announce`].
     pub(crate) fn begin(
         domain: &Domain,
         service: &Path,
@@ -87,7 +87,7 @@ impl Generation {
         let mut attempt = 1;
         loop {
             match Generation::try_begin(domain, service, process_name) {
-                // Somebody who removes what is dead took it for that before it was locked.
+                // A process that deletes dead generations took it for one before it was locked.
                 Err(EnterError::Ended) if attempt < BEGIN_ATTEMPTS => attempt += 1,
                 result => return result,
             }
@@ -103,7 +103,7 @@ impl Generation {
         let draft = service.join(format!("{name}{DRAFT}"));
         let created = files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
         created.map_err(|error| DomainError::io("create", &draft, error))?;
-        // Locked before it gets its name: a folder without a lock belongs to nobody.
+        // Locked before it gets its name: a folder without a lock counts as dead.
         let lock = open_lock_file(&draft.join(LOCK_FILE))?.ok_or(EnterError::Ended)?;
         let path = service.join(&name);
         if !flock(&lock, FlockOperation::NonBlockingLockShared, &path)? {
@@ -175,7 +175,7 @@ impl Generation {
     }
 
     pub(crate) fn node(&self) -> &Node {
-        // Only dropping takes the node away, and nobody can borrow a generation that is being dropped.
+        // Only dropping takes the node away, and a generation that is being dropped cannot be borrowed.
         self.node.as_ref().expect("a generation has a node")
     }
 
@@ -339,7 +339,7 @@ fn without_draft(name: &str) -> &str {
     name.strip_suffix(DRAFT).unwrap_or(name)
 }
 
-/// Deletes the generations of a service in which nobody is. Returns how many those were.
+/// Deletes the generations of a service in which no process is. Returns how many those were.
 pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
     let mut count = 0;
     for name in names(service) {
@@ -368,7 +368,7 @@ fn prefixes_in(domain: &Domain, robot_folder: &Path) -> HashSet<String> {
         .collect()
 }
 
-/// Deletes a robot's folder that nobody can enter any more, with all generations in it.
+/// Deletes a robot's folder that no process can enter any more, with all generations in it.
 pub(crate) fn delete_robot_folder(domain: &Domain, folder: &Path) -> Result<(), DomainError> {
     delete(folder, prefixes_in(domain, folder))
 }
@@ -395,7 +395,7 @@ fn prefix_of(name: &[u8]) -> Option<&str> {
     str::from_utf8(name.get(..PREFIX_LEN)?).ok()
 }
 
-/// This user's segments with such a name. Costs in proportion to everybody's segments.
+/// This user's segments with such a name. Costs in proportion to the segments of all users.
 fn segments(mut is_wanted: impl FnMut(&[u8]) -> bool) -> Vec<PathBuf> {
     entries(Path::new(SHM_DIR))
         .filter(|entry| is_wanted(OsStr::as_bytes(&entry.file_name())))
@@ -412,7 +412,7 @@ pub(crate) fn segments_of(domain: &Domain) -> Vec<PathBuf> {
     })
 }
 
-/// Segments of generations that have no folder any more: nobody can open them, and nobody will delete them.
+/// Segments of generations that have no folder any more: no process can open them, and none will delete them.
 pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
     // Elsewhere two containers can have a root of the same name each, and share the segments' folder.
     if !domain.root().starts_with(SHM_DIR) {

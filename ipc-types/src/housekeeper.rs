@@ -28,14 +28,14 @@ use crate::{files, reserve, robot_folder};
 const PERIOD: Duration = Duration::from_millis(500);
 
 /// Deaths in one generation after which another begins. A member that was killed while it started can leave some files that
-/// nobody knows of, up to 2 MB.
+/// no process knows of, up to 2 MB.
 const MAX_DEATHS: u32 = 256;
 
 /// Dead members that cannot be removed, after which another generation begins.
 const MAX_STUCK: u32 = 8;
 
 /// Files in a generation beyond what its living members account for, after which another generation begins. A member that was
-/// killed while it made its node leaves three that belong to nobody.
+/// killed while it made its node leaves three that belong to no member.
 const MAX_LEFTOVERS: usize = 256;
 
 /// Most files of a living member: its node, two events, a port, and their tags.
@@ -218,7 +218,9 @@ impl Housekeeper {
         let thread = thread::Builder::new()
             .name("housekeeper".to_owned())
             .spawn(move || keep_house(&domain, &orders))
-            .inspect_err(|error| tracing::warn!(%error, "nobody removes what dead processes leave"))
+            .inspect_err(
+                |error| tracing::warn!(%error, "no thread removes what dead processes leave"),
+            )
             .ok();
         Housekeeper {
             orders: Some(sender),

@@ -279,7 +279,7 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
 fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
     let mut facts = RobotFacts {
         robot,
-        is_live: robot_folder::is_anybody_in(domain, robot),
+        is_live: robot_folder::is_any_process_in(domain, robot),
         generations: 0,
         former: 0,
         members: Vec::new(),

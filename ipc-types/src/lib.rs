@@ -116,7 +116,7 @@ pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
-pub use scheduling::{Place, wake_promptly};
+pub use scheduling::{SchedulingRole, request_short_slice};
 pub use schema::Schema;
 pub use sequence::Losses;
 pub use server::{ReportError, ServeError, Server};

@@ -23,7 +23,7 @@ use crate::{Request, Topic};
 
 /// Ids of modules outside the RIL. Below are the RIL's own ([`ModuleId`](crate::code::ModuleId)).
 ///
-/// Nobody hands them out: an id is unique among the modules of one robot, which its operator sees to. The name is what tells
+/// There is no registry: an id is unique among the modules of one robot, which its operator sees to. The name is what tells
 /// modules apart in shared memory; the id is for consumers that know modules by number.
 pub const OUTSIDE_IDS: RangeInclusive<u32> = 1000..=9999;
 

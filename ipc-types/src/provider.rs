@@ -128,7 +128,7 @@ impl LockWatch {
                 Err(error) => return Err(DomainError::io("open", &self.path, error)),
             },
         };
-        // When it is got, nobody has it; closing the file gives it back.
+        // When it is got, no process had it; closing the file gives it back.
         let is_held = !flock(&file, FlockOperation::NonBlockingLockShared, &self.path)?;
         self.file = is_held.then_some(file);
         Ok(is_held)
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_line_names_nobody() {
+    fn half_a_line_names_no_process() {
         for text in ["", "7", "7 8 9 10", "x 8 9 10 bridge"] {
             assert_eq!(parse(text), None, "{text}");
         }

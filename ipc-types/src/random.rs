@@ -1,4 +1,4 @@
-//! Names that nobody else has.
+//! Unique names.
 
 use crate::request_id::fresh_request_id;
 

@@ -1,8 +1,8 @@
-//! [`Membership`]: a process's part in the folder of a robot, and what happens to the folder when nobody is in it.
+//! [`Membership`]: a process's part in the folder of a robot, and what happens to the folder when no process is in it.
 //!
 //! Every process holds a shared `flock` on the robot's doorbell file; the kernel drops it with the process, however it ends.
-//! Whoever gets the lock exclusively knows that nobody is there. It then renames the folder, and deletes it under that name:
-//! a process that starts meanwhile makes a new one, and waits for nobody.
+//! A process that gets the lock exclusively knows that no other is there. It renames the folder, and deletes it under that name:
+//! a process that starts meanwhile makes a new one, without a wait.
 
 use std::fs::{self, File};
 use std::io;
@@ -19,7 +19,7 @@ use crate::lock_file::{entries, flock, is_at, make_folder, open_lock_file, open_
 use crate::robot::RobotId;
 use crate::{generation, random};
 
-/// The file whose lock says that somebody is there. Its content is the [`Doorbell`].
+/// The file whose lock says that a process is there. Its content is the [`Doorbell`].
 const DOORBELL_FILE: &str = "doorbell";
 
 /// Stands between a robot and a random name in the name of a folder that is to be deleted.
@@ -132,7 +132,7 @@ impl Drop for Membership {
             Ok(false) => return,
             Err(error) => warn_of_leftovers(&self.domain.robot_folder(self.robot), &error),
         }
-        // The last process of another robot may have been killed, and nobody come after it.
+        // The last process of another robot may have been killed, with no other after it.
         for robot in robots(&self.domain) {
             if let Err(error) = delete_if_dead(&self.domain, robot) {
                 tracing::debug!(%robot, %error, "a dead robot was left behind");
@@ -147,7 +147,7 @@ fn remove_root(domain: &Domain) {
     let _ = fs::remove_dir(domain.root());
 }
 
-/// Gives the robot's folder another name, under which nobody looks for it. The lock must be exclusive.
+/// Gives the robot's folder another name, under which no process looks for it. The lock must be exclusive.
 fn set_aside(domain: &Domain, robot: RobotId) -> Option<PathBuf> {
     let folder = domain.robot_folder(robot);
     let name = format!("{robot}{DISCARDED}{}", random::name(8));
@@ -161,7 +161,7 @@ fn set_aside(domain: &Domain, robot: RobotId) -> Option<PathBuf> {
     }
 }
 
-/// Deletes a folder that was set aside, on a thread: segments are found among everybody's, which can take long.
+/// Deletes a folder that was set aside, on a thread: segments are found among those of all users, which can take long.
 fn clean(domain: &Domain, folder: PathBuf) -> Option<JoinHandle<()>> {
     let domain = domain.clone();
     thread::Builder::new()
@@ -207,7 +207,7 @@ pub(crate) fn robots(domain: &Domain) -> Vec<RobotId> {
 }
 
 /// Whether a process is in the robot's folder.
-pub(crate) fn is_anybody_in(domain: &Domain, robot: RobotId) -> bool {
+pub(crate) fn is_any_process_in(domain: &Domain, robot: RobotId) -> bool {
     let path = domain.robot_folder(robot).join(DOORBELL_FILE);
     let Ok(file) = open_to_look(&path) else {
         return false;

@@ -1,4 +1,4 @@
-//! [`wake_promptly`]: what a thread that waits for data can ask of the Linux scheduler without any privilege.
+//! [`request_short_slice`]: what a thread that waits for data can ask of the Linux scheduler without any privilege.
 //!
 //! A thread that is woken on a processor where another one runs, such as the publisher that has just woken it, may have to
 //! wait until that one sleeps: between slices of the same length it is a matter of chance. A thread with a shorter slice
@@ -9,21 +9,21 @@ use std::io;
 
 /// Where a thread stands in the flow of telemetry. Both have shorter slices than Linux gives unasked (0.7 to 2.8 ms).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum SchedulingRole {
     /// It publishes, as the bridge and status do. Those two have slices of the same length: if status put the bridge aside
     /// in the middle of its work, status' own consumers would be woken on another processor, which takes longer than the
     /// rest of that work.
     Provider,
-    /// Nobody waits for it: consumers of telemetry, senders of requests. It need not wait for the provider that woke it.
+    /// No other process waits for it: consumers of telemetry, senders of requests. It need not wait for the provider that woke it.
     Consumer,
 }
 
-impl Place {
+impl SchedulingRole {
     /// The slice, ns. The consumers' is the shortest that Linux gives.
     const fn slice_ns(self) -> u64 {
         match self {
-            Place::Provider => 400_000,
-            Place::Consumer => 100_000,
+            SchedulingRole::Provider => 400_000,
+            SchedulingRole::Consumer => 100_000,
         }
     }
 }
@@ -32,8 +32,8 @@ impl Place {
 ///
 /// It holds for ordinary threads on Linux 6.12 and later; before that, and for real-time threads, which are woken at once
 /// in any case, it changes nothing. Never needed, only faster: `docs/performance.md` says by how much.
-pub fn wake_promptly(place: Place) {
-    if let Err(error) = set_slice(place.slice_ns()) {
+pub fn request_short_slice(role: SchedulingRole) {
+    if let Err(error) = set_slice(role.slice_ns()) {
         tracing::debug!(%error, "the scheduler grants no short slice");
     }
 }
@@ -78,10 +78,10 @@ mod tests {
     fn only_the_slice_of_the_calling_thread_changes() {
         // A sandbox may not know the call.
         let Ok(before) = attributes() else { return };
-        let slice_ns = Place::Consumer.slice_ns();
+        let slice_ns = SchedulingRole::Consumer.slice_ns();
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                wake_promptly(Place::Consumer);
+                request_short_slice(SchedulingRole::Consumer);
                 let now = attributes().unwrap();
                 assert_eq!(now.sched_policy, before.sched_policy);
                 assert_eq!(now.sched_nice, before.sched_nice);

@@ -1,7 +1,7 @@
 //! [`Segment`]: shared memory that is allocated when it is made, and opened without a wait that has no end.
 //!
 //! iceoryx2's own segments are sparse: the kernel finds a page when it is first touched, and when `/dev/shm` is full by then
-//! the process dies of SIGBUS in flight. Here a full memory is an error of whoever makes a segment. The rest is iceoryx2's
+//! the process dies of SIGBUS in flight. Here a full memory is an error of the process that makes a segment. The rest is iceoryx2's
 //! segment: same place, same content, so that programs with iceoryx2's variant `ipc` share them.
 
 use std::fmt::Debug;
@@ -149,7 +149,7 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
             return Err(DynamicStorageCreateError::InternalError.into());
         }
         let segment = Segment(self.inner.open_or_create()?);
-        // Whoever has made it: what is allocated already costs a system call.
+        // Also when another process has made it: what is allocated already costs a system call.
         match allocate(&path) {
             // Removed by its last user in this moment; it is ours all the same.
             Ok(()) | Err(Errno::NOENT) => Ok(segment),

@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_leaves_is_handed_on_with_the_ticket_it_had() {
+    fn an_entry_that_leaves_is_handed_on_with_its_ticket() {
         let mut tickets = Tickets::with_capacity(4);
         let given: Vec<_> = (0..4).map(|n| tickets.insert(n).unwrap()).collect();
         let mut left = Vec::new();

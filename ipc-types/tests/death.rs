@@ -28,8 +28,8 @@ const TESTS: &[(&str, fn())] = &[
         a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard,
     ),
     (
-        "a_killed_server_ends_every_request_though_nobody_cleans_up",
-        a_killed_server_ends_every_request_though_nobody_cleans_up,
+        "a_killed_server_ends_every_request_without_a_clean_up",
+        a_killed_server_ends_every_request_without_a_clean_up,
     ),
     (
         "a_killed_client_is_seen_as_vanished",
@@ -44,8 +44,8 @@ const TESTS: &[(&str, fn())] = &[
         clients_that_are_killed_in_groups_leave_nothing_at_the_server,
     ),
     (
-        "a_stopped_subscriber_holds_up_nobody",
-        a_stopped_subscriber_holds_up_nobody,
+        "a_stopped_subscriber_holds_up_no_other",
+        a_stopped_subscriber_holds_up_no_other,
     ),
     ("a_signal_ends_a_wait", a_signal_ends_a_wait),
     (
@@ -171,7 +171,7 @@ fn a_killed_publisher_is_noticed_at_once_and_its_successor_is_heard() {
     });
 }
 
-fn a_killed_server_ends_every_request_though_nobody_cleans_up() {
+fn a_killed_server_ends_every_request_without_a_clean_up() {
     in_domain(|domain| {
         let ipc = join(domain, "operator");
         let mut client = ipc.client::<ModuleControl>().unwrap();
@@ -267,7 +267,7 @@ fn clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server()
             }
             assert!(server.wait(WATCHDOG).unwrap().is_ready());
             drop(clients);
-            assert!(take(&mut server).is_empty(), "nobody waits for them");
+            assert!(take(&mut server).is_empty(), "no client waits for them");
             let mut gone = 0;
             server.vanished(|ticket, _| {
                 assert!(open.iter().any(|(open, _)| *open == ticket));
@@ -337,7 +337,7 @@ fn serve(server: &mut Server<ModuleControl>, open: &mut HashSet<u64>) {
     }
 }
 
-fn a_stopped_subscriber_holds_up_nobody() {
+fn a_stopped_subscriber_holds_up_no_other() {
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
@@ -387,7 +387,7 @@ fn a_signal_ends_a_wait() {
 fn kills_during_start_up_do_not_keep_the_next_from_starting() {
     const KILLS: u64 = 60;
     in_domain(|domain| {
-        // As long as this one lives, nobody may remove the robot's folder as a whole.
+        // As long as this one lives, no process may remove the robot's folder as a whole.
         let ipc = join(domain, "consumer");
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         for kill in 0..KILLS {

@@ -215,7 +215,7 @@ fn a_live_foreign_program_keeps_the_robot_s_folder() {
 }
 
 #[test]
-fn nobody_else_may_read_or_write_the_domain_s_segments() {
+fn no_other_user_may_read_or_write_the_domain_s_segments() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let _publisher = ipc.publisher::<DspTelemetry>().unwrap();

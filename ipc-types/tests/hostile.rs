@@ -66,7 +66,7 @@ fn play_victim(domain: &Domain) {
     }
 }
 
-/// Tries everything that a program can do to somebody else's domain, and says how each attempt ended.
+/// Tries everything that a program can do to another user's domain, and says how each attempt ended.
 fn play_stranger(domain: &Domain) {
     let say = |what: &str, outcome: &dyn std::fmt::Display| println!("{what}: {outcome}");
     say("uid", &getuid().as_raw());
@@ -248,7 +248,7 @@ fn names_that_a_stranger_took_first_are_refused_in_words() {
             assert!(error.contains(part), "{part} is not in: {error}");
         }
     };
-    // The folder, with what would hold up whoever opened it.
+    // The folder, with what would hold up a process that opened it.
     let domain = Domain::isolated();
     fs::create_dir(domain.root()).unwrap();
     let lock = domain.root().join("1");

@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_final_words_are_remembered_and_the_oldest_forgotten() {
+    fn the_last_final_reports_are_remembered_and_the_oldest_forgotten() {
         let mut completed = Completed::with_capacity(2);
         let capacity = completed.ended.capacity();
         for id in 1..=3 {

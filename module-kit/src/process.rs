@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use arrayvec::ArrayVec;
 use ipc_types::waiter::{MAX_SOURCES, SAFETY_BOUND};
-use ipc_types::{Descriptor, MonotonicNs, Place, Source, WaitError, Waiter, Wake, wake_promptly};
+use ipc_types::{
+    Descriptor, MonotonicNs, SchedulingRole, Source, WaitError, Waiter, Wake, request_short_slice,
+};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
@@ -124,7 +126,7 @@ pub fn run<P: Process>(
         .watchdog_period()
         .map_or(ROUND_PERIOD, |watchdog| watchdog.min(ROUND_PERIOD));
     let mut next_round = MonotonicNs::now() + period;
-    wake_promptly(Place::Provider);
+    request_short_slice(SchedulingRole::Provider);
     supervisor.ready();
     // Nothing is known yet of what there is.
     let mut wake = Wake::TimedOut;

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_line_and_reason() {
+    fn mistakes_are_reported_with_line_and_reason() {
         for (text, expected) in [
             ("[requets]", "ril.toml:1: unknown field `requets`"),
             ("[request]\ntimeout = 1", "did you mean `timeout_s`?"),

@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_struct_that_nobody_here_knows_is_shown_by_its_schema() {
+    fn an_unknown_struct_is_shown_by_its_schema() {
         let schema = "# Layout: a.A.v1\n\nuint64 sequence\nuint64 epoch_ns\na_msgs/B[2] cells\nfloat32[2] raw\n\
             ================================================================================\n\
             MSG: a_msgs/B\nint16 level\nuint8[2] flags\n";

@@ -42,7 +42,7 @@ impl CableEnd {
         fs::rename(&draft, rig.folder().join(name)).expect("a link");
     }
 
-    /// Hands on what is there; false when there is nobody at this end any more.
+    /// Hands on what is there; false when this end is closed.
     fn hand_on(&mut self, other: &mut CableEnd) -> bool {
         let mut buffer = [0; 4_096];
         match self.master.read(&mut buffer) {

@@ -45,7 +45,7 @@ fn texts(report: &Value) -> String {
     texts.collect::<Vec<_>>().join("\n")
 }
 
-/// A pipe that nobody writes into: whoever opens it to read waits without end.
+/// A pipe without a writer: a process that opens it to read waits without end.
 fn make_pipe(path: &Path) {
     let _ = fs::remove_file(path);
     mkfifoat(CWD, path, Mode::RUSR | Mode::WUSR).unwrap();
@@ -163,7 +163,7 @@ fn a_process_that_was_stopped_is_told_from_one_that_works() {
     let rig = Rig::new();
     let status = rig.status(1);
     status.signal(Signal::STOP);
-    // The signal is on its way for a moment; whoever waits for the stop sees when it has come.
+    // The signal is on its way for a moment; a parent that waits for the stop sees when it has come.
     let pid = rustix::process::Pid::from_raw(status.id() as i32).unwrap();
     let options = rustix::process::WaitIdOptions::STOPPED;
     rustix::process::waitid(rustix::process::WaitId::Pid(pid), options).unwrap();
@@ -203,7 +203,7 @@ fn a_process_in_namespaces_of_its_own_is_told() {
 }
 
 #[test]
-fn a_root_that_others_may_write_to_is_an_error_that_nobody_mends_alone() {
+fn a_root_that_others_may_write_to_is_an_error_that_is_not_repaired() {
     let rig = Rig::new();
     let status = rig.status(1);
     let root = rig.domain.root();

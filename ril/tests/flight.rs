@@ -12,21 +12,21 @@ use ril_tests::pty::is_link;
 use rustix::fs::{CWD, Mode, mkfifoat};
 
 /// A simulator, a bridge and a status of robot 1, with the link up.
-struct Crew {
+struct Processes {
     sim: Process,
     bridge: Process,
     status: Process,
     watch: Watch,
 }
 
-impl Crew {
-    fn start(rig: &Rig, sim_options: &str) -> Crew {
+impl Processes {
+    fn start(rig: &Rig, sim_options: &str) -> Processes {
         let sim = rig.sim(1, sim_options);
         let bridge = rig.bridge(1);
         let status = rig.status(1);
         let mut watch = rig.watch(1);
         watch.until_ready();
-        Crew {
+        Processes {
             sim,
             bridge,
             status,
@@ -36,7 +36,7 @@ impl Crew {
 
     /// Ends them as an operator does, in an order that no process should care for.
     fn end(self) {
-        let Crew {
+        let Processes {
             sim,
             bridge,
             status,
@@ -68,7 +68,7 @@ fn position(rig: &Rig, robot: u32) -> (f64, f64, f64) {
 #[test]
 fn a_whole_mission_by_hand() {
     let rig = Rig::new();
-    let mut crew = Crew::start(&rig, "--speed 10");
+    let mut processes = Processes::start(&rig, "--speed 10");
     let (latitude, longitude, altitude) = position(&rig, 1);
 
     assert_eq!(rig.run("start", 0).stdout, ["start: done"]);
@@ -79,7 +79,7 @@ fn a_whole_mission_by_hand() {
     assert_eq!(accepted, "takeoff: accepted");
     assert_eq!(begun, "takeoff: begun on the DSP");
     assert!(done.starts_with("takeoff: done"), "{take_off:#?}");
-    crew.watch.until("the take-off has ended", |state| {
+    processes.watch.until("the take-off has ended", |state| {
         state.status() == Some(ModuleStatus::Ended)
     });
 
@@ -114,14 +114,14 @@ fn a_whole_mission_by_hand() {
     assert_eq!(state["link"]["waypoints_sent"], 2);
     assert_eq!(state["dsp_errors"]["total"], 0);
     assert_eq!(state["hero"]["stale"], false);
-    crew.end();
+    processes.end();
 }
 
 #[test]
 fn what_cannot_be_done_now_is_refused_with_the_reason() {
     let rig = Rig::new();
     // In real time, and high: the take-off lasts as long as the test needs it.
-    let crew = Crew::start(&rig, "--speed 1");
+    let processes = Processes::start(&rig, "--speed 1");
     let (latitude, longitude, altitude) = position(&rig, 1);
     let here = format!("goto {latitude},{longitude},{altitude}");
     let refused = |args: &str, reason: &str| {
@@ -144,13 +144,13 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
     assert_eq!(state["module"]["functionality"], "taking-off");
     assert_eq!(state["module"]["unable_to_abort"], true);
     assert_eq!(state["module"]["error"], "impossible-to-stop-module");
-    crew.end();
+    processes.end();
 }
 
 #[test]
 fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped() {
     let rig = Rig::new();
-    let mut crew = Crew::start(&rig, "--speed 10");
+    let mut processes = Processes::start(&rig, "--speed 10");
     let (latitude, longitude, altitude) = position(&rig, 1);
     rig.run("start", 0);
     rig.run("takeoff --altitude 5", 0);
@@ -164,7 +164,7 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
         says(&finished.stdout, "goto: refused (too-far)"),
         "{finished:#?}"
     );
-    let state = crew.watch.until("at rest", |state| {
+    let state = processes.watch.until("at rest", |state| {
         state.functionality() == Some(Functionality::AtRest)
     });
     assert_eq!(state.link.waypoints_sent, 0);
@@ -180,23 +180,23 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
         says(&finished.stdout, "goto: aborted (stopped)"),
         "{finished:#?}"
     );
-    crew.end();
+    processes.end();
 }
 
 #[test]
 fn each_signal_ends_each_process_with_nothing_left() {
     for signal in [Signal::INT, Signal::TERM] {
         let rig = Rig::new();
-        let crew = Crew::start(&rig, "");
+        let processes = Processes::start(&rig, "");
         let link = rig.folder().join("dsp-1");
         assert!(is_link(&link));
-        drop(crew.watch);
-        let bridge = end(crew.bridge, signal);
+        drop(processes.watch);
+        let bridge = end(processes.bridge, signal);
         assert!(says(&bridge.stderr, "ended"), "{bridge:#?}");
         assert!(is_link(&link), "the port is the simulator's");
-        end(crew.sim, signal);
+        end(processes.sim, signal);
         assert!(!is_link(&link));
-        end(crew.status, signal);
+        end(processes.status, signal);
         rig.domain.assert_empty();
     }
 }
@@ -236,27 +236,27 @@ fn two_robots_do_not_see_each_other() {
 #[test]
 fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     let rig = Rig::new();
-    let mut crew = Crew::start(&rig, "--speed 1");
+    let mut processes = Processes::start(&rig, "--speed 1");
     rig.run("start", 0);
     let mut echo = rig.start("echo hero --json --field source_epoch_ns --timeout 80");
     let first = json(&echo.wait_for_text("source_epoch_ns").text);
     let mut take_off = rig.start("takeoff --altitude 100");
     take_off.wait_for_text("takeoff: begun");
 
-    crew.bridge.signal(Signal::KILL);
-    crew.bridge.wait_status();
+    processes.bridge.signal(Signal::KILL);
+    processes.bridge.wait_status();
     let finished = take_off.wait_exit();
     assert_eq!(finished.code(), Some(7), "{finished:#?}");
     assert!(says(&finished.stderr, "bridge-gone"), "{finished:#?}");
     rig.run("state --timeout 0.1", 3);
 
-    crew.bridge = rig.bridge(1);
+    processes.bridge = rig.bridge(1);
     echo.wait_for_line(|line| {
         line.text.contains("source_epoch_ns")
             && json(&line.text)["source_epoch_ns"] != first["source_epoch_ns"]
     });
     // What the killed bridge has published last comes first.
-    crew.watch.until("the new bridge is ready", |state| {
+    processes.watch.until("the new bridge is ready", |state| {
         state.status() == Some(ModuleStatus::WaitingDataToStart)
             && state.link.state() == Some(LinkState::Up)
     });
@@ -266,16 +266,17 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
         says(&finished.stderr, " 0 publisher restarts"),
         "{finished:#?}"
     );
-    crew.status
+    processes
+        .status
         .wait_for_text("telemetry comes from another bridge now");
-    crew.end();
+    processes.end();
 }
 
 #[test]
 fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
     let rig = Rig::new();
     let config = rig.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
-    let crew = Crew::start(&rig, "--speed 4");
+    let processes = Processes::start(&rig, "--speed 4");
     rig.run("start", 0);
     rig.run("takeoff --altitude 3", 0);
     fs::remove_file(&config).unwrap();
@@ -285,5 +286,5 @@ fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
     // `land` reads ril.toml, and the bridge nothing.
     rig.run("land", 0);
     rig.run("stop", 0);
-    crew.end();
+    processes.end();
 }

@@ -232,7 +232,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
     check_text(7, &log);
 }
 
-/// Sends garbage, as many requests as may be open, and waits until each has its final word. Says how many were refused,
+/// Sends garbage, as many requests as may be open, and waits until each has its final report. Says how many were refused,
 /// and how many done.
 fn ask<R: Request>(client: &mut Client<R>, garbage: &mut Garbage, number: usize) -> (usize, usize) {
     let (mut sent, mut finals, mut refused, mut done) = (0, 0, 0, 0);
@@ -253,7 +253,7 @@ fn ask<R: Request>(client: &mut Client<R>, garbage: &mut Garbage, number: usize)
             assert_ne!(
                 client.wait(WAIT_LIMIT).unwrap(),
                 Wake::TimedOut,
-                "no final word"
+                "no final report"
             );
         }
     }
@@ -273,7 +273,7 @@ fn the_bridge_survives_a_client_of_garbage_and_serves_the_next() {
     let mut garbage = Garbage::new(11);
     let mut movements = ipc.client::<MovementData>().unwrap();
     let mut controls = ipc.client::<ModuleControl>().unwrap();
-    // What is not refused claims to be sent again, and nobody remembers it. The module was not started yet.
+    // What is not refused claims to be sent again, and no bridge remembers it. The module was not started yet.
     let (refused, done) = ask(&mut movements, &mut garbage, REQUESTS);
     assert!(refused > REQUESTS / 4 && done == 0, "{refused}, {done}");
     let (refused, _) = ask(&mut controls, &mut garbage, REQUESTS);
@@ -305,7 +305,7 @@ fn a_status_of_garbage_is_shown_as_what_it_is() {
     let status = StandInStatus::start(&rig.domain);
     let mut garbage = Garbage::new(3);
     let mut echo = rig.start("echo hero --count 200 --json --timeout 80");
-    // Whoever comes late gets the newest; so it is published until the command has had enough.
+    // A late subscriber gets the newest; so it is published until the command has had enough.
     for _ in 0..200 {
         status.publish(&garbage.payload());
         echo.wait_for_text("hero.HeroTelemetry.v2");

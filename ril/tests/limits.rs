@@ -1,4 +1,4 @@
-//! Limits that a shell or a supervisor sets on a process: they are errors that are told, and end nobody without a word.
+//! Limits that a shell or a supervisor sets on a process: each is an error that is reported, and ends no process in silence.
 
 mod common;
 
@@ -16,7 +16,7 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
         assert!(says(&finished.stderr, "error: "), "{args}: {finished:#?}");
     }
     rig.domain.assert_empty();
-    // What they have not made keeps nobody from starting.
+    // What they have not made keeps no process from starting.
     let sim = rig.sim(1, "");
     let bridge = rig.bridge(1);
     for process in [bridge, sim] {

@@ -235,7 +235,7 @@ fn a_terminal_sees_the_figures_anew_and_keeps_the_last() {
     }
     kill_process(Pid::from_child(&hz), Signal::INT).unwrap();
     let mut rest = Vec::new();
-    // A terminal that nobody writes to any more ends with an error.
+    // A terminal without a writer ends with an error.
     let _ = screen.read_to_end(&mut rest);
     assert!(hz.wait().unwrap().success());
     text.push_str(&String::from_utf8_lossy(&rest));

@@ -297,7 +297,7 @@ fn an_interrupted_command_says_what_goes_on() {
         assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
         bridge.next_request();
     }
-    // Nobody flies a path that was not sent to its end.
+    // The bridge flies no path that was not sent to its end.
     bridge.answer_next(accepted());
     bridge.answer_next(Answer::Hang);
     let mut process = rig.start("goto 37,-6,20 37,-6,21 --timeout 80");

@@ -1,4 +1,4 @@
-//! A port that somebody else uses: a person who sits at the terminal to which the link of a killed simulator leads, or the
+//! A port that another process uses: a person who sits at the terminal to which the link of a killed simulator leads, or the
 //! bridge of another domain. Neither is disturbed, the bridge says who it is, and has telemetry when the port is its own.
 
 mod common;
@@ -51,7 +51,7 @@ impl Person {
         tcgetattr(&self.master).unwrap()
     }
 
-    /// Whatever anybody wrote into the terminal.
+    /// What was written into the terminal.
     fn sees(&self) -> io::Result<Vec<u8>> {
         let mut buffer = [0; 4096];
         match (&self.master).read(&mut buffer) {
@@ -107,7 +107,7 @@ fn differences(before: &Termios, after: &Termios) -> String {
 #[test]
 fn a_person_who_got_the_terminal_of_a_killed_simulator_notices_nothing() {
     let rig = Rig::new();
-    // The simulator gets a high number, which nobody else on this machine gets in the moment when it is free.
+    // The simulator gets a high number, which no other process on this machine gets in the moment when it is free.
     let lower: Vec<File> = (0..40).map(|_| new_master()).collect();
     let sim = rig.sim(1, "");
     drop(lower);
@@ -117,7 +117,7 @@ fn a_person_who_got_the_terminal_of_a_killed_simulator_notices_nothing() {
 
     sim.signal(Signal::KILL);
     bridge.wait_for_text("does not exist");
-    // Until somebody sits there.
+    // Until a person sits there.
     bridge.signal(Signal::STOP);
     let mut person = Person::sit_down(&rig, master_of(&terminal));
     assert_eq!(

@@ -40,7 +40,7 @@ fn a_topic_is_described() {
     let rig = Rig::new();
     let said = rig.run("topic info hero_telemetry", 0).stdout;
     for expected in [
-        "hero_telemetry, which nobody has open",
+        "hero_telemetry, which no process has open",
         "hero.HeroTelemetry.v2 (hero_msgs/msg/HeroTelemetry in ROS 2)",
         "geodetic.altitude_m",
     ] {

@@ -1,4 +1,4 @@
-//! Command lines and configurations that make no sense, and commands that find nobody: the exit codes 2, 3 and 78.
+//! Usage errors, configurations that are wrong, and commands that find no process: the exit codes 2, 3 and 78.
 
 mod common;
 
@@ -8,7 +8,7 @@ use common::{Rig, says};
 use rustix::fs::{CWD, Mode, mkfifoat};
 
 #[test]
-fn what_makes_no_sense_is_refused_before_anybody_is_asked() {
+fn usage_errors_are_refused_before_a_request_is_sent() {
     let rig = Rig::new();
     for (args, expected) in [
         ("", "Usage: ril"),
@@ -74,7 +74,7 @@ fn a_wrong_configuration_is_told_with_file_and_line() {
 }
 
 #[test]
-fn what_is_no_file_is_no_configuration_and_keeps_nobody_waiting() {
+fn what_is_no_file_is_no_configuration_and_is_not_waited_for() {
     let rig = Rig::new();
     let pipe = rig.folder().join("pipe");
     mkfifoat(CWD, &pipe, Mode::RUSR | Mode::WUSR).unwrap();
@@ -106,7 +106,7 @@ fn the_file_in_the_working_directory_is_read_if_it_is_there() {
 }
 
 #[test]
-fn without_a_bridge_everybody_is_told_how_to_start_it() {
+fn without_a_bridge_every_command_says_how_to_start_it() {
     let rig = Rig::new();
     for (args, process) in [
         ("start", "bridge"),

@@ -123,7 +123,7 @@ fn status(domain: &Domain) -> Running {
     })
 }
 
-/// Sends a request and follows it to its final word.
+/// Sends a request and follows it to its final report.
 fn ask<R: Request>(client: &mut Client<R>, request: &R) -> RequestReport {
     client.send(request).expect("a request that is taken");
     let mut last = None;
@@ -131,7 +131,7 @@ fn ask<R: Request>(client: &mut Client<R>, request: &R) -> RequestReport {
         client.wait(WAIT_LIMIT).expect("a wait");
         client.drain(|report| last = Some(*report));
     }
-    let last = last.expect("a final word");
+    let last = last.expect("a final report");
     assert!(last.is_final(), "{last:?}");
     last
 }

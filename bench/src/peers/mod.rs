@@ -25,7 +25,7 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::ValueEnum;
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{Place, wake_promptly};
+use ipc_types::{SchedulingRole, request_short_slice};
 
 /// Longest time that a receiver waits for a sample before it gives up.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -153,7 +153,7 @@ impl Peer {
     /// The receiving end, which is made first. `site` is a folder that both ends know and nobody else uses.
     pub fn receiver(self, site: &Path) -> Result<Box<dyn Receiver>> {
         if self.is_prompt() {
-            wake_promptly(Place::Consumer);
+            request_short_slice(SchedulingRole::Consumer);
         }
         Ok(match self {
             Peer::Ours | Peer::OursLongSlice => Box::new(ours::Blocking::<HeroTelemetry>::new()?),

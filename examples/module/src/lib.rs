@@ -39,7 +39,7 @@ topic!(Cells, "battery_watch/cells");
 shared_struct! {
     /// Sets the limit.
     pub struct SetLimit("battery_watch.SetLimit.v1") = 16 {
-        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+        /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// Mean voltage of a cell below which a landing is commanded, 2.5 to 4.2.
         pub limit_v: f64,

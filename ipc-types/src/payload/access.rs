@@ -447,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_nobody_knows_come_back_as_nothing() {
+    fn unknown_numbers_come_back_as_nothing() {
         let report = RequestReport {
             stage: 99,
             reason: 99,

@@ -117,7 +117,7 @@ impl Layout {
 /// Hash of one or more layouts: 64-bit FNV-1a over each field's name, offset, size and kind, nested structs included.
 ///
 /// A type's name says which layout is meant; the hash says which one was compiled, so that two fields that changed
-/// places are found even when somebody forgot to raise the version.
+/// places are found even when the version was not raised.
 pub const fn layout_hash(layouts: &[&[FieldLayout]]) -> u64 {
     let mut hash = FNV_BASIS;
     let mut index = 0;

@@ -3,7 +3,7 @@
 shared_struct! {
     /// Start or stop the module (`ModuleControl`). Service `module_control`.
     pub struct ModuleControl("hero.ModuleControl.v1") = 16 {
-        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+        /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// A [`ControlCommand`](crate::code::ControlCommand).
         pub command: u32,
@@ -18,7 +18,7 @@ shared_struct! {
     /// A path is framed by the pair (`first`, `last`): (1,1) is a single waypoint, (1,0) opens a path, (0,0) continues
     /// it, (0,1) closes it. Nothing of a path goes to the DSP until it is closed.
     pub struct MovementData("hero.MovementData.v2") = 56 {
-        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+        /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// Chosen by the sender, the same in all waypoints of one path and in every report about it; 0 for take-off
         /// and landing.
@@ -88,7 +88,7 @@ shared_struct! {
 shared_struct! {
     /// Reads, writes or lists the DSP's virtual ports (`docs/protocol.md` section 6). Service `parameters`.
     pub struct ParameterRequest("hero.ParameterRequest.v1") = 32 {
-        /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+        /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// Write: the value. A 16-bit port takes whole numbers only.
         pub value: f64,

@@ -9,7 +9,7 @@ use super::{MAX_TEXT_LEN, Schema, SchemaError};
 /// A schema cannot be had.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// Nobody provides such a service.
+    /// No process provides such a service.
     #[error("there is no schema of `{0}`: no running process has such a topic")]
     Missing(String),
     /// It cannot be read.

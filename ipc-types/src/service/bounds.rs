@@ -34,7 +34,7 @@ pub const MAX_OUTSTANDING: usize = 8;
 
 /// Reports that wait for a client that does not read: accepted, progress and final twice over.
 ///
-/// At the bound progress is refused to the server, and the final word is kept by it until there is room.
+/// At the bound progress is refused to the server, and the final report is kept by it until there is room.
 pub const RESPONSE_BUFFER: usize = 8;
 
 /// Whether a server is given the requests of clients that are gone. Our server drops these unseen.

@@ -15,7 +15,7 @@ pub enum Pattern {
     RequestResponse,
 }
 
-/// What everybody must agree on who opens a service: the robot's own, or a module's.
+/// What all processes that open a service must agree on: a service of the robot's own, or a module's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contract {
     /// Last part of the service's name.
@@ -212,7 +212,7 @@ macro_rules! topic {
 /// ipc_types::shared_struct! {
 ///     /// Sets the voltage below which `battery_watch` warns.
 ///     pub struct SetLimit("battery_watch.SetLimit.v1") = 16 {
-///         /// Chosen by the sender, not 0, never used before by anybody; every report repeats it.
+///         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
 ///         pub request_id: u64,
 ///         /// Least voltage of a cell.
 ///         pub least_v: f64,

@@ -10,7 +10,7 @@ pub enum EventCode {
     Arrived = 2,
     /// A port of the other side was dropped.
     Left = 3,
-    /// A port of the other side died; said by whoever cleans up after it.
+    /// A port of the other side died; sent by the provider, which cleans up after it.
     Died = 4,
 }
 

@@ -33,7 +33,7 @@ pub fn in_domain(test: impl FnOnce(&Domain) + Send + 'static) {
     }
     let result = thread.join();
     let residue = domain.residue();
-    // A failed test leaves nothing either, unless somebody is still in there.
+    // A failed test leaves nothing either, unless a process is still in there.
     let _ = domain.remove_if_dead();
     if let Err(failure) = result {
         std::panic::resume_unwind(failure);

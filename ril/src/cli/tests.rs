@@ -68,7 +68,7 @@ fn a_robot_is_chosen_by_the_option_of_the_innermost_command() {
         (&["param", "list", "--robot=2"], RobotChoice::Explicit),
         (&["fence", "reload"], RobotChoice::Default),
     ] {
-        // The environment of whoever runs the tests may name a robot as well.
+        // The environment of the tests may name a robot as well.
         let expected = match std::env::var_os("RIL_ROBOT") {
             Some(_) => RobotChoice::Explicit,
             None => expected,
@@ -96,7 +96,7 @@ fn parameters_are_named_or_numbered_and_take_negative_values() {
 }
 
 #[test]
-fn what_makes_no_sense_is_a_usage_error_that_says_why() {
+fn a_usage_error_says_why() {
     let cases: [(&[&str], &str); 31] = [
         (&["goto"], "LAT,LON,ALT"),
         (&["goto", "37,-6"], "2 numbers, three are needed"),

@@ -62,7 +62,7 @@ pub struct TopicArgs {
 /// `ril topic …`
 #[derive(Clone, Debug, Subcommand)]
 pub enum TopicCommand {
-    /// List the topics that somebody has open, with their types and sizes
+    /// List the open topics, with their types and sizes
     List(TopicListArgs),
     /// Describe a topic: its type, and each field with offset, type, unit and comment
     Info(TopicInfoArgs),

@@ -7,8 +7,8 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Losses, MonotonicNs, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::patience::{Limits, Next};
 use super::stream::{self, Samples, Watched, Watcher};
+use super::watch_timeout::{Limits, Next};
 use super::{Session, configuration, json_line};
 use crate::cli::{self, EchoArgs, EchoOptions};
 use crate::config::Config;
@@ -19,7 +19,7 @@ use crate::measure::StampReader;
 ///
 /// # Errors
 ///
-/// Code 2 for a field that does not exist, 3 when nobody publishes, 4 when the publisher says nothing.
+/// Code 2 for a field that does not exist, 3 when no process publishes, 4 when the publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
     match args.topic {
         cli::Topic::Dsp => own::<DspTelemetry>(&args.options),
@@ -94,7 +94,7 @@ fn print(
     let end = stream::watch(session, watched, samples, limits, &mut printer)?;
     if tracing::enabled!(tracing::Level::INFO) {
         let summary = printer.seen.summary(samples.losses());
-        // Standard error may be closed; that harms nobody.
+        // Standard error may be closed; that does no harm.
         let _ = writeln!(io::stderr(), "{summary}");
     }
     match end {

@@ -11,8 +11,8 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Losses, MonotonicNs, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::patience::{Limits, Next};
 use super::stream::{self, Samples, Watched, Watcher};
+use super::watch_timeout::{Limits, Next};
 use super::{Session, configuration, json_line};
 use crate::cli::{self, MeasureArgs, MeasureOptions};
 use crate::config::Config;
@@ -29,7 +29,7 @@ const REDRAW_PERIOD: Duration = Duration::from_secs(1);
 ///
 /// # Errors
 ///
-/// Code 3 when nobody publishes, 4 when the publisher says nothing. What was measured until then is given all the same.
+/// Code 3 when no process publishes, 4 when the publisher says nothing. What was measured until then is given all the same.
 pub fn hz(args: &MeasureArgs) -> Result<(), Failure> {
     measure::<RateMeter>(args)
 }
@@ -110,7 +110,7 @@ fn run<M: Meter>(
         service: &watched.key,
     };
     let is_live = !options.json && io::stdout().is_terminal();
-    let mut desk = Desk {
+    let mut display = Display {
         meter: M::begin(watched.schema.size()),
         stamps: StampReader::of(&watched.schema),
         of,
@@ -120,8 +120,8 @@ fn run<M: Meter>(
         block: Block::default(),
         redraw_at: is_live.then(|| began + REDRAW_PERIOD),
     };
-    let end = stream::watch(session, watched, samples, limits, &mut desk)?;
-    desk.finish(samples.losses(), options.json)?;
+    let end = stream::watch(session, watched, samples, limits, &mut display)?;
+    display.finish(samples.losses(), options.json)?;
     match end {
         Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
         _ => Ok(()),
@@ -129,7 +129,7 @@ fn run<M: Meter>(
 }
 
 /// The measurement and where it is shown.
-struct Desk<'a, M> {
+struct Display<'a, M> {
     meter: M,
     stamps: StampReader,
     of: Of<'a>,
@@ -142,11 +142,11 @@ struct Desk<'a, M> {
     redraw_at: Option<MonotonicNs>,
 }
 
-impl<M: Meter> Watcher for Desk<'_, M> {
+impl<M: Meter> Watcher for Display<'_, M> {
     fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
         let now = MonotonicNs::now();
         let stamps = self.stamps.read(payload, now);
-        // Of a struct without times nobody can tell whether the first sample is the latest one of before.
+        // A struct without times does not say whether the first sample is the latest one of before.
         let is_dated = stamps.received.or(stamps.published).is_some();
         let is_first = !std::mem::replace(&mut self.has_come, true);
         let is_new = stamps.sent >= self.began && (is_dated || !is_first);
@@ -183,7 +183,7 @@ impl<M: Meter> Watcher for Desk<'_, M> {
     }
 }
 
-impl<M: Meter> Desk<'_, M> {
+impl<M: Meter> Display<'_, M> {
     /// Gives the figures, unless nothing was measured.
     fn finish(mut self, losses: Losses, json: bool) -> Result<(), Failure> {
         if self.is_empty {

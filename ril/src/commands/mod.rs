@@ -6,13 +6,13 @@ pub mod echo;
 pub mod exchange;
 pub mod measure;
 pub mod param;
-pub mod patience;
 pub mod request;
 mod robot;
 pub mod state;
 pub mod state_report;
 mod stream;
 pub mod topic;
+pub mod watch_timeout;
 
 use std::io::Write;
 use std::os::fd::AsFd;
@@ -21,7 +21,8 @@ use std::time::Duration;
 
 use ipc_types::service::{ServiceId, own};
 use ipc_types::{
-    Descriptor, Domain, Ipc, MonotonicNs, Place, RobotId, Source, Waiter, wake_promptly,
+    Descriptor, Domain, Ipc, MonotonicNs, RobotId, SchedulingRole, Source, Waiter,
+    request_short_slice,
 };
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -53,7 +54,7 @@ impl Session {
         let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         let ipc =
             Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
-        wake_promptly(Place::Consumer);
+        request_short_slice(SchedulingRole::Consumer);
         Ok(Session {
             ipc,
             waiter: Waiter::new(),
@@ -118,7 +119,7 @@ fn absent(key: &str, robot: RobotId) -> Failure {
     Failure::new(ExitCode::ServiceAbsent, text)
 }
 
-/// The process that provides the service `key`; nothing when that is a module of somebody else's.
+/// The process that provides the service `key`; nothing when that is a module outside the RIL.
 fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
@@ -134,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whoever_is_missing_is_named_with_how_to_start_it() {
+    fn a_missing_process_is_named_with_how_to_start_it() {
         for (key, process) in [
             ("hero_telemetry", "ril status --robot 7"),
             ("dsp_telemetry", "ril bridge --robot 7"),

@@ -50,7 +50,7 @@ pub struct StateReport {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
     sequence: u64,
-    /// Nothing when it claims to be of the future: it counts as stale, because nobody knows how old it is.
+    /// Nothing when it claims to be of the future: it counts as stale, because its age is unknown.
     age_s: Option<f64>,
     stale: bool,
 }

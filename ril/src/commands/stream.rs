@@ -14,7 +14,7 @@ use ipc_types::{
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::Session;
-use super::patience::{Limits, Next, Patience};
+use super::watch_timeout::{Limits, Next, WatchTimeout};
 
 /// A topic that a command watches.
 pub(super) struct Watched {
@@ -112,7 +112,7 @@ impl Samples for DynamicSubscriber {
 ///
 /// # Errors
 ///
-/// Code 3 when nobody publishes it, 1 for other trouble.
+/// Code 3 when no process publishes it, 1 for other trouble.
 pub(super) fn open(session: &Session, watched: &Watched) -> Result<DynamicSubscriber, Failure> {
     DynamicSubscriber::open(&session.ipc, &watched.key, &watched.schema).or_fail(ExitCode::Internal)
 }
@@ -139,19 +139,19 @@ pub(super) fn watch<S: Samples>(
     limits: Limits,
     watcher: &mut impl Watcher,
 ) -> Result<Next, Failure> {
-    let mut patience = Patience::new(limits, MonotonicNs::now());
+    let mut timeout = WatchTimeout::new(limits, MonotonicNs::now());
     while !session.termination.requested() {
-        let count = take(samples, patience.wanted(), watcher)?;
+        let count = take(samples, timeout.wanted(), watcher)?;
         let now = MonotonicNs::now();
-        patience.came(count, now);
+        timeout.came(count, now);
         watcher.woken(samples.losses(), now)?;
-        match patience.next(now) {
+        match timeout.next(now) {
             Next::Wait(until) => {
                 let until = watcher.wake_at().map_or(until, |at| until.min(at));
                 session.wait([samples as _], Some(until))?;
             }
             Next::Look => {
-                patience.provider(watched.is_provided(session)?, now);
+                timeout.provider(watched.is_provided(session)?, now);
             }
             end => return Ok(end),
         }

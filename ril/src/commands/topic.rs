@@ -164,7 +164,7 @@ fn describe(key: &str, schema: &Schema, is_open: bool) -> String {
         if is_open {
             ""
         } else {
-            ", which nobody has open"
+            ", which no process has open"
         },
         schema.type_name(),
         schema.ros_resource_name(),
@@ -231,7 +231,7 @@ mod tests {
     fn a_description_has_each_field_with_its_place_type_and_comment() {
         let text = describe("module_state", &Schema::of::<ModuleState>(), false);
         for line in [
-            "topic   module_state, which nobody has open",
+            "topic   module_state, which no process has open",
             "type    hero.ModuleState.v2 (hero_msgs/msg/ModuleState in ROS 2)",
             "size    384 B, alignment 8",
             "    48  hero_msgs/MovementState",

@@ -55,7 +55,7 @@ pub struct Process {
 
 /// Where processes are started.
 #[derive(Debug)]
-pub struct Nursery<'a> {
+pub struct Spawner<'a> {
     /// The shared memory that they use.
     pub domain: &'a Domain,
     /// The robot.
@@ -66,7 +66,7 @@ pub struct Nursery<'a> {
     pub readiness: &'a Readiness,
 }
 
-impl Nursery<'_> {
+impl Spawner<'_> {
     /// Starts `ril NAME …` with the configuration `config`. It says on [`Readiness`] when it is ready.
     pub fn start(&self, name: &'static str, config: &str, args: &[&str]) -> io::Result<Process> {
         let config_file = self.folder.join(format!("{name}.toml"));

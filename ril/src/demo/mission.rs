@@ -1,4 +1,4 @@
-//! The demonstration's operator: which requests it sends, in which order. A pure value; it is told what became of each
+//! The demonstration's operator: which requests it sends, in which order. A pure value; it is given what became of each
 //! request and says what to ask next.
 
 use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
@@ -72,7 +72,7 @@ pub enum Request {
 pub struct Outcome {
     /// Which order.
     pub order: Order,
-    /// The final word.
+    /// The final report.
     pub stage: Stage,
     /// Its reason.
     pub reason: Reason,
@@ -83,9 +83,9 @@ pub struct Outcome {
 pub struct Mission {
     orders: std::vec::IntoIter<Order>,
     current: Option<Order>,
-    /// Requests of the current order without a final word.
+    /// Requests of the current order without a final report.
     open: Vec<u64>,
-    /// The last request of the current order: its final word is that of the order.
+    /// The last request of the current order: its final report is that of the order.
     closing: u64,
     ended: Vec<Outcome>,
     failed: bool,
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn each_order_waits_for_the_final_word_of_the_one_before() {
+    fn each_order_waits_for_the_final_report_of_the_one_before() {
         let (mut mission, mut id) = (Mission::new(&HOME), 0);
         let mut next = || {
             id += 1;

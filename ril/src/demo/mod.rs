@@ -32,7 +32,7 @@ use runtime::signal::Termination;
 use serde::Serialize;
 
 pub use children::end_with_parent;
-use children::{Nursery, Process, Readiness};
+use children::{Process, Readiness, Spawner};
 use mission::{Mission, Request};
 use screen::Screen;
 use verdict::{Check, Evidence};
@@ -136,7 +136,7 @@ fn fly(
 ) -> Result<Flight, Failure> {
     let robot = RobotId::from(args.robot);
     let readiness = Readiness::new().or_fail(ExitCode::Internal)?;
-    let nursery = Nursery {
+    let spawner = Spawner {
         domain,
         robot: robot.get(),
         folder,
@@ -151,14 +151,14 @@ fn fly(
         .say("starting the simulator, status and the bridge as processes of their own")
         .map_err(Failure::output)?;
     stage.start(
-        &nursery,
+        &spawner,
         "sim",
         "",
         &["--link", &port_name, "--speed", &speed],
     )?;
     // Status before the bridge, so that it misses no sample and the log can be compared to the last row.
-    stage.start(&nursery, "status", &status_config(folder), &[])?;
-    stage.start(&nursery, "bridge", BRIDGE_CONFIG, &["--port", &port_name])?;
+    stage.start(&spawner, "status", &status_config(folder), &[])?;
+    stage.start(&spawner, "bridge", BRIDGE_CONFIG, &["--port", &port_name])?;
     stage.wait_until(screen, |stage| {
         stage.watch.home().is_some() && stage.link_is_up()
     })?;
@@ -258,12 +258,12 @@ impl<'a> Stage<'a> {
     /// Starts a process and waits until it is ready.
     fn start(
         &mut self,
-        nursery: &Nursery<'_>,
+        spawner: &Spawner<'_>,
         name: &'static str,
         config: &str,
         args: &[&str],
     ) -> Result<(), Failure> {
-        let process = nursery.start(name, config, args).or_fail_with(
+        let process = spawner.start(name, config, args).or_fail_with(
             ExitCode::Internal,
             format!("`ril {name}` cannot be started"),
         )?;

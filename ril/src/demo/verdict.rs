@@ -224,7 +224,7 @@ fn landed(evidence: &Evidence<'_>) -> Check {
 }
 
 fn exits(evidence: &Evidence<'_>) -> Check {
-    let told: Vec<String> = evidence
+    let texts: Vec<String> = evidence
         .exits
         .iter()
         .map(|(name, code)| match code {
@@ -236,7 +236,7 @@ fn exits(evidence: &Evidence<'_>) -> Check {
         name: "every process ended with 0",
         passed: evidence.exits.len() == 3
             && evidence.exits.iter().all(|(_, code)| *code == Some(0)),
-        detail: told.join(", "),
+        detail: texts.join(", "),
     }
 }
 

@@ -1,6 +1,6 @@
 //! [`BandwidthMeter`], for `ril bw`: how many bytes the samples make.
 //!
-//! In shared memory nobody copies them: a consumer reads where the publisher wrote. The figures say what would have to
+//! In shared memory no process copies them: a consumer reads where the publisher wrote. The figures say what would have to
 //! be carried if it were otherwise, as over a tunnel to another machine, and what a log of everything takes.
 
 use std::fmt;
@@ -8,8 +8,8 @@ use std::fmt;
 use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
+use super::histogram::{Histogram, Summary, Unit};
 use super::rate::RateMeter;
-use super::spread::{Spread, Summary, Unit};
 use super::{Counts, Meter, Of, Stamps, rounded};
 
 /// Name of the JSON object's layout.
@@ -25,7 +25,7 @@ pub struct BandwidthMeter {
     rate: RateMeter,
     /// The second under way: when it began, and the bytes in it so far.
     second: Option<(MonotonicNs, u64)>,
-    seconds: Spread,
+    seconds: Histogram,
 }
 
 /// What `ril bw` says.
@@ -69,7 +69,7 @@ impl Meter for BandwidthMeter {
             payload_bytes: payload_bytes as u64,
             rate: RateMeter::begin(payload_bytes),
             second: None,
-            seconds: Spread::new(Unit::Bytes),
+            seconds: Histogram::new(Unit::Bytes),
         }
     }
 

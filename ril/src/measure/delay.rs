@@ -11,7 +11,7 @@ use std::time::Duration;
 use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
-use super::spread::{Spread, Summary, Unit};
+use super::histogram::{Histogram, Summary, Unit};
 use super::{Counts, DspClock, Meter, Of, Stamps};
 
 /// Name of the JSON object's layout.
@@ -30,10 +30,10 @@ pub struct DelayMeter {
     first: Option<MonotonicNs>,
     last: MonotonicNs,
     samples: u64,
-    since_received: Spread,
-    since_published: Spread,
+    since_received: Histogram,
+    since_published: Histogram,
     window: Window,
-    behind_quickest: Spread,
+    behind_quickest: Histogram,
 }
 
 /// The samples that are being compared by the DSP's clock.
@@ -69,13 +69,13 @@ impl Window {
             })
     }
 
-    /// Adds each sample's lag behind the quickest to `spread`.
-    fn compare(&self, spread: &mut Spread) {
+    /// Adds each sample's lag behind the quickest to `histogram`.
+    fn compare(&self, histogram: &mut Histogram) {
         let Some(quickest) = self.offsets_ns.iter().min() else {
             return;
         };
         for offset in &self.offsets_ns {
-            spread.record(u64::try_from(offset - quickest).unwrap_or(u64::MAX));
+            histogram.record(u64::try_from(offset - quickest).unwrap_or(u64::MAX));
         }
     }
 }
@@ -103,14 +103,14 @@ impl Meter for DelayMeter {
             first: None,
             last: MonotonicNs(0),
             samples: 0,
-            since_received: Spread::new(Unit::Microseconds),
-            since_published: Spread::new(Unit::Microseconds),
+            since_received: Histogram::new(Unit::Microseconds),
+            since_published: Histogram::new(Unit::Microseconds),
             window: Window {
                 began: MonotonicNs(0),
                 clock: None,
                 offsets_ns: Vec::with_capacity(MAX_WINDOW_SAMPLES),
             },
-            behind_quickest: Spread::new(Unit::Milliseconds),
+            behind_quickest: Histogram::new(Unit::Milliseconds),
         }
     }
 
@@ -118,12 +118,12 @@ impl Meter for DelayMeter {
         self.first.get_or_insert(now);
         self.last = now;
         self.samples += 1;
-        for (time, spread) in [
+        for (time, histogram) in [
             (stamps.received, &mut self.since_received),
             (stamps.published, &mut self.since_published),
         ] {
             if let Some(time) = time {
-                spread.record(now.0.saturating_sub(time.0));
+                histogram.record(now.0.saturating_sub(time.0));
             }
         }
         if let Some(clock) = stamps.dsp {
@@ -230,7 +230,7 @@ mod tests {
     #[test]
     fn a_dsp_that_boots_has_another_clock() {
         let rebooted = [(timed(0, 5000), 5000), (timed(1, 10), 6000)];
-        // Boots that nobody counted show in the clock itself.
+        // Boots that were not counted show in the clock itself.
         let unseen = [(timed(0, 5000), 5000), (timed(0, 10), 6000)];
         for samples in [rebooted, unseen] {
             let summary = measure(samples).behind_quickest_ms.unwrap();
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn people_and_programs_are_told_the_same() {
+    fn text_and_json_say_the_same() {
         let report = measure([(timed(0, 0), 0), (timed(0, 20), 23)]);
         assert!(
             report.to_string().contains("DSP's clock to here"),

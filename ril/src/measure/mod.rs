@@ -7,12 +7,12 @@
 //! * [`rate`]: how often samples come, and how often they are published;
 //! * [`delay`]: how old they are when they come;
 //! * [`bandwidth`]: how many bytes that makes;
-//! * [`spread`]: percentiles and histogram of a quantity.
+//! * [`histogram`]: percentiles and histogram of a quantity.
 
 pub mod bandwidth;
 pub mod delay;
+pub mod histogram;
 pub mod rate;
-pub mod spread;
 
 use std::fmt;
 

@@ -2,14 +2,14 @@
 //!
 //! Both are measured, because they differ when samples are lost: the observed rate counts what came, the published one
 //! goes by sequence numbers and the publisher's own times. A sample of another publisher begins anew; the pause between
-//! two publishers is nobody's rate.
+//! two publishers is the rate of neither.
 
 use std::fmt;
 
 use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
-use super::spread::{Spread, Summary, Unit};
+use super::histogram::{Histogram, Summary, Unit};
 use super::{Counts, Meter, Of, Stamps, rounded};
 
 /// Name of the JSON object's layout.
@@ -24,8 +24,8 @@ pub struct RateMeter {
     /// Steps of the sequence, and the time that they took by the publisher's clock.
     published: u64,
     published_ns: u64,
-    came: Spread,
-    sent: Spread,
+    came: Histogram,
+    sent: Histogram,
 }
 
 /// What `ril hz` says.
@@ -79,8 +79,8 @@ impl Meter for RateMeter {
             samples: 0,
             published: 0,
             published_ns: 0,
-            came: Spread::new(Unit::Milliseconds),
-            sent: Spread::new(Unit::Milliseconds),
+            came: Histogram::new(Unit::Milliseconds),
+            sent: Histogram::new(Unit::Milliseconds),
         }
     }
 

@@ -32,17 +32,17 @@ fn every_final_report_has_its_exit_code() {
                 "{stage} {reason}"
             );
             let report = RequestReport::new(*stage, *reason);
-            let word = FinalReport::of(&report);
-            assert_eq!(word.is_some(), stage.is_final());
-            if let Some(word) = word {
-                assert_eq!(word.exit_code().code(), expected);
+            let report = FinalReport::of(&report);
+            assert_eq!(report.is_some(), stage.is_final());
+            if let Some(report) = report {
+                assert_eq!(report.exit_code().code(), expected);
             }
         }
     }
 }
 
 #[test]
-fn a_reason_that_nobody_knows_changes_nothing_but_itself() {
+fn an_unknown_reason_changes_nothing_but_itself() {
     let report = RequestReport {
         reason: 999,
         ..RequestReport::new(Stage::Refused, Reason::None)
@@ -78,21 +78,21 @@ fn each_reason_is_explained_in_its_own_words() {
 
 #[test]
 fn an_ending_says_what_why_and_what_to_do() {
-    let word = |stage, reason| RequestReport::new(stage, reason);
+    let report = |stage, reason| RequestReport::new(stage, reason);
     for (verb, report, expected) in [
         (
             Verb::TakeOff,
-            word(Stage::Refused, Reason::NotStarted),
+            report(Stage::Refused, Reason::NotStarted),
             "takeoff was refused (not-started): the module has not been started, or was stopped: `ril start`",
         ),
         (
             Verb::GoTo,
-            word(Stage::Aborted, Reason::Stopped),
+            report(Stage::Aborted, Reason::Stopped),
             "goto was begun and ended early (stopped): the module was stopped",
         ),
         (
             Verb::Land,
-            word(Stage::Unknown, Reason::BridgeGone),
+            report(Stage::Unknown, Reason::BridgeGone),
             "land has an unknown outcome (bridge-gone): the bridge vanished: start it again and look at `ril state`",
         ),
     ] {
@@ -258,7 +258,7 @@ fn programs_read_names_in_one_object() {
 }
 
 #[test]
-fn whoever_leaves_is_told_what_goes_on() {
+fn an_operator_who_leaves_reads_what_goes_on() {
     for verb in Verb::ALL {
         let can_be_stopped = verb == Verb::GoTo;
         assert_eq!(

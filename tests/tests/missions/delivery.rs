@@ -78,7 +78,7 @@ impl Display for Figures {
             "0 of {waypoints} waypoints lost, repeated or out of order: {missions} missions, {paths} paths, {delivered} \
              delivered, {failed} reported as failed, {sent_again} waypoints sent again; {reboots} reboots of the DSP, \
              {deaths} deaths of the bridge, {hang_ups} hang-ups of the port; 0 of {requests} requests without exactly one \
-             final word"
+             final report"
         )
     }
 }

@@ -1,4 +1,4 @@
-//! The operator: carries out a script of steps, each when the one before it has had its final word.
+//! The operator: carries out a script of steps, each when the one before it has had its final report.
 
 use std::time::Duration;
 
@@ -44,7 +44,7 @@ pub fn await_link(world: &mut World) {
     world.run_until("telemetry", |world| world.witness.samples > samples);
 }
 
-/// Carries out `step` and returns its final word. Waiting always goes well.
+/// Carries out `step` and returns its final report. Waiting always goes well.
 pub fn carry_out(world: &mut World, step: &Step) -> Outcome {
     match step {
         Step::Start => {
@@ -90,7 +90,7 @@ pub fn fly(world: &mut World, steps: &[Step]) {
 }
 
 /// Carries out the steps up to the first that is not done well; then brings the helicopter home. Returns that step's
-/// final word, if there was one.
+/// final report, if there was one.
 pub fn fly_through_trouble(world: &mut World, steps: &[Step]) -> Option<Outcome> {
     let failure = steps.iter().find_map(|step| {
         await_link(world);
@@ -161,7 +161,9 @@ fn recover(world: &mut World) -> Result<(), String> {
 }
 
 pub fn follow(world: &mut World, id: u64) -> Outcome {
-    world.run_until("a final word", |world| world.witness.outcome(id).is_some());
+    world.run_until("a final report", |world| {
+        world.witness.outcome(id).is_some()
+    });
     world.witness.outcome(id).expect("it was awaited")
 }
 
@@ -192,7 +194,11 @@ fn fly_path(world: &mut World, path: &[Vector], pause: Duration) -> Outcome {
         return broken;
     }
     if outcome.is_done() {
-        let report = world.witness.words(*closing).last().expect("a final word");
+        let report = world
+            .witness
+            .words(*closing)
+            .last()
+            .expect("a final report");
         assert_eq!(report.waypoints_total as usize, path.len());
         assert_eq!(report.waypoints_sent as usize, path.len());
         // In noise, and between status messages that come seldom, a waypoint can be reached unseen.

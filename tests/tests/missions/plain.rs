@@ -359,7 +359,7 @@ fn a_stop_in_the_middle_of_a_path_leaves_a_helicopter_that_hovers() {
         world.witness.state.movement.waypoints_reached == 5
     });
     assert!(carry_out(&mut world, &Step::Stop).is_done());
-    let outcome = world.witness.outcome(closing).expect("a final word");
+    let outcome = world.witness.outcome(closing).expect("a final report");
     assert_eq!(
         (outcome.stage, outcome.reason),
         (Stage::Aborted, Reason::Stopped)
@@ -380,7 +380,7 @@ fn a_stop_in_the_middle_of_a_path_leaves_a_helicopter_that_hovers() {
     );
     // It can go on from there.
     let refused = world.movement(MovementData::land(0));
-    let outcome = world.witness.outcome(refused).expect("a final word");
+    let outcome = world.witness.outcome(refused).expect("a final report");
     assert_eq!(
         (outcome.stage, outcome.reason),
         (Stage::Refused, Reason::NotStarted)
@@ -422,7 +422,7 @@ fn a_bridge_that_ends_says_so_to_everybody() {
         world.run_for(std::time::Duration::from_millis(500));
         assert_eq!(world.witness.outcome(id), None, "it is still open");
         world.finish();
-        let outcome = world.witness.outcome(id).expect("a final word");
+        let outcome = world.witness.outcome(id).expect("a final report");
         assert_eq!(
             (outcome.stage, outcome.reason),
             (stage, Reason::BridgeEnding)
@@ -438,9 +438,9 @@ fn a_sender_that_goes_takes_its_unfinished_path_along_and_leaves_a_movement_alon
     let first = world.waypoint(9, &path, 0);
     let second = world.waypoint(9, &path, 1);
     world.sender_gone(second);
-    let outcome = world.witness.outcome(first).expect("a final word");
+    let outcome = world.witness.outcome(first).expect("a final report");
     assert!(outcome.is_done(), "it became part of the path");
-    let outcome = world.witness.outcome(second).expect("a final word");
+    let outcome = world.witness.outcome(second).expect("a final report");
     assert_eq!(
         (outcome.stage, outcome.reason),
         (Stage::Aborted, Reason::PathBroken)

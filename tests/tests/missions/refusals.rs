@@ -280,11 +280,11 @@ fn a_path_is_broken_by_what_does_not_belong_to_it() {
         match own {
             Reason::None => assert_eq!(world.witness.words(id)[0].stage(), Some(Stage::Accepted)),
             reason => {
-                let outcome = world.witness.outcome(id).expect("a final word");
+                let outcome = world.witness.outcome(id).expect("a final report");
                 assert_eq!((outcome.stage, outcome.reason), (Stage::Refused, reason));
             }
         }
-        let outcome = world.witness.outcome(head).expect("a final word");
+        let outcome = world.witness.outcome(head).expect("a final report");
         assert_eq!((outcome.stage, outcome.reason), (Stage::Aborted, others));
         assert_eq!(world.probe.waypoints, 0, "something of the path was sent");
         world.finish();
@@ -302,7 +302,7 @@ fn a_waypoint_too_many_breaks_its_path() {
         .collect();
     let outcomes: Vec<_> = ids
         .iter()
-        .map(|id| world.witness.outcome(*id).expect("a final word"))
+        .map(|id| world.witness.outcome(*id).expect("a final report"))
         .map(|outcome| (outcome.stage, outcome.reason))
         .collect();
     // Each is done when the next one has become part of the path; the newest answers for the path.

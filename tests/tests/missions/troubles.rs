@@ -1,7 +1,7 @@
 //! Missions on which something goes wrong, at every moment of a flight: the DSP reboots, the port goes and comes back,
 //! the bridge is killed and started again, the line is full of noise.
 //!
-//! Whatever happens, every request has exactly one final word, no implausible value is published, and an operator who
+//! Whatever happens, every request has exactly one final report, no implausible value is published, and an operator who
 //! starts again brings the helicopter home. What the interrupted step is told is in the table.
 
 use std::time::Duration;

@@ -76,7 +76,7 @@ impl Witness {
         self.requests.insert(request_id, Vec::new());
     }
 
-    /// The bridge was killed, or nobody is there to take a request. A client's own side gives it its final word then;
+    /// The bridge was killed, or nobody is there to take a request. A client's own side gives it its final report then;
     /// what the next bridge says begins anew.
     pub fn bridge_gone(&mut self) {
         for (request_id, words) in &mut self.requests {
@@ -111,7 +111,7 @@ impl Witness {
         &self.requests[&request_id]
     }
 
-    /// The final word about a request, if it has been said.
+    /// The final report about a request, if it has been said.
     pub fn outcome(&self, request_id: u64) -> Option<Outcome> {
         let last = self.words(request_id).last()?;
         last.is_final().then(|| Outcome {
@@ -126,7 +126,7 @@ impl Witness {
         self.last.as_ref()
     }
 
-    /// Every request has had its final word.
+    /// Every request has had its final report.
     pub fn assert_all_answered(&self) {
         let unanswered: Vec<_> = self
             .requests
@@ -135,7 +135,7 @@ impl Witness {
             .collect();
         assert!(
             unanswered.is_empty(),
-            "without a final word: {unanswered:?}"
+            "without a final report: {unanswered:?}"
         );
     }
 
@@ -311,7 +311,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "after the final")]
-    fn a_second_final_word_is_noticed() {
+    fn a_second_final_report_is_noticed() {
         says(
             &mut witness(),
             &[Stage::Accepted, Stage::Done, Stage::Aborted],
@@ -325,8 +325,8 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "without a final word")]
-    fn a_missing_final_word_is_noticed() {
+    #[should_panic(expected = "without a final report")]
+    fn a_missing_final_report_is_noticed() {
         let mut witness = witness();
         says(&mut witness, &[Stage::Accepted]);
         witness.assert_all_answered();
@@ -388,7 +388,7 @@ mod tests {
             ],
         );
         witness.assert_all_answered();
-        assert!(witness.outcome(1).expect("a final word").is_done());
+        assert!(witness.outcome(1).expect("a final report").is_done());
         for time in [20, 40] {
             witness.telemetry(|sample| {
                 sample.valid_groups = TelemetryGroup::Time.bit();

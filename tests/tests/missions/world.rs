@@ -269,7 +269,7 @@ impl World {
             .movement(host(self.now), key, request, &mut self.witness);
         self.exchange();
         let outcome = self.witness.outcome(request.request_id);
-        outcome.expect("a final word at once")
+        outcome.expect("a final report at once")
     }
 
     /// Sends one waypoint of a path, given in the flat world, and returns the request's id. `path` is the whole path.
@@ -331,7 +331,7 @@ impl World {
         self.probe.stops
     }
 
-    /// Ends the bridge; every request must then have had its final word.
+    /// Ends the bridge; every request must then have had its final report.
     pub fn finish(&mut self) {
         self.witness.now = host(self.now);
         if self.is_alive() {

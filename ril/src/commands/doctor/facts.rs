@@ -15,7 +15,7 @@ pub type Look<T> = Result<T, Trouble>;
 /// Why a look found nothing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Trouble {
-    /// It took longer than this and was given up: something stands in the way that keeps whoever looks waiting.
+    /// It took longer than this and was given up: something stands in the way that keeps the looking process waiting.
     TookTooLong(Duration),
     /// It failed.
     Failed(String),
@@ -57,7 +57,7 @@ pub struct DomainFacts {
     pub inspection: Look<Inspection>,
     /// The live providers of all robots of the domain.
     pub providers: Look<Vec<Provided>>,
-    /// Live processes that do not run because somebody has stopped them.
+    /// Live processes that do not run because they are stopped.
     pub stopped: Vec<u32>,
     /// The domains of other users in the usual place.
     pub others: Vec<Entry>,
@@ -125,7 +125,7 @@ pub enum FileContent {
 pub struct PortFacts {
     /// Where.
     pub path: PathBuf,
-    /// Whether anybody chose it; else it is the built-in default, which nobody may mean.
+    /// Whether the operator chose it; else it is the built-in default, which may not be meant.
     pub is_chosen: bool,
     /// What is there.
     pub device: Look<Device>,

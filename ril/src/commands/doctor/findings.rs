@@ -21,9 +21,9 @@ pub use services::bridge_pid;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
-    /// In order, or nobody's business.
+    /// In order, or not to be judged.
     Note,
-    /// Not in order, but it harms nobody now.
+    /// Not in order, but it does no harm now.
     Warning,
     /// Keeps a process from its work.
     Error,

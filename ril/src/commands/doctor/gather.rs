@@ -1,7 +1,7 @@
 //! Gathers the facts: a thin shell around the file system and `/proc` that decides nothing.
 //!
 //! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a
-//! file, such as a pipe or a file system that does not answer, may keep whoever opens it waiting without end. Nothing
+//! file, such as a pipe or a file system that does not answer, may keep a process that opens it waiting without end. Nothing
 //! is opened that could notice it: the serial port is only looked at from outside.
 
 use std::fs;
@@ -57,11 +57,11 @@ impl<T: Send + 'static> Looking<T> {
         Looking(receiver)
     }
 
-    /// What it found by the time that `patience` is over, counted from `began`.
-    fn end(self, began: Instant, patience: Duration) -> Look<T> {
-        let left = patience.saturating_sub(began.elapsed());
+    /// What it found by the time that `timeout` is over, counted from `began`.
+    fn end(self, began: Instant, timeout: Duration) -> Look<T> {
+        let left = timeout.saturating_sub(began.elapsed());
         self.0.recv_timeout(left).map_err(|error| match error {
-            RecvTimeoutError::Timeout => Trouble::TookTooLong(patience),
+            RecvTimeoutError::Timeout => Trouble::TookTooLong(timeout),
             RecvTimeoutError::Disconnected => Trouble::Failed("it broke off".to_owned()),
         })
     }
@@ -87,7 +87,7 @@ pub(super) fn domain(domain: &Domain) -> DomainFacts {
         inspection,
         providers,
         stopped,
-        // They are only a hint; what keeps this look from its end is told of the memory.
+        // They are only a hint; what keeps this look from its end is reported for the memory.
         others: others.end(began, LOOK_PATIENCE).unwrap_or_default(),
     }
 }
@@ -201,7 +201,7 @@ fn read<T: DeserializeOwned + Default>(
     }
 }
 
-/// Looks at a serial port, which somebody chose or not, and at who has terminals open, `bridge` among them.
+/// Looks at a serial port, chosen or the default, and at the processes that have terminals open, `bridge` among them.
 pub(super) fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
     let began = Instant::now();
     let (looked_at, held) = (path.clone(), path.clone());
@@ -319,7 +319,7 @@ fn namespace(number: u64, is_ours: bool) -> Namespace {
     }
 }
 
-/// Live processes of the domain that somebody has stopped.
+/// Live processes of the domain that are stopped.
 ///
 /// A member does not say in which PID namespace its process id means something; its provider does, and where the provider
 /// is in another one, so are perhaps the others of its service. What is then left must have something of the domain open:
@@ -377,17 +377,17 @@ mod tests {
     #[test]
     fn a_look_that_does_not_come_back_is_given_up() {
         let (keeps_it_waiting, never) = mpsc::channel::<()>();
-        let patience = Duration::from_millis(10);
+        let timeout = Duration::from_millis(10);
         let look = Looking::start(move || never.recv());
-        let given_up = Err(Trouble::TookTooLong(patience));
-        assert_eq!(look.end(Instant::now(), patience), given_up);
+        let given_up = Err(Trouble::TookTooLong(timeout));
+        assert_eq!(look.end(Instant::now(), timeout), given_up);
         drop(keeps_it_waiting);
         let look = Looking::start(|| 7);
         assert_eq!(look.end(Instant::now(), LOOK_PATIENCE), Ok(7));
     }
 
     #[test]
-    fn what_is_no_terminal_is_told_without_opening_it() {
+    fn what_is_no_terminal_is_reported_without_opening_it() {
         let folder = std::env::temp_dir();
         let is = |path: &str| device(Path::new(path)).unwrap();
         assert_eq!(is("/dev/no-such-port"), Device::Missing);

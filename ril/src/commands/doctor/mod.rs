@@ -1,6 +1,6 @@
 //! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to do.
 //!
-//! [`facts`] are gathered, judged by [`findings`] and told by [`report`]. Nothing is joined, opened or changed, unless
+//! [`facts`] are gathered, judged by [`findings`] and printed by [`report`]. Nothing is joined, opened or changed, unless
 //! `--repair` asks to remove what is certainly dead; and nothing that stands in the way can hold it up for long.
 
 pub mod facts;
@@ -69,7 +69,7 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
     }
 }
 
-/// The serial port that the command line names, or else the bridge's configuration, or nobody.
+/// The serial port that the command line names, or else the bridge's configuration, if either does.
 fn port(
     args: &DoctorArgs,
     files: &[FileFacts],

@@ -16,7 +16,7 @@ pub const SCHEMA: &str = "ril.Doctor.v1";
 pub struct Report {
     schema: &'static str,
     robot: u32,
-    /// The folder of the domain; nothing when the environment names none, or nobody asked.
+    /// The folder of the domain; nothing when the environment names none, or it was not asked for.
     root: Option<String>,
     errors: usize,
     warnings: usize,
@@ -139,7 +139,7 @@ mod tests {
 robot 7
 ok      bridge.toml of `ril bridge` is right
 ERROR   the configuration of `ril status` is refused: status.toml:3: no
-        → mend it: its process does not start with it
+        → correct it: its process does not start with this file
 ";
         assert_eq!(report.to_string(), expected);
         assert_eq!(

@@ -116,7 +116,7 @@ hero        no sample
 }
 
 #[test]
-fn everything_that_happened_is_told_with_its_age() {
+fn everything_that_happened_is_shown_with_its_age() {
     let dsp = Sample::new(30, ago(2500), NOW);
     let hero = Sample::new(29, ago(1000), NOW);
     let text = StateReport::new(

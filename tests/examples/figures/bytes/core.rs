@@ -20,10 +20,10 @@ const MOST_SAID: usize = 4096;
 
 /// What is said is checked and forgotten.
 struct Listener {
-    /// Requests without a final word.
+    /// Requests without a final report.
     open: Vec<RequestKey>,
     samples: u64,
-    final_words: u64,
+    final_reports: u64,
 }
 
 impl Outputs for Listener {
@@ -48,7 +48,7 @@ impl Outputs for Listener {
         };
         if report.is_final() {
             self.open.swap_remove(place);
-            self.final_words += 1;
+            self.final_reports += 1;
         }
     }
 }
@@ -71,7 +71,7 @@ pub struct Heard {
     pub samples: u64,
     /// Waypoints that went to the DSP.
     pub waypoints: u64,
-    /// Requests, each with one final word or still open.
+    /// Requests, each with one final report or still open.
     pub requests: u64,
 }
 
@@ -85,7 +85,7 @@ impl Core {
             listener: Listener {
                 open: Vec::with_capacity(MOST_OPEN),
                 samples: 0,
-                final_words: 0,
+                final_reports: 0,
             },
             dsp: Obliging::new(profile),
             now: MonotonicNs(1_000_000_000),
@@ -145,12 +145,12 @@ impl Core {
         self.transmit();
     }
 
-    /// The bridge ends: every request must have had its final word.
+    /// The bridge ends: every request must have had its final report.
     pub fn finish(mut self) -> Heard {
         let heard = self.heard();
         self.bridge.close(self.now, &mut self.listener);
-        assert_eq!(self.listener.open, [], "without a final word");
-        assert_eq!(self.listener.final_words, self.requests);
+        assert_eq!(self.listener.open, [], "without a final report");
+        assert_eq!(self.listener.final_reports, self.requests);
         heard
     }
 

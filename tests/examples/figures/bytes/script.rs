@@ -25,7 +25,7 @@ pub fn decode(data: &[u8]) {
     Decoders::new().hear(data);
 }
 
-/// Plays `data` as a script for the core; every request must have its final word in the end.
+/// Plays `data` as a script for the core; every request must have its final report in the end.
 pub fn play(data: &[u8]) {
     let Some((first, mut rest)) = data.split_first() else {
         return;

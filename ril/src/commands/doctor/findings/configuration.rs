@@ -23,7 +23,7 @@ pub(super) fn diagnose(file: &FileFacts) -> Finding {
         Ok(FileContent::Wrong(reason)) => ABOUT.error(
             "configuration-wrong",
             format!("the configuration {whose} is refused: {reason}"),
-            "mend it: its process does not start with it",
+            "correct it: its process does not start with this file",
         ),
         Err(trouble) => ABOUT.error(
             "configuration-unreadable",

@@ -48,7 +48,7 @@ fn inspected(inspection: &Inspection, domain: &DomainFacts) -> Vec<Finding> {
         let next_step = format!("look again, a process may be removing it; {REPAIR}");
         findings.push(DOMAIN.warning("leftovers", text, next_step));
     }
-    // Beside robots and leftovers they cannot be told from what belongs to the domain.
+    // Beside robots and leftovers they cannot be distinguished from what belongs to the domain.
     let entries = match inspection.robots.is_empty() && inspection.leftovers == 0 {
         true => inspection.entries.saturating_sub(1),
         false => 0,
@@ -118,7 +118,7 @@ fn alive(robot: &RobotFacts, domain: &DomainFacts) -> Vec<Finding> {
     let unclear = members(robot, Life::Unclear);
     if !unclear.is_empty() {
         let text = format!(
-            "whether these processes of robot {id} live cannot be told: {}",
+            "whether these processes of robot {id} live cannot be known: {}",
             processes(&unclear)
         );
         let next_step = format!(

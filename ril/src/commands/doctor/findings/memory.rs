@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn amounts_are_told() {
+    fn amounts_are_reported() {
         let free = |bytes, inodes| Ok(FreeMemory { bytes, inodes });
         let text = |free| diagnose(&free)[0].text.clone();
         assert_eq!(

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_done_is_told() {
+    fn what_was_done_is_reported() {
         let repair = |robots, generations, leftovers| {
             Ok(Repair {
                 robots,

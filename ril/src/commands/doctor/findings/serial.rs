@@ -40,7 +40,7 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
         ),
         Ok(Device::Terminal { forbidden: None }) => held(port, &port.holders, bridge),
     };
-    // What nobody chose, nobody may miss.
+    // A default that was not chosen may not be needed.
     match port.is_chosen || finding.severity == Severity::Note {
         true => finding,
         false => Finding {
@@ -117,7 +117,7 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
         return ABOUT.error(
             "port-in-use",
             format!("{path} {}", strangers.join(", ")),
-            "end what uses it, or name another port in `serial.port`: the bridge leaves a port alone that somebody else uses, and opens it when it is free",
+            "end what uses it, or name another port in `serial.port`: the bridge leaves a port alone that another process uses, and opens it when it is free",
         );
     }
     let mut text = format!("{path} is a serial port that this user may open");
@@ -129,7 +129,7 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
         text += &part;
     }
     if processes.is_empty() && holders.of_port.hidden > 0 {
-        text += "; whether another user has it open cannot be told";
+        text += "; whether another user has it open cannot be known";
     }
     ABOUT.note("port-right", text)
 }
@@ -275,7 +275,7 @@ mod tests {
                 "console of the kernel",
                 "another port",
             ),
-            (hidden, "port-right", "cannot be told", ""),
+            (hidden, "port-right", "cannot be known", ""),
             (unclear, "port-right", "failed: no /proc", ""),
         ] {
             let finding = diagnose(&facts, BRIDGE);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_default_that_nobody_chose_is_missed_by_nobody() {
+    fn a_default_that_was_not_chosen_is_not_missed() {
         let facts = PortFacts {
             is_chosen: false,
             ..port(Device::Missing, &[])

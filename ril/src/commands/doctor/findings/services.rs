@@ -76,7 +76,7 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
     }
 }
 
-/// What cannot be told of a process in other namespaces, and what goes wrong there.
+/// What cannot be known of a process in other namespaces, and what goes wrong there.
 fn namespaces(process: &Provided) -> Vec<Finding> {
     const ABOUT: About = SERVICES_OF_ROBOT;
     let mut findings = Vec::new();
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bridge_in_other_namespaces_is_told_once_for_all_of_its_services() {
+    fn a_bridge_in_other_namespaces_is_reported_once_for_all_of_its_services() {
         let mut providers = all();
         for one in &mut providers {
             if one.by.process == "bridge" {

@@ -6,7 +6,7 @@ use super::super::super::facts::Trouble;
 use super::super::Severity::{self, Error, Note, Warning};
 use super::*;
 
-/// Nobody's: this user is another.
+/// Of a user that is not this one.
 const STRANGER: u32 = u32::MAX - 7;
 
 fn ours() -> u32 {
@@ -174,7 +174,7 @@ fn each_trouble_has_its_name() {
 }
 
 #[test]
-fn a_stopped_process_is_told_once_for_all_of_its_services() {
+fn a_stopped_process_is_reported_once_for_all_of_its_services() {
     let live = member(Life::Live, 7, "bridge");
     let other = Member {
         service: "parameters".to_owned(),
@@ -188,7 +188,7 @@ fn a_stopped_process_is_told_once_for_all_of_its_services() {
 }
 
 #[test]
-fn what_the_dead_left_is_trouble_only_when_nobody_removes_it() {
+fn what_the_dead_left_is_trouble_only_when_it_is_not_removed() {
     let members = [
         member(Life::Live, 7, "bridge"),
         member(Life::Dead, 8, "ril"),

@@ -1,8 +1,7 @@
-//! [`Spread`]: the percentiles and the histogram of a quantity, in bounded memory however long it is measured.
+//! [`Histogram`]: a quantity with its percentiles, in bounded memory however long it is measured.
 
 use std::fmt;
 
-use hdrhistogram::Histogram;
 use serde::Serialize;
 
 use super::rounded;
@@ -66,19 +65,19 @@ impl Unit {
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
-pub struct Spread {
-    values: Histogram<u64>,
+pub struct Histogram {
+    values: hdrhistogram::Histogram<u64>,
     /// Exact, unlike what the histogram says of them.
     min: u64,
     max: u64,
     unit: Unit,
 }
 
-impl Spread {
+impl Histogram {
     /// Nothing yet.
-    pub fn new(unit: Unit) -> Spread {
-        let values = Histogram::new_with_bounds(1, MAX_VALUE, DIGITS);
-        Spread {
+    pub fn new(unit: Unit) -> Histogram {
+        let values = hdrhistogram::Histogram::new_with_bounds(1, MAX_VALUE, DIGITS);
+        Histogram {
             values: values.expect("bounds and digits are constants that the histogram takes"),
             min: MAX_VALUE,
             max: 0,
@@ -266,20 +265,20 @@ mod tests {
         }
     }
 
-    fn spread(unit: Unit, values: impl IntoIterator<Item = u64>) -> Summary {
-        let mut spread = Spread::new(unit);
-        values.into_iter().for_each(|value| spread.record(value));
-        spread.summary().expect("values")
+    fn histogram(unit: Unit, values: impl IntoIterator<Item = u64>) -> Summary {
+        let mut histogram = Histogram::new(unit);
+        values.into_iter().for_each(|value| histogram.record(value));
+        histogram.summary().expect("values")
     }
 
     #[test]
     fn nothing_has_no_percentiles() {
-        assert_eq!(Spread::new(Unit::Bytes).summary(), None);
+        assert_eq!(Histogram::new(Unit::Bytes).summary(), None);
     }
 
     #[test]
     fn percentiles_are_right_within_a_ten_thousandth() {
-        let summary = spread(Unit::Microseconds, (1..=1000).map(|us| us * 1000));
+        let summary = histogram(Unit::Microseconds, (1..=1000).map(|us| us * 1000));
         assert_eq!(summary.count, 1000);
         for (value, expected) in [
             (summary.min, 1.0),
@@ -309,7 +308,7 @@ mod tests {
         ];
         for values in cases {
             let count = values.len() as u64;
-            let summary = spread(Unit::Milliseconds, values);
+            let summary = histogram(Unit::Milliseconds, values);
             let bars = &summary.histogram;
             assert_eq!(bars.iter().map(|bar| bar.count).sum::<u64>(), count);
             assert!(bars.len() as u64 <= BARS + 3, "{bars:?}");
@@ -320,7 +319,7 @@ mod tests {
     #[test]
     fn a_single_late_value_leaves_the_others_their_bars() {
         let values = (0..1000).map(|n| 1_000_000 + n * 1000);
-        let summary = spread(Unit::Milliseconds, values.chain([900_000_000]));
+        let summary = histogram(Unit::Milliseconds, values.chain([900_000_000]));
         assert!(summary.histogram.len() > 5, "{:?}", summary.histogram);
         let last = summary.histogram.last().unwrap();
         assert!(last.to >= 900.0, "{last:?}");
@@ -329,7 +328,7 @@ mod tests {
     #[test]
     fn people_see_bars() {
         let values = [10, 10, 10, 10, 21, 30].map(|ms| ms * 1_000_000);
-        let summary = spread(Unit::Milliseconds, values);
+        let summary = histogram(Unit::Milliseconds, values);
         let text = Text(&summary).to_string();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "interval, ms");
@@ -348,7 +347,7 @@ mod tests {
 
     #[test]
     fn a_day_is_the_longest() {
-        let summary = spread(Unit::Milliseconds, [u64::MAX]);
+        let summary = histogram(Unit::Milliseconds, [u64::MAX]);
         assert_eq!((summary.min, summary.max), (86_400_000.0, 86_400_000.0));
     }
 

@@ -1,12 +1,12 @@
-//! How long a command that watches a stream of samples goes on watching. A pure value: it is told of samples, of the
-//! time and of whether the publisher lives, and says when to look again or how it ends.
+//! How long a command that watches a stream of samples goes on watching. A pure value: it is given samples, the
+//! time and whether the publisher lives, and says when to look again or how it ends.
 
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
 /// While nothing comes, the publisher is looked for this many times in each timeout, so that it is missed for at least
-/// three quarters of the timeout before anybody gives up.
+/// three quarters of the timeout before the command gives up.
 const LOOKS_PER_TIMEOUT: u32 = 4;
 
 /// What the operator asked for.
@@ -25,7 +25,7 @@ pub struct Limits {
 pub enum Next {
     /// Wait for samples, at most until then.
     Wait(MonotonicNs),
-    /// Say by [`Patience::provider`] whether the publisher lives.
+    /// Say by [`WatchTimeout::provider`] whether the publisher lives.
     Look,
     /// As many samples as asked for, or as long.
     Enough,
@@ -35,7 +35,7 @@ pub enum Next {
 
 /// See the module's documentation.
 #[derive(Debug)]
-pub struct Patience {
+pub struct WatchTimeout {
     limits: Limits,
     began: MonotonicNs,
     samples: u64,
@@ -44,10 +44,10 @@ pub struct Patience {
     next_look: MonotonicNs,
 }
 
-impl Patience {
+impl WatchTimeout {
     /// Begins to watch.
-    pub fn new(limits: Limits, now: MonotonicNs) -> Patience {
-        Patience {
+    pub fn new(limits: Limits, now: MonotonicNs) -> WatchTimeout {
+        WatchTimeout {
             limits,
             began: now,
             samples: 0,
@@ -71,7 +71,7 @@ impl Patience {
         }
     }
 
-    /// Whether the publisher lives. Before the first sample that is not enough: somebody who never says anything is not
+    /// Whether the publisher lives. Before the first sample that is not enough: a publisher that never publishes anything is not
     /// waited for.
     pub fn provider(&mut self, lives: bool, now: MonotonicNs) {
         self.next_look = now + self.limits.timeout / LOOKS_PER_TIMEOUT;
@@ -115,15 +115,15 @@ mod tests {
     /// Watches from 0 ms; samples come at the given times, the publisher lives in the given interval. Returns when and
     /// how it ended; without an end after a minute, nothing.
     fn watch(limits: Limits, samples: &[u64], lives: std::ops::Range<u64>) -> Option<(u64, Next)> {
-        let mut patience = Patience::new(limits, at(0));
+        let mut timeout = WatchTimeout::new(limits, at(0));
         let mut samples = samples.iter().copied().peekable();
         let mut now = 0;
         while now < 60_000 {
             while samples.next_if(|sample| *sample <= now).is_some() {
-                patience.came(1, at(now));
+                timeout.came(1, at(now));
             }
-            match patience.next(at(now)) {
-                Next::Look => patience.provider(lives.contains(&now), at(now)),
+            match timeout.next(at(now)) {
+                Next::Look => timeout.provider(lives.contains(&now), at(now)),
                 Next::Wait(until) => {
                     let until = until.0 / 1_000_000;
                     assert!(until > now, "a wait that is no wait");
@@ -140,7 +140,7 @@ mod tests {
         assert_eq!(
             watch(LIMITS, &[], 0..0),
             Some((1000, Next::Nothing)),
-            "nobody there"
+            "no publisher"
         );
         assert_eq!(
             watch(LIMITS, &[], 0..9999),
@@ -179,11 +179,11 @@ mod tests {
             watch(limits, &[10, 20, 30], 0..100),
             Some((20, Next::Enough))
         );
-        let mut patience = Patience::new(limits, at(0));
-        assert_eq!(patience.wanted(), 2);
-        patience.came(1, at(1));
-        assert_eq!(patience.wanted(), 1);
-        assert_eq!(Patience::new(LIMITS, at(0)).wanted(), u64::MAX);
+        let mut timeout = WatchTimeout::new(limits, at(0));
+        assert_eq!(timeout.wanted(), 2);
+        timeout.came(1, at(1));
+        assert_eq!(timeout.wanted(), 1);
+        assert_eq!(WatchTimeout::new(LIMITS, at(0)).wanted(), u64::MAX);
     }
 
     #[test]
