@@ -17,22 +17,15 @@ use ipc_types::code::{
     Stage,
 };
 use ipc_types::payload::{
-    DspTelemetry, FieldKind, FieldLayout, HeroTelemetry, Layout, ModuleControl, ModuleState,
-    MovementData, Number, ParameterRequest, RequestReport, SharedStruct, export, layout_hash,
+    FieldKind, FieldLayout, Layout, Number, RequestReport, SharedStruct, export, layout_hash,
 };
 use ipc_types::service::{EVENT_ID_MAX, EventCode, SERVICES};
 
 /// All structs, each after those that it contains.
 fn layouts() -> Vec<&'static Layout> {
-    export::with_nested(&[
-        DspTelemetry::LAYOUT,
-        HeroTelemetry::LAYOUT,
-        ModuleState::LAYOUT,
-        ModuleControl::LAYOUT,
-        MovementData::LAYOUT,
-        ParameterRequest::LAYOUT,
-        RequestReport::LAYOUT,
-    ])
+    let payloads = SERVICES.iter().map(|spec| spec.contract.payload);
+    let all: Vec<_> = payloads.chain([RequestReport::LAYOUT]).collect();
+    export::with_nested(&all)
 }
 
 /// A set of named numbers: its name, and name and number of each.

@@ -4,10 +4,8 @@ use std::fs;
 use proptest::prelude::*;
 
 use super::*;
-use crate::payload::{
-    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
-    RequestReport,
-};
+use crate::payload::{DspTelemetry, HeroTelemetry, RequestReport};
+use crate::service::SERVICES;
 
 mod stranger {
     #![allow(unsafe_code)]
@@ -82,16 +80,9 @@ uint16 age
 int8[2] reserved
 ";
 
-fn robots_own() -> [&'static Layout; 7] {
-    [
-        DspTelemetry::LAYOUT,
-        HeroTelemetry::LAYOUT,
-        ModuleState::LAYOUT,
-        ModuleControl::LAYOUT,
-        MovementData::LAYOUT,
-        ParameterRequest::LAYOUT,
-        RequestReport::LAYOUT,
-    ]
+fn robots_own() -> impl Iterator<Item = &'static Layout> {
+    let payloads = SERVICES.iter().map(|spec| spec.contract.payload);
+    payloads.chain([RequestReport::LAYOUT])
 }
 
 fn battery() -> Battery {
@@ -114,7 +105,7 @@ fn the_text_is_the_one_written_by_hand() {
 
 #[test]
 fn a_parsed_text_is_the_layout_that_it_was_made_of() {
-    for layout in robots_own().into_iter().chain([Battery::LAYOUT]) {
+    for layout in robots_own().chain([Battery::LAYOUT]) {
         let schema = Schema::parse(&text(layout)).unwrap();
         assert_eq!(schema, Schema::from_layout(layout));
         assert_eq!((schema.size(), schema.align()), (layout.size, layout.align));
@@ -321,7 +312,7 @@ fn listed(schema: &Schema, payload: &[u8]) -> String {
 
 #[test]
 fn a_sample_with_a_header_is_a_cdr_message() {
-    for layout in robots_own().into_iter().chain([Battery::LAYOUT]) {
+    for layout in robots_own().chain([Battery::LAYOUT]) {
         // Every byte differs from its neighbours, so that a wrong place is a wrong value.
         let payload: Vec<u8> = (0..layout.size)
             .map(|index| (index * 37 + 11) as u8)

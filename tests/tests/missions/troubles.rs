@@ -356,22 +356,26 @@ fn a_sample_that_comes_late_or_twice_is_not_published() {
     assert_eq!((link.telemetry_incoherent, link.dsp_boots), (30, 0));
 }
 
+/// Nothing passes in either direction for a while.
+fn outage(begin: Duration, end: Duration) -> Script {
+    let outage = Fault::Bytes {
+        direction: Directions::Both,
+        window: Window::between(begin, end),
+        damage: Damage::Outage,
+    };
+    Script {
+        seed: 1,
+        faults: vec![outage],
+    }
+}
+
 #[test]
 fn a_dsp_without_time_is_believed_again_after_a_silence() {
     // Its status is taken after a look at its mask. The probes of the silence make the first answer uncertain.
     for length_s in [1.5, 2.0, 2.5, 3.0] {
         let begin = Duration::from_secs(3);
         let end = begin + Duration::from_secs_f64(length_s);
-        let outage = Fault::Bytes {
-            direction: Directions::Both,
-            window: Window::between(begin, end),
-            damage: Damage::Outage,
-        };
-        let script = Script {
-            seed: 1,
-            faults: vec![outage],
-        };
-        let mut config = WorldConfig::new().faults(script, end);
+        let mut config = WorldConfig::new().faults(outage(begin, end), end);
         config.simulator.firmware.has_time = false;
         let mut world = World::new(&config);
         world.run_for(Duration::from_secs(8));
@@ -393,16 +397,9 @@ fn a_stop_in_silence_leaves_nothing_in_the_dsp_when_it_is_back() {
 fn stop_in_silence(end: Duration) {
     // A DSP that does not stop by itself, so that it would fly on.
     let begin = Duration::from_secs(8);
-    let outage = Fault::Bytes {
-        direction: Directions::Both,
-        window: Window::between(begin, end),
-        damage: Damage::Outage,
-    };
-    let script = Script {
-        seed: 1,
-        faults: vec![outage],
-    };
-    let mut config = WorldConfig::new().faults(script, end).loses_only();
+    let mut config = WorldConfig::new()
+        .faults(outage(begin, end), end)
+        .loses_only();
     config.simulator.firmware.has_pc_timeout = false;
     let mut world = World::new(&config);
     await_link(&mut world);
