@@ -122,7 +122,7 @@ codes! {
         Landing = 5 => "landing",
         /// A stop is being carried out.
         Stopping = 6 => "stopping",
-        /// The helicopter is told to hover where it is; the module stays started.
+        /// The helicopter is commanded to hover where it is; the module stays started.
         Holding = 7 => "holding",
     }
 }
@@ -198,7 +198,7 @@ codes! {
         Refuse = 2 => "refuse",
         /// A path under way is ended; the helicopter hovers.
         Hold = 3 => "hold",
-        /// A path under way is ended and the helicopter is told to land.
+        /// A path under way is ended and the helicopter is commanded to land.
         Land = 4 => "land",
     }
 }

@@ -100,7 +100,7 @@ impl Domain {
     ///
     /// Child processes get it by [`Domain::environment`].
     pub fn isolated() -> Domain {
-        // The process id helps a person who looks for the culprit; the letters tell domains apart.
+        // The process id helps a person to find the process; the letters distinguish domains.
         let (pid, letters) = (std::process::id(), random::name(ISOLATED_LEN));
         Domain {
             root: Path::new(SHM_DIR).join(format!("hx{pid:x}-{letters}")),

@@ -56,7 +56,7 @@ pub(crate) struct Generation {
     /// Nothing only while dropping: the node must go before the lock.
     node: Option<Node>,
     lock: File,
-    /// What tells the others that the provider is there; the provider alone has it.
+    /// Locked while the provider lives; the provider alone has it.
     _provider: Option<File>,
     config: Config,
     name: String,
@@ -295,7 +295,7 @@ fn prefix(domain: &Domain, name: &str) -> String {
     format!("{}{name}_", domain.tag())
 }
 
-/// What iceoryx2 is told. Only what names the generation matters; the rest is set service by service.
+/// The configuration of iceoryx2. Only what names the generation matters; the rest is set service by service.
 fn config(path: &Path, prefix: &str) -> Result<Config, DomainError> {
     let too_long = || DomainError::TooLong {
         root: path.to_owned(),
@@ -318,7 +318,7 @@ fn config(path: &Path, prefix: &str) -> Result<Config, DomainError> {
     Ok(config)
 }
 
-/// What iceoryx2 is told of a generation.
+/// The configuration of iceoryx2 for a generation.
 pub(crate) fn config_of(
     domain: &Domain,
     service: &Path,

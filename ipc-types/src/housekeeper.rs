@@ -24,7 +24,7 @@ use crate::iox::{Node, Svc};
 use crate::lock_file::entries;
 use crate::{files, reserve, robot_folder};
 
-/// How often it looks for dead members: their partners are told of the death after that time.
+/// How often it looks for dead members: their partners learn of the death after that time.
 const PERIOD: Duration = Duration::from_millis(500);
 
 /// Deaths in one generation after which another begins. A member that was killed while it started can leave some files that
@@ -92,7 +92,7 @@ impl Tended {
         self.deaths.load(Ordering::Acquire)
     }
 
-    /// Is told how many of its places for ports are taken. A member that was killed between taking a place and saying so leaves it
+    /// Takes note of how many places for ports are taken. A member that was killed between taking a place and saying so leaves it
     /// taken for good; before there are too few left, another generation begins.
     pub(crate) fn count_places(&self, taken: usize, places: usize) {
         // Living members may take as many as they like: a new generation would be no emptier.
@@ -196,7 +196,7 @@ fn remove_dead(config: &Config) -> Pass {
     pass
 }
 
-/// What the thread is told.
+/// The messages to the thread.
 enum Order {
     Tend(Weak<Tended>),
     /// Something whose removal may take long.

@@ -69,7 +69,7 @@ pub struct Member {
 pub enum Life {
     /// It lives: the kernel keeps its lock.
     Live,
-    /// It cannot be told.
+    /// It cannot be known.
     Unclear,
     /// It is dead.
     Dead,

@@ -39,7 +39,7 @@ impl Ipc {
 
     /// Takes part in the shared memory of `robot`.
     ///
-    /// `process_name` (such as `bridge`) is what others read when they ask who provides a service.
+    /// `process_name` (such as `bridge`) is what others read as the provider of a service.
     ///
     /// # Errors
     ///

@@ -23,8 +23,8 @@ use crate::{Request, Topic};
 
 /// Ids of modules outside the RIL. Below are the RIL's own ([`ModuleId`](crate::code::ModuleId)).
 ///
-/// There is no registry: an id is unique among the modules of one robot, which its operator sees to. The name is what tells
-/// modules apart in shared memory; the id is for consumers that know modules by number.
+/// There is no registry: an id is unique among the modules of one robot, which its operator sees to. The name
+/// distinguishes modules in shared memory; the id is for consumers that know modules by number.
 pub const OUTSIDE_IDS: RangeInclusive<u32> = 1000..=9999;
 
 /// Errors of modules outside the RIL, in [`State::error`] and in reports. Below are those of the Inter Modular Interface.

@@ -48,7 +48,7 @@ pub enum OpenError {
     AlreadyProvided {
         /// Name of the service.
         service: String,
-        /// Who provides it, if it has said so.
+        /// The process that provides it, if it has written its name.
         by: Option<Provider>,
     },
     /// As many ports as the table allows are there already.

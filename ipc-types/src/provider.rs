@@ -1,6 +1,6 @@
-//! Who provides a service of a robot: one live process at most.
+//! The provider of a service of a robot: one live process at most.
 //!
-//! It holds an exclusive `flock` on the lock in the service's folder, and has written into it who it is. The file stays when
+//! It holds an exclusive `flock` on the lock in the service's folder, and has written its name into it. The file stays when
 //! the provider goes, for the next one.
 
 use std::fs::{self, File};
@@ -27,14 +27,14 @@ const PAUSE: Duration = Duration::from_millis(1);
 /// Largest content: a process, a time, two namespaces and a name.
 const MAX_LEN: usize = 256;
 
-/// Who provides a service.
+/// The process that provides a service.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Provider {
     /// Its process, as it is numbered in its own PID namespace.
     pub pid: u32,
     /// The name that the process joined with.
     pub process: String,
-    /// When it began to provide the service, host monotonic ns: tells a restarted provider from its predecessor.
+    /// When it began to provide the service, host monotonic ns: distinguishes a restarted provider from its predecessor.
     pub since_ns: u64,
     /// The PID namespace of its process; 0 when the operating system did not say.
     pub pid_namespace: u64,
@@ -78,7 +78,7 @@ pub(crate) struct ProviderLock {
 }
 
 impl ProviderLock {
-    /// Becomes the provider of the service in `folder`, or says who is.
+    /// Becomes the provider of the service in `folder`, or returns the process that is.
     pub(crate) fn acquire(
         folder: &Path,
         provider: &Provider,

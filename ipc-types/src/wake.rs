@@ -58,13 +58,13 @@ impl WakeSender {
 pub struct WakeReceiver {
     event: Event,
     listener: OnceCell<Listener>,
-    /// Notifications that the owner has not been told of.
+    /// Notifications that the owner has not yet taken.
     pending: Cell<u64>,
-    /// Who empties the listener.
+    /// The side that empties the listener.
     keeper: Cell<Keeper>,
 }
 
-/// Who empties a listener, which takes system calls even when nothing is in it.
+/// The side that empties a listener, which takes system calls even when nothing is in it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Keeper {
     /// The receiver, whenever its owner asks.
@@ -118,7 +118,7 @@ impl WakeReceiver {
         self.descriptor()
     }
 
-    /// Empties the listener for the owner, who is told by [`take`](WakeReceiver::take). A waiter calls it when there is
+    /// Empties the listener for the owner, which learns it from [`take`](WakeReceiver::take). A waiter calls it when there is
     /// something, and from time to time in any case: iceoryx2 can lose a wake-up, and emptying the listener repairs that.
     pub(crate) fn drain(&self) {
         if self.keeper.get() == Keeper::Receiver {

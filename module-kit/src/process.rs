@@ -14,7 +14,7 @@ use ipc_types::{
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-/// How often a process has a [`round`](Process::round), and tells its supervisor that it works: at the first wake after that
+/// How often a process has a [`round`](Process::round), and notifies its supervisor that it works: at the first wake after that
 /// time, no process is woken for it.
 pub const ROUND_PERIOD: Duration = Duration::from_millis(500);
 

@@ -20,7 +20,7 @@ pub struct SetUp<C> {
     pub file: Option<PathBuf>,
     /// SIGINT and SIGTERM.
     pub termination: Termination,
-    /// Who is told that the process is ready and works.
+    /// The supervisor, which is notified that the process is ready and works.
     pub supervisor: Notifier,
     /// Which shared memory.
     pub domain: Domain,

@@ -278,7 +278,7 @@ impl Schema {
 
     /// Hash of the layout as section 8 of `docs/ipc.md` has it: the attribute `layout_hash` of a topic with this schema.
     ///
-    /// So a reader can tell whether a text that it found belongs to the service that it opened.
+    /// So a reader can check whether a text that it found belongs to the service that it opened.
     pub fn layout_hash(&self) -> u64 {
         self.root.hash_fields(FNV_BASIS)
     }

@@ -98,7 +98,7 @@ impl ServiceId {
 
     /// The slot's number, 3000 … 3999: `3000 + 10 · ((robot − 1) mod 100) + offset`.
     ///
-    /// The range has room for a hundred robots; the name, not the number, tells services apart.
+    /// The range has room for a hundred robots; the name, not the number, distinguishes services.
     pub const fn slot(self, robot: RobotId) -> u32 {
         3000 + 10 * ((robot.get() - 1) % 100) + self.slot_offset()
     }

@@ -149,12 +149,12 @@ impl<'a, R: Request> Conversation<'a, R> {
                     1 => self.verb.name().to_owned(),
                     total => format!("waypoint {} of {total}", index + 1),
                 };
-                let (who, look) = match self.key.split_once('/') {
+                let (process, look) = match self.key.split_once('/') {
                     None => ("the bridge", "ril state".to_owned()),
                     Some((module, _)) => (module, format!("ril topic echo {module}/state")),
                 };
                 let text = format!(
-                    "{who} of robot {robot} did not answer to {which} in time: it may hang. The request was \
+                    "{process} of robot {robot} did not answer to {which} in time: it may hang. The request was \
                      withdrawn; `{look} --robot {robot}` shows whether it took effect all the same"
                 );
                 Err(Failure::new(ExitCode::Timeout, text))

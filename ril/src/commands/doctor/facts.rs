@@ -129,7 +129,7 @@ pub struct PortFacts {
     pub is_chosen: bool,
     /// What is there.
     pub device: Look<Device>,
-    /// Who uses it.
+    /// The processes that use it.
     pub holders: Look<PortHolders>,
 }
 
@@ -147,10 +147,10 @@ pub enum Device {
     Other(&'static str),
 }
 
-/// Who has terminals.
+/// The processes that have terminals.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PortHolders {
-    /// Who uses the port.
+    /// The processes that use the port.
     pub of_port: Holders,
     /// The terminals that the live bridge has open.
     pub by_bridge: Vec<PathBuf>,

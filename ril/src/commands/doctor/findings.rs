@@ -39,7 +39,7 @@ pub enum Subject {
     Domain,
     /// Space in `/dev/shm`.
     Memory,
-    /// Who provides what.
+    /// The provider of each service.
     Services,
     /// Configuration files and environment.
     Configuration,

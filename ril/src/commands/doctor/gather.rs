@@ -248,7 +248,7 @@ fn device(path: &Path) -> io::Result<Device> {
     })
 }
 
-/// Who uses `port`, in the bridge's own eyes, and which terminals `bridge` has.
+/// The processes that use `port`, as the bridge sees them, and which terminals `bridge` has.
 fn holders(port: &Path, bridge: Option<u32>) -> io::Result<PortHolders> {
     let terminal = fs::metadata(port)
         .ok()

@@ -92,7 +92,7 @@ fn elsewhere(port: &PortFacts, holders: &PortHolders, bridge: Option<u32>) -> Op
     ))
 }
 
-/// Who has a port that is as it should be.
+/// The processes that use a port that is as it should be.
 fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> Finding {
     let path = port.path.display();
     let holders = match holders {
