@@ -82,7 +82,7 @@ impl Contract {
 
 /// A payload that is published: the latest sample wins. [`topic!`](crate::topic) implements it, in any crate.
 pub trait Topic: SharedStruct + Wire {
-    /// Last part of the service's name, which is `hero/<robot>/<key>`; see [`is_key`].
+    /// Last part of the service's name, which is `hero/<robot>/<key>`; see [`is_key`](crate::service::is_key).
     const KEY: &'static str;
 
     /// The module whose process publishes it, such as `bridge`.
@@ -101,7 +101,7 @@ pub trait Topic: SharedStruct + Wire {
 /// A payload that is sent as a request and answered with a stream of [`RequestReport`]s. [`request!`](crate::request)
 /// implements it, in any crate.
 pub trait Request: SharedStruct + Wire {
-    /// Last part of the service's name, which is `hero/<robot>/<key>`; see [`is_key`].
+    /// Last part of the service's name, which is `hero/<robot>/<key>`; see [`is_key`](crate::service::is_key).
     const KEY: &'static str;
 
     /// The module whose process serves it, such as `bridge`.
