@@ -101,7 +101,7 @@ fn consume_topic<T: Indexed>(
 /// Reads `count` samples as a consumer that looks out for each with a share of a processor, or blocks when that is 0.
 pub fn anticipate(count: usize, budget: f64, ready: impl FnOnce() -> Result<()>) -> Result<Cost> {
     let mut subscriber = ours::join("bench-receiver")?.subscriber::<HeroTelemetry>()?;
-    wake_promptly(Place::Consumer);
+    request_short_slice(SchedulingRole::Consumer);
     subscriber.anticipate(budget);
     let mut recorder = Recorder::new(count);
     let mut begin = None;

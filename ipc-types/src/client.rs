@@ -1,4 +1,4 @@
-//! [`Client`]: sends requests, several at once, and follows the reports about each to its final word.
+//! [`Client`]: sends requests, several at once, and follows the reports about each to its final report.
 //!
 //! Nothing is fire-and-forget: a request without a server is refused here, and one whose server vanishes ends with
 //! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.

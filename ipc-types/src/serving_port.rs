@@ -151,7 +151,7 @@ pub(crate) struct Entry<R: Request> {
     /// Nothing when the client has given it up or is gone; the owner of the ticket has then still to be told.
     active: Option<Active<R>>,
     pub(crate) request_id: u64,
-    /// The final word, while the client has no room for it.
+    /// The final report, while the client has no room for it.
     pub(crate) unsent: Option<RequestReport>,
 }
 
@@ -459,7 +459,7 @@ impl<R: Request> ServingPort<R> {
         self.wear >= MAX_WEAR || self.unconnected.as_ref().is_some_and(is_deaf)
     }
 
-    /// Tries again to send the final words that found no room.
+    /// Tries again to send the final reports that found no room.
     fn send_unsent(&mut self, tickets: &mut Tickets<Entry<R>>) {
         let mut is_sent = false;
         let number = self.number;

@@ -49,7 +49,7 @@ fn report(stage: Stage) -> RequestReport {
 }
 
 #[test]
-fn a_request_is_accepted_goes_on_and_has_a_final_word() {
+fn a_request_is_accepted_goes_on_and_has_a_final_report() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let mut client = ipc.client::<MovementData>().unwrap();
@@ -311,7 +311,7 @@ fn one_request_too_many_is_refused_by_the_server_s_port() {
 }
 
 #[test]
-fn a_client_that_does_not_read_loses_progress_but_never_the_final_word() {
+fn a_client_that_does_not_read_loses_progress_but_never_the_final_report() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
         let mut client = ipc.client::<MovementData>().unwrap();
@@ -327,7 +327,7 @@ fn a_client_that_does_not_read_loses_progress_but_never_the_final_word() {
         server.report(ticket, &report(Stage::Done)).unwrap();
         let after_final = server.report(ticket, &report(Stage::Progress));
         assert_eq!(after_final, Err(ReportError::NotOpen));
-        assert_eq!(server.open_tickets(), 1, "the final word is kept");
+        assert_eq!(server.open_tickets(), 1, "the final report is kept");
 
         let progress = (request.request_id, Stage::Progress, Reason::None);
         assert_eq!(reports(&mut client), [progress; RESPONSE_BUFFER]);
@@ -572,7 +572,7 @@ fn a_server_that_cannot_reach_a_client_serves_the_others_and_begins_anew() {
 }
 
 #[test]
-fn eight_clients_that_flood_keep_no_request_of_another_from_its_final_word() {
+fn eight_clients_that_flood_keep_no_request_of_another_from_its_final_report() {
     const FLOODERS: usize = 8;
     const REQUESTS: usize = 500;
     in_domain(|domain| {
