@@ -48,6 +48,15 @@ pub struct PublishError {
 
 /// The writing end of a published service, of which a robot has one.
 ///
+/// ```no_run
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let robot = ipc_types::Ipc::connect("status")?;
+/// let mut telemetry = robot.publisher::<ipc_types::payload::HeroTelemetry>()?;
+/// telemetry.publish(|sample| sample.geodetic.altitude_m = 25.0)?;
+/// # Ok(())
+/// # }
+/// ```
+///
 /// Give it to the [`Waiter`](crate::Waiter) as well: subscribers that join between two samples then get the latest at once, not
 /// with the next one.
 pub struct Publisher<T: Topic> {
