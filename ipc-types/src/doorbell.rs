@@ -22,6 +22,7 @@
 
 use std::fs::File;
 use std::io;
+use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::ptr::{self, NonNull};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
@@ -57,9 +58,13 @@ struct Page {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; PLACES + 1],
+    also_reserved: [u32; 12],
     /// For each processor, until when a consumer keeps it busy with looking out for a sample, host monotonic ns.
     claims: [AtomicU64; PROCESSORS],
 }
+
+const _: () =
+    assert!(offset_of!(Page, joined) == 16 && offset_of!(Page, claims) == 128 && LEN == 640);
 
 /// Which of a service's events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

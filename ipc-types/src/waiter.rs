@@ -88,7 +88,8 @@ impl<K: PartialEq> Wake<K> {
 
 /// Which sources are ready, by the keys that the caller has given them.
 ///
-/// A hint for raw file descriptors, which may block when read without need; ports are to be drained in any case.
+/// A hint for raw file descriptors, which may block when read without need; ports are to be drained in any case, and a
+/// wait that is for ports alone may not say which of them it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ready<K = ()> {
     /// At the place of each source in the wait.
