@@ -21,7 +21,7 @@ use crate::payload::{Layout, ModuleControl, SharedStruct};
 use crate::service::{is_key, module_of};
 use crate::{Request, Topic};
 
-/// Ids of modules outside the RIL. Below are the RIL's own ([`ModuleId`](crate::code::ModuleId)).
+/// Ids of modules outside the RIL. Below are the RIL's own ([`ModuleId`]).
 ///
 /// There is no registry: an id is unique among the modules of one robot, which its operator sees to. The name
 /// distinguishes modules in shared memory; the id is for consumers that know modules by number.
