@@ -20,9 +20,11 @@ use rustix::io::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use crate::dynamic::{DynamicPublisher, DynamicSubscriber};
+use crate::client::Client;
+use crate::dynamic::{DynamicClient, DynamicPublisher, DynamicServer, DynamicSubscriber};
 use crate::publisher::Publisher;
-use crate::service::Topic;
+use crate::server::Server;
+use crate::service::{Request, Topic};
 use crate::subscriber::{ReceiveError, Subscriber};
 use crate::waiter::{Source, WaitError};
 
@@ -61,8 +63,12 @@ macro_rules! ports {
 ports! {
     {T: Topic} Subscriber<T>,
     {T: Topic} Publisher<T>,
+    {R: Request} Client<R>,
+    {R: Request} Server<R>,
     {} DynamicSubscriber,
     {} DynamicPublisher,
+    {} DynamicClient,
+    {} DynamicServer,
 }
 
 /// A port whose waits are those of tokio's event loop.

@@ -1,8 +1,10 @@
 //! [`DynamicSubscriber`] and [`DynamicPublisher`]: read and publish a topic whose struct this program was not built with, by
-//! its schema; [`topics`] lists them.
+//! its schema; [`topics`] lists them. [`DynamicClient`] and [`DynamicServer`]: the same of requests.
 //!
-//! The samples come as bytes, as long as the schema says. That the schema is the right one is checked when the topic is
-//! opened: the hash of its layout must be the one that the service carries.
+//! Samples and requests come as bytes, as long as the schema says. That the schema is the right one is checked when the
+//! service is opened: the hash of its layout must be the one that the service carries.
+
+mod requests;
 
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
@@ -22,7 +24,9 @@ use crate::session::service_folder;
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};
 
-/// A topic cannot be read.
+pub use requests::{DynamicClient, DynamicServer};
+
+/// A service cannot be used by its schema.
 #[derive(Debug, thiserror::Error)]
 pub enum DynamicError {
     /// The samples do not begin with `sequence` and `epoch_ns`, so it is none of the contract's.
@@ -30,13 +34,18 @@ pub enum DynamicError {
         "the samples of `{0}` do not begin with `uint64 sequence` and `uint64 epoch_ns`: it is no topic of a robot's module"
     )]
     NoTopic(String),
-    /// The key cannot be that of a topic.
+    /// The requests do not begin with `request_id`, so it is none of the contract's.
     #[error(
-        "`{0}` is no key of a topic: use `<module>/<topic>` in lower snake case, such as `battery_watch/cell_voltages`"
+        "the requests of `{0}` do not begin with `uint64 request_id`: it is no request service of a robot's module"
+    )]
+    NoRequest(String),
+    /// The key cannot be that of a module's service.
+    #[error(
+        "`{0}` is no key of a module: use `<module>/<service>` in lower snake case, such as `battery_watch/cell_voltages`"
     )]
     InvalidKey(String),
     /// The robot has a service of this key, which carries something else.
-    #[error("`{key}` is a service of the robot's own: as a topic it can only carry `{expected}`")]
+    #[error("`{key}` is a service of the robot's own: it can only carry `{expected}`")]
     OwnService {
         /// Key of the service.
         key: String,
@@ -46,7 +55,7 @@ pub enum DynamicError {
     /// The text is not that of a schema.
     #[error("the schema of `{key}` is not usable")]
     Schema {
-        /// Key of the topic.
+        /// Key of the service.
         key: String,
         /// What is wrong with it.
         source: SchemaError,
@@ -87,8 +96,8 @@ pub fn topics(ipc: &Ipc) -> Vec<TopicFacts> {
     topics
 }
 
-/// The schema of the topic `key` of the robot: the one that lies beside it, and of the robot's own topics the one that this
-/// program was built with when they are not there.
+/// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it, and of the
+/// robot's own the one that this program was built with when they are not there.
 ///
 /// # Errors
 ///
@@ -99,7 +108,6 @@ pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
         Some(current) => generation::schema(&service, &current.name),
         None => own(key)
             .map(ServiceId::contract)
-            .filter(|contract| contract.pattern == Pattern::PublishSubscribe)
             .map(|contract| Schema::from_layout(contract.payload))
             .ok_or_else(|| LoadError::Missing(key.to_owned())),
     }
@@ -153,6 +161,15 @@ impl DynamicSubscriber {
     /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries again.
     pub fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         self.bytes.drain(take)
+    }
+
+    /// Hands on the bytes of the oldest sample that was not handed on yet, and says whether there was one.
+    ///
+    /// # Errors
+    ///
+    /// As [`DynamicSubscriber::drain`].
+    pub fn try_recv(&mut self, take: impl FnOnce(&[u8])) -> Result<bool, ReceiveError> {
+        self.bytes.take_next(take)
     }
 
     /// Sleeps until there is a sample, a signal comes or `timeout` has passed.
@@ -209,14 +226,11 @@ impl DynamicPublisher {
     /// See [`DynamicError`]; [`OpenError::AlreadyProvided`] in it names the live process that publishes.
     pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicPublisher, DynamicError> {
         let text = schema;
-        let schema = Schema::parse(text).map_err(|source| DynamicError::Schema {
-            key: key.to_owned(),
-            source,
-        })?;
+        let schema = parse(key, text)?;
         if !is_sample(&schema) {
             return Err(DynamicError::NoTopic(key.to_owned()));
         }
-        check_key(key, &schema)?;
+        check_key(key, Pattern::PublishSubscribe, schema.layout_hash())?;
         let offer = Offer::of_schema(key, &schema, text);
         Ok(DynamicPublisher {
             bytes: BytesPublisher::open(ipc.session(), offer)?,
@@ -273,18 +287,22 @@ impl sealed::Source for DynamicPublisher {
     }
 }
 
-/// Whether a topic with this schema may have this key.
-fn check_key(key: &str, schema: &Schema) -> Result<(), DynamicError> {
+fn parse(key: &str, schema: &str) -> Result<Schema, DynamicError> {
+    Schema::parse(schema).map_err(|source| DynamicError::Schema {
+        key: key.to_owned(),
+        source,
+    })
+}
+
+/// Whether a service of this pattern, with this layout, may have this key.
+fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
     let Some(own) = own(key).map(ServiceId::contract) else {
         return match is_key(key) && key.contains('/') {
             true => Ok(()),
             false => Err(DynamicError::InvalidKey(key.to_owned())),
         };
     };
-    let is_same = own.pattern == Pattern::PublishSubscribe
-        && own.layout() == schema.type_name()
-        && own.layout_hash() == schema.layout_hash();
-    match is_same {
+    match own.pattern == pattern && own.layout_hash() == layout_hash {
         true => Ok(()),
         false => Err(DynamicError::OwnService {
             key: key.to_owned(),
@@ -295,12 +313,14 @@ fn check_key(key: &str, schema: &Schema) -> Result<(), DynamicError> {
 
 /// Whether samples begin as those of every topic do.
 fn is_sample(schema: &Schema) -> bool {
-    let is = |path, offset| {
-        schema
-            .number(path)
-            .is_some_and(|leaf| leaf.number == Number::U64 && leaf.offset == offset)
-    };
-    is("sequence", SEQUENCE_OFFSET) && is("epoch_ns", EPOCH_OFFSET)
+    has_number(schema, "sequence", SEQUENCE_OFFSET) && has_number(schema, "epoch_ns", EPOCH_OFFSET)
+}
+
+/// Whether there is a `uint64` of this name at this offset.
+fn has_number(schema: &Schema, path: &str, offset: usize) -> bool {
+    schema.number(path).is_some_and(|leaf| {
+        leaf.number == Number::U64 && leaf.len.is_none() && leaf.offset == offset
+    })
 }
 
 #[cfg(test)]

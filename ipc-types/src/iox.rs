@@ -70,13 +70,32 @@ pub(crate) type BytesService = iceoryx2::service::port_factory::publish_subscrib
     [iceoryx2::service::marker::CustomPayloadMarker],
     (),
 >;
-pub(crate) type RequestService<R> = iceoryx2::service::port_factory::request_response::PortFactory<
+/// A request service whose requests are read and written as bytes.
+pub(crate) type RequestService = iceoryx2::service::port_factory::request_response::PortFactory<
     Svc,
-    R,
+    AnyRequest,
     (),
     crate::payload::RequestReport,
     (),
 >;
+
+/// Stands for a request of any size, which only the service's settings know. A reference to it covers no byte; its address is
+/// that of the request.
+///
+/// Not iceoryx2's own marker for bytes, `[CustomPayloadMarker]`: a server of slices is given no request of a client that has
+/// gone, and does not give it back either (`port/server.rs:796`), which ends the process in time. See
+/// [`FIRE_AND_FORGET`](crate::service::FIRE_AND_FORGET).
+#[repr(C)]
+#[derive(Debug)]
+pub(crate) struct AnyRequest([u8; 0]);
+
+// SAFETY: it has no bytes. The name is replaced by that of the struct that a service carries.
+#[allow(unsafe_code)]
+unsafe impl ZeroCopySend for AnyRequest {
+    unsafe fn type_name() -> &'static str {
+        "any request"
+    }
+}
 
 /// What lies in shared memory: implemented for every struct of the contract, and for nothing else.
 pub trait Wire: ZeroCopySend + Debug + Default + Copy + Send + 'static {}

@@ -102,7 +102,7 @@ impl Ipc {
     /// # Errors
     ///
     /// As [`Ipc::client`]; and when the service carries something else.
-    pub fn client_of<R: Request>(&self, key: &'static str) -> Result<Client<R>, OpenError> {
+    pub fn client_of<R: Request>(&self, key: &str) -> Result<Client<R>, OpenError> {
         Client::open(&self.session, key)
     }
 

@@ -13,7 +13,7 @@
 //! * [`ipc`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once; with the feature `tokio`
 //!   `Async`, a port in that event loop;
-//! * [`dynamic`]: topics of structs that this program was not built with;
+//! * [`dynamic`]: topics and requests of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
 //! * [`scheduling`]: how a thread that waits comes to run sooner;
 //! * [`files`]: creating files in a process with threads that open ports.
@@ -53,7 +53,9 @@
 mod anticipation;
 #[cfg(feature = "tokio")]
 mod async_io;
+mod bytes_client;
 pub mod client;
+mod client_port;
 pub mod code;
 pub mod domain;
 mod domain_error;
@@ -78,6 +80,7 @@ mod pollable;
 pub mod provider;
 pub mod publisher;
 mod random;
+mod request_handle;
 pub mod request_id;
 mod reserve;
 pub mod robot;
@@ -106,7 +109,9 @@ pub use async_io::{Async, AsyncError};
 pub use client::{Client, SendError};
 pub use domain::Domain;
 pub use domain_error::DomainError;
-pub use dynamic::{DynamicError, DynamicPublisher, DynamicSubscriber};
+pub use dynamic::{
+    DynamicClient, DynamicError, DynamicPublisher, DynamicServer, DynamicSubscriber,
+};
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
@@ -114,6 +119,7 @@ pub use module::{ControlOf, Module, StateOf, StatusModule};
 pub use open::OpenError;
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};
+pub use request_handle::RequestHandle;
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
 pub use scheduling::{SchedulingRole, request_short_slice};

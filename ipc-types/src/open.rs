@@ -11,7 +11,7 @@ use iceoryx2::prelude::{
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
-use iceoryx2::service::builder::request_response::RequestResponseOpenError;
+use iceoryx2::service::builder::request_response::{self, RequestResponseOpenError};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
@@ -19,8 +19,8 @@ use crate::domain::SHM_DIR;
 use crate::domain_error::DomainError;
 use crate::files;
 use crate::generation::{EnterError, Generation};
-use crate::iox::{BytesService, RequestService, Svc, TopicService};
-use crate::payload::RequestReport;
+use crate::iox::{AnyRequest, BytesService, RequestService, Svc, TopicService};
+use crate::payload::{FieldKind, FieldLayout, Number, RequestReport, SharedStruct};
 use crate::provider::Provider;
 use crate::robot::RobotId;
 use crate::schema::Schema;
@@ -111,6 +111,9 @@ impl OpenError {
         }
     }
 }
+
+/// The field of a request that every report about it repeats, if the request has it.
+const PATH_ID: &str = "path_id";
 
 /// Free bytes and inodes below which a failure is laid to them.
 const LOW_BYTES: u64 = 4 << 20;
@@ -256,29 +259,53 @@ fn layout_of(
     })
 }
 
-/// What a publisher makes a topic of.
+/// What a service carries: what its provider makes it of, and what a client expects.
+#[derive(Clone, Debug)]
 pub(crate) struct Offer {
     /// Last part of the service's name.
     pub(crate) key: String,
-    /// Name of the type in shared memory.
-    type_name: String,
+    /// Type names, as the attribute `layout` has them.
+    layout: String,
+    /// The attribute `layout_hash`, as a number.
     layout_hash: u64,
-    /// Bytes of a sample.
+    /// Name of the payload's type in shared memory.
+    type_name: String,
+    /// Bytes of a sample or a request.
     pub(crate) size: usize,
     align: usize,
-    /// The schema's text.
+    /// Of a request: where its `path_id` lies, if it has one, bytes.
+    pub(crate) path_offset: Option<usize>,
+    /// The text of the payload's schema.
     pub(crate) schema: String,
 }
 
 impl Offer {
     pub(crate) fn of_topic<T: Topic>() -> Offer {
-        let contract = Contract::of_topic::<T>();
+        Offer::of_contract(T::KEY, &Contract::of_topic::<T>())
+    }
+
+    /// The service `key`, which carries `R`.
+    pub(crate) fn of_request<R: Request>(key: &str) -> Offer {
+        Offer::of_contract(key, &Contract::of_request::<R>())
+    }
+
+    fn of_contract(key: &str, contract: &Contract) -> Offer {
+        let payload = contract.payload;
+        let path_id = |field: &&FieldLayout| {
+            field.name == PATH_ID && field.kind == FieldKind::Number(Number::U64)
+        };
         Offer {
-            key: T::KEY.to_owned(),
-            type_name: contract.layout(),
+            key: key.to_owned(),
+            layout: contract.layout(),
             layout_hash: contract.layout_hash(),
-            size: size_of::<T>(),
-            align: align_of::<T>(),
+            type_name: payload.type_name.to_owned(),
+            size: payload.size,
+            align: payload.align,
+            path_offset: payload
+                .fields
+                .iter()
+                .find(path_id)
+                .map(|field| field.offset),
             schema: contract.schema(),
         }
     }
@@ -287,20 +314,46 @@ impl Offer {
     pub(crate) fn of_schema(key: &str, schema: &Schema, text: &str) -> Offer {
         Offer {
             key: key.to_owned(),
-            type_name: schema.type_name().to_owned(),
+            layout: schema.type_name().to_owned(),
             layout_hash: schema.layout_hash(),
+            type_name: schema.type_name().to_owned(),
             size: schema.size(),
             align: schema.align(),
+            path_offset: None,
             schema: text.to_owned(),
+        }
+    }
+
+    /// As [`Offer::of_schema`], of a request service. A client has no use for the text.
+    pub(crate) fn of_request_schema(key: &str, schema: &Schema, text: &str) -> Offer {
+        let path_id = schema.number(PATH_ID);
+        Offer {
+            layout: format!("{}/{}", schema.type_name(), RequestReport::TYPE_NAME),
+            layout_hash: schema.request_layout_hash(),
+            path_offset: path_id
+                .filter(|leaf| leaf.number == Number::U64 && leaf.len.is_none())
+                .map(|leaf| leaf.offset),
+            ..Offer::of_schema(key, schema, text)
         }
     }
 
     fn expected(&self, robot: RobotId) -> Expected {
         Expected {
             name: service::service_name(robot, &self.key),
-            layout: self.type_name.clone(),
+            layout: self.layout.clone(),
             layout_hash: self.layout_hash,
         }
+    }
+
+    /// The payload's type as iceoryx2 describes it.
+    fn payload(&self, service: &str) -> Result<TypeDetail, OpenError> {
+        TypeDetail::__internal_new_from_parts(
+            TypeVariant::FixedSize,
+            &self.type_name,
+            self.size,
+            self.align,
+        )
+        .map_err(|error| failed(service, error))
     }
 }
 
@@ -312,13 +365,7 @@ pub(crate) fn create_topic(
 ) -> Result<TopicService, OpenError> {
     let expected = offer.expected(robot);
     let name = &expected.name;
-    let payload = TypeDetail::__internal_new_from_parts(
-        TypeVariant::FixedSize,
-        &offer.type_name,
-        offer.size,
-        offer.align,
-    )
-    .map_err(|error| failed(name, error))?;
+    let payload = offer.payload(name)?;
     let attributes = specifier(&expected, &offer.key, robot)?;
     let builder = generation
         .node()
@@ -380,18 +427,41 @@ pub(crate) fn open_topic(
     })
 }
 
-/// Makes the request service of `R`.
-pub(crate) fn create_request<R: Request>(
+type RequestBuilder<Request, Report> = request_response::Builder<Request, (), Report, (), Svc>;
+
+/// The builder of a request service whose requests are as `offer` says.
+fn request_builder(
     generation: &Generation,
-    robot: RobotId,
-) -> Result<RequestService<R>, OpenError> {
-    let contract = Contract::of_request::<R>();
-    let name = contract.name(robot);
-    let attributes = specifier(&Expected::of(&contract, robot), contract.key, robot)?;
+    offer: &Offer,
+    name: &str,
+) -> Result<RequestBuilder<AnyRequest, RequestReport>, OpenError> {
+    let payload = offer.payload(name)?;
     let builder = generation
         .node()
-        .service_builder(&service_name(&name)?)
-        .request_response::<R, RequestReport>()
+        .service_builder(&service_name(name)?)
+        .request_response::<[CustomPayloadMarker], [CustomPayloadMarker]>();
+    // SAFETY: the requests are read and written as bytes, as many and as aligned as the details say. Only a builder for iceoryx2's
+    // own marker takes details; it differs from the one that is made of it in markers without size, as in the change of type by
+    // which iceoryx2 itself sets a user header (`service/builder/request_response.rs:546`).
+    #[allow(unsafe_code)]
+    Ok(unsafe {
+        std::mem::transmute::<
+            RequestBuilder<[CustomPayloadMarker], [CustomPayloadMarker]>,
+            RequestBuilder<AnyRequest, RequestReport>,
+        >(builder.__internal_set_request_payload_type_details(&payload))
+    })
+}
+
+/// Makes a request service.
+pub(crate) fn create_request(
+    generation: &Generation,
+    offer: &Offer,
+    robot: RobotId,
+) -> Result<RequestService, OpenError> {
+    let expected = offer.expected(robot);
+    let name = &expected.name;
+    let attributes = specifier(&expected, &offer.key, robot)?;
+    let builder = request_builder(generation, offer, name)?
         .max_servers(service::MAX_PROVIDERS)
         .max_clients(service::MAX_CLIENTS)
         .max_nodes(service::MAX_NODES)
@@ -403,27 +473,20 @@ pub(crate) fn create_request<R: Request>(
         .enable_safe_overflow_for_requests(false)
         .enable_safe_overflow_for_responses(false);
     files::while_no_port_opens(|| builder.create_with_attributes(&attributes))
-        .map_err(|error| failed(&name, error))
+        .map_err(|error| failed(name, error))
 }
 
-/// Opens the request service `key`, which carries `R`.
-pub(crate) fn open_request<R: Request>(
+/// Opens a request service.
+pub(crate) fn open_request(
     generation: &Generation,
+    offer: &Offer,
     robot: RobotId,
-    key: &'static str,
-) -> Result<RequestService<R>, OpenError> {
+) -> Result<RequestService, OpenError> {
     use RequestResponseOpenError as Error;
-    let contract = Contract {
-        key,
-        ..Contract::of_request::<R>()
-    };
-    let expected = Expected::of(&contract, robot);
+    let expected = offer.expected(robot);
     let name = service_name(&expected.name)?;
     let attributes = expected.verifier()?;
-    let builder = generation
-        .node()
-        .service_builder(&name)
-        .request_response::<R, RequestReport>();
+    let builder = request_builder(generation, offer, &expected.name)?;
     files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
         match error {
             Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => expected

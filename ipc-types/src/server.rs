@@ -1,13 +1,19 @@
-//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report.
+//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report. What it does with bytes,
+//! `BytesServer` does, which knows nothing of structs.
 
+use std::cell::OnceCell;
+use std::marker::PhantomData;
+use std::mem;
+use std::os::fd::BorrowedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
 use crate::doorbell::{Channel, Place, place};
-use crate::open::OpenError;
+use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
+use crate::pollable::{self, Pollable};
 use crate::provider::ProviderLock;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
 use crate::serving_port::{Entry, ServingPort};
@@ -39,40 +45,15 @@ const MAX_FORMER: usize = 3;
 /// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
 /// final stage closes it.
 pub struct Server<R: Request> {
-    // First, so that open requests are closed before the ports go, and their clients woken last of all.
-    tickets: Tickets<Entry<R>>,
-    port: ServingPort<R>,
-    /// The ports of former generations, until their last request is answered, and when they began to be former.
-    former: Vec<(ServingPort<R>, MonotonicNs)>,
-    /// When to try again to begin a new generation.
-    retry: MonotonicNs,
-    waiter: Waiter,
-    refused_full: u64,
-    /// Whether there are reports of which the clients were not told.
-    is_quiet: bool,
-    place: Place,
-    _lock: ProviderLock,
-    session: Arc<Session>,
+    bytes: BytesServer,
+    payload: PhantomData<fn() -> R>,
 }
-
-// SAFETY: the requests that it has taken share counts of references with its ports alone, see [`Svc`](crate::iox::Svc).
-#[allow(unsafe_code)]
-unsafe impl<R: Request> Send for Server<R> {}
 
 impl<R: Request> Server<R> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Server<R>, OpenError> {
-        let lock = session.provide(R::KEY)?;
         Ok(Server {
-            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
-            port: ServingPort::make(session, 1)?,
-            former: Vec::with_capacity(MAX_FORMER),
-            retry: MonotonicNs::default(),
-            waiter: Waiter::new(),
-            refused_full: 0,
-            is_quiet: false,
-            place: place(R::KEY),
-            _lock: lock,
-            session: Arc::clone(session),
+            bytes: BytesServer::open(session, Offer::of_request::<R>(R::KEY))?,
+            payload: PhantomData,
         })
     }
 
@@ -90,11 +71,165 @@ impl<R: Request> Server<R> {
     /// [`ServeError`] when iceoryx2 fails; what was handed on counts. Where a client cannot be connected, a new generation
     /// begins.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
+        self.bytes.drain(|ticket, request| {
+            // They are as many: the service was made for `R`.
+            if let Some(request) = R::from_bytes(request) {
+                take(ticket, &request);
+            }
+        })
+    }
+
+    /// Answers a request. A final stage closes it; its ticket is then worth nothing.
+    ///
+    /// `request_id` is written here, and `reported_ns` if it is 0. A final report that the client has no room for is
+    /// kept and sent by a later [`Server::drain`]; this counts as sent.
+    ///
+    /// # Errors
+    ///
+    /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final report always comes.
+    pub fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
+        self.bytes.report(ticket, report)
+    }
+
+    /// As [`Server::report`], but leaves the clients asleep until [`Server::wake_clients`]: for a server that has something
+    /// more urgent to do than to wake others, who would take its processor.
+    ///
+    /// # Errors
+    ///
+    /// As [`Server::report`].
+    pub fn report_quietly(
+        &mut self,
+        ticket: Ticket,
+        report: &RequestReport,
+    ) -> Result<(), ReportError> {
+        self.bytes.report_quietly(ticket, report)
+    }
+
+    /// Wakes the clients if there was a quiet report since the last time.
+    pub fn wake_clients(&mut self) {
+        self.bytes.wake_clients();
+    }
+
+    /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
+    ///
+    /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
+    /// within a second.
+    pub fn vanished(&mut self, gone: impl FnMut(Ticket, u64)) {
+        self.bytes.vanished(gone);
+    }
+
+    /// Sleeps until there is a request, a signal comes or `timeout` has passed.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
+        self.bytes.wait(timeout)
+    }
+
+    /// As [`Subscriber::descriptor`](crate::Subscriber::descriptor): it can be read once there is a request, or a client is gone, and
+    /// [`Server::drain`] empties it.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.bytes.descriptor()
+    }
+
+    /// The process that sent a request which is open, by its id in the sender's own PID namespace.
+    pub fn sender(&self, ticket: Ticket) -> Option<u32> {
+        self.bytes.tickets.get(ticket)?.sender()
+    }
+
+    /// Requests that have a ticket.
+    pub fn open_tickets(&self) -> usize {
+        self.bytes.tickets.len()
+    }
+
+    /// Requests that were refused because too many were open.
+    pub fn refused_full(&self) -> u64 {
+        self.bytes.refused_full + self.bytes.port.refused_full()
+    }
+
+    /// Generations of shared memory that this server has begun, the first included.
+    pub fn generations(&self) -> u64 {
+        self.bytes.generations()
+    }
+
+    /// Begins a new generation at the next [`Server::drain`], as if the present one were worn: for tests.
+    #[doc(hidden)]
+    pub fn wear_out(&self) {
+        self.bytes.port.tended.wear_out("it was asked for");
+    }
+}
+
+impl<R: Request> sealed::Source for Server<R> {
+    fn has_something(&self) -> bool {
+        self.bytes.has_something()
+    }
+
+    fn sense(&self) -> sealed::Sense<'_> {
+        self.bytes.sense()
+    }
+}
+
+/// Takes requests that are bytes.
+pub(crate) struct BytesServer {
+    // First, so that open requests are closed before the ports go, and their clients woken last of all.
+    tickets: Tickets<Entry>,
+    port: ServingPort,
+    /// The ports of former generations, until their last request is answered, and when they began to be former.
+    former: Vec<(ServingPort, MonotonicNs)>,
+    /// When to try again to begin a new generation.
+    retry: MonotonicNs,
+    waiter: Waiter,
+    pollable: OnceCell<Pollable>,
+    refused_full: u64,
+    /// Whether there are reports of which the clients were not told.
+    is_quiet: bool,
+    place: Place,
+    offer: Offer,
+    _lock: ProviderLock,
+    session: Arc<Session>,
+}
+
+// SAFETY: the requests that it has taken share counts of references with its ports alone, see [`Svc`](crate::iox::Svc).
+#[allow(unsafe_code)]
+unsafe impl Send for BytesServer {}
+
+impl BytesServer {
+    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesServer, OpenError> {
+        let lock = session.provide(&offer.key)?;
+        Ok(BytesServer {
+            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
+            port: ServingPort::make(session, &offer, 1)?,
+            former: Vec::with_capacity(MAX_FORMER),
+            retry: MonotonicNs::default(),
+            waiter: Waiter::new(),
+            pollable: OnceCell::new(),
+            refused_full: 0,
+            is_quiet: false,
+            place: place(&offer.key),
+            offer,
+            _lock: lock,
+            session: Arc::clone(session),
+        })
+    }
+
+    /// See [`Server::drain`].
+    pub(crate) fn drain(
+        &mut self,
+        mut take: impl FnMut(Ticket, &[u8]),
+    ) -> Result<usize, ServeError> {
         self.change_generation();
         let mut taken = 0;
         for (former, _) in &mut self.former {
             // What fails there has no consequence: its clients change to the new generation.
             taken += former.drain(&mut self.tickets, &mut take).unwrap_or(0);
+        }
+        if let Some(pollable) = self.pollable.get() {
+            pollable.drained();
         }
         let (port, tickets) = (&mut self.port, &mut self.tickets);
         match catch_unwind(AssertUnwindSafe(|| port.drain(tickets, &mut take))) {
@@ -108,21 +243,26 @@ impl<R: Request> Server<R> {
         &mut self,
         panic: Box<dyn std::any::Any + Send>,
     ) -> Result<usize, ServeError> {
-        let Ok(port) = ServingPort::make(&self.session, self.port.number() + 1) else {
+        let Ok(port) = ServingPort::make(&self.session, &self.offer, self.port.number() + 1) else {
             std::panic::resume_unwind(panic);
         };
-        let broken = std::mem::replace(&mut self.port, port);
+        let broken = self.replace_port(port);
         let number = broken.number();
         // Their clients see that they are not served any more. Nothing of the broken port is touched again.
-        self.tickets.remove_where(
-            |entry| entry.is_of(number),
-            |_, entry| std::mem::forget(entry),
-        );
-        std::mem::forget(broken);
+        self.tickets
+            .remove_where(|entry| entry.is_of(number), |_, entry| mem::forget(entry));
+        mem::forget(broken);
         Err(ServeError {
-            service: R::KEY,
+            service: self.offer.key.clone(),
             reason: "iceoryx2 panicked; a new generation has begun".to_owned(),
         })
+    }
+
+    fn replace_port(&mut self, port: ServingPort) -> ServingPort {
+        if let Some(pollable) = self.pollable.get() {
+            pollable.change(&port.requests);
+        }
+        mem::replace(&mut self.port, port)
     }
 
     fn change_generation(&mut self) {
@@ -136,9 +276,9 @@ impl<R: Request> Server<R> {
             return;
         }
         self.retry = now + RETRY;
-        match ServingPort::make(&self.session, self.port.number() + 1) {
+        match ServingPort::make(&self.session, &self.offer, self.port.number() + 1) {
             Ok(port) => {
-                let former = std::mem::replace(&mut self.port, port);
+                let former = self.replace_port(port);
                 if self.former.len() == MAX_FORMER {
                     let (oldest, _) = self.former.remove(0);
                     self.tickets
@@ -167,27 +307,19 @@ impl<R: Request> Server<R> {
         }
     }
 
-    /// Answers a request. A final stage closes it; its ticket is then worth nothing.
-    ///
-    /// `request_id` is written here, and `reported_ns` if it is 0. A final report that the client has no room for is
-    /// kept and sent by a later [`Server::drain`]; this counts as sent.
-    ///
-    /// # Errors
-    ///
-    /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final report always comes.
-    pub fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
+    /// See [`Server::report`].
+    pub(crate) fn report(
+        &mut self,
+        ticket: Ticket,
+        report: &RequestReport,
+    ) -> Result<(), ReportError> {
         let result = self.report_quietly(ticket, report);
         self.wake_clients();
         result
     }
 
-    /// As [`Server::report`], but leaves the clients asleep until [`Server::wake_clients`]: for a server that has something
-    /// more urgent to do than to wake others, who would take its processor.
-    ///
-    /// # Errors
-    ///
-    /// As [`Server::report`].
-    pub fn report_quietly(
+    /// See [`Server::report_quietly`].
+    pub(crate) fn report_quietly(
         &mut self,
         ticket: Ticket,
         report: &RequestReport,
@@ -223,9 +355,9 @@ impl<R: Request> Server<R> {
         Ok(())
     }
 
-    /// Wakes the clients if there was a quiet report since the last time.
-    pub fn wake_clients(&mut self) {
-        if std::mem::take(&mut self.is_quiet) {
+    /// See [`Server::wake_clients`].
+    pub(crate) fn wake_clients(&mut self) {
+        if mem::take(&mut self.is_quiet) {
             self.port.responses.wake();
             for (former, _) in &self.former {
                 former.responses.wake();
@@ -233,11 +365,8 @@ impl<R: Request> Server<R> {
         }
     }
 
-    /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
-    ///
-    /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
-    /// within a second.
-    pub fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
+    /// See [`Server::vanished`].
+    pub(crate) fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
         self.port.update(&mut self.tickets);
         for (former, _) in &mut self.former {
             former.update(&mut self.tickets);
@@ -253,52 +382,31 @@ impl<R: Request> Server<R> {
         );
     }
 
-    /// Sleeps until there is a request, a signal comes or `timeout` has passed.
-    ///
-    /// # Errors
-    ///
-    /// See [`WaitError`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        let waiter = std::mem::take(&mut self.waiter);
+    pub(crate) fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
+        let waiter = mem::take(&mut self.waiter);
         let wake = waiter.wait_for_one(self, timeout);
         self.waiter = waiter;
         wake
     }
 
-    /// The process that sent a request which is open, by its id in the sender's own PID namespace.
-    pub fn sender(&self, ticket: Ticket) -> Option<u32> {
-        self.tickets.get(ticket)?.sender()
+    /// See [`Server::descriptor`].
+    pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        pollable::of(&self.pollable, Some(&self.port.requests))
     }
 
-    /// Requests that have a ticket.
-    pub fn open_tickets(&self) -> usize {
-        self.tickets.len()
-    }
-
-    /// Requests that were refused because too many were open.
-    pub fn refused_full(&self) -> u64 {
-        self.refused_full + self.port.refused_full()
-    }
-
-    /// Generations of shared memory that this server has begun, the first included.
-    pub fn generations(&self) -> u64 {
+    /// See [`Server::generations`].
+    pub(crate) fn generations(&self) -> u64 {
         self.port.number()
     }
-
-    /// Begins a new generation at the next [`Server::drain`], as if the present one were worn: for tests.
-    #[doc(hidden)]
-    pub fn wear_out(&self) {
-        self.port.tended.wear_out("it was asked for");
-    }
 }
 
-impl<R: Request> Drop for Server<R> {
+impl Drop for BytesServer {
     fn drop(&mut self) {
-        self.session.withdraw(R::KEY);
+        self.session.withdraw(&self.offer.key);
     }
 }
 
-impl<R: Request> sealed::Source for Server<R> {
+impl sealed::Source for BytesServer {
     fn has_something(&self) -> bool {
         self.port.has_something() || self.former.iter().any(|(former, _)| former.has_something())
     }

@@ -20,12 +20,12 @@ use crate::doorbell::{Channel, place};
 use crate::event::Event;
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
-use crate::iox::{RequestService, Svc};
-use crate::open::{self, OpenError};
+use crate::iox::{AnyRequest, RequestService, Svc};
+use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{
-    Contract, MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, RESPONSE_BUFFER,
-    Request,
+    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, Pattern, REQUEST_ID_OFFSET,
+    RESPONSE_BUFFER, service_name,
 };
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
@@ -63,7 +63,7 @@ const UNCONNECTED_TIME: Duration = Duration::from_secs(2);
 #[derive(Debug, thiserror::Error)]
 #[error("requests of {service} cannot be received ({reason}); the next call tries again")]
 pub struct ServeError {
-    pub(crate) service: &'static str,
+    pub(crate) service: String,
     pub(crate) reason: String,
 }
 
@@ -118,13 +118,14 @@ pub(crate) type PortNumber = u64;
 ///
 /// Nothing is done about a client that writes where it must not: processes of one user trust one another (docs/ipc.md,
 /// section 1).
-pub(crate) struct ServingPort<R: Request> {
+pub(crate) struct ServingPort {
     number: PortNumber,
     /// Requests of clients that are gone. Each looks like an open request of the client that came after.
-    held_back: Vec<Active<R>>,
-    port: iceoryx2::port::server::Server<Svc, R, (), RequestReport, ()>,
-    service: RequestService<R>,
-    round: Round<R>,
+    held_back: Vec<Active>,
+    port: iceoryx2::port::server::Server<Svc, AnyRequest, (), RequestReport, ()>,
+    service: RequestService,
+    round: Round,
+    layout: RequestLayout,
     /// Whether connections may have been updated since the requests of those that are gone were closed.
     is_updated: Cell<bool>,
     pub(crate) requests: WakeReceiver,
@@ -142,20 +143,43 @@ pub(crate) struct ServingPort<R: Request> {
     _generation: Generation,
 }
 
-type Active<R> = ActiveRequest<Svc, R, (), RequestReport, ()>;
+type Active = ActiveRequest<Svc, AnyRequest, (), RequestReport, ()>;
+
+/// What a server must know of the bytes of a request.
+struct RequestLayout {
+    /// Last part of the service's name.
+    key: String,
+    /// Bytes of a request.
+    size: usize,
+    /// Where its `path_id` lies, if it has one.
+    path_offset: Option<usize>,
+}
+
+impl RequestLayout {
+    /// The bytes of a request.
+    fn bytes<'a>(&self, active: &'a Active) -> &'a [u8] {
+        let payload = std::ptr::from_ref(active.payload()).cast();
+        // SAFETY: the service was made for requests of this size, and iceoryx2 compares the client's with it. The bytes lie in
+        // the client's segment and stay as long as the request is held.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::slice::from_raw_parts(payload, self.size)
+        }
+    }
+}
 
 /// A request that has a ticket.
-pub(crate) struct Entry<R: Request> {
+pub(crate) struct Entry {
     /// The port that got it.
     port: PortNumber,
     /// Nothing when the client has given it up or is gone; the owner of the ticket has then still to be told.
-    active: Option<Active<R>>,
+    active: Option<Active>,
     pub(crate) request_id: u64,
     /// The final report, while the client has no room for it.
     pub(crate) unsent: Option<RequestReport>,
 }
 
-impl<R: Request> Entry<R> {
+impl Entry {
     pub(crate) fn is_open(&self) -> bool {
         self.active.as_ref().is_some_and(Active::is_connected)
     }
@@ -180,7 +204,7 @@ impl<R: Request> Entry<R> {
     }
 }
 
-fn send<R: Request>(to: &Active<R>, report: &RequestReport) -> Result<(), ReportError> {
+fn send(to: &Active, report: &RequestReport) -> Result<(), ReportError> {
     match to.send_copy(*report) {
         Ok(()) => Ok(()),
         Err(IoxSendError::UnableToDeliver | IoxSendError::LoanError(LoanError::OutOfMemory)) => {
@@ -190,31 +214,41 @@ fn send<R: Request>(to: &Active<R>, report: &RequestReport) -> Result<(), Report
     }
 }
 
+/// The number at an offset of a request; 0 when the request is too short, which no schema allows.
+pub(crate) fn word(request: &[u8], offset: usize) -> u64 {
+    let bytes = request.get(offset..offset + 8);
+    bytes
+        .and_then(|bytes| bytes.try_into().ok())
+        .map_or(0, u64::from_ne_bytes)
+}
+
 /// What one [`Server::drain`] has read. Empty between two of them; kept for its memory.
-struct Round<R: Request> {
-    /// Requests to hand on, with how many of the same client came before.
-    taken: Vec<(usize, Ticket, R)>,
+struct Round {
+    /// Requests to hand on: how many of the same client came before, and where its bytes are in `payloads`.
+    taken: Vec<(usize, Ticket, usize)>,
+    payloads: Vec<u8>,
     /// Whose they are, one for each.
     senders: Vec<UniqueClientId>,
     /// Requests that were given up or refused. A client has its share of a round as long as iceoryx2 counts them as held.
-    ended: Vec<Active<R>>,
+    ended: Vec<Active>,
 }
 
 // SAFETY: it owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
 #[allow(unsafe_code)]
-unsafe impl<R: Request> Send for ServingPort<R> {}
+unsafe impl Send for ServingPort {}
 
-impl<R: Request> ServingPort<R> {
+impl ServingPort {
     pub(crate) fn make(
         session: &Arc<Session>,
+        offer: &Offer,
         number: PortNumber,
-    ) -> Result<ServingPort<R>, OpenError> {
-        let contract = Contract::of_request::<R>();
-        let (key, pattern) = (contract.key, contract.pattern);
-        session.begin(key, pattern, &contract.schema(), |generation, tended| {
+    ) -> Result<ServingPort, OpenError> {
+        let key = offer.key.as_str();
+        let pattern = Pattern::RequestResponse;
+        session.begin(key, pattern, &offer.schema, |generation, tended| {
             let robot = session.robot();
-            let service = open::create_request::<R>(&generation, robot)?;
-            let event = |channel| Event::create(&generation, robot, R::KEY, channel);
+            let service = open::create_request(&generation, offer, robot)?;
+            let event = |channel| Event::create(&generation, robot, key, channel);
             let requests = WakeReceiver::new(event(Channel::Requests)?);
             requests.listener()?;
             let failures = Arc::new(AtomicU32::new(0));
@@ -228,7 +262,7 @@ impl<R: Request> ServingPort<R> {
             };
             let responses = event(Channel::Responses)?;
             let port = open::port(
-                &contract.name(robot),
+                &service_name(robot, key),
                 ("servers", MAX_PROVIDERS),
                 |error| error == ServerCreateError::ExceedsMaxSupportedServers,
                 || {
@@ -251,12 +285,18 @@ impl<R: Request> ServingPort<R> {
                 service,
                 round: Round {
                     taken: Vec::new(),
+                    payloads: Vec::new(),
                     senders: Vec::new(),
                     ended: Vec::new(),
                 },
+                layout: RequestLayout {
+                    key: offer.key.clone(),
+                    size: offer.size,
+                    path_offset: offer.path_offset,
+                },
                 is_updated: Cell::new(false),
                 requests,
-                responses: WakeSender::make(session, responses, place(R::KEY), Channel::Responses)?,
+                responses: WakeSender::make(session, responses, place(key), Channel::Responses)?,
                 wear: 0,
                 refused_full: 0,
                 failures,
@@ -278,7 +318,7 @@ impl<R: Request> ServingPort<R> {
     }
 
     /// Brings the requests up to date before one of them is answered.
-    pub(crate) fn settle(&mut self, tickets: &mut Tickets<Entry<R>>) {
+    pub(crate) fn settle(&mut self, tickets: &mut Tickets<Entry>) {
         if self.is_updated.get() {
             self.close_departed(tickets);
         }
@@ -287,8 +327,8 @@ impl<R: Request> ServingPort<R> {
     /// Hands on the requests that are there: see [`Server::drain`](crate::Server::drain).
     pub(crate) fn drain(
         &mut self,
-        tickets: &mut Tickets<Entry<R>>,
-        mut take: impl FnMut(Ticket, &R),
+        tickets: &mut Tickets<Entry>,
+        mut take: impl FnMut(Ticket, &[u8]),
     ) -> Result<usize, ServeError> {
         self.requests.take();
         self.update(tickets);
@@ -306,21 +346,22 @@ impl<R: Request> ServingPort<R> {
         self.round.ended.clear();
         self.round.taken.sort_by_key(|(turn, _, _)| *turn);
         let taken = self.round.taken.len();
-        for (_, ticket, request) in self.round.taken.drain(..) {
-            take(ticket, &request);
+        for (_, ticket, from) in self.round.taken.drain(..) {
+            take(ticket, &self.round.payloads[from..][..self.layout.size]);
         }
+        self.round.payloads.clear();
         result.map(|()| taken)
     }
 
     /// Reads one request into the round; `false` when there is none, or each client that has one has had its share.
-    fn receive(&mut self, tickets: &mut Tickets<Entry<R>>) -> Result<bool, ServeError> {
+    fn receive(&mut self, tickets: &mut Tickets<Entry>) -> Result<bool, ServeError> {
         let active = match self.port.receive() {
             Ok(Some(active)) => active,
             // All that a client can have open is held of each that has more.
             Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
             Err(error) => {
                 return Err(ServeError {
-                    service: R::KEY,
+                    service: self.layout.key.clone(),
                     reason: format!("{error:?}"),
                 });
             }
@@ -332,29 +373,36 @@ impl<R: Request> ServingPort<R> {
             self.close_departed(tickets);
             return Ok(true);
         }
-        let request = *active.payload();
+        // A copy: what a client changes afterwards does not count.
+        let from = self.round.payloads.len();
+        self.round
+            .payloads
+            .extend_from_slice(self.layout.bytes(&active));
         let entry = Entry {
             port: self.number,
             active: Some(active),
-            request_id: request.request_id(),
+            request_id: word(&self.round.payloads[from..], REQUEST_ID_OFFSET),
             unsent: None,
         };
         match tickets.insert(entry) {
             Ok(ticket) => {
                 let earlier = self.round.senders.iter().filter(|of| **of == sender);
-                self.round.taken.push((earlier.count(), ticket, request));
+                self.round.taken.push((earlier.count(), ticket, from));
                 self.round.senders.push(sender);
             }
-            Err(entry) => self.refuse_full(entry, &request),
+            Err(entry) => self.refuse_full(entry, from),
         }
         Ok(true)
     }
 
-    fn refuse_full(&mut self, entry: Entry<R>, request: &R) {
+    /// `from` is where its bytes begin in the round.
+    fn refuse_full(&mut self, entry: Entry, from: usize) {
         self.refused_full += 1;
+        let request = &self.round.payloads[from..];
+        let path_id = self.layout.path_offset.map(|offset| word(request, offset));
         let report = RequestReport {
-            request_id: request.request_id(),
-            path_id: request.path_id(),
+            request_id: entry.request_id,
+            path_id: path_id.unwrap_or_default(),
             reported_ns: MonotonicNs::now().0,
             stage: Stage::Refused.code(),
             reason: Reason::TooManyRequests.code(),
@@ -371,7 +419,7 @@ impl<R: Request> ServingPort<R> {
     }
 
     /// Connects new clients, and lets go of those that are gone.
-    pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry<R>>) {
+    pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry>) {
         self.deaths = self.tended.deaths();
         let clients = self.service.dynamic_config().number_of_clients();
         self.tended.count_places(clients, MAX_CLIENTS);
@@ -385,7 +433,11 @@ impl<R: Request> ServingPort<R> {
         self.close_departed(tickets);
         let failures = self.failures.swap(0, Ordering::Relaxed);
         if failures > 0 {
-            tracing::debug!(failures, service = R::KEY, "a client was not connected");
+            tracing::debug!(
+                failures,
+                service = self.layout.key,
+                "a client was not connected"
+            );
             self.wear = self.wear.saturating_add(failures);
             self.unconnected = Some((MonotonicNs::now(), self.clients()));
         } else if self
@@ -399,13 +451,13 @@ impl<R: Request> ServingPort<R> {
     }
 
     /// Closes the requests of clients that are not in the list any more: see [`Server`].
-    fn close_departed(&mut self, tickets: &mut Tickets<Entry<R>>) {
+    fn close_departed(&mut self, tickets: &mut Tickets<Entry>) {
         self.is_updated.set(false);
         if tickets.len() == 0 && self.held_back.is_empty() && self.round.ended.is_empty() {
             return;
         }
         let present = self.clients();
-        let has_left = |active: &Active<R>| !present.contains(&active.origin());
+        let has_left = |active: &Active| !present.contains(&active.origin());
         let mut left = Vec::new();
         for entry in self.entries(tickets) {
             left.extend(entry.active.take_if(|active| has_left(active)));
@@ -422,8 +474,8 @@ impl<R: Request> ServingPort<R> {
     /// The requests that this port got.
     fn entries<'t>(
         &self,
-        tickets: &'t mut Tickets<Entry<R>>,
-    ) -> impl Iterator<Item = &'t mut Entry<R>> + use<'t, R> {
+        tickets: &'t mut Tickets<Entry>,
+    ) -> impl Iterator<Item = &'t mut Entry> + use<'t> {
         let number = self.number;
         tickets
             .entries_mut()
@@ -431,7 +483,7 @@ impl<R: Request> ServingPort<R> {
     }
 
     /// Closes the requests that their clients have given up.
-    fn close_given_up(&self, tickets: &mut Tickets<Entry<R>>) {
+    fn close_given_up(&self, tickets: &mut Tickets<Entry>) {
         for entry in self.entries(tickets) {
             entry.active.take_if(|active| !active.is_connected());
         }
@@ -460,7 +512,7 @@ impl<R: Request> ServingPort<R> {
     }
 
     /// Tries again to send the final reports that found no room.
-    fn send_unsent(&mut self, tickets: &mut Tickets<Entry<R>>) {
+    fn send_unsent(&mut self, tickets: &mut Tickets<Entry>) {
         let mut is_sent = false;
         let number = self.number;
         tickets.remove_where(

@@ -447,6 +447,12 @@ impl BytesSubscriber {
         }
     }
 
+    /// Hands on the oldest sample that was not handed on yet, and says whether there was one.
+    pub(crate) fn take_next(&mut self, take: impl FnOnce(&[u8])) -> Result<bool, ReceiveError> {
+        let sample = self.next()?;
+        Ok(sample.map(|sample| take(bytes(sample.payload()))).is_some())
+    }
+
     /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can be read.
     fn begin(&mut self) -> Result<(), ReceiveError> {
         // While there is a former generation, its samples are on the way.

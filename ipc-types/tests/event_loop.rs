@@ -5,7 +5,9 @@ mod support;
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::thread;
 
-use ipc_types::payload::DspTelemetry;
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::fresh_request_id;
+use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use support::{WATCHDOG, in_domain, join, until};
@@ -91,5 +93,60 @@ fn a_publisher_is_tended_when_its_descriptor_says_so() {
         }
         assert_eq!(consumer.join().unwrap(), 1);
         assert_eq!(publisher.descriptor().unwrap().as_raw_fd(), number);
+    });
+}
+
+/// Over three servers, each with two generations: a request and its answer wake by the same two descriptors.
+#[test]
+fn the_descriptors_of_clients_and_servers_outlive_generations() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let of_client = client.descriptor().unwrap().as_raw_fd();
+        for _ in 0..3 {
+            let mut server = ipc.server::<ModuleControl>().unwrap();
+            let of_server = server.descriptor().unwrap().as_raw_fd();
+            for _ in 0..2 {
+                let request = ModuleControl::new(fresh_request_id(), ControlCommand::Start);
+                client.send(&request).unwrap();
+                let mut tickets = Vec::new();
+                until("the request", || {
+                    wait_until_readable(server.descriptor().unwrap());
+                    server.drain(|ticket, _| tickets.push(ticket)).unwrap() > 0
+                });
+                let done = RequestReport::new(Stage::Done, Reason::None);
+                server.report(tickets[0], &done).unwrap();
+                until("the report", || {
+                    wait_until_readable(client.descriptor().unwrap());
+                    client.drain(|report| assert_eq!(report.request_id, request.request_id)) > 0
+                });
+                server.wear_out();
+            }
+            assert_eq!(server.generations(), 2);
+            assert_eq!(server.descriptor().unwrap().as_raw_fd(), of_server);
+        }
+        assert_eq!(client.descriptor().unwrap().as_raw_fd(), of_client);
+    });
+}
+
+#[test]
+fn draining_makes_the_descriptors_of_clients_and_servers_unreadable() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        // A machine that stalls for longer than the bound between drain and look sees the bound.
+        until("quiet", || {
+            wait_until_readable(client.descriptor().unwrap());
+            client.drain(|_| {});
+            !is_readable(client.descriptor().unwrap())
+        });
+        until("quiet", || {
+            wait_until_readable(server.descriptor().unwrap());
+            server.drain(|_, _| {}).unwrap();
+            !is_readable(server.descriptor().unwrap())
+        });
+        wait_until_readable(client.descriptor().unwrap());
+        wait_until_readable(server.descriptor().unwrap());
     });
 }

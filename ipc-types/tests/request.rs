@@ -630,3 +630,93 @@ fn eight_clients_that_flood_keep_no_request_of_another_from_its_final_report() {
         assert_eq!(server.refused_full(), 0);
     });
 }
+
+/// Answers each request that comes with these stages, in a thread of its own, until it has taken `count`.
+fn answering(
+    mut server: Server<MovementData>,
+    stages: &'static [Stage],
+    count: usize,
+) -> thread::JoinHandle<Server<MovementData>> {
+    thread::spawn(move || {
+        let mut taken = 0;
+        while taken < count {
+            server.wait(WATCHDOG).unwrap();
+            for (ticket, _) in take(&mut server) {
+                taken += 1;
+                for stage in stages {
+                    server.report(ticket, &report(*stage)).unwrap();
+                }
+            }
+        }
+        server
+    })
+}
+
+#[test]
+fn a_handle_follows_one_request_to_its_result() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let server = ipc.server::<MovementData>().unwrap();
+        let serving = answering(server, &[Stage::Accepted, Stage::Progress, Stage::Done], 2);
+        let order = MovementData::take_off(fresh_request_id(), 12.5);
+        let mut handle = client.request(&order).unwrap();
+        assert_eq!(handle.request_id(), order.request_id);
+        let feedback: Vec<_> = handle
+            .feedback()
+            .map(|report| report.unwrap().stage().unwrap())
+            .collect();
+        assert_eq!(feedback, [Stage::Accepted, Stage::Progress]);
+        for _ in 0..2 {
+            assert_eq!(handle.result().unwrap().stage(), Some(Stage::Done));
+        }
+        assert_eq!(handle.recv_timeout(WATCHDOG).unwrap(), None);
+        drop(handle);
+        assert_eq!(client.outstanding(), 0);
+        let landing = MovementData::land(fresh_request_id());
+        let result = client.request(&landing).unwrap().result().unwrap();
+        assert_eq!(
+            (result.request_id, result.stage()),
+            (landing.request_id, Some(Stage::Done))
+        );
+        drop(serving.join().unwrap());
+    });
+}
+
+#[test]
+fn a_handle_that_is_dropped_gives_up_its_request_alone() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let other = MovementData::land(fresh_request_id());
+        client.send(&other).unwrap();
+        let given_up = MovementData::hold(fresh_request_id());
+        let mut handle = client.request(&given_up).unwrap();
+        let requests = take(&mut server);
+        assert_eq!(requests.len(), 2);
+        for (ticket, _) in &requests {
+            server.report(*ticket, &report(Stage::Accepted)).unwrap();
+        }
+        // What comes about the other request is no wake-up for the handle, and is kept for the client.
+        let first = handle.recv_timeout(WATCHDOG).unwrap().unwrap();
+        assert_eq!(first.request_id, given_up.request_id);
+        assert_eq!(handle.recv_timeout(A_MOMENT).unwrap(), None);
+        drop(handle);
+        let mut gone = Vec::new();
+        server.vanished(|_, request_id| gone.push(request_id));
+        assert_eq!(gone, [given_up.request_id]);
+        assert!(client.wait(WATCHDOG).unwrap().is_ready());
+        assert_eq!(
+            reports(&mut client),
+            [(other.request_id, Stage::Accepted, Reason::None)]
+        );
+        assert_eq!(client.outstanding(), 1);
+        drop(server);
+        assert!(client.wait(WATCHDOG).unwrap().is_ready());
+        assert_eq!(
+            reports(&mut client),
+            [(other.request_id, Stage::Unknown, Reason::BridgeGone)]
+        );
+    });
+}

@@ -4,8 +4,9 @@ mod support;
 
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Async, WaitError};
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleControl, RequestReport};
+use ipc_types::{Async, Client, Server, WaitError};
 use tokio::time::timeout;
 
 use support::{WATCHDOG, in_domain, join};
@@ -92,6 +93,46 @@ fn a_wait_that_is_cancelled_loses_nothing() {
                 publisher.publish(|_| {}).unwrap();
                 assert_eq!(subscriber.recv().await.unwrap().sequence, sequence);
             }
+        });
+    });
+}
+
+#[test]
+fn requests_are_served_and_followed_in_tasks() {
+    const REQUESTS: usize = 20;
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        block_on(async {
+            let mut server = Async::new(ipc.server::<ModuleControl>().unwrap()).unwrap();
+            let mut client = Async::new(ipc.client::<ModuleControl>().unwrap()).unwrap();
+            let serving = async {
+                for served in 0..REQUESTS {
+                    let take = |server: &mut Server<ModuleControl>| {
+                        let mut taken = None;
+                        server.drain(|ticket, _| taken = Some(ticket)).unwrap();
+                        taken
+                    };
+                    let ticket = server.until(take).await.unwrap();
+                    let done = RequestReport::new(Stage::Done, Reason::None);
+                    server.get_mut().report(ticket, &done).unwrap();
+                    if served % 8 == 0 {
+                        server.get().wear_out();
+                    }
+                }
+            };
+            let following = async {
+                for id in 1..=REQUESTS as u64 {
+                    let request = ModuleControl::new(id, ControlCommand::Start);
+                    client.get_mut().send(&request).unwrap();
+                    let take = |client: &mut Client<ModuleControl>| {
+                        let mut last = None;
+                        client.drain(|report| last = Some(report.request_id));
+                        last
+                    };
+                    assert_eq!(client.until(take).await.unwrap(), id);
+                }
+            };
+            tokio::join!(serving, following);
         });
     });
 }

@@ -125,15 +125,9 @@ fn status(domain: &Domain) -> Running {
 
 /// Sends a request and follows it to its final report.
 fn ask<R: Request>(client: &mut Client<R>, request: &R) -> RequestReport {
-    client.send(request).expect("a request that is taken");
-    let mut last = None;
-    while client.outstanding() > 0 {
-        client.wait(WAIT_LIMIT).expect("a wait");
-        client.drain(|report| last = Some(*report));
-    }
-    let last = last.expect("a final report");
-    assert!(last.is_final(), "{last:?}");
-    last
+    let mut handle = client.request(request).expect("a request that is taken");
+    let result = handle.result_timeout(WAIT_LIMIT).expect("a wait");
+    result.expect("a final report")
 }
 
 fn assert_done(what: &str, report: &RequestReport) {

@@ -81,13 +81,8 @@ impl Operator {
 
 /// Sends a request and gives the final report.
 fn ask<R: Request>(client: &mut Client<R>, request: &R) -> RequestReport {
-    client.send(request).unwrap();
-    let mut last = None;
-    while client.outstanding() > 0 {
-        assert_ne!(client.wait(WAIT_LIMIT).unwrap(), ipc_types::Wake::TimedOut);
-        client.drain(|report| last = Some(*report));
-    }
-    last.unwrap()
+    let mut handle = client.request(request).unwrap();
+    handle.result_timeout(WAIT_LIMIT).unwrap().unwrap()
 }
 
 fn answer(report: &RequestReport) -> (Option<Stage>, Option<Reason>, u32) {

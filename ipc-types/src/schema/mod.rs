@@ -49,7 +49,9 @@ use std::fmt;
 use std::sync::Arc;
 
 use crate::payload::layout::{FNV_BASIS, hash_number, hash_text};
-use crate::payload::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, Number, SharedStruct};
+use crate::payload::{
+    FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, Number, RequestReport, SharedStruct,
+};
 
 pub use load::{LoadError, load};
 pub use parse::SchemaError;
@@ -281,6 +283,13 @@ impl Schema {
     /// So a reader can check whether a text that it found belongs to the service that it opened.
     pub fn layout_hash(&self) -> u64 {
         self.root.hash_fields(FNV_BASIS)
+    }
+
+    /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed after
+    /// the request's.
+    pub fn request_layout_hash(&self) -> u64 {
+        let report = Message::from_layout(RequestReport::LAYOUT);
+        report.hash_fields(self.layout_hash())
     }
 
     /// All numbers, in the order of their offsets. There are at most [`MAX_NUMBERS`].

@@ -241,7 +241,7 @@ macro_rules! request {
 
         const _: () = {
             ::core::assert!(
-                ::core::mem::offset_of!($payload, request_id) == 0,
+                ::core::mem::offset_of!($payload, request_id) == $crate::service::REQUEST_ID_OFFSET,
                 "a request's struct begins with `request_id: u64`"
             );
             ::core::assert!(
@@ -258,3 +258,6 @@ pub const SEQUENCE_OFFSET: usize = 0;
 
 /// Where `epoch_ns` lies in every sample of a topic, bytes.
 pub const EPOCH_OFFSET: usize = 8;
+
+/// Where `request_id` lies in every request, bytes.
+pub const REQUEST_ID_OFFSET: usize = 0;

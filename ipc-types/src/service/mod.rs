@@ -10,7 +10,9 @@ mod key;
 mod table;
 
 pub use bounds::*;
-pub use contract::{Contract, EPOCH_OFFSET, Pattern, Request, SEQUENCE_OFFSET, Topic};
+pub use contract::{
+    Contract, EPOCH_OFFSET, Pattern, REQUEST_ID_OFFSET, Request, SEQUENCE_OFFSET, Topic,
+};
 pub use event::{EVENT_ID_MAX, EventCode};
 pub(crate) use key::folder_name;
 pub use key::{MAX_KEY_LEN, is_key, module_of, service_name};
