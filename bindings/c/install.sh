@@ -9,7 +9,8 @@ prefix=${1:-$HOME/.local}
 profile=${CARGO_PROFILE:-release}
 to=${DESTDIR:-}$prefix
 
-cargo build --manifest-path "$root/Cargo.toml" -p hero-ril --profile "$profile"
+# Not `cargo build`, which also makes a library for Rust and then optimizes none of them across crates.
+cargo rustc --manifest-path "$root/Cargo.toml" -p hero-ril --lib --crate-type cdylib,staticlib --profile "$profile"
 built=${CARGO_TARGET_DIR:-$root/target}/$profile
 # The profile `dev` builds into `debug`.
 [ "$profile" != dev ] || built=${CARGO_TARGET_DIR:-$root/target}/debug

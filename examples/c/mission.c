@@ -41,7 +41,7 @@ static void print_telemetry(void) {
 
 /* Follows a request to its final report, and prints telemetry in between. */
 static void follow(const char *what, uint64_t id) {
-    hero_ril_source sources[2] = {{telemetry, NULL, NULL}, {NULL, client, NULL}};
+    hero_ril_source sources[2] = {{.subscriber = telemetry}, {.client = client}};
     for (;;) {
         RequestReport report;
         while (hero_ril_next_report(client, id, 0, &report) == HERO_RIL_OK) {

@@ -41,7 +41,7 @@ static int publish(hero_ril_robot *robot, long count) {
     if (hero_ril_advertise(robot, &TOPIC, &publisher) != HERO_RIL_OK) {
         return fail("advertise");
     }
-    hero_ril_source source = {NULL, NULL, publisher};
+    hero_ril_source source = {.publisher = publisher};
     for (long number = 0; number < count; number++) {
         Voltages voltages = {0};
         for (int cell = 0; cell < 12; cell++) {

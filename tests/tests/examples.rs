@@ -13,7 +13,8 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use ipc_types::{Ipc, Publisher, Source, Waiter};
+use ipc_types::code::{Reason, Stage};
+use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::{Chain, Process, PtyFolder, TestDomain};
 
@@ -278,7 +279,7 @@ fn a_program_in_cpp_flies_a_mission() {
     says_that_nothing_runs(Command::new(&program), "start `ril status`");
 }
 
-/// A module's own topic, as `examples/c/voltages.c` has it too.
+/// A module's own topic and request, as `examples/c/voltages.c` and `examples/c/gripper.c` have them too.
 #[allow(unsafe_code)]
 mod module {
     ipc_types::shared_struct! {
@@ -293,6 +294,17 @@ mod module {
         }
     }
     ipc_types::topic!(Voltages, "battery_watch/cell_voltages");
+
+    ipc_types::shared_struct! {
+        /// Moves the fingers apart, or together.
+        pub struct Move("gripper.Move.v1") = 16 {
+            /// Chosen by the sender; every report repeats it.
+            pub request_id: u64,
+            /// Distance of the fingers.
+            pub width_m: f64,
+        }
+    }
+    ipc_types::request!(Move, "gripper/move");
 }
 
 #[test]
@@ -338,6 +350,110 @@ fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
     publisher.signal(Signal::KILL);
     publisher.wait_exit();
     domain.sweep();
+}
+
+/// The program `gripper` in one language.
+struct Gripper {
+    language: &'static str,
+    /// The interpreter, if there is one, and the program.
+    program: Vec<PathBuf>,
+}
+
+impl Gripper {
+    fn start(&self, domain: &TestDomain, arguments: &[&str]) -> Process {
+        let mut command = Command::new(&self.program[0]);
+        command.args(&self.program[1..]).args(arguments);
+        Process::spawn(domain, command)
+    }
+}
+
+/// In every language that this machine has.
+fn grippers(folders: &[PtyFolder; 2]) -> Vec<Gripper> {
+    let mut grippers = Vec::new();
+    let mut add = |language, program| grippers.push(Gripper { language, program });
+    if let Some(compiler) = Compiler::c() {
+        let program = compiler.with_shared_library("c/gripper.c", &folders[0]);
+        add("C", vec![program]);
+    }
+    if let Some(compiler) = Compiler::cpp() {
+        let program = compiler.with_static_library("cpp/gripper.cpp", &folders[1]);
+        add("C++", vec![program]);
+    }
+    if let Some(python) = python() {
+        let gripper = root().join("examples/python/gripper.py");
+        add("Python", vec![python.to_owned(), "-u".into(), gripper]);
+    }
+    grippers
+}
+
+/// A request from Rust: accepted, progress in steps, done; and one that is given up in the middle.
+fn moves_the_gripper(domain: &TestDomain, gripper: &mut Process, language: &str) {
+    let ipc: Ipc = domain.join("operator");
+    let mut client = ipc.client::<module::Move>().unwrap();
+    let order = |width_m| module::Move {
+        request_id: fresh_request_id(),
+        width_m,
+    };
+    let mut moving = client.request(&order(0.0025)).unwrap();
+    let mut reports = Vec::new();
+    while let Some(report) = moving.recv_timeout(WAIT_LIMIT).unwrap() {
+        reports.push((report.stage().unwrap(), report.value));
+    }
+    let expected = [
+        (Stage::Accepted, 0.0),
+        (Stage::Progress, 0.001),
+        (Stage::Progress, 0.002),
+        (Stage::Done, 0.0025),
+    ];
+    assert_eq!(reports, expected, "served in {language}");
+    drop(moving);
+
+    let refused = client
+        .request(&order(1.0))
+        .unwrap()
+        .result_timeout(WAIT_LIMIT)
+        .unwrap();
+    let refused = refused.expect("a result");
+    assert_eq!(refused.reason(), Some(Reason::OutOfRange));
+    let mut long = client.request(&order(0.1)).unwrap();
+    let first = long.recv_timeout(WAIT_LIMIT).unwrap().unwrap();
+    assert_eq!(first.stage(), Some(Stage::Accepted));
+    drop(long);
+    gripper.wait_for_text("given up");
+}
+
+#[test]
+fn a_request_of_a_module_is_served_and_sent_in_every_language() {
+    let folders = [PtyFolder::new(), PtyFolder::new()];
+    let grippers = grippers(&folders);
+    for server in &grippers {
+        let domain = TestDomain::new();
+        let mut serving = server.start(&domain, &["serve"]);
+        serving.wait_for_text("serving");
+        moves_the_gripper(&domain, &mut serving, server.language);
+        for client in &grippers {
+            let what = format!("{} to {}", client.language, server.language);
+            for width_m in ["0.05", "0.047"] {
+                let moved = client.start(&domain, &["move", width_m]).wait_exit();
+                assert_eq!(moved.code(), Some(0), "{what}: {moved:#?}");
+                let last = moved.stdout.last().unwrap();
+                assert!(
+                    last.starts_with(&format!("done: {width_m}")),
+                    "{what}: {last}"
+                );
+            }
+            let refused = client.start(&domain, &["move", "-1"]).wait_exit();
+            assert_eq!(refused.code(), Some(1), "{what}: {refused:#?}");
+        }
+        serving.signal(Signal::TERM);
+        let finished = serving.wait_exit();
+        assert_eq!(
+            finished.code(),
+            Some(0),
+            "{}: {finished:#?}",
+            server.language
+        );
+    }
 }
 
 #[test]

@@ -72,6 +72,7 @@ fn consumers() -> Result<Vec<(&'static str, Command)>, Failure> {
         .parent()
         .and_then(Path::parent)
         .ok_or("no target folder")?;
+    build_library(built)?;
     if let Some(program) = compile(built) {
         consumers.push(("C", Command::new(program)));
     }
@@ -84,6 +85,21 @@ fn consumers() -> Result<Vec<(&'static str, Command)>, Failure> {
         command.arg(SAMPLES.to_string()).arg(WARM_UP.to_string());
     }
     Ok(consumers)
+}
+
+/// Builds the library as `install.sh` does: that of `cargo run` is not optimized across crates.
+fn build_library(built: &Path) -> Result<(), Failure> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let status = Command::new(cargo)
+        .args(["rustc", "--quiet", "--release", "-p", "hero-ril", "--lib"])
+        .args(["--crate-type", "cdylib", "--target-dir"])
+        .arg(built.parent().ok_or("no target folder")?)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .status()?;
+    match status.success() {
+        true => Ok(()),
+        false => Err("the library was not built".into()),
+    }
 }
 
 /// Compiles the consumer in C once, against the library beside this program.

@@ -1,4 +1,4 @@
-/* The HERO RIL for C11 and C++11: telemetry, requests and topics of your own, through the library hero_ril.
+/* The HERO RIL for C11 and C++11: telemetry, requests, and topics and request services of your own, through the library hero_ril.
  *
  * Every function that returns int returns a hero_ril_result: HERO_RIL_OK (0); a positive value when there is nothing to report,
  * which is no error; a negative value for an error, whose text hero_ril_last_error() has.
@@ -14,6 +14,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "hero_ipc.h"
 
@@ -25,10 +26,11 @@ typedef enum hero_ril_result {
     HERO_RIL_OK = 0,
     HERO_RIL_NOTHING = 1,     /* The time is over, or there is nothing. */
     HERO_RIL_INTERRUPTED = 2, /* A signal came first. Nothing is lost: call again, or end. */
+    HERO_RIL_GONE = 3,        /* The client of a request gave it up or died. */
     HERO_RIL_INVALID = -1,    /* An argument makes no sense. */
     HERO_RIL_LAYOUT = -2,     /* The service carries another struct than this program was built with. */
-    HERO_RIL_NOT_THERE = -3,  /* No process serves the request, or no schema of the topic is there. */
-    HERO_RIL_TAKEN = -4,      /* Another process publishes the topic already. */
+    HERO_RIL_NOT_THERE = -3,  /* No process serves the request, or no schema of the service is there. */
+    HERO_RIL_TAKEN = -4,      /* Another process publishes the topic, or serves the request, already. */
     HERO_RIL_FULL = -5,       /* As many as there can be: 32 subscribers, 16 clients, 8 open requests of a client. */
     HERO_RIL_FAILED = -6,     /* Anything else. */
     HERO_RIL_PANIC = -7       /* A bug in the library. Close the handle. */
@@ -38,6 +40,7 @@ typedef struct hero_ril_robot hero_ril_robot;
 typedef struct hero_ril_subscriber hero_ril_subscriber;
 typedef struct hero_ril_publisher hero_ril_publisher;
 typedef struct hero_ril_client hero_ril_client;
+typedef struct hero_ril_server hero_ril_server;
 
 /* Which topic, and the struct that this program expects in it. */
 typedef struct hero_ril_topic {
@@ -47,6 +50,10 @@ typedef struct hero_ril_topic {
                                 topic the one that its publisher has laid beside it. */
     size_t size;             /* sizeof the struct; 0 is not checked. */
 } hero_ril_topic;
+
+/* The same of a request service. Its struct begins with `uint64 request_id`. Where the robot's own struct is used for a service of
+ * another key, as ModuleControl is for "<module>/control", `layout_hash` says which one it is. */
+typedef hero_ril_topic hero_ril_service;
 
 /* A place to fly to. The altitude has the same zero as telemetry. */
 typedef struct hero_ril_waypoint {
@@ -63,11 +70,12 @@ typedef struct hero_ril_losses {
     uint64_t publisher_restarts; /* Another publisher took over. */
 } hero_ril_losses;
 
-/* One of the three; the others are NULL. */
+/* One of the four; the others are NULL. */
 typedef struct hero_ril_source {
     hero_ril_subscriber *subscriber;
     hero_ril_client *client;
     hero_ril_publisher *publisher;
+    hero_ril_server *server;
 } hero_ril_source;
 
 /* The sample lies in shared memory and is valid during the call. The callback must not call functions with the subscriber, and
@@ -105,10 +113,9 @@ size_t hero_ril_sample_size(const hero_ril_subscriber *subscriber);
 
 int hero_ril_count(hero_ril_subscriber *subscriber, hero_ril_losses *losses);
 
-/* A descriptor for poll, epoll or an event loop: readable when there may be samples. Do not read or close it. When it is
- * readable, and every 250 ms in any case, receive until HERO_RIL_NOTHING. Returns HERO_RIL_NOTHING when no publisher has been
- * there. `generation` (or NULL) counts: when it has changed after receiving, the descriptor is another one. */
-int hero_ril_descriptor(hero_ril_subscriber *subscriber, int *descriptor, uint64_t *generation);
+/* A descriptor for poll, epoll or an event loop, the same for as long as the subscriber lives: readable when there may be samples, and
+ * every 250 ms in any case. Receive until HERO_RIL_NOTHING then. Do not read or close it. */
+int hero_ril_descriptor(hero_ril_subscriber *subscriber, int *descriptor);
 
 /* ---- Publishing ---- */
 
@@ -126,15 +133,15 @@ void hero_ril_withdraw(hero_ril_publisher *publisher);
 
 /* ---- Requests ---- */
 
-/* A client of all request services of the robot. It follows up to 8 requests of each service at a time. */
+/* A client of all request services of the robot, those of modules included. It follows up to 8 requests of each service at a
+ * time. */
 int hero_ril_client_open(hero_ril_robot *robot, hero_ril_client **out);
 
 /* Gives up the requests that have no final report yet. */
 void hero_ril_client_close(hero_ril_client *client);
 
-/* Sends a request of the service `key` ("movement", "module_control", "parameters") as a struct of hero_ipc.h. A `request_id` of
- * 0 in the struct is replaced. Here and below, `request_id` (or NULL) gets the id. */
-int hero_ril_send(hero_ril_client *client, const char *key, const void *request, size_t size, uint64_t *request_id);
+/* Sends a request as its struct. A `request_id` of 0 in it is replaced. Here and below, `request_id` (or NULL) gets the id. */
+int hero_ril_send(hero_ril_client *client, const hero_ril_service *service, const void *request, size_t size, uint64_t *request_id);
 int hero_ril_start(hero_ril_client *client, uint64_t *request_id);
 int hero_ril_stop(hero_ril_client *client, uint64_t *request_id);
 int hero_ril_take_off(hero_ril_client *client, double altitude_m, uint64_t *request_id);
@@ -149,17 +156,56 @@ int hero_ril_go_to(hero_ril_client *client, const hero_ril_waypoint *waypoints, 
 int hero_ril_next_report(hero_ril_client *client, uint64_t request_id, int32_t timeout_ms, RequestReport *report);
 int hero_ril_is_final(const RequestReport *report);
 
+/* Gives up all requests that have no final report yet: their servers see them as gone. */
+int hero_ril_give_up(hero_ril_client *client);
+
+/* The same for reports: a descriptor for each service that was sent to. Writes at most `capacity` of them and says how many there
+ * are. */
+int hero_ril_client_descriptors(hero_ril_client *client, int *descriptors, size_t capacity, size_t *count);
+
 /* Such as "done" and "not-flying"; valid until the thread's next call of the same function. */
 const char *hero_ril_stage_name(uint32_t stage);
 const char *hero_ril_reason_name(uint32_t reason);
 
+/* ---- Serving requests ---- */
+
+/* Becomes the one server of a request service; a module's own request needs its schema. */
+int hero_ril_serve(hero_ril_robot *robot, const hero_ril_service *service, hero_ril_server **out);
+
+/* Open requests end at their clients with the stage `unknown`. */
+void hero_ril_server_close(hero_ril_server *server);
+
+/* Takes what is to be done next; waits for it as long as `timeout_ms`.
+ *   HERO_RIL_OK:   copies a request, of which `size` is the size of the struct. Answer it by its `ticket`, which is valid until the
+ *                  final report.
+ *   HERO_RIL_GONE: the client of the request `ticket` gave it up or died. Stop working on it; the ticket is closed.
+ * Call it after every wake-up until HERO_RIL_NOTHING, and at least four times a second while requests are open. */
+int hero_ril_take(hero_ril_server *server, void *request, size_t size, uint64_t *ticket, int32_t timeout_ms);
+
+/* Answers a request as often as need be: accepted at once, any number of progress, one final report (`stage` from HERO_STAGE_DONE
+ * on). `request_id` is filled in, and `reported_ns` if it is 0. HERO_RIL_NOTHING: progress was dropped, because the client does not
+ * read; a final report never is. HERO_RIL_GONE: the client is gone; the ticket is closed. */
+int hero_ril_report(hero_ril_server *server, uint64_t ticket, const RequestReport *report);
+
+/* As hero_ril_descriptor: readable when there may be something to take. */
+int hero_ril_server_descriptor(hero_ril_server *server, int *descriptor);
+
+/* A report that says no more than stage and reason. */
+static inline int hero_ril_answer(hero_ril_server *server, uint64_t ticket, uint32_t stage, uint32_t reason) {
+    RequestReport report;
+    memset(&report, 0, sizeof report);
+    report.stage = stage;
+    report.reason = reason;
+    return hero_ril_report(server, ticket, &report);
+}
+
 /* ---- Several at once ---- */
 
-/* Sleeps until one of the sources may have something, or the time is over. Then receive from all of them. 16 are possible; a
- * client counts for each service that it has sent to. */
+/* Sleeps until one of the sources may have something, or the time is over. Then receive from all of them. Publishers serve their
+ * subscribers meanwhile, and do not end it. 16 sources are possible; a client counts for each service that it has sent to. */
 int hero_ril_wait(const hero_ril_source *sources, size_t count, int32_t timeout_ms);
 
-/* ---- The robot's own topics ---- */
+/* ---- The robot's own topics and request services ---- */
 
 static inline hero_ril_topic hero_ril_dsp_telemetry(void) {
     hero_ril_topic topic = {"dsp_telemetry", HERO_DSP_TELEMETRY_LAYOUT_HASH, NULL, sizeof(DspTelemetry)};
@@ -174,6 +220,22 @@ static inline hero_ril_topic hero_ril_hero_telemetry(void) {
 static inline hero_ril_topic hero_ril_module_state(void) {
     hero_ril_topic topic = {"module_state", HERO_MODULE_STATE_LAYOUT_HASH, NULL, sizeof(ModuleState)};
     return topic;
+}
+
+static inline hero_ril_service hero_ril_movement(void) {
+    hero_ril_service service = {"movement", HERO_MOVEMENT_LAYOUT_HASH, NULL, sizeof(MovementData)};
+    return service;
+}
+
+static inline hero_ril_service hero_ril_parameters(void) {
+    hero_ril_service service = {"parameters", HERO_PARAMETERS_LAYOUT_HASH, NULL, sizeof(ParameterRequest)};
+    return service;
+}
+
+/* Start and stop: of the bridge as "module_control", of every other module as "<module>/control". */
+static inline hero_ril_service hero_ril_control(const char *key) {
+    hero_ril_service service = {key, HERO_MODULE_CONTROL_LAYOUT_HASH, NULL, sizeof(ModuleControl)};
+    return service;
 }
 
 #ifdef __cplusplus

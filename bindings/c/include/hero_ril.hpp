@@ -5,8 +5,10 @@
 #ifndef HERO_RIL_HPP
 #define HERO_RIL_HPP
 
+#include <algorithm>
 #include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <exception>
 #include <memory>
@@ -65,6 +67,25 @@ template <> struct TopicOf<HeroTelemetry> {
 template <> struct TopicOf<ModuleState> {
     static hero_ril_topic get() { return hero_ril_module_state(); }
 };
+
+/* Which request service carries a struct. For a struct of your own: HERO_RIL_REQUEST. */
+template <class T> struct RequestOf;
+
+template <> struct RequestOf<MovementData> {
+    static hero_ril_service get() { return hero_ril_movement(); }
+};
+template <> struct RequestOf<ParameterRequest> {
+    static hero_ril_service get() { return hero_ril_parameters(); }
+};
+template <> struct RequestOf<ModuleControl> {
+    static hero_ril_service get() { return hero_ril_control("module_control"); }
+};
+
+/* Declares the request service of a struct of your own, outside of every namespace: its key, and its schema or nullptr. */
+#define HERO_RIL_REQUEST(Type, key_text, schema_text)                                                                  \
+    template <> struct hero_ril::RequestOf<Type> {                                                                     \
+        static hero_ril_service get() { return hero_ril_service{key_text, nullptr, schema_text, sizeof(Type)}; }       \
+    }
 
 /* Declares the topic of a struct of your own, outside of every namespace: its key, and its schema or nullptr. */
 #define HERO_RIL_TOPIC(Type, key_text, schema_text)                                                                    \
@@ -152,14 +173,14 @@ template <class T> class Subscriber {
         return losses;
     }
 
-    /* For poll or an event loop, see hero_ril_descriptor; -1 when no publisher has been there. */
+    /* For poll or an event loop, see hero_ril_descriptor. */
     int descriptor() const {
         int descriptor = -1;
-        detail::check(hero_ril_descriptor(handle_.get(), &descriptor, nullptr));
+        detail::check(hero_ril_descriptor(handle_.get(), &descriptor));
         return descriptor;
     }
 
-    operator hero_ril_source() const { return {handle_.get(), nullptr, nullptr}; }
+    operator hero_ril_source() const { return {handle_.get(), nullptr, nullptr, nullptr}; }
 
   private:
     detail::Handle<hero_ril_subscriber, hero_ril_unsubscribe> handle_;
@@ -184,10 +205,10 @@ template <class T> class Publisher {
         return sequence;
     }
 
-    /* Gives the latest sample to those who joined since: when seconds pass between two samples. */
+    /* Gives the latest sample to subscribers that joined since: when seconds pass between two samples. */
     void tend() { detail::check(hero_ril_tend(handle_.get())); }
 
-    operator hero_ril_source() const { return {nullptr, nullptr, handle_.get()}; }
+    operator hero_ril_source() const { return {nullptr, nullptr, handle_.get(), nullptr}; }
 
   private:
     detail::Handle<hero_ril_publisher, hero_ril_withdraw> handle_;
@@ -257,14 +278,34 @@ class Client {
         return sent(hero_ril_go_to, path.data(), path.size(), preempt ? 1 : 0);
     }
 
-    /* A request of the service `key` as its struct. */
+    /* A request as its struct. */
+    template <class T> Request send(const T &request) { return send(RequestOf<T>::get(), request); }
+
+    /* The same to the service of another key that carries the struct, as "<module>/control" carries ModuleControl. */
     template <class T> Request send(const char *key, const T &request) {
-        return sent(hero_ril_send, key, static_cast<const void *>(&request), sizeof request);
+        hero_ril_service service = RequestOf<T>::get();
+        service.key = key;
+        return send(service, request);
     }
 
-    operator hero_ril_source() const { return {nullptr, handle_.get(), nullptr}; }
+    /* Gives up all requests without a final report. */
+    void give_up() { detail::check(hero_ril_give_up(handle_.get())); }
+
+    /* For poll or an event loop, see hero_ril_client_descriptors. */
+    std::vector<int> descriptors() const {
+        std::array<int, 16> all{};
+        std::size_t count = 0;
+        detail::check(hero_ril_client_descriptors(handle_.get(), all.data(), all.size(), &count));
+        return {all.begin(), all.begin() + static_cast<std::ptrdiff_t>(std::min(count, all.size()))};
+    }
+
+    operator hero_ril_source() const { return {nullptr, handle_.get(), nullptr, nullptr}; }
 
   private:
+    template <class T> Request send(const hero_ril_service &service, const T &request) {
+        return sent(hero_ril_send, &service, static_cast<const void *>(&request), sizeof request);
+    }
+
     template <class Send, class... Arguments> Request sent(Send send, Arguments... arguments) {
         std::uint64_t id = 0;
         detail::check(send(handle_.get(), arguments..., &id));
@@ -272,6 +313,115 @@ class Client {
     }
 
     detail::Handle<hero_ril_client, hero_ril_client_close> handle_;
+};
+
+/* A request that a server has taken. The server must outlive it. One that is dropped without a final report ends as aborted, so no
+ * client waits in vain. */
+template <class T> class Order {
+  public:
+    Order(hero_ril_server *server, std::uint64_t ticket, const T &request)
+        : server_(server), ticket_(ticket), request_(request) {}
+    Order(Order &&other) noexcept
+        : server_(std::exchange(other.server_, nullptr)), ticket_(other.ticket_), request_(other.request_) {}
+    Order &operator=(Order &&other) noexcept {
+        if (this != &other) {
+            abort();
+            server_ = std::exchange(other.server_, nullptr);
+            ticket_ = other.ticket_;
+            request_ = other.request_;
+        }
+        return *this;
+    }
+    ~Order() { abort(); }
+
+    const T &operator*() const noexcept { return request_; }
+    const T *operator->() const noexcept { return &request_; }
+    std::uint64_t ticket() const noexcept { return ticket_; }
+
+    /* Whether neither a final report was sent nor the client found to be gone. */
+    bool is_open() const noexcept { return server_ != nullptr; }
+
+    /* Each of these returns whether the client is still there. */
+    bool accept() { return report(HERO_STAGE_ACCEPTED); }
+    bool progress() { return report(HERO_STAGE_PROGRESS); }
+    bool done() { return report(HERO_STAGE_DONE); }
+    bool refuse(std::uint32_t reason) { return report(HERO_STAGE_REFUSED, reason); }
+    bool abort(std::uint32_t reason) { return report(HERO_STAGE_ABORTED, reason); }
+
+    bool report(std::uint32_t stage, std::uint32_t reason = HERO_REASON_NONE) {
+        RequestReport report{};
+        report.stage = stage;
+        report.reason = reason;
+        return this->report(report);
+    }
+
+    bool report(const RequestReport &report) {
+        if (!is_open()) {
+            return false;
+        }
+        int result = detail::check(hero_ril_report(server_, ticket_, &report));
+        if (result == HERO_RIL_GONE || hero_ril_is_final(&report) != 0) {
+            server_ = nullptr;
+        }
+        return result != HERO_RIL_GONE;
+    }
+
+    /* For the server: the client is gone. */
+    void close() noexcept { server_ = nullptr; }
+
+  private:
+    void abort() noexcept {
+        if (server_ != nullptr) {
+            hero_ril_answer(std::exchange(server_, nullptr), ticket_, HERO_STAGE_ABORTED, HERO_REASON_NONE);
+        }
+    }
+
+    hero_ril_server *server_;
+    std::uint64_t ticket_;
+    T request_;
+};
+
+/* The server of a request service, of which a robot has one. */
+template <class T> class Server {
+    static_assert(std::is_trivially_copyable_v<T>, "a request is a plain struct");
+
+  public:
+    Server(hero_ril_robot *robot, const hero_ril_service &service) {
+        hero_ril_server *server = nullptr;
+        detail::check(hero_ril_serve(robot, &service, &server));
+        handle_.reset(server);
+    }
+
+    /* The next request. Nothing when the time is over, a signal came, or a client is found to be gone: see vanished(). */
+    std::optional<Order<T>> take(Milliseconds timeout = FOREVER) {
+        T request;
+        std::uint64_t ticket = 0;
+        int result = detail::check(
+            hero_ril_take(handle_.get(), &request, sizeof request, &ticket, detail::milliseconds(timeout)));
+        if (result == HERO_RIL_GONE) {
+            vanished_.push_back(ticket);
+        }
+        if (result != HERO_RIL_OK) {
+            return std::nullopt;
+        }
+        return Order<T>(handle_.get(), ticket, request);
+    }
+
+    /* Tickets of the requests whose clients gave them up or died, each once. Call close() of their orders. */
+    std::vector<std::uint64_t> vanished() { return std::exchange(vanished_, {}); }
+
+    /* For poll or an event loop, see hero_ril_server_descriptor. */
+    int descriptor() const {
+        int descriptor = -1;
+        detail::check(hero_ril_server_descriptor(handle_.get(), &descriptor));
+        return descriptor;
+    }
+
+    operator hero_ril_source() const { return {nullptr, nullptr, nullptr, handle_.get()}; }
+
+  private:
+    detail::Handle<hero_ril_server, hero_ril_server_close> handle_;
+    std::vector<std::uint64_t> vanished_;
 };
 
 /* A part in the shared memory of a robot. */
@@ -286,12 +436,20 @@ class Robot {
     template <class T> Subscriber<T> subscribe() { return Subscriber<T>(handle_.get()); }
     template <class T> Publisher<T> advertise() { return Publisher<T>(handle_.get()); }
     Client client() { return Client(handle_.get()); }
+    template <class T> Server<T> serve() { return Server<T>(handle_.get(), RequestOf<T>::get()); }
+
+    /* The server of the service of another key that carries the struct, as "<module>/control" carries ModuleControl. */
+    template <class T> Server<T> serve(const char *key) {
+        hero_ril_service service = RequestOf<T>::get();
+        service.key = key;
+        return Server<T>(handle_.get(), service);
+    }
 
   private:
     detail::Handle<hero_ril_robot, hero_ril_leave> handle_;
 };
 
-/* Sleeps until one of the subscribers, clients and publishers may have something: wait(1s, telemetry, client). Returns false when
+/* Sleeps until one of the subscribers, clients, publishers and servers may have something: wait(1s, telemetry, client). Returns false when
  * the time is over or a signal came. */
 template <class... Sources> bool wait(Milliseconds timeout, const Sources &...sources) {
     std::array<hero_ril_source, sizeof...(Sources)> all{static_cast<hero_ril_source>(sources)...};

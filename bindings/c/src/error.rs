@@ -5,7 +5,8 @@ use std::fmt::Write;
 use ipc_types::schema::{LoadError, SchemaError};
 use ipc_types::subscriber::ReceiveError;
 use ipc_types::{
-    DomainError, DynamicError, JoinError, OpenError, PublishError, SendError, WaitError,
+    DomainError, DynamicError, JoinError, OpenError, PublishError, ReportError, SendError,
+    ServeError, WaitError,
 };
 
 /// Something went wrong.
@@ -26,6 +27,10 @@ pub enum Error {
     Receive(#[from] ReceiveError),
     #[error(transparent)]
     Send(#[from] SendError),
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+    #[error(transparent)]
+    Report(#[from] ReportError),
     #[error(transparent)]
     Wait(#[from] WaitError),
     #[error(transparent)]
@@ -51,7 +56,7 @@ pub enum Kind {
     Invalid = -1,
     /// The service carries another struct than the caller was built with.
     Layout = -2,
-    /// No process serves the request, or publishes a topic whose schema is wanted.
+    /// No process serves the request, or provides a service whose schema is wanted.
     NotThere = -3,
     /// Another process provides the service already.
     Taken = -4,
@@ -73,7 +78,10 @@ impl Error {
                 Kind::NotThere
             }
             Error::Send(SendError::TooManyOutstanding | SendError::ServerFull) => Kind::Full,
-            Error::Dynamic(_) | Error::Schema(_) | Error::Invalid(_) => Kind::Invalid,
+            Error::Dynamic(_)
+            | Error::Schema(_)
+            | Error::Invalid(_)
+            | Error::Report(ReportError::NotOpen) => Kind::Invalid,
             Error::Join(JoinError::InvalidProcessName(_)) => Kind::Invalid,
             _ => Kind::Failed,
         }

@@ -3,11 +3,15 @@
 //! [`capi`] is the C ABI, whose contract is `include/hero_ril.h`. It only converts: pointers, codes, timeouts, panics. What it
 //! converts to is safe Rust over [`ipc_types`]:
 //!
-//! * [`topic`]: which topic a caller means, and its [`Inbox`](topic::Inbox) of samples;
+//! * [`service`]: which topic or request service a caller means, and what it expects there;
+//! * [`topic`]: receiving samples one at a time;
 //! * [`requests`]: [`Requests`](requests::Requests), one client of all of a robot's request services;
+//! * [`serving`]: [`Serving`](serving::Serving), the server of one request service;
 //! * [`error`]: what can go wrong, as a text and a code.
 
 pub mod capi;
 pub mod error;
 pub mod requests;
+pub mod service;
+pub mod serving;
 pub mod topic;

@@ -1,33 +1,30 @@
-//! [`Requests`]: sends requests of any of the robot's services, and follows each to its final report.
+//! [`Requests`]: sends requests to the robot's own services and to those of modules, and follows each to its final report.
 
 use std::collections::VecDeque;
 use std::os::fd::{AsRawFd, RawFd};
 use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::payload::{
-    ModuleControl, MovementData, ParameterRequest, RequestReport, SharedStruct, WaypointPosition,
-};
-use ipc_types::{Client, Ipc, Request, Source, Waiter, Wake, fresh_request_id};
+use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
+use ipc_types::{DynamicClient, Ipc, Request, Source, Waiter, Wake, fresh_request_id};
 
 use crate::error::Error;
+use crate::service::ServiceName;
 
-/// Reports that wait for a caller who does not ask for them. When there are more, the oldest is dropped: it belongs to a
-/// request that nobody follows.
+/// Reports that wait until the caller asks for them. When there are more, the oldest is dropped: it belongs to a
+/// request that the caller does not follow.
 const MAX_WAITING: usize = 256;
 
 /// How long a waypoint of a path may take to be taken. The bridge answers in less than a millisecond.
 const WAYPOINT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A client of each request service, made when it is first needed.
+/// A client of each request service, made when a request is first sent to it.
 pub struct Requests {
     ipc: Ipc,
-    control: Option<Client<ModuleControl>>,
-    movement: Option<Client<MovementData>>,
-    parameters: Option<Client<ParameterRequest>>,
+    clients: Vec<DynamicClient>,
     /// Reports that were received and not asked for yet.
     waiting: VecDeque<RequestReport>,
-    /// Waypoints of paths before the last one, whose reports nobody wants unless they are refused.
+    /// Waypoints of paths before the last one, of whose reports only a refusal is handed on.
     quiet: Vec<u64>,
     waiter: Waiter,
 }
@@ -43,78 +40,51 @@ pub enum Answer {
     Interrupted,
 }
 
-fn client<'c, R: Request>(
-    client: &'c mut Option<Client<R>>,
-    ipc: &Ipc,
-) -> Result<&'c mut Client<R>, Error> {
-    match client {
-        Some(client) => Ok(client),
-        None => Ok(client.insert(ipc.client::<R>()?)),
-    }
-}
-
-/// A request out of a caller's bytes.
-fn request<R: SharedStruct>(bytes: &[u8]) -> Result<R, Error> {
-    R::from_bytes(bytes).ok_or_else(|| {
-        Error::Layout(format!(
-            "a request `{}` has {} bytes, {} were given",
-            R::TYPE_NAME,
-            size_of::<R>(),
-            bytes.len()
-        ))
-    })
-}
-
 impl Requests {
     /// A part in the requests of a robot; opens nothing yet.
     pub fn new(ipc: &Ipc) -> Requests {
         Requests {
             ipc: ipc.clone(),
-            control: None,
-            movement: None,
-            parameters: None,
+            clients: Vec::new(),
             waiting: VecDeque::new(),
             quiet: Vec::new(),
             waiter: Waiter::new(),
         }
     }
 
-    /// Sends a request of the service `key` as its struct's bytes. A `request_id` of 0 is replaced by a fresh one. Returns the
-    /// request's id.
+    /// Sends a request as its struct's bytes, to the robot's own services or to a module's. A `request_id` of 0 is replaced by a
+    /// fresh one. Returns the request's id.
     ///
     /// # Errors
     ///
     /// When it was not sent.
-    pub fn send_bytes(&mut self, key: &str, bytes: &[u8]) -> Result<u64, Error> {
-        match key {
-            ModuleControl::KEY => self.send_control(request(bytes)?),
-            MovementData::KEY => self.send_movement(request(bytes)?),
-            ParameterRequest::KEY => self.send_parameter(request(bytes)?),
-            _ => Err(Error::Invalid(format!(
-                "`{key}` is no request service of the robot: use `{}`, `{}` or `{}`",
-                ModuleControl::KEY,
-                MovementData::KEY,
-                ParameterRequest::KEY
-            ))),
-        }
+    pub fn send(&mut self, service: &ServiceName<'_>, request: &[u8]) -> Result<u64, Error> {
+        // The number of bytes is the size of the caller's struct.
+        let service = ServiceName {
+            size: request.len(),
+            ..*service
+        };
+        let place = self
+            .clients
+            .iter()
+            .position(|client| client.key() == service.key);
+        let client = match place {
+            Some(place) => {
+                service.check_client(&self.clients[place])?;
+                &mut self.clients[place]
+            }
+            None => {
+                self.clients.push(service.client(&self.ipc)?);
+                let last = self.clients.len() - 1;
+                &mut self.clients[last]
+            }
+        };
+        Ok(client.send(request)?)
     }
 
-    fn send_control(&mut self, mut request: ModuleControl) -> Result<u64, Error> {
-        choose(&mut request.request_id);
-        client(&mut self.control, &self.ipc)?.send(&request)?;
-        Ok(request.request_id)
-    }
-
-    fn send_movement(&mut self, mut request: MovementData) -> Result<u64, Error> {
-        choose(&mut request.request_id);
-        client(&mut self.movement, &self.ipc)?.send(&request)?;
-        Ok(request.request_id)
-    }
-
-    fn send_parameter(&mut self, mut request: ParameterRequest) -> Result<u64, Error> {
-        choose(&mut request.request_id);
-        client(&mut self.parameters, &self.ipc)?.send(&request)?;
-        Ok(request.request_id)
+    /// Sends a request of the robot's own.
+    fn send_own<R: Request>(&mut self, request: &R) -> Result<u64, Error> {
+        self.send(&ServiceName::of_key(R::KEY), request.bytes())
     }
 
     /// Starts or stops the module.
@@ -123,7 +93,7 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn control(&mut self, command: ControlCommand) -> Result<u64, Error> {
-        self.send_control(ModuleControl::new(0, command))
+        self.send_own(&ModuleControl::new(0, command))
     }
 
     /// Takes off and climbs to so many meters over the point of take-off.
@@ -132,7 +102,7 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn take_off(&mut self, altitude_m: f64) -> Result<u64, Error> {
-        self.send_movement(MovementData::take_off(0, altitude_m))
+        self.send_own(&MovementData::take_off(0, altitude_m))
     }
 
     /// Lands; with `preempt` out of a path that is under way.
@@ -142,7 +112,7 @@ impl Requests {
     /// When the request was not sent.
     pub fn land(&mut self, preempt: bool) -> Result<u64, Error> {
         let land = MovementData::land(0);
-        self.send_movement(if preempt { land.preempting() } else { land })
+        self.send_own(&if preempt { land.preempting() } else { land })
     }
 
     /// Hovers on the spot; a path that is under way ends as replaced.
@@ -151,7 +121,7 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn hold(&mut self) -> Result<u64, Error> {
-        self.send_movement(MovementData::hold(0))
+        self.send_own(&MovementData::hold(0))
     }
 
     /// Flies a path. Returns the id of the request to follow: that of the last waypoint, or of the one that was refused.
@@ -174,7 +144,7 @@ impl Requests {
                 true => waypoint.preempting(),
                 false => waypoint,
             };
-            let id = self.send_movement(waypoint)?;
+            let id = self.send_own(&waypoint)?;
             if index == last {
                 return Ok(id);
             }
@@ -261,83 +231,48 @@ impl Requests {
             }
             waiting.push_back(*report);
         };
-        if let Some(client) = &mut self.control {
-            client.drain(&mut take);
-        }
-        if let Some(client) = &mut self.movement {
-            client.drain(&mut take);
-        }
-        if let Some(client) = &mut self.parameters {
+        for client in &mut self.clients {
             client.drain(&mut take);
         }
     }
 
     /// Requests without a final report.
     pub fn outstanding(&self) -> usize {
-        fn of<R: Request>(client: &Option<Client<R>>) -> usize {
-            client.as_ref().map_or(0, Client::outstanding)
-        }
-        of(&self.control) + of(&self.movement) + of(&self.parameters)
+        self.clients.iter().map(DynamicClient::outstanding).sum()
     }
 
-    /// Whether a report was received that nobody has asked for yet.
+    /// Whether a report was received that the caller has not asked for yet.
     pub fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
     /// The clients that are open, to wait for.
     pub fn sources(&mut self) -> Vec<&mut dyn Source> {
-        fn of<R: Request>(client: &mut Option<Client<R>>) -> Option<&mut dyn Source> {
-            client.as_mut().map(|client| client as &mut dyn Source)
-        }
-        [
-            of(&mut self.control),
-            of(&mut self.movement),
-            of(&mut self.parameters),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+        let clients = self.clients.iter_mut();
+        clients.map(|client| client as &mut dyn Source).collect()
     }
 
-    /// Descriptors that can be read once there are reports, for an event loop. They change when the bridge starts again: ask
-    /// after each [`next_report`](Requests::next_report), and look all the same every [`RECHECK_MS`](crate::topic::RECHECK_MS).
+    /// Descriptors that can be read once there may be reports, for an event loop: one for each service that was sent to, the same
+    /// for as long as this lives.
     ///
     /// # Errors
     ///
-    /// When there are more listeners than the contract allows.
+    /// When the process has too many descriptors.
     pub fn descriptors(&self) -> Result<Vec<RawFd>, Error> {
-        fn of<R: Request>(client: &Option<Client<R>>) -> Result<Option<RawFd>, Error> {
-            let descriptor = client.as_ref().map(Client::descriptor).transpose()?;
-            Ok(descriptor.flatten().map(|fd| fd.as_raw_fd()))
+        let mut descriptors = Vec::with_capacity(self.clients.len());
+        for client in &self.clients {
+            descriptors.push(client.descriptor()?.as_raw_fd());
         }
-        let all = [
-            of(&self.control)?,
-            of(&self.movement)?,
-            of(&self.parameters)?,
-        ];
-        Ok(all.into_iter().flatten().collect())
+        Ok(descriptors)
     }
 
     /// Gives up all requests without a final report: the bridge sees them as vanished.
     pub fn give_up(&mut self) {
-        if let Some(client) = &mut self.control {
-            client.give_up();
-        }
-        if let Some(client) = &mut self.movement {
-            client.give_up();
-        }
-        if let Some(client) = &mut self.parameters {
+        for client in &mut self.clients {
             client.give_up();
         }
         self.waiting.clear();
         self.quiet.clear();
-    }
-}
-
-fn choose(id: &mut u64) {
-    if *id == 0 {
-        *id = fresh_request_id();
     }
 }
 

@@ -5,8 +5,15 @@
 use std::ffi::{CStr, CString, c_int};
 use std::ptr::{null, null_mut};
 
+use hero_ril::capi::requests::*;
+use hero_ril::capi::robot::*;
+use hero_ril::capi::serving::*;
+use hero_ril::capi::topics::*;
 use hero_ril::capi::*;
 use ipc_types::Domain;
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{ModuleControl, RequestReport};
+use ipc_types::service::ServiceId;
 
 fn last_error() -> String {
     let text = unsafe { CStr::from_ptr(hero_ril_last_error()) };
@@ -75,22 +82,135 @@ fn null_pointers_and_senseless_arguments_are_errors() {
         );
         let request = 0_u64;
         let bytes = (&raw const request).cast();
+        let movement = service(c"movement");
         refused(
-            hero_ril_send(client, c"movement".as_ptr(), bytes, 8, null_mut()),
+            hero_ril_send(client, &movement, bytes, 8, null_mut()),
             -2,
             "56 bytes",
         );
+        let unknown = service(c"nothing/there");
         refused(
-            hero_ril_send(client, c"nothing".as_ptr(), bytes, 8, null_mut()),
+            hero_ril_send(client, &unknown, bytes, 8, null_mut()),
+            -3,
+            "no running process",
+        );
+        refused(
+            hero_ril_send(client, null(), bytes, 8, null_mut()),
             -1,
-            "no request",
+            "service",
         );
         refused(
             hero_ril_go_to(client, null(), 1, 0, null_mut()),
             -1,
             "waypoints",
         );
+        let mut server = null_mut();
+        refused(
+            hero_ril_serve(robot, &unknown, &mut server),
+            -1,
+            "needs a schema",
+        );
+        refused(
+            hero_ril_report(server, 0, &RequestReport::default()),
+            -1,
+            "server",
+        );
         hero_ril_unsubscribe(null_mut());
+        hero_ril_server_close(null_mut());
+        hero_ril_client_close(client);
+        hero_ril_leave(robot);
+    }
+    assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+fn service(key: &CStr) -> Service {
+    Service {
+        key: key.as_ptr(),
+        layout_hash: null(),
+        schema: null(),
+        size: 0,
+    }
+}
+
+/// Longest wait of a test, ms; only one that hangs meets it.
+const WATCHDOG_MS: i32 = 20_000;
+
+#[test]
+fn requests_are_served_and_clients_that_are_gone_are_known() {
+    let domain = Domain::isolated();
+    let root = CString::new(domain.root().to_str().unwrap()).unwrap();
+    let hash = ServiceId::ModuleControl.contract().layout_hash();
+    let hash = CString::new(format!("{hash:016x}")).unwrap();
+    let control = Service {
+        layout_hash: hash.as_ptr(),
+        size: size_of::<ModuleControl>(),
+        ..service(c"battery_watch/control")
+    };
+    unsafe {
+        let mut robot = null_mut();
+        hero_ril_join(root.as_ptr(), 1, c"c".as_ptr(), &mut robot);
+        let (mut server, mut client) = (null_mut(), null_mut());
+        assert_eq!(
+            hero_ril_serve(robot, &control, &mut server),
+            0,
+            "{}",
+            last_error()
+        );
+        let mut second = null_mut();
+        refused(
+            hero_ril_serve(robot, &control, &mut second),
+            -4,
+            "already provided",
+        );
+        hero_ril_client_open(robot, &mut client);
+        let request = ModuleControl::new(0, ControlCommand::Start);
+        let size = size_of::<ModuleControl>();
+        let send =
+            |id: &mut u64| hero_ril_send(client, &control, (&raw const request).cast(), size, id);
+        let mut taken = ModuleControl::default();
+        let mut take = |ticket: &mut u64, timeout_ms| {
+            let to = (&raw mut taken).cast();
+            (hero_ril_take(server, to, size, ticket, timeout_ms), taken)
+        };
+        let answer = |ticket, stage| {
+            hero_ril_report(server, ticket, &RequestReport::new(stage, Reason::None))
+        };
+        let (mut id, mut ticket) = (0, u64::MAX);
+        assert_eq!(take(&mut ticket, 0).0, 1);
+        assert_eq!(send(&mut id), 0, "{}", last_error());
+        let (code, order) = take(&mut ticket, WATCHDOG_MS);
+        assert_eq!(
+            (code, order.request_id, order.command),
+            (0, id, request.command)
+        );
+        for stage in [Stage::Accepted, Stage::Progress, Stage::Done] {
+            assert_eq!(answer(ticket, stage), 0);
+            let mut report = RequestReport::default();
+            assert_eq!(
+                hero_ril_next_report(client, id, WATCHDOG_MS, &mut report),
+                0
+            );
+            assert_eq!((report.request_id, report.stage()), (id, Some(stage)));
+        }
+        refused(answer(ticket, Stage::Done), -1, "not open");
+        let (mut found, mut count) = ([-1; 4], 0);
+        let code = hero_ril_client_descriptors(client, found.as_mut_ptr(), 4, &mut count);
+        assert_eq!((code, count), (0, 1));
+        let mut descriptor = -1;
+        assert_eq!(hero_ril_server_descriptor(server, &mut descriptor), 0);
+        assert!(found[0] >= 0 && descriptor >= 0);
+
+        // One is taken and given up, one is given up before it is taken.
+        assert_eq!(send(&mut id), 0);
+        assert_eq!(take(&mut ticket, WATCHDOG_MS).0, 0);
+        assert_eq!(send(&mut id), 0);
+        assert_eq!(hero_ril_give_up(client), 0);
+        let mut gone = u64::MAX;
+        assert_eq!(take(&mut gone, WATCHDOG_MS).0, 3);
+        assert_eq!(gone, ticket);
+        assert_eq!(take(&mut gone, 0).0, 1);
+        refused(answer(ticket, Stage::Done), -1, "not open");
+        hero_ril_server_close(server);
         hero_ril_client_close(client);
         hero_ril_leave(robot);
     }

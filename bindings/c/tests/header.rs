@@ -5,20 +5,23 @@ use std::fs;
 use std::path::Path;
 
 /// Types of the C ABI as the header writes them.
-const TYPES: [(&str, &str); 24] = [
+const TYPES: [(&str, &str); 28] = [
     ("*const c_char", "const char *"),
     ("*const c_void", "const void *"),
     ("*mut c_void", "void *"),
     ("*mut *mut Robot", "hero_ril_robot **"),
     ("*mut Robot", "hero_ril_robot *"),
-    ("*mut *mut Inbox", "hero_ril_subscriber **"),
-    ("*mut Inbox", "hero_ril_subscriber *"),
-    ("*const Inbox", "const hero_ril_subscriber *"),
+    ("*mut *mut DynamicSubscriber", "hero_ril_subscriber **"),
+    ("*mut DynamicSubscriber", "hero_ril_subscriber *"),
+    ("*const DynamicSubscriber", "const hero_ril_subscriber *"),
     ("*mut *mut DynamicPublisher", "hero_ril_publisher **"),
     ("*mut DynamicPublisher", "hero_ril_publisher *"),
     ("*mut *mut Requests", "hero_ril_client **"),
     ("*mut Requests", "hero_ril_client *"),
+    ("*mut *mut Serving", "hero_ril_server **"),
+    ("*mut Serving", "hero_ril_server *"),
     ("*const Topic", "const hero_ril_topic *"),
+    ("*const Service", "const hero_ril_service *"),
     ("*const Waypoint", "const hero_ril_waypoint *"),
     ("*const AnySource", "const hero_ril_source *"),
     ("*mut Counts", "hero_ril_losses *"),
@@ -27,6 +30,7 @@ const TYPES: [(&str, &str); 24] = [
     ("SampleCallback", "hero_ril_sample_callback"),
     ("*mut c_int", "int *"),
     ("*mut u64", "uint64_t *"),
+    ("*mut usize", "size_t *"),
     ("c_int", "int"),
     ("usize", "size_t"),
     ("f64", "double"),
@@ -56,7 +60,11 @@ fn words(text: &str) -> String {
 
 /// By name: the prototype, with single spaces.
 fn of_rust() -> BTreeMap<String, String> {
-    let source = read("src/capi.rs");
+    let files = ["mod", "robot", "topics", "requests", "serving", "waiting"];
+    let source: String = files
+        .iter()
+        .map(|file| read(&format!("src/capi/{file}.rs")))
+        .collect();
     let functions = source.split("extern \"C\" fn hero_ril_").skip(1);
     functions
         .map(|rest| {
@@ -94,11 +102,11 @@ fn code(header: &str) -> String {
 fn of_header() -> BTreeMap<String, String> {
     let header = read("include/hero_ril.h");
     code(&header)
-        .split(';')
+        .split([';', '}'])
         .map(words)
         // Not types, and not what is in braces.
-        .filter(|text| text.ends_with(')') && !text.contains(['{', '}']))
-        .filter(|text| !text.starts_with("typedef"))
+        .filter(|text| text.ends_with(')') && !text.contains('{'))
+        .filter(|text| !text.starts_with("typedef") && !text.starts_with("return"))
         .filter_map(|text| {
             let head = text.split('(').next()?;
             let name = head[head.rfind("hero_ril_")?..].to_owned();
@@ -110,7 +118,7 @@ fn of_header() -> BTreeMap<String, String> {
 #[test]
 fn the_header_has_the_functions_as_they_are() {
     let (rust, header) = (of_rust(), of_header());
-    assert!(rust.len() > 25, "{rust:#?}");
+    assert!(rust.len() > 32, "{rust:#?}");
     for (name, prototype) in &rust {
         assert_eq!(header.get(name), Some(prototype), "{name}");
     }

@@ -8,12 +8,14 @@ use std::time::{Duration, Instant};
 
 use hero_ril::error::{Error, Kind};
 use hero_ril::requests::{Answer, Requests, reason_name, stage_name};
-use hero_ril::topic::{FOREVER, Inbox, RECHECK_MS, Received, TopicName};
-use ipc_types::code::ControlCommand;
+use hero_ril::service::ServiceName;
+use hero_ril::serving::{Order, Reported, Serving};
+use hero_ril::topic::{self, FOREVER, Received};
+use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::dynamic::topics;
-use ipc_types::payload::{SharedStruct, WaypointPosition};
+use ipc_types::payload::{RequestReport, SharedStruct, WaypointPosition};
 use ipc_types::schema::{Kind as FieldKind, Message};
-use ipc_types::{Domain, DynamicPublisher, Ipc, RobotId};
+use ipc_types::{Domain, DynamicPublisher, DynamicSubscriber, Ipc, RobotId, Schema, Ticket};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
@@ -32,7 +34,7 @@ mod exceptions {
 use exceptions::{FullError, LayoutError, NotThereError, RilError, TakenError};
 
 /// Longest uninterrupted wait: a signal that another thread got is noticed after it.
-const SLICE: Duration = Duration::from_millis(RECHECK_MS as u64);
+const SLICE: Duration = ipc_types::waiter::SAFETY_BOUND;
 
 fn raise(error: Error) -> PyErr {
     let text = error.text();
@@ -139,21 +141,22 @@ impl Robot {
         schema: Option<&str>,
         size: usize,
     ) -> PyResult<Subscriber> {
-        let topic = TopicName {
+        let topic = ServiceName {
             key,
             layout_hash,
             schema,
             size,
         };
-        let inbox = Inbox::open(self.ipc()?, &topic).map_err(raise)?;
+        let subscriber = topic.subscriber(self.ipc()?).map_err(raise)?;
         Ok(Subscriber {
-            inbox: Handle::new(inbox),
+            subscriber: Handle::new(subscriber),
+            sample: Vec::new(),
         })
     }
 
     #[pyo3(signature = (key, schema=None, size=0))]
     fn advertise(&self, key: &str, schema: Option<&str>, size: usize) -> PyResult<Publisher> {
-        let topic = TopicName {
+        let topic = ServiceName {
             key,
             layout_hash: None,
             schema,
@@ -162,6 +165,26 @@ impl Robot {
         let publisher = topic.publisher(self.ipc()?).map_err(raise)?;
         Ok(Publisher {
             publisher: Handle::new(publisher),
+        })
+    }
+
+    #[pyo3(signature = (key, layout_hash=None, schema=None, size=0))]
+    fn serve(
+        &self,
+        key: &str,
+        layout_hash: Option<&str>,
+        schema: Option<&str>,
+        size: usize,
+    ) -> PyResult<Server> {
+        let service = ServiceName {
+            key,
+            layout_hash,
+            schema,
+            size,
+        };
+        let serving = Serving::open(self.ipc()?, &service).map_err(raise)?;
+        Ok(Server {
+            serving: Handle::new(serving),
         })
     }
 
@@ -189,13 +212,9 @@ impl Robot {
 
 #[pyclass(module = "hero_ril._native")]
 struct Subscriber {
-    inbox: Handle<Inbox>,
-}
-
-impl Subscriber {
-    fn inbox(&mut self) -> PyResult<&mut Inbox> {
-        self.inbox.get()
-    }
+    subscriber: Handle<DynamicSubscriber>,
+    /// The sample that is on its way to Python: it can be received without Python's lock, but made an object only with it.
+    sample: Vec<u8>,
 }
 
 #[pymethods]
@@ -207,38 +226,41 @@ impl Subscriber {
         py: Python<'py>,
         timeout_s: Option<f64>,
     ) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        let inbox = self.inbox()?;
-        // Not the sample itself, which could not be borrowed beyond the slice.
-        let is_there = wait(py, timeout_s, |slice| {
-            inbox.wait(slice).map(|is| is.then_some(()))
+        let (subscriber, buffer) = (self.subscriber.get()?, &mut self.sample);
+        let received = wait(py, timeout_s, |slice| {
+            let received = topic::receive(subscriber, slice, |sample| {
+                buffer.clear();
+                buffer.extend_from_slice(sample);
+            })?;
+            Ok((received == Received::Sample).then_some(()))
         })?;
-        if is_there.is_none() {
-            return Ok(None);
-        }
-        match inbox.receive(Duration::ZERO).map_err(raise)? {
-            Received::Sample(sample) => Ok(Some(PyBytes::new(py, sample))),
-            Received::Nothing | Received::Interrupted => Ok(None),
-        }
+        Ok(received.map(|()| PyBytes::new(py, &self.sample)))
     }
 
     /// The newest sample that was not received yet.
     fn latest<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        let latest = self.inbox()?.latest().map_err(raise)?;
-        Ok(latest.map(|sample| PyBytes::new(py, sample)))
+        let buffer = &mut self.sample;
+        let drained = self.subscriber.get()?.drain(|sample| {
+            buffer.clear();
+            buffer.extend_from_slice(sample);
+        });
+        let count = drained.map_err(|error| raise(error.into()))?;
+        Ok((count > 0).then(|| PyBytes::new(py, &self.sample)))
     }
 
     /// All samples that are there, one after the other.
     fn drain<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let mut all = Vec::new();
-        self.inbox()?
-            .drain_into(|sample| all.extend_from_slice(sample))
-            .map_err(raise)?;
+        self.subscriber
+            .get()?
+            .drain(|sample| all.extend_from_slice(sample))
+            .map_err(|error| raise(error.into()))?;
         Ok(PyBytes::new(py, &all))
     }
 
     /// Received, lost, repeated, restarts of the publisher.
     fn losses(&mut self) -> PyResult<(u64, u64, u64, u64)> {
-        let losses = self.inbox()?.subscriber().losses();
+        let losses = self.subscriber.get()?.losses();
         Ok((
             losses.received,
             losses.lost,
@@ -247,25 +269,30 @@ impl Subscriber {
         ))
     }
 
-    /// The descriptor, if a publisher has been there.
-    fn descriptor(&mut self) -> PyResult<Option<i32>> {
+    fn descriptor(&mut self) -> PyResult<i32> {
         use std::os::fd::AsRawFd;
-        let descriptor = self.inbox()?.subscriber().descriptor();
+        let descriptor = self.subscriber.get()?.descriptor();
         let descriptor = descriptor.map_err(|error| raise(error.into()))?;
-        Ok(Some(descriptor.as_raw_fd()))
+        Ok(descriptor.as_raw_fd())
     }
 
     /// The struct: name, type name, and of each field its name, type (a number's name, or a struct of the same kind) and length.
-    fn describe<'py>(&mut self, py: Python<'py>) -> PyResult<(String, String, Bound<'py, PyList>)> {
-        let schema = self.inbox()?.subscriber().schema().clone();
-        let root = schema.root();
-        let type_name = schema.type_name().to_owned();
-        Ok((root.name.clone(), type_name, fields(py, root)?))
+    fn describe<'py>(&mut self, py: Python<'py>) -> PyResult<Description<'py>> {
+        describe(py, self.subscriber.get()?.schema())
     }
 
     fn close(&mut self) {
-        *self.inbox.slot() = None;
+        *self.subscriber.slot() = None;
     }
+}
+
+/// Name, type name and fields of a struct.
+type Description<'py> = (String, String, Bound<'py, PyList>);
+
+fn describe<'py>(py: Python<'py>, schema: &Schema) -> PyResult<Description<'py>> {
+    let root = schema.root();
+    let type_name = schema.type_name().to_owned();
+    Ok((root.name.clone(), type_name, fields(py, root)?))
 }
 
 fn fields<'py>(py: Python<'py>, message: &Message) -> PyResult<Bound<'py, PyList>> {
@@ -329,8 +356,21 @@ impl Client {
 
 #[pymethods]
 impl Client {
-    fn send(&mut self, key: &str, request: &[u8]) -> PyResult<u64> {
-        self.requests()?.send_bytes(key, request).map_err(raise)
+    #[pyo3(signature = (key, request, layout_hash=None, schema=None))]
+    fn send(
+        &mut self,
+        key: &str,
+        request: &[u8],
+        layout_hash: Option<&str>,
+        schema: Option<&str>,
+    ) -> PyResult<u64> {
+        let service = ServiceName {
+            key,
+            layout_hash,
+            schema,
+            size: request.len(),
+        };
+        self.requests()?.send(&service, request).map_err(raise)
     }
 
     fn start(&mut self) -> PyResult<u64> {
@@ -404,21 +444,81 @@ impl Client {
     }
 }
 
+#[pyclass(module = "hero_ril._native")]
+struct Server {
+    serving: Handle<Serving>,
+}
+
+#[pymethods]
+impl Server {
+    /// What is to be done next: a ticket, and the request's bytes, or none when its client is gone. Nothing when the time is over.
+    #[pyo3(signature = (timeout_s=None))]
+    fn take<'py>(
+        &mut self,
+        py: Python<'py>,
+        timeout_s: Option<f64>,
+    ) -> PyResult<Option<(u64, Option<Bound<'py, PyBytes>>)>> {
+        let serving = self.serving.get()?;
+        let order = wait(py, timeout_s, |slice| {
+            Ok(match serving.take(slice)? {
+                Order::Request(ticket, request) => Some((ticket, Some(request))),
+                Order::Gone(ticket) => Some((ticket, None)),
+                Order::Nothing | Order::Interrupted => None,
+            })
+        })?;
+        Ok(order.map(|(ticket, request)| {
+            let request = request.map(|request| PyBytes::new(py, &request));
+            (ticket.to_bits(), request)
+        }))
+    }
+
+    /// Answers a request by a report's bytes: `sent`, `dropped` or `gone`.
+    fn report(&mut self, ticket: u64, report: &[u8]) -> PyResult<&'static str> {
+        let report = RequestReport::from_bytes(report)
+            .ok_or_else(|| LayoutError::new_err("it is no RequestReport"))?;
+        let serving = self.serving.get()?;
+        let reported = serving.report(Ticket::from_bits(ticket), &report);
+        Ok(match reported.map_err(raise)? {
+            Reported::Sent => "sent",
+            Reported::Dropped => "dropped",
+            Reported::Gone => "gone",
+        })
+    }
+
+    fn descriptor(&mut self) -> PyResult<i32> {
+        use std::os::fd::AsRawFd;
+        let descriptor = self.serving.get()?.server().descriptor();
+        let descriptor = descriptor.map_err(|error| raise(error.into()))?;
+        Ok(descriptor.as_raw_fd())
+    }
+
+    /// As that of a subscriber.
+    fn describe<'py>(&mut self, py: Python<'py>) -> PyResult<Description<'py>> {
+        describe(py, self.serving.get()?.server().schema())
+    }
+
+    fn close(&mut self) {
+        *self.serving.slot() = None;
+    }
+}
+
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Robot>()?;
     module.add_class::<Subscriber>()?;
     module.add_class::<Publisher>()?;
     module.add_class::<Client>()?;
+    module.add_class::<Server>()?;
     let py = module.py();
     module.add("RilError", py.get_type::<RilError>())?;
     module.add("LayoutError", py.get_type::<LayoutError>())?;
     module.add("NotThereError", py.get_type::<NotThereError>())?;
     module.add("TakenError", py.get_type::<TakenError>())?;
     module.add("FullError", py.get_type::<FullError>())?;
-    module.add("RECHECK_S", f64::from(RECHECK_MS) / 1000.0)?;
     module.add_function(wrap_pyfunction!(stage, module)?)?;
     module.add_function(wrap_pyfunction!(reason, module)?)?;
+    module.add_function(wrap_pyfunction!(stage_code, module)?)?;
+    module.add_function(wrap_pyfunction!(reason_code, module)?)?;
     Ok(())
 }
 
@@ -432,4 +532,22 @@ fn stage(code: u32) -> &'static str {
 #[pyfunction]
 fn reason(code: u32) -> &'static str {
     reason_name(code)
+}
+
+/// Number of a stage by its name.
+#[pyfunction]
+fn stage_code(name: &str) -> PyResult<u32> {
+    let stage = Stage::ALL.iter().find(|stage| stage.name() == name);
+    stage
+        .map(|stage| stage.code())
+        .ok_or_else(|| PyValueError::new_err(format!("`{name}` is no stage")))
+}
+
+/// Number of a reason by its name.
+#[pyfunction]
+fn reason_code(name: &str) -> PyResult<u32> {
+    let reason = Reason::ALL.iter().find(|reason| reason.name() == name);
+    reason
+        .map(|reason| reason.code())
+        .ok_or_else(|| PyValueError::new_err(format!("`{name}` is no reason")))
 }

@@ -33,11 +33,21 @@ def battery(voltage_v):
     return sample
 
 
-class Topics(unittest.TestCase):
+class SetLimit(ctypes.Structure):
+    _fields_ = [("request_id", ctypes.c_uint64), ("least_v", ctypes.c_double)]
+
+    @staticmethod
+    def type_name():
+        return "battery_watch.SetLimit.v1"
+
+
+class InRobot(unittest.TestCase):
     def setUp(self):
         self.robot = hero_ril.Robot(name="test")
         self.addCleanup(self.robot.close)
 
+
+class Topics(InRobot):
     def test_a_topic_of_ones_own(self):
         publisher = self.robot.advertise(KEY, Battery)
         known = self.robot.subscribe(KEY, Battery)
@@ -78,7 +88,7 @@ class Topics(unittest.TestCase):
         with self.robot.advertise(KEY, Battery), self.assertRaisesRegex(hero_ril.TakenError, "already provided"):
             self.robot.advertise(KEY, Battery)
         with self.assertRaisesRegex(hero_ril.NotThereError, "no running process"):
-            self.robot.subscribe("nobody/nothing")
+            self.robot.subscribe("other/nothing")
         with self.assertRaisesRegex(hero_ril.LayoutError, "robot.s own"), self.robot.advertise(
             "hero_telemetry", Battery
         ):
@@ -132,6 +142,101 @@ class Topics(unittest.TestCase):
             await publishing
 
         asyncio.run(consume())
+
+
+#: Longest wait of a test [s]; only one that hangs meets it.
+WATCHDOG_S = 20
+
+
+class Requests(InRobot):
+    KEY = "battery_watch/limits"
+
+    def test_a_request_of_ones_own_is_served(self):
+        server = self.robot.serve(self.KEY, SetLimit)
+        sent = self.robot.send(self.KEY, SetLimit(least_v=3.5))
+        order = server.receive(WATCHDOG_S)
+        self.assertEqual((order.data.request_id, order.data.least_v), (sent.id, 3.5))
+        self.assertTrue(order.accept())
+        self.assertEqual(sent.next(WATCHDOG_S).stage, "accepted")
+        self.assertTrue(order.progress(value=1.5, value_valid=1))
+        self.assertEqual(sent.next(WATCHDOG_S).raw.value, 1.5)
+        self.assertTrue(order.is_open)
+        self.assertTrue(order.done())
+        self.assertEqual(sent.wait().stage, "done")
+        self.assertFalse(order.is_open)
+        self.assertFalse(order.progress())
+        self.assertIsNone(server.receive(0))
+
+    def test_how_an_order_ends(self):
+        server = self.robot.serve(self.KEY, SetLimit)
+
+        def end(act):
+            sent = self.robot.send(self.KEY, SetLimit())
+            act(server.receive(WATCHDOG_S))
+            report = sent.next(WATCHDOG_S)
+            return report.stage, report.reason
+
+        def carry_out(order, fails):
+            with order:
+                if fails:
+                    raise KeyError
+
+        self.assertEqual(end(lambda order: order.refuse("busy")), ("refused", "busy"))
+        self.assertEqual(end(lambda order: order.abort("stopped")), ("aborted", "stopped"))
+        self.assertEqual(end(lambda order: carry_out(order, False)), ("done", "none"))
+        with self.assertRaises(KeyError):
+            end(lambda order: carry_out(order, True))
+        self.assertEqual(end(lambda order: None), ("aborted", "none"), "forgotten")
+        with self.assertRaisesRegex(ValueError, "no reason"):
+            end(lambda order: order.refuse("of some kind"))
+
+    def test_a_client_that_is_gone_is_known(self):
+        server = self.robot.serve(self.KEY, SetLimit)
+        with hero_ril.Robot(name="other") as other:
+            other.send(self.KEY, SetLimit())
+            order = server.receive(WATCHDOG_S)
+            self.assertTrue(order.accept())
+        self.assertIsNone(server.receive(WATCHDOG_S))
+        self.assertTrue(order.is_vanished)
+        self.assertFalse(order.done())
+
+    def test_control_of_a_module(self):
+        key, control = "battery_watch/control", hero_ril.structs.ModuleControl
+        with self.robot.serve(key, control) as server:
+            start = control(command=hero_ril.structs.ControlCommand.START)
+            sent = self.robot.send(key, start)
+            with server.receive(WATCHDOG_S) as order:
+                self.assertEqual(order.data.command, start.command)
+            self.assertEqual(sent.wait().stage, "done")
+            with self.assertRaisesRegex(hero_ril.TakenError, "already provided"):
+                self.robot.serve(key, control)
+        with self.assertRaisesRegex(hero_ril.NotThereError, "module `battery_watch`"):
+            self.robot.send(key, start)
+        with self.assertRaises(hero_ril.LayoutError):
+            self.robot.send("movement", SetLimit())
+        with self.assertRaisesRegex(hero_ril.LayoutError, "robot.s own"):
+            self.robot.serve("movement", SetLimit)
+        with self.assertRaisesRegex(ValueError, "do not begin"):
+            self.robot.serve(key, Battery)
+
+    def test_asyncio(self):
+        async def serve(server):
+            async for order in server:
+                with order:
+                    order.progress()
+                if order.data.least_v == 2:
+                    break
+
+        async def both():
+            server = self.robot.serve(self.KEY, SetLimit)
+            serving = asyncio.create_task(serve(server))
+            for least_v in (1, 2):
+                sent = self.robot.send(self.KEY, SetLimit(least_v=least_v))
+                stages = [report.stage async for report in sent]
+                self.assertEqual(stages, ["progress", "done"])
+            await serving
+
+        asyncio.run(both())
 
 
 if __name__ == "__main__":

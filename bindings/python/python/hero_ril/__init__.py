@@ -1,4 +1,4 @@
-"""Telemetry, requests and topics of the HERO's Robot Implementation Layer.
+"""Telemetry, requests, and topics and request services of one's own, for the HERO's Robot Implementation Layer.
 
     with hero_ril.Robot() as robot:
         for report in robot.take_off(10):
@@ -13,10 +13,11 @@ Every object belongs to one thread at a time. Iterations can be `for` or, in asy
 
 import asyncio
 import contextlib
+import ctypes
+import weakref
 
 from . import structs
 from ._native import (
-    RECHECK_S,
     FullError,
     LayoutError,
     NotThereError,
@@ -24,7 +25,9 @@ from ._native import (
     Robot as _Robot,
     TakenError,
     reason as reason_name,
+    reason_code,
     stage as stage_name,
+    stage_code,
 )
 from ._schema import schema_of, structure_of
 from .structs import DspTelemetry, HeroTelemetry, ModuleState, RequestReport
@@ -37,12 +40,14 @@ __all__ = [
     "Losses",
     "ModuleState",
     "NotThereError",
+    "Order",
     "Publisher",
     "Report",
     "Request",
     "RequestFailed",
     "RilError",
     "Robot",
+    "Server",
     "Subscriber",
     "TakenError",
     "reason_name",
@@ -111,24 +116,36 @@ class _Closing:
         self.close()
 
 
-async def _readable(descriptors):
-    """Sleeps until one of the descriptors can be read, and no longer than the contract allows."""
-    loop = asyncio.get_running_loop()
-    is_ready = loop.create_future()
+#: By event loop and descriptor: the tasks that wait for it. An event loop itself knows one reader of a descriptor.
+_waiting = weakref.WeakKeyDictionary()
 
-    def ready():
+
+def _wake(waiting):
+    for is_ready in waiting:
         if not is_ready.done():
             is_ready.set_result(None)
 
+
+async def _readable(descriptors):
+    """Sleeps until one of the descriptors can be read, which each is every 0.25 s in any case, unless it was closed meanwhile."""
+    loop = asyncio.get_running_loop()
+    all_waiting = _waiting.setdefault(loop, {})
+    is_ready = loop.create_future()
     for descriptor in descriptors:
-        loop.add_reader(descriptor, ready)
+        waiting = all_waiting.setdefault(descriptor, [])
+        if not waiting:
+            loop.add_reader(descriptor, _wake, waiting)
+        waiting.append(is_ready)
     try:
-        await asyncio.wait_for(is_ready, RECHECK_S)
+        await asyncio.wait_for(is_ready, 1.0)
     except asyncio.TimeoutError:
         pass
     finally:
         for descriptor in descriptors:
-            loop.remove_reader(descriptor)
+            all_waiting[descriptor].remove(is_ready)
+            if not all_waiting[descriptor]:
+                del all_waiting[descriptor]
+                loop.remove_reader(descriptor)
 
 
 class Subscriber(_Closing):
@@ -170,10 +187,8 @@ class Subscriber(_Closing):
         return Losses(*self._native.losses())
 
     def fileno(self):
-        """For `select` and event loops: readable when there may be samples. Receive until None then, and every 0.25 s in any case.
-        It changes when the publisher starts again; -1 when none has been there."""
-        descriptor = self._native.descriptor()
-        return -1 if descriptor is None else descriptor
+        """For `select` and event loops: readable when there may be samples, and every 0.25 s in any case. Receive until None then."""
+        return self._native.descriptor()
 
     def __iter__(self):
         return self
@@ -195,11 +210,7 @@ class Subscriber(_Closing):
             waited = loop.time() - began
             if self._timeout is not None and waited >= self._timeout:
                 raise StopAsyncIteration
-            descriptor = self._native.descriptor()
-            # Making the descriptor does not announce what came before it.
-            if (sample := self.receive(0)) is not None:
-                break
-            await _readable([] if descriptor is None else [descriptor])
+            await _readable([self._native.descriptor()])
         return sample
 
 
@@ -261,11 +272,8 @@ class Request:
         while self.final is None:
             report = self.next(0)
             if report is None:
-                descriptors = self._native.descriptors()
-                report = self.next(0)
-                if report is None:
-                    await _readable(descriptors)
-                    continue
+                await _readable(self._native.descriptors())
+                continue
             yield report
         self._check()
 
@@ -276,6 +284,124 @@ class Request:
         async for _ in self:
             pass
         return self.final
+
+
+class Order:
+    """A request that a server has taken. `data` is its structure.
+
+    Answer it with `accept()`, any number of `progress()`, and one of `done()`, `refuse()` and `abort()`; each returns whether the
+    client is still there. In a `with` statement, a request without a final report ends as done, or as aborted after an exception. An
+    order that is dropped without a final report ends as aborted, so that no client waits in vain.
+    """
+
+    def __init__(self, server, ticket, data):
+        self._server = server
+        self._ticket = ticket
+        #: The structure that was sent.
+        self.data = data
+        #: Whether the client gave the request up or died, as far as the server knows: it looks whenever it receives.
+        self.is_vanished = False
+        #: Whether a final report was sent.
+        self.is_over = False
+
+    @property
+    def is_open(self):
+        return not (self.is_vanished or self.is_over)
+
+    def report(self, stage, reason="none", **fields):
+        """Sends a report: names of stage and reason, and other fields of RequestReport."""
+        raw = RequestReport(stage=stage_code(stage), reason=reason_code(reason), **fields)
+        if not self.is_open:
+            return False
+        outcome = self._server._native.report(self._ticket, bytes(raw))
+        if outcome == "gone":
+            self.is_vanished = True
+        elif raw.stage >= structs.Stage.DONE:
+            self.is_over = True
+        if not self.is_open:
+            self._server._orders.pop(self._ticket, None)
+        return not self.is_vanished
+
+    def accept(self, **fields):
+        return self.report("accepted", **fields)
+
+    def progress(self, **fields):
+        """Says how far it is. It is dropped when the client does not read."""
+        return self.report("progress", **fields)
+
+    def done(self, **fields):
+        return self.report("done", **fields)
+
+    def refuse(self, reason, **fields):
+        """Refuses it: nothing was done. The reason is a name such as "busy"."""
+        return self.report("refused", reason, **fields)
+
+    def abort(self, reason="none", **fields):
+        """Ends it early."""
+        return self.report("aborted", reason, **fields)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        if self.is_open:
+            self.report("done" if kind is None else "aborted")
+
+    def __del__(self):
+        # Not at the end of the program, when the server is closed: its clients see that.
+        with contextlib.suppress(Exception):
+            self.abort()
+
+    def __repr__(self):
+        return f"Order({type(self.data).__name__}, request_id={self.data.request_id})"
+
+
+class Server(_Closing):
+    """The server of a request service, of which a robot has one. Iterating gives every request and waits for the next one."""
+
+    def __init__(self, native, struct):
+        self._native = native
+        #: The ctypes structure of a request.
+        self.struct = struct
+        # Orders that the program has forgotten are of no interest when their clients vanish.
+        self._orders = weakref.WeakValueDictionary()
+
+    def receive(self, timeout=None):
+        """The next request; waits as long as `timeout` seconds, or without a limit. Returns None when the time is over, and when the
+        client of an open request is found to be gone: `is_vanished` of that order says so then."""
+        taken = self._native.take(timeout)
+        if taken is None:
+            return None
+        ticket, request = taken
+        if request is None:
+            order = self._orders.pop(ticket, None)
+            if order is not None:
+                order.is_vanished = True
+            return None
+        order = Order(self, ticket, self.struct.from_buffer_copy(request))
+        self._orders[ticket] = order
+        return order
+
+    def fileno(self):
+        """For `select` and event loops: readable when there may be something to receive, and every 0.25 s in any case. Receive until
+        None then."""
+        return self._native.descriptor()
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        while (order := self.receive()) is None:
+            pass
+        return order
+
+    def __aiter__(self):
+        return self
+
+    async def __anext__(self):
+        while (order := self.receive(0)) is None:
+            await _readable([self._native.descriptor()])
+        return order
 
 
 class Robot(_Closing):
@@ -304,15 +430,12 @@ class Robot(_Closing):
         beside the topic. An iteration ends when there was no sample for `timeout` seconds.
         """
         own = _OWN_TOPICS.get(key)
-        layout_hash, size = None, 0
+        layout_hash = None
         if struct is None and schema is None and own is not None:
             struct, layout_hash = own, structs.LAYOUTS[key][1]
         elif struct is not None and schema is None:
             schema = schema_of(struct)
-        if struct is not None:
-            import ctypes
-
-            size = ctypes.sizeof(struct)
+        size = 0 if struct is None else ctypes.sizeof(struct)
         subscriber = Subscriber(self._native.subscribe(key, layout_hash, schema, size), struct, timeout)
         return self._ports.enter_context(subscriber)
 
@@ -330,8 +453,6 @@ class Robot(_Closing):
 
     def advertise(self, key, struct, *, schema=None):
         """Becomes the publisher of a topic that carries the structure; `schema` says the same with comments, if it is given."""
-        import ctypes
-
         native = self._native.advertise(key, schema or schema_of(struct), ctypes.sizeof(struct))
         return self._ports.enter_context(Publisher(native, struct))
 
@@ -371,6 +492,14 @@ class Robot(_Closing):
         """Flies a path of (latitude in degrees, longitude in degrees, altitude in m)."""
         return Request(self._requests(), "go to", self._requests().go_to(list(path), preempt))
 
-    def send(self, key, request):
-        """Sends a structure as a request of the service `key`, such as ParameterRequest to "parameters"."""
-        return Request(self._requests(), key, self._requests().send(key, bytes(request)))
+    def send(self, key, request, *, schema=None):
+        """Sends a structure as a request of the service `key`, such as ParameterRequest to "parameters", ModuleControl to
+        "battery_watch/control", or a structure of your own to a module. A `request_id` of 0 is replaced."""
+        schema = schema or schema_of(type(request))
+        return Request(self._requests(), key, self._requests().send(key, bytes(request), None, schema))
+
+    def serve(self, key, struct, *, schema=None):
+        """Becomes the server of the request service `key`, whose requests carry the structure; `schema` says the same with
+        comments, if it is given."""
+        native = self._native.serve(key, None, schema or schema_of(struct), ctypes.sizeof(struct))
+        return self._ports.enter_context(Server(native, struct))

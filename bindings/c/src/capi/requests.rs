@@ -1,0 +1,234 @@
+//! Sending requests, and following them to their final report.
+
+use std::cell::RefCell;
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::thread::LocalKey;
+
+use ipc_types::code::ControlCommand;
+use ipc_types::payload::{RequestReport, WaypointPosition};
+
+use super::robot::Robot;
+use super::{
+    INTERRUPTED, NOTHING, OK, Service, clear, close, give, guard, handle, null, service_name,
+    timeout, write,
+};
+use crate::error::Error;
+use crate::requests::{Answer, Requests, reason_name, stage_name};
+
+/// `hero_ril_waypoint`
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Waypoint {
+    latitude_deg: f64,
+    longitude_deg: f64,
+    altitude_m: f64,
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_client_open(robot: *mut Robot, out: *mut *mut Requests) -> c_int {
+    guard(|| unsafe {
+        clear(out)?;
+        let client = Requests::new(&handle(robot, "robot")?.ipc);
+        give(out, client)
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_client_close(client: *mut Requests) {
+    unsafe { close(client) }
+}
+
+/// Sends a request and writes its id.
+unsafe fn send(
+    client: *mut Requests,
+    request_id: *mut u64,
+    send: impl FnOnce(&mut Requests) -> Result<u64, Error>,
+) -> c_int {
+    guard(|| unsafe {
+        let id = send(handle(client, "client")?)?;
+        if !request_id.is_null() {
+            request_id.write(id);
+        }
+        Ok(OK)
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_send(
+    client: *mut Requests,
+    service: *const Service,
+    request: *const c_void,
+    size: usize,
+    request_id: *mut u64,
+) -> c_int {
+    unsafe {
+        send(client, request_id, |client| {
+            if request.is_null() {
+                return Err(null("request"));
+            }
+            // SAFETY: the caller has `size` bytes there.
+            let bytes = std::slice::from_raw_parts(request.cast(), size);
+            client.send(&service_name(service, "service")?, bytes)
+        })
+    }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_start(client: *mut Requests, request_id: *mut u64) -> c_int {
+    unsafe {
+        send(client, request_id, |client| {
+            client.control(ControlCommand::Start)
+        })
+    }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_stop(client: *mut Requests, request_id: *mut u64) -> c_int {
+    unsafe {
+        send(client, request_id, |client| {
+            client.control(ControlCommand::Stop)
+        })
+    }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_take_off(
+    client: *mut Requests,
+    altitude_m: f64,
+    request_id: *mut u64,
+) -> c_int {
+    unsafe { send(client, request_id, |client| client.take_off(altitude_m)) }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_land(
+    client: *mut Requests,
+    preempt: c_int,
+    request_id: *mut u64,
+) -> c_int {
+    unsafe { send(client, request_id, |client| client.land(preempt != 0)) }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_hold(client: *mut Requests, request_id: *mut u64) -> c_int {
+    unsafe { send(client, request_id, Requests::hold) }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_go_to(
+    client: *mut Requests,
+    waypoints: *const Waypoint,
+    count: usize,
+    preempt: c_int,
+    request_id: *mut u64,
+) -> c_int {
+    unsafe {
+        send(client, request_id, |client| {
+            if waypoints.is_null() {
+                return Err(null("waypoints"));
+            }
+            // SAFETY: the caller has `count` waypoints there.
+            let path: Vec<_> = std::slice::from_raw_parts(waypoints, count)
+                .iter()
+                .map(|waypoint| WaypointPosition {
+                    latitude_deg: waypoint.latitude_deg,
+                    longitude_deg: waypoint.longitude_deg,
+                    altitude_m: waypoint.altitude_m,
+                })
+                .collect();
+            client.go_to(&path, preempt != 0)
+        })
+    }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_next_report(
+    client: *mut Requests,
+    request_id: u64,
+    timeout_ms: i32,
+    report: *mut RequestReport,
+) -> c_int {
+    guard(|| unsafe {
+        match handle(client, "client")?.next_report(request_id, timeout(timeout_ms))? {
+            Answer::Report(answer) => {
+                write(report, answer, "report")?;
+                Ok(OK)
+            }
+            Answer::Nothing => Ok(NOTHING),
+            Answer::Interrupted => Ok(INTERRUPTED),
+        }
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_client_descriptors(
+    client: *mut Requests,
+    descriptors: *mut c_int,
+    capacity: usize,
+    count: *mut usize,
+) -> c_int {
+    guard(|| unsafe {
+        let found = handle(client, "client")?.descriptors()?;
+        if descriptors.is_null() && capacity > 0 {
+            return Err(null("descriptors"));
+        }
+        for (index, descriptor) in found.iter().take(capacity).enumerate() {
+            // SAFETY: the caller has `capacity` numbers there.
+            descriptors.add(index).write(*descriptor);
+        }
+        write(count, found.len(), "count")?;
+        Ok(if found.is_empty() { NOTHING } else { OK })
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_give_up(client: *mut Requests) -> c_int {
+    guard(|| unsafe {
+        handle(client, "client")?.give_up();
+        Ok(OK)
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_is_final(report: *const RequestReport) -> c_int {
+    // SAFETY: the caller has it point to a report, or nowhere.
+    c_int::from(unsafe { report.as_ref() }.is_some_and(RequestReport::is_final))
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub extern "C" fn hero_ril_stage_name(stage: u32) -> *const c_char {
+    thread_local!(static NAME: RefCell<CString> = RefCell::default());
+    c_name(&NAME, stage_name(stage))
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub extern "C" fn hero_ril_reason_name(reason: u32) -> *const c_char {
+    thread_local!(static NAME: RefCell<CString> = RefCell::default());
+    c_name(&NAME, reason_name(reason))
+}
+
+/// The name with a zero at its end, kept where the thread keeps it.
+fn c_name(place: &'static LocalKey<RefCell<CString>>, name: &str) -> *const c_char {
+    let name = CString::new(name).unwrap_or_default();
+    place
+        .try_with(|last| {
+            *last.borrow_mut() = name;
+            last.borrow().as_ptr()
+        })
+        .unwrap_or(c"".as_ptr())
+}
