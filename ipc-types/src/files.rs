@@ -9,7 +9,8 @@
 //! Therefore this crate makes nodes, services, ports and files of its own under one lock of the process. It is the only lock
 //! in the RIL, because the umask is the only state that the threads of a process cannot divide among them. A thread
 //! that holds it waits for no file lock of another process, and nothing that carries data takes it: the segments that
-//! iceoryx2 makes while samples are sent and received get their modes explicitly, whatever the umask is.
+//! iceoryx2 makes while samples are sent and received get their modes explicitly, whatever the umask is. Nor does the
+//! housekeeper's removal of dead members, which can take long: it binds no socket.
 //!
 //! A program with other threads that create files, or start processes, has two ways:
 //!

@@ -22,7 +22,7 @@ use crate::domain::Domain;
 use crate::generation::{self, Generation};
 use crate::iox::{Node, Svc};
 use crate::lock_file::entries;
-use crate::{files, reserve, robot_folder};
+use crate::{reserve, robot_folder};
 
 /// How often it looks for dead members: their partners learn of the death after that time.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -111,10 +111,13 @@ impl Tended {
 
     fn tend(&self) {
         let pass = catch_unwind(AssertUnwindSafe(|| {
-            files::while_no_port_opens(|| remove_dead(&self.config))
+            let _removing = Removing::begin()?;
+            Some(remove_dead(&self.config))
         }));
-        let Ok(pass) = pass else {
-            return self.wear_out("a dead process could not be removed");
+        let pass = match pass {
+            Ok(Some(pass)) => pass,
+            Ok(None) => return,
+            Err(_) => return self.wear_out("a dead process could not be removed"),
         };
         self.living.store(pass.living, Ordering::Relaxed);
         let deaths = self.deaths.fetch_add(pass.removed, Ordering::AcqRel) + pass.removed;
@@ -163,6 +166,28 @@ pub(crate) struct Pass {
     pub(crate) stuck: u32,
     /// Members that live.
     pub(crate) living: usize,
+}
+
+/// The one removal of this process, until this is dropped. Another one meanwhile would take the dead for those that cannot be
+/// removed; it waits for the next pass instead.
+///
+/// A removal does not hold the lock of [`crate::files`]: iceoryx2 reads files of other processes meanwhile, which can take long,
+/// and no port could be opened. It needs none, because it binds no socket, and what it creates gets its mode explicitly or is
+/// for the owner alone.
+struct Removing;
+
+static IS_REMOVING: AtomicBool = AtomicBool::new(false);
+
+impl Removing {
+    fn begin() -> Option<Removing> {
+        (!IS_REMOVING.swap(true, Ordering::Acquire)).then_some(Removing)
+    }
+}
+
+impl Drop for Removing {
+    fn drop(&mut self) {
+        IS_REMOVING.store(false, Ordering::Release);
+    }
 }
 
 fn remove_dead(config: &Config) -> Pass {

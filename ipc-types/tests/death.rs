@@ -5,7 +5,9 @@
 mod support;
 
 use std::collections::HashSet;
+use std::fs;
 use std::io::BufRead;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -13,11 +15,12 @@ use std::thread;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
+use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, RequestReport};
 use ipc_types::{
-    Domain, Ipc, Publisher, Removal, ReportError, RobotId, Server, Ticket, Waiter, Wake,
-    fresh_request_id,
+    Domain, Ipc, MonotonicNs, Publisher, Removal, ReportError, RobotId, Server, Ticket, Waiter,
+    Wake, files, fresh_request_id,
 };
+use rustix::fs::{CWD, Mode, OFlags, mkfifoat, open};
 use rustix::process::{Pid, Signal, kill_process};
 
 use support::{Role, WATCHDOG, in_domain, join, open_descriptors, until};
@@ -59,6 +62,10 @@ const TESTS: &[(&str, fn())] = &[
     (
         "a_generation_that_wears_out_costs_no_request",
         a_generation_that_wears_out_costs_no_request,
+    ),
+    (
+        "a_removal_that_hangs_keeps_no_port_from_being_opened",
+        a_removal_that_hangs_keeps_no_port_from_being_opened,
     ),
     (
         "what_the_dead_left_is_removed_by_the_next_process",
@@ -480,6 +487,58 @@ fn a_generation_that_wears_out_costs_no_request() {
         assert_eq!(finals, [(early.request_id, done), (late.request_id, done)]);
         assert_eq!((client.outstanding(), server.open_tickets()), (0, 0));
     });
+}
+
+/// What iceoryx2 reads of another member while it looks for dead ones can keep it waiting. Here it is a pipe.
+fn a_removal_that_hangs_keeps_no_port_from_being_opened() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let before = files_of_members(domain);
+        let member = Role::ready(domain, "subscriber", "subscribed");
+        let pipes: Vec<PathBuf> = files_of_members(domain)
+            .difference(&before)
+            .cloned()
+            .collect();
+        assert!(!pipes.is_empty());
+        for path in &pipes {
+            fs::remove_file(path).unwrap();
+            mkfifoat(CWD, path, Mode::RUSR | Mode::WUSR).unwrap();
+        }
+        // Longer than the time in which the process looks for dead members.
+        let begun = MonotonicNs::now();
+        let operator = join(domain, "operator");
+        while MonotonicNs::now().since(begun) < Duration::from_secs(2) {
+            drop(operator.publisher::<ModuleState>().unwrap());
+            files::while_no_port_opens(|| ());
+        }
+        // It can be opened in this way as soon as somebody waits at the other end, who then waits no longer.
+        let opens = OFlags::WRONLY | OFlags::NONBLOCK;
+        until("the removal came to a pipe", || {
+            pipes
+                .iter()
+                .any(|path| open(path, opens, Mode::empty()).is_ok())
+        });
+        for path in &pipes {
+            fs::remove_file(path).unwrap();
+            fs::write(path, "").unwrap();
+        }
+        drop((member, operator, publisher, ipc));
+    });
+}
+
+/// What the members of the present generation of the telemetry have laid down about themselves.
+fn files_of_members(domain: &Domain) -> HashSet<PathBuf> {
+    let service = domain.root().join("1/dsp_telemetry");
+    let current = fs::read_to_string(service.join("current")).unwrap();
+    let (generation, _) = current.split_once(' ').unwrap();
+    let entries = |folder: PathBuf| fs::read_dir(folder).into_iter().flatten().flatten();
+    entries(service.join(generation).join("nodes"))
+        .filter(|entry| entry.path().is_dir())
+        .flat_map(|member| entries(member.path()))
+        .filter(|entry| entry.path().is_file())
+        .map(|entry| entry.path())
+        .collect()
 }
 
 fn what_the_dead_left_is_removed_by_the_next_process() {
