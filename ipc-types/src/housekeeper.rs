@@ -6,6 +6,7 @@
 //! deleted when its last member has gone.
 
 use std::any::Any;
+use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
@@ -43,6 +44,10 @@ const FILES_PER_MEMBER: usize = 24;
 
 /// Passes from one count of files to the next: ten seconds.
 const PASSES_PER_COUNT: u32 = 20;
+
+/// How long a session that ends waits for a removal that is under way. One that takes longer is left to its thread, which ends with
+/// the process.
+const END_LIMIT: Duration = Duration::from_secs(2);
 
 /// A generation that is looked after.
 #[derive(Debug)]
@@ -234,15 +239,21 @@ pub(crate) struct Housekeeper {
     /// Nothing only while dropping.
     orders: Option<Sender<Order>>,
     thread: Option<JoinHandle<()>>,
+    /// Disconnected when the thread ends.
+    end: Receiver<Infallible>,
 }
 
 impl Housekeeper {
     pub(crate) fn start(domain: &Domain) -> Housekeeper {
         let (sender, orders) = mpsc::channel();
+        let (ending, end) = mpsc::channel();
         let domain = domain.clone();
         let thread = thread::Builder::new()
             .name("housekeeper".to_owned())
-            .spawn(move || keep_house(&domain, &orders))
+            .spawn(move || {
+                let _ending: Sender<Infallible> = ending;
+                keep_house(&domain, &orders);
+            })
             .inspect_err(
                 |error| tracing::warn!(%error, "no thread removes what dead processes leave"),
             )
@@ -250,6 +261,7 @@ impl Housekeeper {
         Housekeeper {
             orders: Some(sender),
             thread,
+            end,
         }
     }
 
@@ -275,6 +287,9 @@ impl Drop for Housekeeper {
     fn drop(&mut self) {
         drop(self.orders.take());
         if let Some(thread) = self.thread.take() {
+            if self.end.recv_timeout(END_LIMIT) == Err(RecvTimeoutError::Timeout) {
+                return tracing::warn!("what dead processes left cannot be removed in time");
+            }
             // A panic in it has been reported.
             let _ = thread.join();
         }

@@ -64,8 +64,8 @@ const TESTS: &[(&str, fn())] = &[
         a_generation_that_wears_out_costs_no_request,
     ),
     (
-        "a_removal_that_hangs_keeps_no_port_from_being_opened",
-        a_removal_that_hangs_keeps_no_port_from_being_opened,
+        "a_removal_that_hangs_holds_up_neither_ports_nor_the_end",
+        a_removal_that_hangs_holds_up_neither_ports_nor_the_end,
     ),
     (
         "what_the_dead_left_is_removed_by_the_next_process",
@@ -490,7 +490,7 @@ fn a_generation_that_wears_out_costs_no_request() {
 }
 
 /// What iceoryx2 reads of another member while it looks for dead ones can keep it waiting. Here it is a pipe.
-fn a_removal_that_hangs_keeps_no_port_from_being_opened() {
+fn a_removal_that_hangs_holds_up_neither_ports_nor_the_end() {
     in_domain(|domain| {
         let ipc = join(domain, "bridge");
         let publisher = ipc.publisher::<DspTelemetry>().unwrap();
@@ -512,6 +512,7 @@ fn a_removal_that_hangs_keeps_no_port_from_being_opened() {
             drop(operator.publisher::<ModuleState>().unwrap());
             files::while_no_port_opens(|| ());
         }
+        drop((operator, publisher, ipc));
         // It can be opened in this way as soon as somebody waits at the other end, who then waits no longer.
         let opens = OFlags::WRONLY | OFlags::NONBLOCK;
         until("the removal came to a pipe", || {
@@ -519,11 +520,8 @@ fn a_removal_that_hangs_keeps_no_port_from_being_opened() {
                 .iter()
                 .any(|path| open(path, opens, Mode::empty()).is_ok())
         });
-        for path in &pipes {
-            fs::remove_file(path).unwrap();
-            fs::write(path, "").unwrap();
-        }
-        drop((member, operator, publisher, ipc));
+        drop(member);
+        domain.remove_if_dead().unwrap();
     });
 }
 
