@@ -231,37 +231,31 @@ enum Order {
     Tend(Weak<Tended>),
     /// Something whose removal may take long.
     Drop(Box<dyn Any + Send>),
+    /// To end, and then to drop the sender.
+    End(Sender<Infallible>),
 }
 
 /// The thread; it ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Housekeeper {
-    /// Nothing only while dropping.
-    orders: Option<Sender<Order>>,
+    orders: Sender<Order>,
     thread: Option<JoinHandle<()>>,
-    /// Disconnected when the thread ends.
-    end: Receiver<Infallible>,
 }
 
 impl Housekeeper {
     pub(crate) fn start(domain: &Domain) -> Housekeeper {
         let (sender, orders) = mpsc::channel();
-        let (ending, end) = mpsc::channel();
         let domain = domain.clone();
         let thread = thread::Builder::new()
             .name("housekeeper".to_owned())
-            .spawn(move || {
-                let _ending: Sender<Infallible> = ending;
-                keep_house(&domain, &orders);
-            })
+            .spawn(move || keep_house(&domain, &orders))
             .inspect_err(
                 |error| tracing::warn!(%error, "no thread removes what dead processes leave"),
             )
             .ok();
         Housekeeper {
-            orders: Some(sender),
+            orders: sender,
             thread,
-            end,
         }
     }
 
@@ -276,18 +270,17 @@ impl Housekeeper {
     }
 
     fn order(&self, order: Order) {
-        if let Some(orders) = &self.orders {
-            // Without the thread the order is dropped here, and with it what it holds.
-            let _ = orders.send(order);
-        }
+        // Without the thread the order is dropped here, and with it what it holds.
+        let _ = self.orders.send(order);
     }
 }
 
 impl Drop for Housekeeper {
     fn drop(&mut self) {
-        drop(self.orders.take());
+        let (sender, ended) = mpsc::channel();
+        self.order(Order::End(sender));
         if let Some(thread) = self.thread.take() {
-            if self.end.recv_timeout(END_LIMIT) == Err(RecvTimeoutError::Timeout) {
+            if ended.recv_timeout(END_LIMIT) == Err(RecvTimeoutError::Timeout) {
                 return tracing::warn!("what dead processes left cannot be removed in time");
             }
             // A panic in it has been reported.
@@ -316,6 +309,7 @@ fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
                 tended.push(one);
             }
             Ok(Order::Drop(thing)) => drop(thing),
+            Ok(Order::End(_)) => return,
             Err(RecvTimeoutError::Timeout) => {
                 tended.retain(|one| one.upgrade().inspect(|one| one.tend()).is_some());
             }

@@ -22,6 +22,12 @@ pub struct Ipc {
     session: Arc<Session>,
 }
 
+/// The bindings share it between threads.
+const _: () = {
+    const fn is_shared<T: Send + Sync>() {}
+    is_shared::<Ipc>();
+};
+
 impl Ipc {
     /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
     /// robot of `RIL_ROBOT`, or 1.

@@ -1,5 +1,7 @@
 //! The short form of the program `endurance`: processes that are killed, disturbed and cut off at random moments.
 
+#[path = "../examples/endurance/crashes.rs"]
+mod crashes;
 // Some of it is for the attacks.
 #[path = "../examples/endurance/crew.rs"]
 #[allow(dead_code)]
@@ -12,6 +14,8 @@ mod kills;
 mod port;
 #[path = "../examples/endurance/spread.rs"]
 mod spread;
+#[path = "../examples/endurance/starts.rs"]
+mod starts;
 #[path = "../examples/endurance/subscribers.rs"]
 mod subscribers;
 
@@ -33,7 +37,11 @@ fn kill(victim: Kind) {
         kills: 12,
         seed: SEED,
     };
-    let outcome = kills::run(&site(victim.name()), &plan, &|| true);
+    let site = site(victim.name());
+    if !site.has(victim) {
+        return;
+    }
+    let outcome = kills::run(&site, &plan, &|| true);
     assert!(outcome.is_clean(), "{outcome}");
     assert_eq!(outcome.kills, 12);
     assert!((1..12).contains(&outcome.in_start_up), "{outcome}");
@@ -57,6 +65,41 @@ fn a_status_can_be_killed_at_any_moment() {
 #[test]
 fn a_consumer_can_be_killed_at_any_moment() {
     kill(Kind::Consumer);
+}
+
+#[test]
+fn a_consumer_in_c_can_be_killed_at_any_moment() {
+    kill(Kind::ConsumerInC);
+}
+
+#[test]
+fn a_consumer_in_python_can_be_killed_at_any_moment() {
+    kill(Kind::ConsumerInPython);
+}
+
+#[test]
+fn whatever_is_killed_the_next_start_is_ready_also_when_that_was_everything_at_once() {
+    let plan = starts::Plan {
+        starts: 30,
+        together: 20,
+        robots: 2,
+        seed: SEED,
+    };
+    let outcome = starts::run(&site("starts"), &plan, &|| true);
+    assert_eq!(outcome.together.0, 1, "{outcome}");
+    assert!(outcome.in_start_up > 0, "{outcome}");
+}
+
+#[test]
+fn processes_that_crash_in_a_loop_cost_healthy_consumers_nothing() {
+    let plan = crashes::Plan {
+        per_second: 20,
+        duration: Duration::from_secs(5),
+        seed: SEED,
+    };
+    let outcome = crashes::run(&site("crashes"), &plan, &|| true);
+    assert!(outcome.is_clean(), "{outcome}");
+    assert!(outcome.heard.iter().all(|heard| heard.losses.received > 0));
 }
 
 #[test]

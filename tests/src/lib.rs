@@ -7,6 +7,7 @@
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
 //! * [`pty`]: a folder for links to pseudo-terminals;
+//! * [`languages`]: programs in C, C++ and Python with the RIL's library;
 //! * [`watchdog`]: ends a test that hangs.
 //!
 //! # A consumer and its test
@@ -103,6 +104,7 @@
 pub mod chain;
 pub mod domain;
 pub mod garbage;
+pub mod languages;
 pub mod process;
 pub mod pty;
 pub mod recording;

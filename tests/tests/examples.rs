@@ -1,219 +1,30 @@
 //! The programs of `examples/` in C, C++ and Python, built as their documentation says, against the real processes.
 //!
 //! What a language needs and this machine does not have is skipped, and that is told past the capture of the tests' output:
-//!
-//! * C and C++: a compiler, `cc` and `c++` (or what `CC` and `CXX` name);
-//! * Python: an interpreter from 3.9 on with the package `hero_ril`. `RIL_TEST_PYTHON` names one; else a virtual environment is
-//!   made in the target folder, for which `maturin` and `numpy` come from PyPI.
+//! [`ril_tests::languages`].
 
-use std::ffi::OsStr;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
+use ril_tests::languages::{Compiler, built, python, python_example, root, skip};
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::{Chain, Process, PtyFolder, TestDomain};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
 const SPEED: u32 = 10;
 
-fn root() -> PathBuf {
-    let member = Path::new(env!("CARGO_MANIFEST_DIR"));
-    member.parent().expect("a workspace above").to_owned()
+fn ril() -> PathBuf {
+    built().expect("cargo").join("ril")
 }
 
-fn skip(what: &str, why: &str) {
-    // Not `eprintln`, which is shown only if a test fails.
-    let _ = writeln!(std::io::stderr(), "SKIPPED: the examples in {what}: {why}");
-}
-
-/// Runs a tool to its end, or says why that did not work.
-fn run(command: &mut Command) -> Result<(), String> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    let output = command
-        .output()
-        .map_err(|error| format!("{name}: {error}"))?;
-    match output.status.success() {
-        true => Ok(()),
-        false => Err(format!(
-            "{name}: {}{}",
-            String::from_utf8_lossy(&output.stdout),
-            String::from_utf8_lossy(&output.stderr)
-        )),
-    }
-}
-
-/// The folder in which cargo leaves libraries and programs, with `libhero_ril` and `ril` in it, of this build's profile.
-fn built() -> &'static Path {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| {
-        let test = std::env::current_exe().expect("this program's path");
-        let folder = test.parent().and_then(Path::parent);
-        let folder = folder.expect("a folder above `deps`").to_owned();
-        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        let mut command = Command::new(cargo);
-        command
-            .args(["build", "--quiet", "-p", "hero-ril", "-p", "ril"])
-            .current_dir(root())
-            .env(
-                "CARGO_TARGET_DIR",
-                folder.parent().expect("a target folder"),
-            );
-        if !cfg!(debug_assertions) {
-            command.arg("--release");
-        }
-        run(&mut command).expect("cargo builds the library and ril");
-        folder
-    })
-}
-
-/// A compiler for one of the languages.
-struct Compiler {
-    program: String,
-    options: &'static [&'static str],
-}
-
-impl Compiler {
-    fn find(language: &str, variable: &str, fallback: &str) -> Option<Compiler> {
-        let program = std::env::var(variable).unwrap_or_else(|_| fallback.to_owned());
-        match run(Command::new(&program).arg("--version")) {
-            Ok(()) => Some(Compiler {
-                program,
-                options: match language {
-                    "C" => &["-std=c11"],
-                    _ => &["-std=c++17"],
-                },
-            }),
-            Err(why) => {
-                skip(language, &why);
-                None
-            }
-        }
-    }
-
-    fn c() -> Option<Compiler> {
-        Compiler::find("C", "CC", "cc")
-    }
-
-    fn cpp() -> Option<Compiler> {
-        Compiler::find("C++", "CXX", "c++")
-    }
-
-    /// Compiles `examples/<source>` into `folder`; `libraries` come last.
-    fn build(&self, source: &str, folder: &PtyFolder, libraries: &[&OsStr]) -> PathBuf {
-        let program = folder.link("example");
-        let mut command = Command::new(&self.program);
-        command
-            .args(self.options)
-            .args(["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-o"])
-            .arg(&program)
-            .arg("-I")
-            .arg(root().join("bindings/c/include"))
-            .arg("-I")
-            .arg(root().join("ipc-types/layouts"))
-            .arg(root().join("examples").join(source))
-            .args(libraries);
-        run(&mut command).expect("the example compiles");
-        program
-    }
-
-    fn with_shared_library(&self, source: &str, folder: &PtyFolder) -> PathBuf {
-        let mut run_path = std::ffi::OsString::from("-Wl,-rpath,");
-        run_path.push(built());
-        let libraries = [
-            OsStr::new("-L"),
-            built().as_ref(),
-            "-lhero_ril".as_ref(),
-            &run_path,
-        ];
-        self.build(source, folder, &libraries)
-    }
-
-    fn with_static_library(&self, source: &str, folder: &PtyFolder) -> PathBuf {
-        let library = built().join("libhero_ril.a");
-        let mut libraries = vec![library.as_os_str()];
-        libraries.extend(["-lpthread", "-ldl", "-lm"].map(OsStr::new));
-        self.build(source, folder, &libraries)
-    }
-}
-
-/// An interpreter that has the package `hero_ril`.
-fn python() -> Option<&'static Path> {
-    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    let python = PYTHON.get_or_init(|| match std::env::var_os("RIL_TEST_PYTHON") {
-        Some(python) => Ok(python.into()),
-        None => virtual_environment(),
-    });
-    match python {
-        Ok(python) => Some(python),
-        Err(why) => {
-            skip("Python", why);
-            None
-        }
-    }
-}
-
-/// Makes a virtual environment, builds the wheel with it and installs it there. What is there already is used again.
-fn virtual_environment() -> Result<PathBuf, String> {
-    let target = built().parent().expect("a target folder");
-    let (folder, wheels) = (target.join("python-venv"), target.join("python-wheels"));
-    let python = folder.join("bin/python");
-    let package = root().join("bindings/python");
-    let pip = |arguments: &[&str]| {
-        let mut command = Command::new(&python);
-        command.args([
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-        ]);
-        command.args(arguments);
-        command
-    };
-    if run(Command::new(&python).args(["-c", "import maturin, numpy"])).is_err() {
-        run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
-        run(&mut pip(&["maturin>=1.7,<2", "numpy"]))?;
-    }
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    run(Command::new(cargo).arg("fetch").current_dir(&package))?;
-    // From here on a failure is ours.
-    let _ = std::fs::remove_dir_all(&wheels);
-    let mut build = Command::new(&python);
-    build
-        .args([
-            "-m",
-            "maturin",
-            "build",
-            "--quiet",
-            "--profile",
-            "dev",
-            "--out",
-        ])
-        .arg(&wheels)
-        .arg("--interpreter")
-        .arg(&python)
-        .current_dir(&package)
-        .env("CARGO_TARGET_DIR", target.join("python"));
-    run(&mut build).expect("the wheel is built");
-    let wheel = std::fs::read_dir(&wheels).expect("wheels").next();
-    let wheel = wheel.expect("a wheel").expect("a wheel").path();
-    let wheel = wheel.to_str().expect("a path in UTF-8");
-    run(&mut pip(&["--force-reinstall", "--no-deps", wheel])).expect("the wheel is installed");
-    Ok(python)
-}
-
-/// The command that runs one of `examples/python`.
-fn python_example(python: &Path, name: &str) -> Command {
-    let mut command = Command::new(python);
-    command
-        .arg("-u")
-        .arg(root().join("examples/python").join(name));
-    command
+/// What is wanted, or nothing after saying why not.
+fn or_skip<T, E: AsRef<str>>(language: &str, found: Result<T, E>) -> Option<T> {
+    found
+        .inspect_err(|why| skip(&format!("the examples in {language}"), why.as_ref()))
+        .ok()
 }
 
 /// The lines about requests and not about telemetry.
@@ -225,7 +36,7 @@ fn requests(finished: &Finished) -> Vec<&str> {
 /// A program takes off, flies and lands, with a simulated helicopter.
 fn flies_a_mission(program: impl FnOnce() -> Command) {
     let domain = TestDomain::new();
-    let chain = Chain::hurried(&domain, &built().join("ril"), SPEED);
+    let chain = Chain::hurried(&domain, &ril(), SPEED);
     let finished = Process::spawn(&domain, program()).wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
     let requests = requests(&finished);
@@ -251,11 +62,12 @@ fn says_that_nothing_runs(command: Command, text: &str) {
 
 #[test]
 fn a_program_in_c_flies_a_mission() {
-    let Some(compiler) = Compiler::c() else {
+    let Some(compiler) = or_skip("C", Compiler::c()) else {
         return;
     };
     let folder = PtyFolder::new();
-    let program = compiler.with_shared_library("c/mission.c", &folder);
+    let program = folder.link("example");
+    compiler.with_shared_library("c/mission.c", &program);
     flies_a_mission(|| {
         let mut command = Command::new(&program);
         command.arg("5");
@@ -266,11 +78,12 @@ fn a_program_in_c_flies_a_mission() {
 
 #[test]
 fn a_program_in_cpp_flies_a_mission() {
-    let Some(compiler) = Compiler::cpp() else {
+    let Some(compiler) = or_skip("C++", Compiler::cpp()) else {
         return;
     };
     let folder = PtyFolder::new();
-    let program = compiler.with_static_library("cpp/mission.cpp", &folder);
+    let program = folder.link("example");
+    compiler.with_static_library("cpp/mission.cpp", &program);
     flies_a_mission(|| {
         let mut command = Command::new(&program);
         command.arg("5");
@@ -309,11 +122,12 @@ mod module {
 
 #[test]
 fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
-    let Some(compiler) = Compiler::c() else {
+    let Some(compiler) = or_skip("C", Compiler::c()) else {
         return;
     };
     let folder = PtyFolder::new();
-    let program = compiler.with_shared_library("c/voltages.c", &folder);
+    let program = folder.link("example");
+    compiler.with_shared_library("c/voltages.c", &program);
     let start = |domain: &TestDomain, what: &str, count: &str| {
         let mut command = Command::new(&program);
         command.args([what, count]);
@@ -371,15 +185,17 @@ impl Gripper {
 fn grippers(folders: &[PtyFolder; 2]) -> Vec<Gripper> {
     let mut grippers = Vec::new();
     let mut add = |language, program| grippers.push(Gripper { language, program });
-    if let Some(compiler) = Compiler::c() {
-        let program = compiler.with_shared_library("c/gripper.c", &folders[0]);
+    if let Some(compiler) = or_skip("C", Compiler::c()) {
+        let program = folders[0].link("example");
+        compiler.with_shared_library("c/gripper.c", &program);
         add("C", vec![program]);
     }
-    if let Some(compiler) = Compiler::cpp() {
-        let program = compiler.with_static_library("cpp/gripper.cpp", &folders[1]);
+    if let Some(compiler) = or_skip("C++", Compiler::cpp()) {
+        let program = folders[1].link("example");
+        compiler.with_static_library("cpp/gripper.cpp", &program);
         add("C++", vec![program]);
     }
-    if let Some(python) = python() {
+    if let Some(python) = or_skip("Python", python()) {
         let gripper = root().join("examples/python/gripper.py");
         add("Python", vec![python.to_owned(), "-u".into(), gripper]);
     }
@@ -457,8 +273,28 @@ fn a_request_of_a_module_is_served_and_sent_in_every_language() {
 }
 
 #[test]
+fn a_program_in_c_prints_telemetry_and_ends_in_order() {
+    let Some(compiler) = or_skip("C", Compiler::c()) else {
+        return;
+    };
+    let folder = PtyFolder::new();
+    let program = folder.link("example");
+    compiler.with_shared_library("c/print_telemetry.c", &program);
+    let domain = TestDomain::new();
+    let chain = Chain::hurried(&domain, &ril(), SPEED);
+    let mut printing = Process::spawn(&domain, Command::new(&program));
+    printing.wait_for_text("m, flying 0, 0 lost");
+    printing.signal(Signal::INT);
+    let finished = printing.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let finished = Process::start(&domain, &program, ["2"]).wait_exit();
+    assert_eq!(finished.stdout.len(), 2, "{finished:#?}");
+    chain.end();
+}
+
+#[test]
 fn the_python_package_does_what_its_tests_say() {
-    let Some(python) = python() else {
+    let Some(python) = or_skip("Python", python()) else {
         return;
     };
     let domain = TestDomain::new();
@@ -470,7 +306,7 @@ fn the_python_package_does_what_its_tests_say() {
 
 #[test]
 fn a_program_in_python_flies_a_mission() {
-    let Some(python) = python() else {
+    let Some(python) = or_skip("Python", python()) else {
         return;
     };
     flies_a_mission(|| {
@@ -483,11 +319,11 @@ fn a_program_in_python_flies_a_mission() {
 
 #[test]
 fn a_program_in_python_prints_telemetry_and_ends_in_order() {
-    let Some(python) = python() else {
+    let Some(python) = or_skip("Python", python()) else {
         return;
     };
     let domain = TestDomain::new();
-    let chain = Chain::hurried(&domain, &built().join("ril"), SPEED);
+    let chain = Chain::hurried(&domain, &ril(), SPEED);
     let mut asynchronous = python_example(python, "mission_async.py");
     asynchronous.arg("3");
     let mission = Process::spawn(&domain, asynchronous).wait_exit();

@@ -2,6 +2,8 @@
 //!
 //! Whatever goes wrong, nothing is left: what was started is killed, and then the domain and the folder are removed.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
@@ -9,6 +11,7 @@ use std::time::Duration;
 
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{MonotonicNs, Subscriber};
+use ril_tests::languages::{Compiler, python, python_example, skip};
 use ril_tests::process::{Finished, Signal, Stream, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, TestDomain, Watchdog};
 
@@ -66,11 +69,25 @@ pub enum Kind {
     Status,
     /// A consumer of telemetry in SI units, which prints it.
     Consumer,
+    /// The same in C.
+    ConsumerInC,
+    /// The same in Python.
+    ConsumerInPython,
 }
 
 impl Kind {
     /// All, in the order of the data.
-    pub const ALL: [Kind; 4] = [Kind::Sim, Kind::Bridge, Kind::Status, Kind::Consumer];
+    pub const ALL: [Kind; 6] = [
+        Kind::Sim,
+        Kind::Bridge,
+        Kind::Status,
+        Kind::Consumer,
+        Kind::ConsumerInC,
+        Kind::ConsumerInPython,
+    ];
+
+    /// Those that need nothing but `ril`.
+    pub const CREW: [Kind; 4] = [Kind::Sim, Kind::Bridge, Kind::Status, Kind::Consumer];
 
     /// As it is named on the command line and in the table.
     pub fn name(self) -> &'static str {
@@ -79,22 +96,25 @@ impl Kind {
             Kind::Bridge => "bridge",
             Kind::Status => "status",
             Kind::Consumer => "consumer",
+            Kind::ConsumerInC => "c-consumer",
+            Kind::ConsumerInPython => "python-consumer",
         }
     }
 
-    fn args(self) -> &'static str {
-        match self {
-            Kind::Sim => "sim --link dsp --seed 1",
-            Kind::Bridge => "bridge --port dsp",
-            Kind::Status => "status",
-            Kind::Consumer => "echo hero --json --field sequence --timeout 80",
-        }
+    /// Whether other processes need nothing of it.
+    pub fn is_consumer(self) -> bool {
+        matches!(
+            self,
+            Kind::Consumer | Kind::ConsumerInC | Kind::ConsumerInPython
+        )
     }
 }
 
 /// Where everything happens: a domain and a folder that nobody else has.
 pub struct Site {
     program: Program,
+    /// Programs in C, as they are built.
+    c_programs: RefCell<BTreeMap<&'static str, PathBuf>>,
     folder: PtyFolder,
     /// Last, because it looks whether anything is left.
     pub domain: TestDomain,
@@ -105,6 +125,7 @@ impl Site {
     pub fn new(program: &Program, name: &str, limit: Duration) -> Site {
         Site {
             program: program.clone(),
+            c_programs: RefCell::default(),
             folder: PtyFolder::new(),
             domain: TestDomain::watched_by(Watchdog::with_limit(name, limit)),
         }
@@ -124,7 +145,7 @@ impl Site {
     pub fn start(&self, args: &str) -> Process {
         let mut command = Command::new(&self.program.path);
         command.env(WITH_PARENT, "1");
-        self.spawn(command, args)
+        self.spawn_ril(command, args)
     }
 
     /// Starts `ril` with these arguments by way of another program, which is to run it and to end it with itself.
@@ -132,14 +153,18 @@ impl Site {
         let mut words = starter.split_whitespace();
         let mut command = Command::new(words.next().expect("a program"));
         command.args(words).arg(&self.program.path);
-        self.spawn(command, args)
+        self.spawn_ril(command, args)
     }
 
-    fn spawn(&self, mut command: Command, args: &str) -> Process {
+    fn spawn_ril(&self, mut command: Command, args: &str) -> Process {
         if self.program.is_this {
             command.arg(BE_RIL);
         }
         command.args(args.split_whitespace());
+        self.spawn(command)
+    }
+
+    fn spawn(&self, mut command: Command) -> Process {
         command.current_dir(self.folder.path());
         for variable in VARIABLES {
             command.env_remove(variable);
@@ -153,18 +178,57 @@ impl Site {
         self.start(args).wait_exit()
     }
 
-    /// Starts one of the crew, which is not ready yet.
+    /// Starts a program of `examples/c`, after [`Site::has`] has said that this can be.
+    pub fn start_c(&self, source: &'static str, args: &str) -> Process {
+        let mut programs = self.c_programs.borrow_mut();
+        let program = programs.entry(source).or_insert_with(|| {
+            let program = self.path(source).with_extension("built");
+            let compiler = Compiler::c().expect("a compiler");
+            compiler.with_shared_library(&format!("c/{source}"), &program);
+            program
+        });
+        let mut command = Command::new(program);
+        command.args(args.split_whitespace());
+        self.spawn(command)
+    }
+
+    /// Starts a program of `examples/python`, after [`Site::has`] has said that this can be.
+    pub fn start_python(&self, source: &str) -> Process {
+        self.spawn(python_example(python().expect("an interpreter"), source))
+    }
+
+    /// Whether this machine has what the process needs. What it has not is told.
+    pub fn has(&self, kind: Kind) -> bool {
+        let lack = match kind {
+            Kind::ConsumerInC => Compiler::c().err(),
+            Kind::ConsumerInPython => python().err().map(str::to_owned),
+            _ => None,
+        };
+        if let Some(why) = &lack {
+            skip(kind.name(), why);
+        }
+        lack.is_none()
+    }
+
+    /// Starts one of a kind, which is not ready yet.
     pub fn start_one(&self, kind: Kind) -> Process {
-        self.start(kind.args())
+        match kind {
+            Kind::Sim => self.start("sim --link dsp --seed 1"),
+            Kind::Bridge => self.start("bridge --port dsp"),
+            Kind::Status => self.start("status"),
+            Kind::Consumer => self.start("echo hero --json --field sequence --timeout 80"),
+            Kind::ConsumerInC => self.start_c("print_telemetry.c", ""),
+            Kind::ConsumerInPython => self.start_python("print_telemetry.py"),
+        }
     }
 }
 
 /// Waits until it does its work.
 #[track_caller]
 pub fn await_ready(kind: Kind, process: &mut Process) {
-    match kind {
-        Kind::Consumer => process.wait_for_line(|line| line.stream == Stream::Stdout),
-        Kind::Sim | Kind::Bridge | Kind::Status => process.wait_for_text("ready"),
+    match kind.is_consumer() {
+        true => process.wait_for_line(|line| line.stream == Stream::Stdout),
+        false => process.wait_for_text("ready"),
     };
 }
 

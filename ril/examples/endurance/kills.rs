@@ -138,7 +138,7 @@ impl fmt::Display for Outcome {
 ///
 /// # Panics
 ///
-/// When a successor does not come up, when no telemetry comes any more, when one of the others ends, or when something is
+/// When the machine has not what the victim needs, when a successor does not come up, when no telemetry comes any more, when one of the others ends, or when something is
 /// left after all have ended in order.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     let mut loops = Loop::new(site, plan);
@@ -188,7 +188,8 @@ impl<'a> Loop<'a> {
         let begun = MonotonicNs::now();
         let mut witness = Witness::new(site);
         let mut crew = Vec::new();
-        for kind in Kind::ALL {
+        let more = Some(plan.victim).filter(|victim| !Kind::CREW.contains(victim));
+        for kind in Kind::CREW.into_iter().chain(more) {
             let mut process = site.start_one(kind);
             await_ready(kind, &mut process);
             crew.push((kind, process));
@@ -247,7 +248,7 @@ impl<'a> Loop<'a> {
         await_ready(self.victim, &mut self.process);
         self.ready.push(MonotonicNs::now().since(started));
         let heard = self.witness.hear_after(started);
-        if self.victim != Kind::Consumer {
+        if !self.victim.is_consumer() {
             self.again.push(heard.since(started));
         }
         for (_, process) in &mut self.others {
@@ -351,7 +352,11 @@ impl<'a> Loop<'a> {
             ),
         };
         drop(self.witness);
-        end(self.process);
+        match self.victim {
+            // SIGTERM kills a program in Python that does not ask for it.
+            Kind::ConsumerInPython => drop(self.process),
+            _ => end(self.process),
+        }
         self.others
             .into_iter()
             .for_each(|(_, process)| end(process));

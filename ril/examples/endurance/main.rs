@@ -2,6 +2,8 @@
 //!
 //! ```sh
 //! cargo run --release -p ril --example endurance -- kills --victim bridge [--count 1000] [--seed 1]
+//! cargo run --release -p ril --example endurance -- starts [--count 10000] [--seed 1]
+//! cargo run --release -p ril --example endurance -- crashes [--per-second 50] [--duration-s 600] [--seed 1]
 //! cargo run --release -p ril --example endurance -- gap [--count 200] [--period-ms 20] [--seed 1]
 //! cargo run --release -p ril --example endurance -- port [--count 200] [--seed 1]
 //! cargo run --release -p ril --example endurance -- subscribers [--duration-s 120] [--period-ms 2] [--seed 1]
@@ -23,6 +25,7 @@
 //! The processes are this program itself: with the first argument `be-ril` it is `ril`.
 
 mod clients;
+mod crashes;
 mod crew;
 mod flood;
 mod full;
@@ -33,6 +36,7 @@ mod memory;
 mod namespaces;
 mod port;
 mod spread;
+mod starts;
 mod strangers;
 mod subscribers;
 
@@ -58,9 +62,12 @@ struct Args {
     /// How often, or how many; each measurement has a number of its own. Port no more than 256
     #[arg(long)]
     count: Option<u32>,
-    /// How long the subscribers disturb
-    #[arg(long, default_value = "120")]
-    duration_s: u64,
+    /// How long subscribers disturb (120 s), or processes crash (600 s)
+    #[arg(long)]
+    duration_s: Option<u64>,
+    /// How many processes start, and crash, a second
+    #[arg(long, default_value = "50", value_parser = clap::value_parser!(u32).range(1..))]
+    per_second: u32,
     /// Period of telemetry: gap 20 ms, subscribers 2 ms if nothing else is said
     #[arg(long)]
     period_ms: Option<u16>,
@@ -73,6 +80,10 @@ struct Args {
 enum What {
     /// Each kind of process is killed over and over
     Kills,
+    /// Very many starts, each after a kill, sometimes of everything at once
+    Starts,
+    /// Processes of every kind crash in a loop
+    Crashes,
     /// What a consumer misses when the bridge is killed and started again
     Gap,
     /// The serial port goes and comes back
@@ -118,7 +129,10 @@ fn main() -> ExitCode {
                 "| killed | kills | ready again | telemetry again | files and segments | survivors |"
             );
             println!("|---|---|---|---|---|---|");
-            let chosen = |kind: &Kind| args.victim.is_none_or(|victim| victim == *kind);
+            let site_of_all = site("kills");
+            let chosen = |kind: &Kind| {
+                args.victim.is_none_or(|victim| victim == *kind) && site_of_all.has(*kind)
+            };
             let outcome = |victim| {
                 let plan = kills::Plan {
                     victim,
@@ -145,6 +159,28 @@ fn main() -> ExitCode {
             println!("{}", gap::run(&site("gap"), &plan, &goes_on));
             true
         }
+        What::Starts => {
+            let plan = starts::Plan::of(args.count.unwrap_or(10_000), args.seed);
+            println!(
+                "| ready | killed while they started | each | all at once |\n|---|---|---|---|"
+            );
+            println!("{}", starts::run(&site("starts"), &plan, &goes_on));
+            true
+        }
+        What::Crashes => {
+            let plan = crashes::Plan {
+                per_second: args.per_second,
+                duration: Duration::from_secs(args.duration_s.unwrap_or(600)),
+                seed: args.seed,
+            };
+            println!(
+                "| crashes | healthy consumers | new generations | files and segments | survivors |"
+            );
+            println!("|---|---|---|---|---|");
+            let outcome = crashes::run(&site("crashes"), &plan, &goes_on);
+            println!("{outcome}");
+            outcome.is_clean()
+        }
         What::Port => {
             let plan = port::Plan {
                 times: args.count.unwrap_or(200),
@@ -156,7 +192,7 @@ fn main() -> ExitCode {
         }
         What::Subscribers => {
             let plan = subscribers::Plan {
-                duration: Duration::from_secs(args.duration_s),
+                duration: Duration::from_secs(args.duration_s.unwrap_or(120)),
                 period_ms: args.period_ms.unwrap_or(2),
                 seed: args.seed,
             };

@@ -18,6 +18,11 @@ impl Spread {
         self.0.len()
     }
 
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = Duration> {
+        self.0.iter().copied()
+    }
+
     /// The time that `share` (0 … 1) of them do not exceed; zero when there is none.
     fn quantile(&self, share: f64) -> Duration {
         let mut sorted = self.0.clone();
