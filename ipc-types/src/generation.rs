@@ -339,9 +339,20 @@ fn without_draft(name: &str) -> &str {
     name.strip_suffix(DRAFT).unwrap_or(name)
 }
 
+/// Former generations of a service above which a provider that starts deletes the dead ones first: its predecessors crashed
+/// before they looked for what others left.
+const MAX_FORMER: usize = 16;
+
+/// Deletes dead generations of a service when there are many.
+pub(crate) fn delete_many_dead(domain: &Domain, service: &Path) {
+    if names(service).len() > MAX_FORMER {
+        delete_dead(domain, service);
+    }
+}
+
 /// Deletes the generations of a service in which no process is. Returns how many those were.
 pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
-    let mut count = 0;
+    let mut dead = Vec::new();
     for name in names(service) {
         let path = service.join(&name);
         let lock_path = path.join(LOCK_FILE);
@@ -351,12 +362,14 @@ pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
             continue;
         };
         let is_dead = flock(&lock, FlockOperation::NonBlockingLockExclusive, &lock_path);
-        let prefixes = HashSet::from([prefix(domain, without_draft(&name))]);
-        if is_dead.unwrap_or(false) && is_at(&lock, &lock_path) && delete(&path, prefixes).is_ok() {
-            count += 1;
+        if is_dead.unwrap_or(false) && is_at(&lock, &lock_path) {
+            dead.push((path, prefix(domain, without_draft(&name)), lock));
         }
     }
-    count
+    // One look at everybody's segments for all of them. Their locks are held until they are gone.
+    delete_segments(&dead.iter().map(|(_, prefix, _)| prefix.clone()).collect());
+    let deleted = dead.iter().filter(|(path, ..)| delete_folder(path).is_ok());
+    deleted.count()
 }
 
 /// The prefixes of all generations in a robot's folder.
@@ -375,13 +388,21 @@ pub(crate) fn delete_robot_folder(domain: &Domain, folder: &Path) -> Result<(), 
 
 /// Deletes segments, then the folder, whose existence is the record of them.
 fn delete(folder: &Path, prefixes: HashSet<String>) -> Result<(), DomainError> {
-    if !prefixes.is_empty() {
-        for path in segments(|name| prefix_of(name).is_some_and(|prefix| prefixes.contains(prefix)))
-        {
-            // Another process may be deleting the same.
-            let _ = fs::remove_file(path);
-        }
+    delete_segments(&prefixes);
+    delete_folder(folder)
+}
+
+fn delete_segments(prefixes: &HashSet<String>) {
+    if prefixes.is_empty() {
+        return;
     }
+    for path in segments(|name| prefix_of(name).is_some_and(|prefix| prefixes.contains(prefix))) {
+        // Another process may be deleting the same.
+        let _ = fs::remove_file(path);
+    }
+}
+
+fn delete_folder(folder: &Path) -> Result<(), DomainError> {
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
             Err(DomainError::io("delete", folder, error))

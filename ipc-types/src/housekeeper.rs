@@ -304,6 +304,8 @@ fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
                     generation::delete_orphans(domain);
                 }
                 if let Some(one) = one.upgrade() {
+                    // Not only after the first period, which a process that crashes in a loop never reaches.
+                    generation::delete_dead(domain, &one.service);
                     one.keep_reserve();
                 }
                 tended.push(one);

@@ -106,6 +106,7 @@ impl Session {
     ) -> Result<P, OpenError> {
         let folder = self.service_folder(key);
         let domain = self.membership.domain();
+        generation::delete_many_dead(domain, &folder);
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
         generation.describe(schema)?;

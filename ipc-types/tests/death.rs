@@ -64,6 +64,10 @@ const TESTS: &[(&str, fn())] = &[
         a_generation_that_wears_out_costs_no_request,
     ),
     (
+        "a_provider_that_crashes_in_a_loop_leaves_few_generations",
+        a_provider_that_crashes_in_a_loop_leaves_few_generations,
+    ),
+    (
         "a_removal_that_hangs_holds_up_neither_ports_nor_the_end",
         a_removal_that_hangs_holds_up_neither_ports_nor_the_end,
     ),
@@ -486,6 +490,24 @@ fn a_generation_that_wears_out_costs_no_request() {
         let done = Some(Stage::Done);
         assert_eq!(finals, [(early.request_id, done), (late.request_id, done)]);
         assert_eq!((client.outstanding(), server.open_tickets()), (0, 0));
+    });
+}
+
+/// It never lives until it looks for what others left. As long as another process of the robot lives, its folder stays.
+fn a_provider_that_crashes_in_a_loop_leaves_few_generations() {
+    const CRASHES: usize = 40;
+    const MOST: usize = 20;
+    in_domain(|domain| {
+        let _ipc = join(domain, "consumer");
+        let service = domain.root().join("1/dsp_telemetry");
+        let generations = || {
+            let entries = fs::read_dir(&service).unwrap().flatten();
+            entries.filter(|entry| entry.path().is_dir()).count()
+        };
+        for _ in 0..CRASHES {
+            Role::ready(domain, "publisher", "published").kill();
+            assert!(generations() <= MOST);
+        }
     });
 }
 
