@@ -311,7 +311,7 @@ fn keep_house(domain: &Domain, orders: &Receiver<Order>) {
                 tended.push(one);
             }
             Ok(Order::Drop(thing)) => drop(thing),
-            Ok(Order::End(_)) => return,
+            Ok(Order::End(ended)) => return drop(ended),
             Err(RecvTimeoutError::Timeout) => {
                 tended.retain(|one| one.upgrade().inspect(|one| one.tend()).is_some());
             }

@@ -7,8 +7,8 @@ mod support;
 use std::collections::HashSet;
 use std::fs;
 use std::io::BufRead;
-use std::path::PathBuf;
-use std::process::ExitCode;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::thread;
@@ -70,6 +70,14 @@ const TESTS: &[(&str, fn())] = &[
     (
         "a_removal_that_hangs_holds_up_neither_ports_nor_the_end",
         a_removal_that_hangs_holds_up_neither_ports_nor_the_end,
+    ),
+    (
+        "a_root_outside_of_shared_memory_leaves_nothing_there_after_kills",
+        a_root_outside_of_shared_memory_leaves_nothing_there_after_kills,
+    ),
+    (
+        "another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody",
+        another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody,
     ),
     (
         "what_the_dead_left_is_removed_by_the_next_process",
@@ -576,5 +584,78 @@ fn what_the_dead_left_is_removed_by_the_next_process() {
         assert_eq!(next.provider("dsp_telemetry").unwrap(), None);
         drop(next);
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+    });
+}
+
+/// A domain with its root in a folder of `/tmp`, which is given as well.
+fn elsewhere(test: impl FnOnce(&Domain, &Path)) {
+    let folder = files::while_no_port_opens(|| tempfile::tempdir_in("/tmp")).unwrap();
+    let domain = Domain::isolated_in(folder.path()).unwrap();
+    test(&domain, folder.path());
+    assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+fn a_root_outside_of_shared_memory_leaves_nothing_there_after_kills() {
+    elsewhere(|domain, _| {
+        for age_ms in 0..20 {
+            let mut started =
+                ["publisher", "server", "subscriber"].map(|role| Role::start(domain, role));
+            // The moment of the kill is this test's input.
+            thread::sleep(Duration::from_millis(age_ms));
+            started.iter_mut().for_each(Role::kill);
+        }
+        let publisher = Role::ready(domain, "publisher", "published");
+        drop(publisher);
+        assert!(!domain.residue().is_empty());
+        drop(join(domain, "next"));
+    });
+}
+
+/// Two containers, or a service with a `/tmp` of its own, can have the same root and share the segments.
+fn another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody() {
+    const MOUNT: &str = "mount -t tmpfs tmpfs \"$1\" && shift && exec \"$@\"";
+    // Who is not root becomes root of a user namespace, which may mount.
+    let flags = match rustix::process::geteuid().is_root() {
+        true => "-m",
+        false => "-rm",
+    };
+    let inside = |folder: &Path, program: &Path| {
+        let mut command = Command::new("unshare");
+        command.args([flags, "sh", "-c", MOUNT, "sh"]);
+        command.args([folder, program]);
+        command
+    };
+    elsewhere(|domain, folder| {
+        let attempt = inside(folder, Path::new("true")).output();
+        if !attempt.as_ref().is_ok_and(|output| output.status.success()) {
+            eprintln!("SKIPPED: no mount namespace of its own: {attempt:?}");
+            return;
+        }
+        let ipc = join(domain, "bridge");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let before = domain.residue().len();
+        let program = std::env::current_exe().unwrap();
+        for _ in 0..3 {
+            let command = inside(folder, &program);
+            let mut other = Role::spawn(domain, "publisher", command);
+            assert_eq!(other.next_line(), "published");
+            // It has another provider's folder, and begins; its segments have this domain's tag.
+            assert!(domain.residue().len() > before);
+            publisher.publish(|_| {}).unwrap();
+            let mut newcomer = join(domain, "operator")
+                .subscriber::<DspTelemetry>()
+                .unwrap();
+            publisher.publish(|_| {}).unwrap();
+            assert!(newcomer.drain(|_| {}).unwrap() > 0);
+            drop(other.child.stdin.take());
+            other.kill();
+        }
+        assert_eq!(subscriber.drain(|_| {}).unwrap(), 6);
+        drop((subscriber, publisher, ipc));
+        // What the killed ones left has no folder any more. Nothing can tell it from what is in use in a third folder.
+        let left = domain.residue();
+        assert!(!left.is_empty() && left.iter().all(|path| path.starts_with("/dev/shm")));
+        left.iter().for_each(|path| fs::remove_file(path).unwrap());
     });
 }

@@ -144,3 +144,20 @@ fn a_consumer_with_another_clock_gets_samples() {
         assert!(outcome.failures.is_empty(), "{outcome}");
     }
 }
+
+#[test]
+fn containers_take_part_when_they_share_the_memory_and_else_disturb_nobody() {
+    if let Some(outcome) = namespaces::other_mounts(&site("mounts")) {
+        assert!(outcome.failures.is_empty(), "{outcome}");
+    }
+}
+
+#[test]
+fn a_command_of_another_user_names_the_domains_that_there_are() {
+    let name = "a_command_of_another_user_names_the_domains_that_there_are";
+    in_own_memory(name, strangers::MOUNT_OPTIONS, || {
+        if let Some(outcome) = namespaces::other_users(&site("users")) {
+            assert!(outcome.failures.is_empty(), "{outcome}");
+        }
+    });
+}

@@ -228,7 +228,8 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     let mut next_start = begun;
     while begun.elapsed() < plan.duration && goes_on() {
         crowd.start_one();
-        next_start += period;
+        // What a busy machine is late by it does not make up for.
+        next_start = (next_start + period).max(Instant::now());
         crowd.end_until(next_start);
         if looked.elapsed() > LOOK {
             looked = Instant::now();

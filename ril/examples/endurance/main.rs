@@ -100,7 +100,7 @@ enum What {
     Strangers,
     /// Processes are stopped while they start
     Joiners,
-    /// Process numbers and clocks of containers
+    /// Process numbers, clocks and mounts of containers
     Namespaces,
 }
 
@@ -238,7 +238,11 @@ fn main() -> ExitCode {
                 "| files | between samples, before | among them | starts |\n|---|---|---|---|"
             );
             println!("{}", strangers::run(&site("strangers"), &plan));
-            true
+            let users = namespaces::other_users(&site("users"));
+            users.is_none_or(|outcome| {
+                println!("{outcome}");
+                outcome.failures.is_empty()
+            })
         }),
         What::Joiners => {
             let plan = joiners::Plan {
@@ -256,8 +260,9 @@ fn main() -> ExitCode {
             println!("| consumers | failures |\n|---|---|");
             let numbers = namespaces::same_numbers(&site("numbers"), &plan, &goes_on);
             let clocks = namespaces::other_clocks(&site("clocks"));
+            let mounts = namespaces::other_mounts(&site("mounts"));
             let mut is_good = true;
-            for outcome in [numbers, clocks].into_iter().flatten() {
+            for outcome in [numbers, clocks, mounts].into_iter().flatten() {
                 println!("{outcome}");
                 is_good &= outcome.failures.is_empty();
             }

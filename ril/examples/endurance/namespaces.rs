@@ -1,19 +1,28 @@
 //! Processes in namespaces of their own that share the memory, as containers with one `/dev/shm` do: the same process
-//! numbers, and other clocks.
+//! numbers, other clocks, and other mounts. And those that do not share it, or are of another user: what do they say?
 
 use std::fmt;
 use std::fs;
+use std::os::unix::fs::chown;
+use std::path::Path;
 use std::process::Command;
 
 use ril_tests::Process;
 
 use crate::crew::{Site, end, start_chain};
+use crate::memory;
 
 /// Starts at the same moment, half of them in each kind of namespace.
 const TOGETHER: u32 = 6;
 
 /// How far the monotonic clock of another container is ahead, s.
 const AHEAD_S: i64 = 100_000;
+
+/// Mounts a file system of its own over a folder, and becomes the program. `$1` is the folder.
+const MOUNT: &str = "mount -t tmpfs tmpfs \"$1\" && shift && exec \"$@\"\n";
+
+/// A user that need not exist by name.
+const OTHER_USER: u32 = 65_533;
 
 /// What to do.
 #[derive(Clone, Copy, Debug)]
@@ -89,6 +98,79 @@ pub fn same_numbers(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Opt
     }
     [status, bridge, sim].into_iter().for_each(end);
     site.domain.sweep();
+    Some(outcome)
+}
+
+/// Starts a consumer with mounts of its own and the common `/dev/shm`, and commands with a `/dev/shm` of their own, which must find no
+/// robot and disturb none; or nothing when the kernel forbids it.
+///
+/// # Panics
+///
+/// When a command hangs, or when something is left.
+pub fn other_mounts(site: &Site) -> Option<Outcome> {
+    let starter = starter("-m")?;
+    site.write("mount.sh", MOUNT);
+    let [sim, bridge, status] = start_chain(site);
+    let mut outcome = Outcome::default();
+    let mut expect = |starter: &str, args: &str, code: i32, text: &str| {
+        let finished = match starter {
+            "" => site.run(args),
+            starter => site.start_by(starter, args).wait_exit(),
+        };
+        let words = finished.stderr.join(", ");
+        if finished.code() != Some(code) || !words.contains(text) {
+            let code = finished.code();
+            outcome.failures.push(format!("{args}: {code:?}: {words}"));
+        }
+        outcome.starts += 1;
+    };
+    expect(&starter, "echo hero --count 3 --timeout 20", 0, "");
+    let own = format!("{starter} sh mount.sh /dev/shm");
+    let root = site.domain.root().display();
+    let nobody = format!("no robot is alive in {root}");
+    expect(&own, "state --timeout 1", 3, &nobody);
+    expect(&own, "takeoff --altitude 5", 3, &nobody);
+    // Without a provider it waits, and ends in order.
+    expect(&own, "echo hero --duration 1", 0, "");
+    expect(&own, "doctor --repair", 0, "");
+    expect("", "echo hero --count 3 --timeout 20", 0, "");
+    [status, bridge, sim].into_iter().for_each(end);
+    site.domain.assert_empty();
+    Some(outcome)
+}
+
+/// Runs commands where only another user has a domain: they must name it. Nothing when this user cannot make one.
+///
+/// # Panics
+///
+/// When this is not in a `/dev/shm` of its own.
+pub fn other_users(site: &Site) -> Option<Outcome> {
+    assert!(
+        memory::is_own(),
+        "it would be in the place of a real user's domain"
+    );
+    let path = Path::new("/dev/shm").join(format!("hero{OTHER_USER}"));
+    fs::create_dir(&path).expect("a folder");
+    if let Err(error) = chown(&path, Some(OTHER_USER), None) {
+        eprintln!("SKIPPED: a domain of another user cannot be made: {error}");
+        return None;
+    }
+    let mut outcome = Outcome::default();
+    for (args, code) in [("state --timeout 1", 3), ("land", 3), ("doctor", 0)] {
+        let finished = site.run(args);
+        let mut words = finished.stdout.join(" ");
+        words += &finished.stderr.join(" ");
+        let looked_at = site.domain.root().display().to_string();
+        let way = format!("sudo -u '#{OTHER_USER}' ril");
+        let expected = [looked_at, path.display().to_string(), way];
+        let is_told = expected.iter().all(|text| words.contains(text));
+        if finished.code() != Some(code) || !is_told {
+            let code = finished.code();
+            outcome.failures.push(format!("{args}: {code:?}: {words}"));
+        }
+        outcome.starts += 1;
+    }
+    fs::remove_dir(path).expect("it is empty");
     Some(outcome)
 }
 

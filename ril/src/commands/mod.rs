@@ -113,8 +113,9 @@ fn absent(key: &str, robot: RobotId) -> Failure {
         None => "start the module that provides it".to_owned(),
     };
     let text = format!(
-        "no process provides {key} of robot {robot}: {start} and try again{}",
-        robot::others_alive(robot)
+        "no process provides {key} of robot {robot}: {start} and try again{}{}",
+        robot::others_alive(robot),
+        robot::other_domains()
     );
     Failure::new(ExitCode::ServiceAbsent, text)
 }

@@ -3,11 +3,16 @@
 //! A robot is alive when a process serves its movements, which is its bridge. The default stays robot 1 also when the only
 //! robot that is alive is another one: a robot that was not named is never commanded in place of the default.
 
+use std::path::Path;
+
 use ipc_types::payload::MovementData;
 use ipc_types::{Domain, Request, RobotId};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::cli::RobotChoice;
+
+/// Most users that are named who have a domain.
+const MAX_NAMED: usize = 4;
 
 /// Refuses a default robot when several are alive.
 ///
@@ -38,6 +43,40 @@ pub(super) fn others_alive(robot: RobotId) -> String {
     }
 }
 
+/// Which domain was looked at, when no robot is alive there, and which others there are; empty when a robot is alive there.
+pub(super) fn other_domains() -> String {
+    let Ok(domain) = Domain::from_environment() else {
+        return String::new();
+    };
+    let robots_of = |domain: &Domain| domain.robots(MovementData::KEY).unwrap_or_default();
+    if !robots_of(&domain).is_empty() {
+        return String::new();
+    }
+    let own = Some(Domain::of_user()).filter(|own| *own != domain && !robots_of(own).is_empty());
+    let others = Domain::others();
+    let others = others.iter().filter(|one| one.path != domain.root());
+    let others: Vec<(u32, &Path)> = others.map(|one| (one.uid, one.path.as_path())).collect();
+    elsewhere(domain.root(), own.as_ref().map(Domain::root), &others)
+}
+
+/// Where robots may be that are not in the domain at `root`: in the user's `own`, and in those of other users.
+fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String {
+    let mut text = format!("; no robot is alive in {}", root.display());
+    if let Some(own) = own {
+        text += &format!(
+            "; robots are alive in {}: unset RIL_IPC_ROOT if they are meant",
+            own.display()
+        );
+    }
+    for (uid, path) in others.iter().take(MAX_NAMED) {
+        text += &format!(
+            "; user {uid} has a domain at {}: if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`",
+            path.display()
+        );
+    }
+    text
+}
+
 fn alive() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     domain.robots(MovementData::KEY).or_fail(ExitCode::Internal)
@@ -61,6 +100,25 @@ fn list(robots: &[RobotId]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_domains_where_robots_may_be_are_named_with_the_way_there() {
+        let root = Path::new("/dev/shm/hero0");
+        let text = elsewhere(root, None, &[]);
+        assert_eq!(text, "; no robot is alive in /dev/shm/hero0");
+        let own = Path::new("/dev/shm/hero1000");
+        let text = elsewhere(Path::new("/dev/shm/test"), Some(own), &[]);
+        assert!(
+            text.ends_with(
+                "; robots are alive in /dev/shm/hero1000: unset RIL_IPC_ROOT if they are meant"
+            ),
+            "{text}"
+        );
+        let others: Vec<(u32, &Path)> = (0..20).map(|_| (1000, own)).collect();
+        let text = elsewhere(root, None, &others);
+        let way = "user 1000 has a domain at /dev/shm/hero1000: if its robots are meant, run as that user: `sudo -u '#1000' ril ...`";
+        assert_eq!(text.matches(way).count(), MAX_NAMED);
+    }
 
     #[test]
     fn only_several_robots_are_ambiguous() {
