@@ -231,7 +231,8 @@ pub(crate) fn announce(
     key: &str,
 ) -> Result<(), DomainError> {
     let path = service.join(CURRENT_FILE);
-    let draft = service.join(format!("{CURRENT_FILE}.{name}"));
+    // Always the same name: a provider that is killed here leaves one file, which the next one writes anew.
+    let draft = service.join(format!("{CURRENT_FILE}{DRAFT}"));
     let text = format!("{name} {} {key}\n", prefix(domain, name));
     files::while_no_port_opens(|| fs::write(&draft, text))
         .and_then(|()| fs::rename(&draft, &path))

@@ -68,6 +68,10 @@ const TESTS: &[(&str, fn())] = &[
         a_provider_that_crashes_in_a_loop_leaves_few_generations,
     ),
     (
+        "what_a_provider_that_was_killed_had_half_announced_is_gone_with_the_next",
+        what_a_provider_that_was_killed_had_half_announced_is_gone_with_the_next,
+    ),
+    (
         "a_removal_that_hangs_holds_up_neither_ports_nor_the_end",
         a_removal_that_hangs_holds_up_neither_ports_nor_the_end,
     ),
@@ -516,6 +520,20 @@ fn a_provider_that_crashes_in_a_loop_leaves_few_generations() {
             Role::ready(domain, "publisher", "published").kill();
             assert!(generations() <= MOST);
         }
+    });
+}
+
+fn what_a_provider_that_was_killed_had_half_announced_is_gone_with_the_next() {
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let service = domain.root().join("1/dsp_telemetry");
+        files::create_dir_all(&service).unwrap();
+        fs::write(service.join("current.new"), "gglq").unwrap();
+        let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let names = fs::read_dir(&service).unwrap().flatten();
+        let names = names.map(|entry| entry.file_name().into_string().unwrap());
+        let drafts: Vec<String> = names.filter(|name| name.starts_with("current.")).collect();
+        assert!(drafts.is_empty(), "{drafts:?}");
     });
 }
 
