@@ -17,7 +17,7 @@ use ril_tests::process::Signal;
 use runtime::signal::{Termination, TerminationRequest};
 use rustix::process::{Resource, Rlimit, setrlimit};
 
-use crate::crew::{Holdings, Kind, Site, ask, end, is_alive, start_chain};
+use crate::crew::{Holdings, Kind, Site, ask, end, has, is_alive, start_chain};
 use crate::spread::Spread;
 
 /// What is started. The last ones are modules: one that finds its place taken, one that waits, and one with a topic of its own.
@@ -323,8 +323,8 @@ struct Crowd<'a> {
 
 impl<'a> Crowd<'a> {
     fn new(site: &'a Site, seed: u64) -> Crowd<'a> {
-        let has_c = site.has(Kind::ConsumerInC);
-        let has_python = site.has(Kind::ConsumerInPython);
+        let has_c = has(Kind::ConsumerInC);
+        let has_python = has(Kind::ConsumerInPython);
         let is_possible = |start: &Start| match start {
             Start::Ril(_) => true,
             Start::InC(..) => has_c,

@@ -178,7 +178,7 @@ impl Site {
         self.start(args).wait_exit()
     }
 
-    /// Starts a program of `examples/c`, after [`Site::has`] has said that this can be.
+    /// Starts a program of `examples/c`, after [`has`] has said that this can be.
     pub fn start_c(&self, source: &'static str, args: &str) -> Process {
         let mut programs = self.c_programs.borrow_mut();
         let program = programs.entry(source).or_insert_with(|| {
@@ -192,22 +192,9 @@ impl Site {
         self.spawn(command)
     }
 
-    /// Starts a program of `examples/python`, after [`Site::has`] has said that this can be.
+    /// Starts a program of `examples/python`, after [`has`] has said that this can be.
     pub fn start_python(&self, source: &str) -> Process {
         self.spawn(python_example(python().expect("an interpreter"), source))
-    }
-
-    /// Whether this machine has what the process needs. What it has not is told.
-    pub fn has(&self, kind: Kind) -> bool {
-        let lack = match kind {
-            Kind::ConsumerInC => Compiler::c().err(),
-            Kind::ConsumerInPython => python().err().map(str::to_owned),
-            _ => None,
-        };
-        if let Some(why) = &lack {
-            skip(kind.name(), why);
-        }
-        lack.is_none()
     }
 
     /// Starts one of a kind, which is not ready yet.
@@ -221,6 +208,20 @@ impl Site {
             Kind::ConsumerInPython => self.start_python("print_telemetry.py"),
         }
     }
+}
+
+/// Whether this machine has what the process needs. What it has not is told. The first call may build a library, which can take
+/// minutes: call it before a [`Site`] begins to watch the time.
+pub fn has(kind: Kind) -> bool {
+    let lack = match kind {
+        Kind::ConsumerInC => Compiler::c().err(),
+        Kind::ConsumerInPython => python().err().map(str::to_owned),
+        _ => None,
+    };
+    if let Some(why) = &lack {
+        skip(kind.name(), why);
+    }
+    lack.is_none()
 }
 
 /// Waits until it does its work.

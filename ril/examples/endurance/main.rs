@@ -46,7 +46,7 @@ use std::time::Duration;
 use clap::{Parser, ValueEnum};
 use runtime::signal::Termination;
 
-use crew::{BE_RIL, Kind, Program, Site};
+use crew::{BE_RIL, Kind, Program, Site, has};
 
 /// A measurement that takes longer hangs.
 const TIME_LIMIT: Duration = Duration::from_secs(3600);
@@ -129,10 +129,8 @@ fn main() -> ExitCode {
                 "| killed | kills | ready again | telemetry again | files and segments | survivors |"
             );
             println!("|---|---|---|---|---|---|");
-            let site_of_all = site("kills");
-            let chosen = |kind: &Kind| {
-                args.victim.is_none_or(|victim| victim == *kind) && site_of_all.has(*kind)
-            };
+            let chosen =
+                |kind: &Kind| args.victim.is_none_or(|victim| victim == *kind) && has(*kind);
             let outcome = |victim| {
                 let plan = kills::Plan {
                     victim,

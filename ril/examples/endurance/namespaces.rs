@@ -130,9 +130,7 @@ pub fn other_mounts(site: &Site) -> Option<Outcome> {
     let nobody = format!("no robot is alive in {root}");
     expect(&own, "state --timeout 1", 3, &nobody);
     expect(&own, "takeoff --altitude 5", 3, &nobody);
-    // Without a provider it waits, and ends in order.
-    expect(&own, "echo hero --duration 1", 0, "");
-    expect(&own, "doctor --repair", 0, "");
+    expect(&own, "echo hero --duration 1", 3, &nobody);
     expect("", "echo hero --count 3 --timeout 20", 0, "");
     [status, bridge, sim].into_iter().for_each(end);
     site.domain.assert_empty();

@@ -10,7 +10,7 @@ use ipc_types::MonotonicNs;
 use ril_tests::Process;
 use ril_tests::process::Signal;
 
-use crate::crew::{Kind, Site, Witness, await_ready};
+use crate::crew::{Kind, Site, Witness, await_ready, has};
 use crate::spread::Spread;
 
 /// Longest time that a process works before it is killed: every phase of its work.
@@ -154,7 +154,7 @@ impl<'a> Loop<'a> {
             outcome: Outcome::default(),
         };
         let begun = MonotonicNs::now();
-        for kind in Kind::ALL.into_iter().filter(|kind| site.has(*kind)) {
+        for kind in Kind::ALL.into_iter().filter(|kind| has(*kind)) {
             let (process, start_up) = loops.start(kind);
             loops.crew.push(Member {
                 kind,
