@@ -158,7 +158,12 @@ fn main() -> ExitCode {
             true
         }
         What::Starts => {
-            let plan = starts::Plan::of(args.count.unwrap_or(10_000), args.seed);
+            let plan = starts::Plan {
+                starts: args.count.unwrap_or(10_000),
+                together: 250,
+                robots: 12,
+                seed: args.seed,
+            };
             println!(
                 "| ready | killed while they started | each | all at once |\n|---|---|---|---|"
             );

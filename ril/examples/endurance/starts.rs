@@ -55,18 +55,6 @@ pub struct Plan {
     pub seed: u64,
 }
 
-impl Plan {
-    /// So many starts, and 200 processes at once after every 250 of them.
-    pub fn of(starts: u32, seed: u64) -> Plan {
-        Plan {
-            starts,
-            together: 250,
-            robots: 12,
-            seed,
-        }
-    }
-}
-
 /// What came of it.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
