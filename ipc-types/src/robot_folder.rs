@@ -132,8 +132,7 @@ impl Drop for Membership {
             Ok(false) => return,
             Err(error) => warn_of_leftovers(&self.domain.robot_folder(self.robot), &error),
         }
-        set_aside(&self.domain, self.robot);
-        // With it what processes were deleting when they were killed.
+        // What processes were deleting when they were killed.
         delete_discarded(&self.domain);
         // The last process of another robot may have been killed, with no other after it.
         for robot in robots(&self.domain) {

@@ -1,6 +1,8 @@
 //! The short form of the program `endurance`: processes that are killed, disturbed and cut off at random moments.
 
+// The short form judges less.
 #[path = "../examples/endurance/crashes.rs"]
+#[allow(dead_code)]
 mod crashes;
 // Some of it is for the attacks.
 #[path = "../examples/endurance/crew.rs"]
