@@ -26,13 +26,13 @@ use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::ptr::{self, NonNull};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
+use std::time::Duration;
 
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
-use crate::anticipation::LONGEST_SPIN;
 use crate::random;
 use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
@@ -42,6 +42,9 @@ const LEN: usize = size_of::<Page>();
 
 /// Services that the page tells apart. Those beyond share a place, which wakes a process for nothing now and then.
 const PLACES: usize = 15;
+
+/// Longest time for which a consumer looks out for a sample: two consumers must not keep each other from a processor for long.
+pub(crate) const LONGEST_SPIN: Duration = Duration::from_millis(20);
 
 /// Processors that the page tells apart. Those beyond share a word, which keeps some consumers from looking out for nothing.
 const PROCESSORS: usize = 64;
@@ -292,8 +295,6 @@ impl Drop for Doorbell {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
 
     const DATA: &str = "hero_telemetry";

@@ -94,6 +94,7 @@ pub mod service;
 mod serving_port;
 pub mod session;
 mod sleep;
+mod source;
 pub mod subscriber;
 pub mod ticket;
 pub mod time;

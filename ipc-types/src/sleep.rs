@@ -8,9 +8,9 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use crate::doorbell::{Bits, Doorbell, Slept};
+use crate::source::sealed::Sense;
+use crate::source::{MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
 use crate::time::MonotonicNs;
-use crate::waiter::sealed::Sense;
-use crate::waiter::{MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
 use crate::wake::WakeReceiver;
 
 /// How much longer a sleep may be when its own deadline comes so shortly after the bound: one wake then serves both.

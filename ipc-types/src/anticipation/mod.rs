@@ -15,15 +15,13 @@ use std::{fmt, hint};
 use predictor::{Predictor, Window};
 use rustix::time::{ClockId, clock_gettime};
 
+use crate::doorbell::LONGEST_SPIN;
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{Source, WaitError, Waiter, Wake};
 
 /// The largest budget: half of a processor.
 const MOST: f64 = 0.5;
-
-/// A window that is longer is not used: two consumers must not keep each other from a processor for long.
-pub(crate) const LONGEST_SPIN: Duration = Duration::from_millis(20);
 
 /// How often to look for samples before looking at clock and processor, which takes about as long as a look.
 const SPINS_PER_LOOK: u32 = 16;
