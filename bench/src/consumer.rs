@@ -15,8 +15,7 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use rustix::time::ClockId;
 use serde::{Deserialize, Serialize};
 
-use crate::commands::anticipate::Cost;
-use crate::latency::Recorder;
+use crate::latency::{Recorder, Series};
 use crate::peers::{Mark, PATIENCE, ours};
 use crate::stream;
 
@@ -96,6 +95,17 @@ fn consume_topic<T: Indexed>(
         consumer.wait_and_drain(|sample| arrivals.push(sample.arrival()))?;
     }
     Ok(arrivals)
+}
+
+/// The times of one round of one case, and what the receiver used.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Cost {
+    /// The times.
+    pub series: Series,
+    /// Share of a processor.
+    pub cpu: f64,
+    /// Share of the waits that looking out has ended.
+    pub caught: f64,
 }
 
 /// Reads `count` samples as a consumer that looks out for each with a share of a processor, or blocks when that is 0.

@@ -10,7 +10,9 @@ use iceoryx2::port::server::Server as RawServer;
 use iceoryx2::prelude::ipc;
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData, RequestReport};
-use ipc_types::{Client, MonotonicNs, SchedulingRole, Request, fresh_request_id, request_short_slice};
+use ipc_types::{
+    Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_short_slice,
+};
 use runtime::signal::Termination;
 
 use crate::pace::{Pace, sleep_until};

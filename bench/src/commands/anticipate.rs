@@ -3,10 +3,9 @@
 use std::fmt;
 
 use anyhow::Result;
-use serde::{Deserialize, Serialize};
 
 use super::Common;
-use crate::latency::Series;
+use crate::consumer::Cost;
 use crate::peers::Peer;
 use crate::process::Child;
 use crate::report::{Bound, Section, us};
@@ -73,17 +72,6 @@ impl fmt::Display for Case {
             self.rate_hz, self.jitter_us
         )
     }
-}
-
-/// The times of one round of one case, and what the receiver used.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Cost {
-    /// The times.
-    pub series: Series,
-    /// Share of a processor.
-    pub cpu: f64,
-    /// Share of the waits that looking out has ended.
-    pub caught: f64,
 }
 
 fn measure(case: Case, seconds: f64) -> Result<Cost> {
