@@ -25,7 +25,7 @@ use std::io;
 use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::ptr::{self, NonNull};
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
+use std::sync::atomic::{AtomicU16, AtomicU32, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use rustix::fs::{FallocateFlags, fallocate};
@@ -61,7 +61,9 @@ struct Page {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; PLACES + 1],
-    also_reserved: [u32; 12],
+    /// For each service, the processor on which it was published last, counted from 1.
+    publishers: [AtomicU16; PLACES + 1],
+    also_reserved: [u32; 4],
     /// For each processor, until when a consumer keeps it busy with looking out for a sample, host monotonic ns.
     claims: [AtomicU64; PROCESSORS],
 }
@@ -236,6 +238,18 @@ impl Doorbell {
     pub(crate) fn change_generation(&self) {
         self.page().generations.fetch_add(1, Ordering::SeqCst);
         self.ring(GENERATION);
+    }
+
+    /// Says on which processor the service at `place` was published.
+    pub(crate) fn note_publisher(&self, place: Place, processor: usize) {
+        let number = u16::try_from(processor + 1).unwrap_or_default();
+        self.page().publishers[place.0].store(number, Ordering::Relaxed);
+    }
+
+    /// The processor on which the service at `place` was published last, if that is known.
+    pub(crate) fn publisher(&self, place: Place) -> Option<usize> {
+        let number = self.page().publishers[place.0].load(Ordering::Relaxed);
+        usize::from(number).checked_sub(1)
     }
 
     /// The right to keep a processor busy until then; nothing while another consumer of the robot does so.

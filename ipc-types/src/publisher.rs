@@ -259,7 +259,7 @@ impl Port {
         sample
             .send()
             .map_err(|error| publish_error(&self.key, error))?;
-        self.samples.wake();
+        self.samples.wake_for_sample();
         // Without one, the next call tries again and says why.
         self.preloaned = self.loan_zeros().ok();
         Ok(())

@@ -189,7 +189,7 @@ impl<T: Topic> Subscriber<T> {
     /// A sample that is caught that way is seen a tenth of a microsecond after it was published, instead of some microseconds.
     /// Where samples come so irregularly that the budget would catch less than half of them, and beside another consumer of
     /// the robot that looks out on the same processor, the wait sleeps as without. Timers of the waiting thread become exact,
-    /// which Linux does not make them unasked. `docs/performance.md` says what it brings, and when it does not.
+    /// which Linux does not make them unasked, and the thread is kept off the processor of the publisher, which it would hold up. `docs/performance.md` says what it brings, and when it does not.
     pub fn anticipate(&mut self, budget: f64) {
         self.bytes.anticipate(budget);
     }
@@ -524,7 +524,8 @@ impl BytesSubscriber {
     }
 
     pub(crate) fn anticipate(&mut self, budget: f64) {
-        let anticipation = (budget > 0.0).then(|| Anticipation::new(budget, &self.session));
+        let anticipation =
+            (budget > 0.0).then(|| Anticipation::new(budget, self.place, &self.session));
         self.anticipation = anticipation.map(Box::new);
     }
 

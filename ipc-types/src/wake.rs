@@ -21,6 +21,7 @@ pub(crate) struct WakeSender {
     event: Event,
     /// Not the session: a former port may be the last thing that the session's own thread drops.
     membership: Arc<Membership>,
+    place: Place,
     bits: Bits,
 }
 
@@ -36,6 +37,7 @@ impl WakeSender {
             notifier: event.notifier()?,
             event,
             membership: Arc::clone(session.membership()),
+            place,
             bits: place.bits(channel),
         })
     }
@@ -43,6 +45,16 @@ impl WakeSender {
     /// See [`Event::places`].
     pub(crate) fn places(&self) -> (usize, usize) {
         self.event.places()
+    }
+
+    /// As [`wake`](WakeSender::wake) after a sample was published, and says where that was: a consumer that looks out for the
+    /// next one must not do so on this processor.
+    pub(crate) fn wake_for_sample(&self) {
+        self.wake();
+        let processor = rustix::thread::sched_getcpu();
+        self.membership
+            .doorbell()
+            .note_publisher(self.place, processor);
     }
 
     /// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.

@@ -3,6 +3,9 @@
 //! Being woken takes microseconds; who looks already sees a sample a tenth of a microsecond after it was published. Looking out
 //! keeps a processor busy, so it has a budget, and it is done only where it pays: see [`predictor`]. A sample before the window
 //! wakes the sleeper as ever, and so does one after it.
+//!
+//! Who looks out on the processor of the publisher keeps it from publishing. So the waiting thread leaves that processor, and where
+//! it may not, it sleeps as ever.
 
 mod predictor;
 
@@ -13,9 +16,12 @@ use std::time::Duration;
 use std::{fmt, hint};
 
 use predictor::{Predictor, Window};
+use rustix::thread::{
+    CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity, set_current_timer_slack,
+};
 use rustix::time::{ClockId, clock_gettime};
 
-use crate::doorbell::LONGEST_SPIN;
+use crate::doorbell::{LONGEST_SPIN, Place};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{Source, WaitError, Waiter, Wake};
@@ -43,9 +49,17 @@ pub(crate) struct Anticipation {
     /// When the wait saw that there was something, until the first sample of it is taken.
     seen: Option<MonotonicNs>,
     anticipated: Anticipated,
-    /// Whose timers are exact.
-    thread: Option<ThreadId>,
+    /// The thread that waits.
+    thread: Option<WaitingThread>,
+    place: Place,
     session: Arc<Session>,
+}
+
+/// What was changed of a thread: its timers are exact, and it may be kept off a processor.
+struct WaitingThread {
+    id: ThreadId,
+    /// The processors that it might run on before.
+    processors: Option<CpuSet>,
 }
 
 impl fmt::Debug for Anticipation {
@@ -59,12 +73,13 @@ impl fmt::Debug for Anticipation {
 
 impl Anticipation {
     /// `budget` is a share of one processor.
-    pub(crate) fn new(budget: f64, session: &Arc<Session>) -> Anticipation {
+    pub(crate) fn new(budget: f64, place: Place, session: &Arc<Session>) -> Anticipation {
         Anticipation {
             predictor: Predictor::new(budget.clamp(0.0, MOST)),
             seen: None,
             anticipated: Anticipated::default(),
             thread: None,
+            place,
             session: Arc::clone(session),
         }
     }
@@ -92,7 +107,7 @@ impl Anticipation {
             // When it came is not known.
             return waiter.wait_for_one(port, Duration::ZERO);
         }
-        self.make_timers_exact();
+        self.enter_thread();
         let mut now = MonotonicNs::now();
         let deadline = now + timeout;
         let mut after = now;
@@ -137,6 +152,11 @@ impl Anticipation {
         if until <= begin || until.since(begin) > LONGEST_SPIN {
             return false;
         }
+        if self.session.doorbell().publisher(self.place) == Some(current_processor())
+            && !self.leave_processor()
+        {
+            return false;
+        }
         let processor = current_processor();
         let Some(_claim) = self.session.doorbell().claim_processor(processor, until) else {
             return false;
@@ -166,14 +186,37 @@ impl Anticipation {
     }
 
     /// Linux lets timers of ordinary threads be 50 µs late, so that some wakes are shared.
-    fn make_timers_exact(&mut self) {
-        let thread = thread::current().id();
-        if self.thread == Some(thread) {
+    fn enter_thread(&mut self) {
+        let id = thread::current().id();
+        if self.thread.as_ref().is_some_and(|thread| thread.id == id) {
             return;
         }
-        self.thread = Some(thread);
-        if let Err(error) = rustix::thread::set_current_timer_slack(NonZeroU64::new(1)) {
+        if let Err(error) = set_current_timer_slack(NonZeroU64::new(1)) {
             tracing::debug!(%error, "timers stay inexact");
+        }
+        let processors = sched_getaffinity(None).ok();
+        self.thread = Some(WaitingThread { id, processors });
+    }
+
+    /// Goes to a processor other than the present one, and says whether there is one.
+    fn leave_processor(&self) -> bool {
+        let processors = self.thread.as_ref().and_then(|thread| thread.processors);
+        let Some(mut processors) = processors else {
+            return false;
+        };
+        processors.unset(current_processor());
+        processors.count() > 0 && sched_setaffinity(None, &processors).is_ok()
+    }
+}
+
+impl Drop for Anticipation {
+    /// The thread may run where it might before.
+    fn drop(&mut self) {
+        if let Some(thread) = self.thread.take_if(|it| it.id == thread::current().id())
+            && let Some(processors) = thread.processors
+        {
+            // Where it may not, it stays on those that it was kept on.
+            let _ = sched_setaffinity(None, &processors);
         }
     }
 }
@@ -186,5 +229,5 @@ fn processor_time() -> Duration {
 
 /// The processor that the thread runs on.
 fn current_processor() -> usize {
-    rustix::thread::sched_getcpu()
+    sched_getcpu()
 }
