@@ -26,7 +26,7 @@ use crate::lock_file::entries;
 use crate::{reserve, robot_folder};
 
 /// How often it looks for dead members: their partners learn of the death after that time.
-const PERIOD: Duration = Duration::from_millis(500);
+const PERIOD: Duration = Duration::from_secs(1);
 
 /// Deaths in one generation after which another begins. A member that was killed while it started can leave some files that
 /// no process knows of, up to 2 MB.
@@ -43,7 +43,7 @@ const MAX_LEFTOVERS: usize = 256;
 const FILES_PER_MEMBER: usize = 24;
 
 /// Passes from one count of files to the next: ten seconds.
-const PASSES_PER_COUNT: u32 = 20;
+const PASSES_PER_COUNT: u32 = 10;
 
 /// How long a session that ends waits for a removal that is under way. One that takes longer is left to its thread, which ends with
 /// the process.

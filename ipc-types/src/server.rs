@@ -113,7 +113,7 @@ impl<R: Request> Server<R> {
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
     ///
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
-    /// within a second.
+    /// within two seconds.
     pub fn vanished(&mut self, gone: impl FnMut(Ticket, u64)) {
         self.bytes.vanished(gone);
     }

@@ -46,8 +46,8 @@ pub struct Anticipated {
 /// See the file's first lines.
 pub(crate) struct Anticipation {
     predictor: Predictor,
-    /// When the wait saw that there was something, until the first sample of it is taken.
-    seen: Option<MonotonicNs>,
+    /// When the wait saw that there was something, and whether by looking out, until the first sample of it is taken.
+    seen: Option<(MonotonicNs, bool)>,
     anticipated: Anticipated,
     /// The thread that waits.
     thread: Option<WaitingThread>,
@@ -60,6 +60,8 @@ struct WaitingThread {
     id: ThreadId,
     /// The processors that it might run on before.
     processors: Option<CpuSet>,
+    /// Whether it is kept off one of them.
+    is_away: bool,
 }
 
 impl fmt::Debug for Anticipation {
@@ -90,8 +92,8 @@ impl Anticipation {
 
     /// The first sample that came since the wait was taken. Not called for those behind it, whose times are unknown.
     pub(crate) fn taken(&mut self) {
-        if let Some(at) = self.seen.take() {
-            self.predictor.arrived(at);
+        if let Some((at, is_caught)) = self.seen.take() {
+            self.predictor.arrived(at, is_caught);
         }
     }
 
@@ -110,6 +112,9 @@ impl Anticipation {
         self.enter_thread();
         let mut now = MonotonicNs::now();
         let deadline = now + timeout;
+        if !self.predictor.pays(now) {
+            self.return_to_processor();
+        }
         let mut after = now;
         while let Some(window) = self.predictor.window(after) {
             if window.begin > now {
@@ -139,7 +144,7 @@ impl Anticipation {
     /// The wait was ended by something else than looking out.
     fn ended(&mut self, wake: Wake, now: MonotonicNs) -> Wake {
         if wake.is_ready() {
-            self.seen = Some(now);
+            self.seen = Some((now, false));
             self.anticipated.others += 1;
         }
         wake
@@ -179,7 +184,7 @@ impl Anticipation {
         self.predictor.spent(used);
         self.anticipated.spun += used;
         if is_there {
-            self.seen = Some(now);
+            self.seen = Some((now, true));
             self.anticipated.caught += 1;
         }
         is_there
@@ -195,29 +200,47 @@ impl Anticipation {
             tracing::debug!(%error, "timers stay inexact");
         }
         let processors = sched_getaffinity(None).ok();
-        self.thread = Some(WaitingThread { id, processors });
+        self.thread = Some(WaitingThread {
+            id,
+            processors,
+            is_away: false,
+        });
     }
 
     /// Goes to a processor other than the present one, and says whether there is one.
-    fn leave_processor(&self) -> bool {
-        let processors = self.thread.as_ref().and_then(|thread| thread.processors);
-        let Some(mut processors) = processors else {
+    fn leave_processor(&mut self) -> bool {
+        let Some(thread) = &mut self.thread else {
+            return false;
+        };
+        let Some(mut processors) = thread.processors else {
             return false;
         };
         processors.unset(current_processor());
-        processors.count() > 0 && sched_setaffinity(None, &processors).is_ok()
+        if processors.count() == 0 || sched_setaffinity(None, &processors).is_err() {
+            return false;
+        }
+        thread.is_away = true;
+        true
+    }
+
+    /// The thread may run where it might before: where it is woken, on the processor of its publisher, is faster than elsewhere.
+    fn return_to_processor(&mut self) {
+        if let Some(thread) = &mut self.thread
+            && thread.is_away
+            && thread.id == thread::current().id()
+            && let Some(processors) = thread.processors
+        {
+            thread.is_away = false;
+            if let Err(error) = sched_setaffinity(None, &processors) {
+                tracing::debug!(%error, "the thread is kept off a processor");
+            }
+        }
     }
 }
 
 impl Drop for Anticipation {
-    /// The thread may run where it might before.
     fn drop(&mut self) {
-        if let Some(thread) = self.thread.take_if(|it| it.id == thread::current().id())
-            && let Some(processors) = thread.processors
-        {
-            // Where it may not, it stays on those that it was kept on.
-            let _ = sched_setaffinity(None, &processors);
-        }
+        self.return_to_processor();
     }
 }
 

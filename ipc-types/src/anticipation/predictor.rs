@@ -27,8 +27,17 @@ const DISTANCE_GAIN: f64 = 1.0 / 16.0;
 /// Samples between two choices of the window.
 const CHOICE_PERIOD: usize = 8;
 
-/// A window that catches fewer than this share of the samples is not worth its price: the line jitters too much.
-const LEAST_CAUGHT: f64 = 0.5;
+/// A window that would catch fewer than this share of the samples is not worth its price: the line jitters too much.
+const LEAST_PLANNED: f64 = 0.6;
+
+/// When fewer than this share are caught in truth, looking out rests: the threads wait too long for a processor.
+const LEAST_CAUGHT: f64 = 0.4;
+
+/// How much of the newest sample goes into the share that was caught.
+const CAUGHT_GAIN: f64 = 1.0 / 128.0;
+
+/// For how long looking out rests.
+const REST: Duration = Duration::from_secs(5);
 
 /// Looking out begins at least so long before the earliest time at which a sample is expected [ns].
 const HEAD_NS: f64 = 1_000.0;
@@ -41,6 +50,9 @@ const WAKES: usize = 32;
 
 /// The share of the wakes that are in time.
 const IN_TIME: f64 = 0.9;
+
+/// How late a timer is thought to wake before any has been measured [ns].
+const FIRST_WAKE_NS: f64 = 100_000.0;
 
 /// Timers are set this much earlier at most [ns], however late they are.
 const LATEST_WAKE_NS: f64 = 300_000.0;
@@ -78,6 +90,9 @@ pub(crate) struct Predictor {
     wake_ns: f64,
     /// Relative to the expected time [ns].
     window_ns: Option<(f64, f64)>,
+    /// Share of the samples that were caught, of those that it was looked out for.
+    caught: f64,
+    rest_until: MonotonicNs,
 }
 
 /// Where samples are expected.
@@ -104,11 +119,25 @@ impl Predictor {
             lateness: Latest::default(),
             wake_ns: 0.0,
             window_ns: None,
+            caught: 1.0,
+            rest_until: MonotonicNs::default(),
         }
     }
 
-    /// A sample came.
-    pub(crate) fn arrived(&mut self, at: MonotonicNs) {
+    /// Whether it pays to look out, as far as is known at `now`.
+    pub(crate) fn pays(&self, now: MonotonicNs) -> bool {
+        self.window_ns.is_some() && now >= self.rest_until
+    }
+
+    /// A sample came, which looking out has caught, or not.
+    pub(crate) fn arrived(&mut self, at: MonotonicNs, is_caught: bool) {
+        if self.pays(at) {
+            self.caught += CAUGHT_GAIN * (f64::from(u8::from(is_caught)) - self.caught);
+            if self.caught < LEAST_CAUGHT {
+                self.caught = 1.0;
+                self.rest_until = at + REST;
+            }
+        }
         let at_ns = at.0 as f64;
         let Some(line) = &mut self.line else {
             self.line = Some(Line::new(at_ns));
@@ -127,7 +156,13 @@ impl Predictor {
         self.residuals.add(periods * period_ns);
         if self.residuals.added.is_multiple_of(CHOICE_PERIOD) && self.residuals.len() >= FEWEST {
             let most_ns = self.budget * period_ns;
-            let late_ns = |share| self.lateness.quantile(share, |ns| ns).min(LATEST_WAKE_NS);
+            let late_ns = |share| match self.lateness.len() {
+                0 => FIRST_WAKE_NS,
+                _ => {
+                    let late_ns = self.lateness.quantile(share, |ns| ns);
+                    late_ns.min(LATEST_WAKE_NS)
+                }
+            };
             self.wake_ns = late_ns(0.5);
             let head_ns = HEAD_NS + late_ns(IN_TIME) - self.wake_ns;
             self.window_ns = self.residuals.window(head_ns, most_ns);
@@ -148,7 +183,7 @@ impl Predictor {
         self.credit_ns = (self.credit_ns + self.budget * since_ns).min(most_ns);
         self.credited = now;
 
-        let (from_ns, to_ns) = self.window_ns?;
+        let (from_ns, to_ns) = self.window_ns.filter(|_| self.pays(now))?;
         let line = self.line?;
         let period_ns = line.period_ns?;
         let now_ns = now.0 as f64;
@@ -298,7 +333,7 @@ impl Residuals {
             }
         }
         let (caught, _, window) = best?;
-        (caught as f64 >= LEAST_CAUGHT * len as f64).then_some(window)
+        (caught as f64 >= LEAST_PLANNED * len as f64).then_some(window)
     }
 }
 

@@ -36,24 +36,29 @@ fn wait_for(predictor: &mut Predictor, samples: impl IntoIterator<Item = u64>) -
     let mut outcome = Outcome::default();
     let mut now = MonotonicNs(0);
     for sample in samples {
+        let mut is_caught = false;
         while let Some(window) = predictor.window(now) {
             assert!(window.begin <= window.end && window.end > now, "{window:?}");
             let begin = window.begin.0.max(now.0);
             if sample <= begin {
                 break;
             }
+            if window.begin > now {
+                predictor.woke_late(Duration::ZERO);
+            }
             let end = sample.min(window.end.0);
             predictor.spent(Duration::from_nanos(end - begin));
             outcome.spun_ns += end - begin;
             if sample <= window.end.0 {
                 outcome.caught += 1;
+                is_caught = true;
                 break;
             }
             now = window.end;
         }
         outcome.samples += 1;
         now = MonotonicNs(sample);
-        predictor.arrived(now);
+        predictor.arrived(now, is_caught);
     }
     outcome
 }
@@ -76,7 +81,7 @@ fn regular_samples_are_caught_for_next_to_nothing() {
 
 #[test]
 fn jittering_samples_are_caught_as_far_as_the_budget_goes() {
-    for (period_ns, budget) in [(20 * MS, 0.02), (10 * MS, 0.02), (MS, 0.08)] {
+    for (period_ns, budget) in [(20 * MS, 0.02), (10 * MS, 0.02), (MS, 0.12)] {
         let mut predictor = Predictor::new(budget);
         let outcome = wait_for(&mut predictor, jittered(5_000, period_ns, 500 * US));
         assert!(outcome.caught() > 0.5, "{period_ns}: {outcome:?}");
@@ -101,6 +106,22 @@ fn another_rhythm_is_learned() {
     assert!(outcome.caught() > 0.9, "{outcome:?}");
 }
 
+/// The predictor looks out in time, but the thread does not run: it gives up, and tries again.
+#[test]
+fn looking_out_rests_when_nothing_is_caught() {
+    let mut predictor = Predictor::new(0.02);
+    wait_for(&mut predictor, (1..200).map(|n| n * 10 * MS));
+    let mut now = MonotonicNs(200 * 10 * MS);
+    assert!(predictor.pays(now));
+    while predictor.pays(now) {
+        predictor.arrived(now, false);
+        now = now + Duration::from_millis(10);
+    }
+    assert_eq!(predictor.window(now), None);
+    assert!(now < MonotonicNs(4_000 * MS), "{now:?}");
+    assert!(predictor.pays(now + REST));
+}
+
 /// Each tenth sample is missing; the grid goes on.
 #[test]
 fn a_lost_sample_does_not_disturb() {
@@ -121,10 +142,13 @@ fn a_drifting_clock_is_followed() {
 #[test]
 fn a_timer_that_wakes_late_is_set_earlier() {
     let mut predictor = Predictor::new(0.02);
-    for _ in 0..100 {
+    wait_for(&mut predictor, (1..100).map(|n| n * 10 * MS));
+    for _ in 0..WAKES {
         predictor.woke_late(Duration::from_micros(40));
     }
-    wait_for(&mut predictor, (1..200).map(|n| n * 10 * MS));
+    for n in 100..200 {
+        predictor.arrived(MonotonicNs(n * 10 * MS), true);
+    }
     let now = MonotonicNs(199 * 10 * MS);
     let window = predictor.window(now).unwrap();
     let lead = MonotonicNs(200 * 10 * MS).since(window.begin);
@@ -144,7 +168,7 @@ proptest! {
         for (step_us, kind) in steps {
             now = now + Duration::from_micros(step_us);
             if kind > 0 {
-                predictor.arrived(now);
+                predictor.arrived(now, kind == 2);
             }
             // It never comes: the whole window is looked through, again and again.
             for _ in 0..kind {

@@ -168,7 +168,7 @@ fn dead(robot: &RobotFacts) -> Vec<Finding> {
     let mut findings = Vec::new();
     if !passing.is_empty() {
         let text = format!(
-            "left by dead processes of robot {id}: {}; the provider removes it within a second",
+            "left by dead processes of robot {id}: {}; the provider removes it within two seconds",
             processes(&passing)
         );
         findings.push(DOMAIN.note("dead-nodes", text));
