@@ -42,6 +42,21 @@ const MAX_FORMER: usize = 3;
 
 /// Takes the requests of a service, of which a robot has one server.
 ///
+/// ```no_run
+/// use ipc_types::code::{Reason, Stage};
+/// use ipc_types::payload::{ModuleControl, RequestReport};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let mut server = ipc_types::Ipc::connect("bridge")?.server::<ModuleControl>()?;
+/// let mut tickets = Vec::new();
+/// server.drain(|ticket, request| tickets.push((ticket, request.request_id)))?;
+/// for (ticket, _) in tickets {
+///     server.report(ticket, &RequestReport::new(Stage::Done, Reason::None))?;
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
 /// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
 /// final stage closes it.
 pub struct Server<R: Request> {
