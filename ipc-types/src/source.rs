@@ -33,7 +33,7 @@ pub enum WaitError {
     Failed(#[from] Errno),
 }
 
-/// What a [`Waiter`] can wait for: every port, and raw file descriptors as [`Descriptor`].
+/// What a [`Waiter`](crate::Waiter) can wait for: every port, and raw file descriptors as [`Descriptor`].
 pub trait Source: sealed::Source {}
 
 impl<T: sealed::Source> Source for T {}
