@@ -10,6 +10,8 @@ mod crashes;
 mod crew;
 #[path = "../examples/endurance/gap.rs"]
 mod gap;
+#[path = "../examples/endurance/healthy.rs"]
+mod healthy;
 #[path = "../examples/endurance/kills.rs"]
 mod kills;
 #[path = "../examples/endurance/port.rs"]

@@ -30,6 +30,7 @@ mod crew;
 mod flood;
 mod full;
 mod gap;
+mod healthy;
 mod joiners;
 mod kills;
 mod memory;

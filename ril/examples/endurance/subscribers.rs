@@ -4,19 +4,17 @@
 //! Both ends speak the extended profile, whose numbers and CRC show every byte that is missing.
 
 use std::fmt;
-use std::os::fd::AsFd;
-use std::thread::{self, JoinHandle};
+use std::thread;
 use std::time::Duration;
 
 use dsp_sim::random::Random;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RefusedCounters};
-use ipc_types::service::Topic;
-use ipc_types::{Descriptor, Domain, Ipc, Losses, MonotonicNs, RobotId, Subscriber, Waiter};
+use ipc_types::{Ipc, Losses, MonotonicNs, Subscriber};
 use ril_tests::Process;
 use ril_tests::process::{Signal, WAIT_LIMIT};
-use runtime::signal::{Termination, TerminationRequest};
 
 use crate::crew::{Kind, Site, await_ready, end};
+use crate::healthy::Healthy;
 
 /// Longest pause between two disturbances.
 const PAUSE: Duration = Duration::from_millis(30);
@@ -135,7 +133,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         duration,
         bytes: state.link.bytes_received,
         refused: state.refused,
-        healthy: [raw.end(), hero.end()],
+        healthy: [raw.end().losses, hero.end().losses],
         disturbances,
     };
     crew.into_iter().rev().for_each(end);
@@ -156,38 +154,6 @@ fn last_state(site: &Site) -> ModuleState {
         }
         let silence = MonotonicNs::now().since(asked);
         assert!(silence < WAIT_LIMIT, "no state for {silence:?}");
-    }
-}
-
-/// A consumer that takes every sample as it comes, on a thread of its own.
-struct Healthy {
-    request: TerminationRequest,
-    thread: JoinHandle<Losses>,
-}
-
-impl Healthy {
-    fn start<T: Topic>(domain: &Domain) -> Healthy {
-        let (termination, request) = Termination::by_hand().expect("a socket");
-        let domain = domain.clone();
-        let thread = thread::spawn(move || {
-            let ipc = Ipc::join(&domain, RobotId::DEFAULT, "healthy").expect("a part");
-            let mut telemetry = ipc.subscriber::<T>().expect("a subscriber");
-            let waiter = Waiter::new();
-            while !termination.requested() {
-                let mut ending = Descriptor::new(termination.as_fd());
-                waiter
-                    .wait(&mut [((), &mut telemetry), ((), &mut ending)], None)
-                    .expect("a wait");
-                telemetry.drain(|_| {}).expect("samples");
-            }
-            telemetry.losses()
-        });
-        Healthy { request, thread }
-    }
-
-    fn end(self) -> Losses {
-        self.request.request();
-        self.thread.join().expect("it ends in order")
     }
 }
 
