@@ -68,6 +68,15 @@ pub struct Ready<K = ()> {
     keys: [Option<K>; MAX_SOURCES],
 }
 
+impl Ready {
+    /// The one source of a wait.
+    pub(crate) fn one() -> Ready {
+        Ready {
+            keys: std::array::from_fn(|place| (place == 0).then_some(())),
+        }
+    }
+}
+
 impl<K> Ready<K> {
     /// The keys of the sources that are ready, in the order of the wait.
     pub fn keys(&self) -> impl Iterator<Item = &K> {

@@ -9,11 +9,11 @@
 
 mod predictor;
 
+use std::hint;
 use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::thread::{self, ThreadId};
 use std::time::Duration;
-use std::{fmt, hint};
 
 use predictor::{Predictor, Window};
 use rustix::thread::{
@@ -24,7 +24,7 @@ use rustix::time::{ClockId, clock_gettime};
 use crate::doorbell::{LONGEST_SPIN, Place};
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::{Source, WaitError, Waiter, Wake};
+use crate::waiter::{Ready, Source, WaitError, Waiter, Wake};
 
 /// The largest budget: half of a processor.
 const MOST: f64 = 0.5;
@@ -46,13 +46,32 @@ pub struct Anticipated {
 /// See the file's first lines.
 pub(crate) struct Anticipation {
     predictor: Predictor,
-    /// When the wait saw that there was something, and whether by looking out, until the first sample of it is taken.
-    seen: Option<(MonotonicNs, bool)>,
+    /// What ended the last wait.
+    seen: Option<Seen>,
     anticipated: Anticipated,
     /// The thread that waits.
     thread: Option<WaitingThread>,
     place: Place,
     session: Arc<Session>,
+}
+
+/// The moment at which a wait saw that there was something.
+struct Seen {
+    at: MonotonicNs,
+    /// Whether looking out saw it.
+    is_caught: bool,
+    /// Whether it was a sample, which the port has handed on.
+    is_taken: bool,
+}
+
+impl Seen {
+    fn new(at: MonotonicNs, is_caught: bool) -> Seen {
+        Seen {
+            at,
+            is_caught,
+            is_taken: false,
+        }
+    }
 }
 
 /// What was changed of a thread: its timers are exact, and it may be kept off a processor.
@@ -62,15 +81,6 @@ struct WaitingThread {
     processors: Option<CpuSet>,
     /// Whether it is kept off one of them.
     is_away: bool,
-}
-
-impl fmt::Debug for Anticipation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Anticipation")
-            .field("predictor", &self.predictor)
-            .field("anticipated", &self.anticipated)
-            .finish_non_exhaustive()
-    }
 }
 
 impl Anticipation {
@@ -90,10 +100,10 @@ impl Anticipation {
         self.anticipated
     }
 
-    /// The first sample that came since the wait was taken. Not called for those behind it, whose times are unknown.
+    /// A sample was taken. The predictor learns of it in the next wait, when the sample's consumer has had it.
     pub(crate) fn taken(&mut self) {
-        if let Some((at, is_caught)) = self.seen.take() {
-            self.predictor.arrived(at, is_caught);
+        if let Some(seen) = &mut self.seen {
+            seen.is_taken = true;
         }
     }
 
@@ -104,10 +114,13 @@ impl Anticipation {
         port: &mut dyn Source,
         timeout: Duration,
     ) -> Result<Wake, WaitError> {
+        if let Some(seen) = self.seen.take_if(|seen| seen.is_taken) {
+            self.predictor.arrived(seen.at, seen.is_caught);
+        }
         self.seen = None;
         if port.has_something() {
             // When it came is not known.
-            return waiter.wait_for_one(port, Duration::ZERO);
+            return Ok(Wake::Ready(Ready::one()));
         }
         self.enter_thread();
         let mut now = MonotonicNs::now();
@@ -127,7 +140,7 @@ impl Anticipation {
                 self.predictor.woke_late(now.since(window.begin));
             }
             if self.look_out(port, window, deadline) {
-                return waiter.wait_for_one(port, Duration::ZERO);
+                return Ok(Wake::Ready(Ready::one()));
             }
             now = MonotonicNs::now();
             // Of a window that may not be used, the rest is slept through.
@@ -144,7 +157,7 @@ impl Anticipation {
     /// The wait was ended by something else than looking out.
     fn ended(&mut self, wake: Wake, now: MonotonicNs) -> Wake {
         if wake.is_ready() {
-            self.seen = Some((now, false));
+            self.seen = Some(Seen::new(now, false));
             self.anticipated.others += 1;
         }
         wake
@@ -184,7 +197,7 @@ impl Anticipation {
         self.predictor.spent(used);
         self.anticipated.spun += used;
         if is_there {
-            self.seen = Some((now, true));
+            self.seen = Some(Seen::new(now, true));
             self.anticipated.caught += 1;
         }
         is_there
