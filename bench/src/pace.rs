@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
 use rustix::io::Errno;
 use rustix::thread::ClockId;
@@ -13,8 +14,7 @@ pub struct Pace {
     next: MonotonicNs,
     period: Duration,
     jitter: Duration,
-    /// Numbers that look random, the same in each run.
-    dice: u64,
+    chance: Random,
 }
 
 impl Pace {
@@ -24,7 +24,7 @@ impl Pace {
             next: MonotonicNs::now(),
             period: Duration::from_secs(1) / rate_hz,
             jitter: Duration::ZERO,
-            dice: 7,
+            chance: Random::new(7, 0),
         }
     }
 
@@ -34,11 +34,7 @@ impl Pace {
     }
 
     fn delay(&mut self) -> Duration {
-        self.dice ^= self.dice << 13;
-        self.dice ^= self.dice >> 7;
-        self.dice ^= self.dice << 17;
-        let ns = self.jitter.as_nanos() as u64;
-        Duration::from_nanos(self.dice.checked_rem(ns).unwrap_or(0))
+        self.jitter.mul_f64(self.chance.uniform())
     }
 
     /// When the next tick is.

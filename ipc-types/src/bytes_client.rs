@@ -1,6 +1,5 @@
 //! [`BytesClient`]: sends requests that are bytes, and follows their reports. It knows nothing of structs.
 
-use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::mem;
 use std::os::fd::BorrowedFd;
@@ -12,9 +11,8 @@ use crate::doorbell::{Channel, Place, place};
 use crate::follow::Follower;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
-use crate::pollable::{self, Pollable};
-use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET};
-use crate::serving_port::word;
+use crate::pollable::Pollable;
+use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, word};
 use crate::session::Session;
 use crate::waiter::{WaitError, Waiter, Wake, sealed};
 
@@ -30,7 +28,7 @@ pub(crate) struct BytesClient {
     kept: VecDeque<RequestReport>,
     follower: Follower,
     waiter: Waiter,
-    pollable: OnceCell<Pollable>,
+    pollable: Pollable,
     place: Place,
     offer: Offer,
     session: Arc<Session>,
@@ -49,7 +47,7 @@ impl BytesClient {
             kept: VecDeque::new(),
             follower: Follower::new(session, &offer.key),
             waiter: Waiter::new(),
-            pollable: OnceCell::new(),
+            pollable: Pollable::default(),
             place: place(&offer.key),
             offer,
             session: Arc::clone(session),
@@ -94,9 +92,7 @@ impl BytesClient {
             entered => entered?,
         };
         if let Some(port) = entered {
-            if let Some(pollable) = self.pollable.get() {
-                pollable.change(&port.responses);
-            }
+            self.pollable.change(&port.responses);
             let former = self.port.replace(port);
             self.former = former.filter(|_| !self.outstanding.is_empty());
         }
@@ -150,9 +146,7 @@ impl BytesClient {
         for port in self.port.iter().chain(&self.former) {
             port.responses.take();
         }
-        if let Some(pollable) = self.pollable.get() {
-            pollable.drained();
-        }
+        self.pollable.drained();
         // Before the reports are read: whatever a server said before it went comes out first.
         if !self.outstanding.is_empty() {
             self.look_in_time();
@@ -188,7 +182,7 @@ impl BytesClient {
     /// See [`Client::descriptor`](crate::Client::descriptor).
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
         let receiver = self.port.as_ref().map(|port| &port.responses);
-        pollable::of(&self.pollable, receiver)
+        self.pollable.descriptor(receiver)
     }
 
     /// See [`Client::give_up`](crate::Client::give_up).

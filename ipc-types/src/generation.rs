@@ -367,7 +367,7 @@ pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
             dead.push((path, prefix(domain, without_draft(&name)), lock));
         }
     }
-    // One look at everybody's segments for all of them. Their locks are held until they are gone.
+    // One look at the segments of all users for all of them. Their locks are held until they are gone.
     delete_segments(&dead.iter().map(|(_, prefix, _)| prefix.clone()).collect());
     let deleted = dead.iter().filter(|(path, ..)| delete_folder(path).is_ok());
     deleted.count()

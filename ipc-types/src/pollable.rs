@@ -24,74 +24,78 @@ use crate::wake::WakeReceiver;
 const AT_ONCE: Duration = Duration::from_nanos(1);
 
 /// The descriptor of a port, made when it is first asked for.
-///
-/// # Errors
-///
-/// As [`Pollable::new`].
-pub(crate) fn of<'p>(
-    cell: &'p OnceCell<Pollable>,
-    receiver: Option<&WakeReceiver>,
-) -> Result<BorrowedFd<'p>, WaitError> {
-    let pollable = match cell.get() {
-        Some(pollable) => pollable,
-        None => {
-            let pollable = Pollable::new(receiver)?;
-            cell.get_or_init(|| pollable)
-        }
-    };
-    Ok(pollable.epoll.as_fd())
-}
-
-/// A descriptor that can be read when a port may have something.
-pub(crate) struct Pollable {
-    epoll: OwnedFd,
-    timer: OwnedFd,
-    /// When the timer makes the descriptor readable.
-    due: Cell<MonotonicNs>,
-}
+#[derive(Default)]
+pub(crate) struct Pollable(OnceCell<Set>);
 
 impl Pollable {
-    /// `receiver` is woken by the other side; nothing while that has not been there.
+    /// The descriptor, which can be read when the port may have something. `receiver` is woken by the other side; nothing while
+    /// that has not been there.
     ///
     /// # Errors
     ///
     /// When the process has too many descriptors, or the service too many listeners.
-    fn new(receiver: Option<&WakeReceiver>) -> Result<Pollable, WaitError> {
-        let flags = TimerfdFlags::CLOEXEC | TimerfdFlags::NONBLOCK;
-        let pollable = Pollable {
-            epoll: epoll::create(epoll::CreateFlags::CLOEXEC)?,
-            timer: timerfd_create(TimerfdClockId::Monotonic, flags)?,
-            due: Cell::default(),
+    pub(crate) fn descriptor(
+        &self,
+        receiver: Option<&WakeReceiver>,
+    ) -> Result<BorrowedFd<'_>, WaitError> {
+        let set = match self.0.get() {
+            Some(set) => set,
+            None => {
+                let set = Set::new(receiver)?;
+                self.0.get_or_init(|| set)
+            }
         };
-        pollable.add(pollable.timer.as_fd())?;
-        if let Some(receiver) = receiver {
-            pollable.add(receiver.lend_descriptor()?)?;
-        }
-        // A listener announces nothing of what came before it.
-        pollable.set_timer(AT_ONCE)?;
-        Ok(pollable)
+        Ok(set.epoll.as_fd())
     }
 
     /// Watches the receiver of another generation as well; that of the former one goes with its listener.
     pub(crate) fn change(&self, receiver: &WakeReceiver) {
-        let watch = || -> Result<(), WaitError> {
-            self.add(receiver.lend_descriptor()?)?;
-            Ok(self.set_timer(AT_ONCE)?)
-        };
-        if let Err(error) = watch() {
+        if let Some(Err(error)) = self.0.get().map(|set| set.watch(receiver)) {
             tracing::warn!(%error, "an event loop is woken for a port by the safety bound alone");
         }
     }
 
     /// Called when the port is drained, so that the descriptor is not readable any more for what has been dealt with.
     pub(crate) fn drained(&self) {
-        if MonotonicNs::now() < self.due.get() {
-            return;
-        }
+        let due = self
+            .0
+            .get()
+            .filter(|set| MonotonicNs::now() >= set.due.get());
         // Setting it anew forgets that it had expired.
-        if let Err(error) = self.set_timer(SAFETY_BOUND) {
+        if let Some(Err(error)) = due.map(|set| set.set_timer(SAFETY_BOUND)) {
             tracing::debug!(%error, "a timer was not set");
         }
+    }
+}
+
+/// What is behind the descriptor.
+struct Set {
+    epoll: OwnedFd,
+    timer: OwnedFd,
+    /// When the timer makes the descriptor readable.
+    due: Cell<MonotonicNs>,
+}
+
+impl Set {
+    fn new(receiver: Option<&WakeReceiver>) -> Result<Set, WaitError> {
+        let flags = TimerfdFlags::CLOEXEC | TimerfdFlags::NONBLOCK;
+        let set = Set {
+            epoll: epoll::create(epoll::CreateFlags::CLOEXEC)?,
+            timer: timerfd_create(TimerfdClockId::Monotonic, flags)?,
+            due: Cell::default(),
+        };
+        set.add(set.timer.as_fd())?;
+        match receiver {
+            Some(receiver) => set.watch(receiver)?,
+            None => set.set_timer(AT_ONCE)?,
+        }
+        Ok(set)
+    }
+
+    /// The descriptor can be read at once then: a listener announces nothing of what came before it.
+    fn watch(&self, receiver: &WakeReceiver) -> Result<(), WaitError> {
+        self.add(receiver.lend_descriptor()?)?;
+        Ok(self.set_timer(AT_ONCE)?)
     }
 
     fn add(&self, descriptor: BorrowedFd<'_>) -> Result<(), Errno> {

@@ -4,7 +4,6 @@
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 makes a handle of 104 bytes on the heap for each sample.
 
-use std::cell::OnceCell;
 use std::marker::PhantomData;
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
@@ -21,7 +20,7 @@ use crate::generation::Generation;
 use crate::housekeeper::Tended;
 use crate::iox::{Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
-use crate::pollable::{self, Pollable};
+use crate::pollable::Pollable;
 use crate::provider::ProviderLock;
 use crate::service::{
     EPOCH_OFFSET, MAX_PROVIDERS, MAX_SUBSCRIBERS, Pattern, SEQUENCE_OFFSET, Topic, service_name,
@@ -150,8 +149,7 @@ pub(crate) struct BytesPublisher {
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
-    /// Made when a descriptor is first asked for.
-    pollable: OnceCell<Pollable>,
+    pollable: Pollable,
     /// A copy of the last sample, for those that come to a new generation before the next one.
     latest: Vec<u8>,
     epoch_ns: u64,
@@ -286,7 +284,7 @@ impl BytesPublisher {
             former: None,
             retry: MonotonicNs::default(),
             generations: 1,
-            pollable: OnceCell::new(),
+            pollable: Pollable::default(),
             latest: vec![0; offer.size],
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
@@ -322,9 +320,7 @@ impl BytesPublisher {
     /// See [`Publisher::tend`].
     pub(crate) fn tend(&mut self) {
         self.change_generation();
-        if let Some(pollable) = self.pollable.get() {
-            pollable.drained();
-        }
+        self.pollable.drained();
         let joined = self.joined();
         if self.port.subscribers.take() == 0 && joined == self.port.served {
             return;
@@ -361,9 +357,7 @@ impl BytesPublisher {
                     // When it fails, late joiners wait for the next sample.
                     let _ = port.send(copy);
                 }
-                if let Some(pollable) = self.pollable.get() {
-                    pollable.change(&port.subscribers);
-                }
+                self.pollable.change(&port.subscribers);
                 let former = std::mem::replace(&mut self.port, port);
                 self.former = Some((former, now + OVERLAP));
             }
@@ -377,7 +371,7 @@ impl BytesPublisher {
     }
 
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        pollable::of(&self.pollable, Some(&self.port.subscribers))
+        self.pollable.descriptor(Some(&self.port.subscribers))
     }
 
     pub(crate) fn sequence(&self) -> u64 {

@@ -6,13 +6,9 @@ use std::time::Duration;
 use crate::bytes_client::BytesClient;
 use crate::client_port::SendError;
 use crate::payload::RequestReport;
-use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER};
-use crate::serving_port::word;
+use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, word};
 use crate::time::MonotonicNs;
 use crate::waiter::WaitError;
-
-/// Longest wait: what a wait without a limit means.
-const FOR_EVER: Duration = Duration::from_secs(u32::MAX as u64);
 
 /// Reports about other requests that are kept while a handle follows one: as many as can wait unread, 64. At the bound the oldest
 /// progress is dropped. A final report never is: there are at most 7 of them.
@@ -109,7 +105,7 @@ impl<'c> RequestHandle<'c> {
     /// The reports before the final one, as they come. Sleeps while there is none, and ends with the result.
     pub fn feedback(&mut self) -> impl Iterator<Item = Result<RequestReport, WaitError>> {
         std::iter::from_fn(|| {
-            self.recv_timeout(FOR_EVER)
+            self.recv_timeout(Duration::MAX)
                 .map(|report| report.filter(|report| !report.is_final()))
                 .transpose()
         })
@@ -123,7 +119,7 @@ impl<'c> RequestHandle<'c> {
     /// See [`WaitError`].
     pub fn result(&mut self) -> Result<RequestReport, WaitError> {
         loop {
-            if let Some(result) = self.result_timeout(FOR_EVER)? {
+            if let Some(result) = self.result_timeout(Duration::MAX)? {
                 return Ok(result);
             }
         }

@@ -1,7 +1,6 @@
 //! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report. What it does with bytes,
 //! `BytesServer` does, which knows nothing of structs.
 
-use std::cell::OnceCell;
 use std::marker::PhantomData;
 use std::mem;
 use std::os::fd::BorrowedFd;
@@ -13,7 +12,7 @@ use crate::code::Stage;
 use crate::doorbell::{Channel, Place, place};
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
-use crate::pollable::{self, Pollable};
+use crate::pollable::Pollable;
 use crate::provider::ProviderLock;
 use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
 use crate::serving_port::{Entry, ServingPort};
@@ -199,7 +198,7 @@ pub(crate) struct BytesServer {
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     waiter: Waiter,
-    pollable: OnceCell<Pollable>,
+    pollable: Pollable,
     refused_full: u64,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
@@ -222,7 +221,7 @@ impl BytesServer {
             former: Vec::with_capacity(MAX_FORMER),
             retry: MonotonicNs::default(),
             waiter: Waiter::new(),
-            pollable: OnceCell::new(),
+            pollable: Pollable::default(),
             refused_full: 0,
             is_quiet: false,
             place: place(&offer.key),
@@ -243,9 +242,7 @@ impl BytesServer {
             // What fails there has no consequence: its clients change to the new generation.
             taken += former.drain(&mut self.tickets, &mut take).unwrap_or(0);
         }
-        if let Some(pollable) = self.pollable.get() {
-            pollable.drained();
-        }
+        self.pollable.drained();
         let (port, tickets) = (&mut self.port, &mut self.tickets);
         match catch_unwind(AssertUnwindSafe(|| port.drain(tickets, &mut take))) {
             Ok(drained) => drained.map(|count| taken + count),
@@ -274,9 +271,7 @@ impl BytesServer {
     }
 
     fn replace_port(&mut self, port: ServingPort) -> ServingPort {
-        if let Some(pollable) = self.pollable.get() {
-            pollable.change(&port.requests);
-        }
+        self.pollable.change(&port.requests);
         mem::replace(&mut self.port, port)
     }
 
@@ -406,7 +401,7 @@ impl BytesServer {
 
     /// See [`Server::descriptor`].
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        pollable::of(&self.pollable, Some(&self.port.requests))
+        self.pollable.descriptor(Some(&self.port.requests))
     }
 
     /// See [`Server::generations`].

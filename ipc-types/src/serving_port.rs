@@ -25,7 +25,7 @@ use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::service::{
     MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, Pattern, REQUEST_ID_OFFSET,
-    RESPONSE_BUFFER, service_name,
+    RESPONSE_BUFFER, service_name, word,
 };
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
@@ -212,14 +212,6 @@ fn send(to: &Active, report: &RequestReport) -> Result<(), ReportError> {
         }
         Err(error) => Err(ReportError::Failed(format!("{error:?}"))),
     }
-}
-
-/// The number at an offset of a request; 0 when the request is too short, which no schema allows.
-pub(crate) fn word(request: &[u8], offset: usize) -> u64 {
-    let bytes = request.get(offset..offset + 8);
-    bytes
-        .and_then(|bytes| bytes.try_into().ok())
-        .map_or(0, u64::from_ne_bytes)
 }
 
 /// What one [`Server::drain`] has read. Empty between two of them; kept for its memory.

@@ -1,7 +1,6 @@
 //! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed. What it does with
 //! bytes, `BytesSubscriber` does, which knows nothing of structs.
 
-use std::cell::OnceCell;
 use std::marker::PhantomData;
 use std::ops::Deref;
 use std::os::fd::BorrowedFd;
@@ -19,11 +18,11 @@ use crate::follow::Follower;
 use crate::generation::Generation;
 use crate::iox::Svc;
 use crate::open::{self, Expected, OpenError};
-use crate::pollable::{self, Pollable};
+use crate::pollable::Pollable;
 use crate::sequence::{Losses, SequenceTracker};
 use crate::service::{
     Contract, EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER,
-    Topic,
+    Topic, word,
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;
@@ -32,9 +31,6 @@ use crate::wake::{WakeReceiver, WakeSender};
 
 /// Most samples of one [`Subscriber::drain`]: a full buffer of each of two generations. What comes meanwhile waits for the next.
 const MAX_SAMPLES_PER_DRAIN: usize = 2 * SUBSCRIBER_BUFFER;
-
-/// A timeout that nobody lives to see the end of.
-const FOR_EVER: Duration = Duration::from_secs(1 << 32);
 
 /// How often [`Subscriber::spin`] looks for samples before it looks at the clock, which takes about as long as a look.
 const SPINS_PER_LOOK: u32 = 16;
@@ -147,7 +143,7 @@ impl<T: Topic> Subscriber<T> {
     pub fn iter(&mut self) -> impl Iterator<Item = Result<T, RecvError>> {
         std::iter::from_fn(|| {
             loop {
-                match self.recv_timeout(FOR_EVER) {
+                match self.recv_timeout(Duration::MAX) {
                     Ok(None) => {}
                     Ok(Some(sample)) => return Some(Ok(sample)),
                     Err(error) => return Some(Err(error)),
@@ -269,8 +265,7 @@ pub(crate) struct BytesSubscriber {
     waiter: Waiter,
     /// Nothing unless it was asked for.
     anticipation: Option<Box<Anticipation>>,
-    /// Made when a descriptor is first asked for.
-    pollable: OnceCell<Pollable>,
+    pollable: Pollable,
     tracker: SequenceTracker,
     generations: u64,
     place: Place,
@@ -368,14 +363,6 @@ fn bytes(payload: &[CustomPayloadMarker]) -> &[u8] {
     }
 }
 
-/// The number at an offset of a sample; every sample begins with two of them.
-fn word(sample: &[u8], offset: usize) -> u64 {
-    let bytes = sample.get(offset..offset + 8);
-    bytes
-        .and_then(|bytes| bytes.try_into().ok())
-        .map_or(0, u64::from_ne_bytes)
-}
-
 impl BytesSubscriber {
     pub(crate) fn open(
         session: &Arc<Session>,
@@ -392,7 +379,7 @@ impl BytesSubscriber {
             follower: Follower::new(session, key),
             waiter: Waiter::new(),
             anticipation: None,
-            pollable: OnceCell::new(),
+            pollable: Pollable::default(),
             tracker: SequenceTracker::default(),
             generations: 0,
             place: place(key),
@@ -417,9 +404,7 @@ impl BytesSubscriber {
         };
         if let Some(port) = self.follower.follow(present, open)? {
             self.generations += 1;
-            if let Some(pollable) = self.pollable.get() {
-                pollable.change(&port.samples);
-            }
+            self.pollable.change(&port.samples);
             self.former = self.port.replace(port);
         }
         Ok(())
@@ -463,9 +448,7 @@ impl BytesSubscriber {
         for port in self.former.iter().chain(&self.port) {
             port.samples.take();
         }
-        if let Some(pollable) = self.pollable.get() {
-            pollable.drained();
-        }
+        self.pollable.drained();
         followed.map_err(|error| self.failed(error.to_string()))
     }
 
@@ -486,7 +469,7 @@ impl BytesSubscriber {
                 return Ok(Some(sample));
             }
             if let Some(former) = self.former.take_if(|_| *left > 0) {
-                // The last member of a generation deletes it, among everybody's segments.
+                // The last member of a generation deletes it, among the segments of all users.
                 self.session.housekeeper().drop_later(former);
             }
         }
@@ -554,7 +537,7 @@ impl BytesSubscriber {
 
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
         let receiver = self.port.as_ref().map(|port| &port.samples);
-        pollable::of(&self.pollable, receiver)
+        self.pollable.descriptor(receiver)
     }
 
     pub(crate) fn losses(&self) -> Losses {

@@ -200,15 +200,11 @@ impl Requests {
                 return Ok(Answer::Nothing);
             }
             let left = Some(until - now);
-            let waiter = std::mem::take(&mut self.waiter);
-            let mut sources: Vec<_> = self
-                .sources()
-                .into_iter()
-                .map(|source| ((), source))
+            let clients = self.clients.iter_mut();
+            let mut sources: Vec<_> = clients
+                .map(|client| ((), client as &mut dyn Source))
                 .collect();
-            let wake = waiter.wait(&mut sources, left);
-            self.waiter = waiter;
-            if wake? == Wake::Interrupted {
+            if self.waiter.wait(&mut sources, left)? == Wake::Interrupted {
                 return Ok(Answer::Interrupted);
             }
         }

@@ -13,8 +13,7 @@ use crate::request_handle::RequestHandle;
 use crate::request_id::fresh_request_id;
 use crate::schema::Schema;
 use crate::server::{BytesServer, ReportError, ServeError};
-use crate::service::{Pattern, REQUEST_ID_OFFSET};
-use crate::serving_port::word;
+use crate::service::{Pattern, REQUEST_ID_OFFSET, word};
 use crate::ticket::Ticket;
 use crate::waiter::{WaitError, Wake, sealed};
 

@@ -261,3 +261,11 @@ pub const EPOCH_OFFSET: usize = 8;
 
 /// Where `request_id` lies in every request, bytes.
 pub const REQUEST_ID_OFFSET: usize = 0;
+
+/// The number at an offset of a sample or a request; 0 when it is too short, which no schema allows.
+pub(crate) fn word(payload: &[u8], offset: usize) -> u64 {
+    let bytes = payload.get(offset..offset + 8);
+    bytes
+        .and_then(|bytes| bytes.try_into().ok())
+        .map_or(0, u64::from_ne_bytes)
+}

@@ -10,6 +10,7 @@ mod key;
 mod table;
 
 pub use bounds::*;
+pub(crate) use contract::word;
 pub use contract::{
     Contract, EPOCH_OFFSET, Pattern, REQUEST_ID_OFFSET, Request, SEQUENCE_OFFSET, Topic,
 };
