@@ -1,0 +1,1 @@
+//! What the other machine's monotonic clock shows.

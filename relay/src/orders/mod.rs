@@ -1,0 +1,1 @@
+//! Requests that are executed at most once.
