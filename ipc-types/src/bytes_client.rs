@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::client_port::{ClientPort, Outstanding, SendError};
 use crate::doorbell::{Channel, Place, place};
-use crate::follow::Follower;
+use crate::follow::{Follower, until_room};
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
@@ -52,7 +52,7 @@ impl BytesClient {
             offer,
             session: Arc::clone(session),
         };
-        match client.follow() {
+        match until_room(session, client.place, || client.follow()) {
             // Its server has gone in this moment, or goes: the next one will be followed.
             Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
                 tracing::debug!(%error, "there is no server yet");

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::doorbell::{Channel, Place};
 use crate::generation::{self, Generation};
 use crate::open::OpenError;
 use crate::session::Session;
@@ -13,6 +14,36 @@ use crate::time::MonotonicNs;
 /// How long after a failure the same generation is tried again. A generation that its provider has announced can be opened;
 /// failing means that memory is full, that the service has as many members as it can, or that the provider has just gone.
 const RETRY: Duration = Duration::from_millis(100);
+
+/// How long a new port waits for a place when all are taken: the provider finds out within a second which are held by dead
+/// processes, and begins a new generation, or removes them.
+const ROOM_LIMIT: Duration = Duration::from_secs(2);
+
+/// Opens a port for the first time, and tries again for a while when all places for such ports are taken.
+///
+/// They may be held by processes that were killed. Only the provider can find out, so it is told.
+pub(crate) fn until_room(
+    session: &Session,
+    place: Place,
+    mut open: impl FnMut() -> Result<(), OpenError>,
+) -> Result<(), OpenError> {
+    let deadline = MonotonicNs::now() + ROOM_LIMIT;
+    let doorbell = session.doorbell();
+    // A new generation wakes every sleeper.
+    let bits = place.bits(Channel::Samples);
+    loop {
+        let seen = doorbell.listen(bits);
+        let opened = open();
+        let now = MonotonicNs::now();
+        if !matches!(opened, Err(OpenError::Full { .. })) || now >= deadline {
+            return opened;
+        }
+        doorbell.join(place);
+        if doorbell.sleep(seen, bits, now + RETRY).is_err() {
+            return opened;
+        }
+    }
+}
 
 /// Watches the generations of a service for a process that does not provide it.
 pub(crate) struct Follower {

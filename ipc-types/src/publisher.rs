@@ -9,6 +9,7 @@ use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
+use arrayvec::ArrayVec;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
@@ -33,6 +34,10 @@ use crate::wake::{WakeReceiver, WakeSender};
 /// How long a publisher feeds its former generation beside the new one. Subscribers change within a
 /// [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND); this is four of them.
 const OVERLAP: Duration = Duration::from_secs(1);
+
+/// Former generations that are fed at once. They become several when very many processes die; with one more the present one would
+/// have to serve until the oldest has had its time.
+const MAX_FORMER: usize = 3;
 
 /// How long after a failure the publisher tries again to begin a new generation.
 const RETRY: Duration = Duration::from_secs(1);
@@ -144,8 +149,8 @@ impl<T: Topic> sealed::Source for Publisher<T> {
 /// The writing end of a published service whose samples are bytes.
 pub(crate) struct BytesPublisher {
     port: Port,
-    /// The former generation, and until when it is fed.
-    former: Option<(Port, MonotonicNs)>,
+    /// The former generations, oldest first, and until when each is fed.
+    former: ArrayVec<(Port, MonotonicNs), MAX_FORMER>,
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
@@ -281,7 +286,7 @@ impl BytesPublisher {
         let lock = session.provide(&offer.key)?;
         Ok(BytesPublisher {
             port: Port::make(session, &offer)?,
-            former: None,
+            former: ArrayVec::new(),
             retry: MonotonicNs::default(),
             generations: 1,
             pollable: Pollable::default(),
@@ -306,12 +311,12 @@ impl BytesPublisher {
         // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
         self.latest.copy_from_slice(payload);
-        if let Some((former, _)) = &mut self.former
-            && let Ok(mut copy) = former.loan()
-        {
-            bytes_of(&mut copy).copy_from_slice(&self.latest);
-            // Whoever still reads there is on the way to the new generation.
-            let _ = former.send(copy);
+        for (former, _) in &mut self.former {
+            if let Ok(mut copy) = former.loan() {
+                bytes_of(&mut copy).copy_from_slice(&self.latest);
+                // A subscriber that still reads there is on its way to the new generation.
+                let _ = former.send(copy);
+            }
         }
         self.port.send(sample)?;
         Ok(sequence)
@@ -327,7 +332,7 @@ impl BytesPublisher {
         }
         self.port.served = joined;
         self.port.connect();
-        if let Some((former, _)) = &self.former {
+        for (former, _) in &self.former {
             former.connect();
         }
         if self.sequence > 0 {
@@ -336,14 +341,15 @@ impl BytesPublisher {
     }
 
     fn change_generation(&mut self) {
-        if self.former.is_none() && !self.port.tended.is_worn() {
+        if self.former.is_empty() && !self.port.tended.is_worn() {
             return;
         }
         let now = MonotonicNs::now();
-        if let Some((former, _)) = self.former.take_if(|(_, until)| now >= *until) {
+        while self.former.first().is_some_and(|(_, until)| now >= *until) {
+            let (former, _) = self.former.remove(0);
             self.session.housekeeper().drop_later(former);
         }
-        if self.former.is_some() || !self.port.tended.is_worn() || now < self.retry {
+        if self.former.is_full() || !self.port.tended.is_worn() || now < self.retry {
             return;
         }
         self.retry = now + RETRY;
@@ -359,7 +365,7 @@ impl BytesPublisher {
                 }
                 self.pollable.change(&port.subscribers);
                 let former = std::mem::replace(&mut self.port, port);
-                self.former = Some((former, now + OVERLAP));
+                self.former.push((former, now + OVERLAP));
             }
             Err(error) => tracing::warn!(%error, "the generation stays as it is"),
         }

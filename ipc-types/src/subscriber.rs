@@ -14,7 +14,7 @@ use iceoryx2::service::marker::CustomPayloadMarker;
 use crate::anticipation::{Anticipated, Anticipation};
 use crate::doorbell::{Channel, Place, place};
 use crate::event::Event;
-use crate::follow::Follower;
+use crate::follow::{Follower, until_room};
 use crate::generation::Generation;
 use crate::iox::Svc;
 use crate::open::{self, Expected, OpenError};
@@ -385,7 +385,7 @@ impl BytesSubscriber {
             place: place(key),
             session: Arc::clone(session),
         };
-        match subscriber.follow(LATEST) {
+        match until_room(session, subscriber.place, || subscriber.follow(LATEST)) {
             // Its publisher has gone in this moment, or goes: the next one will be followed.
             Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
                 tracing::debug!(%error, "there is no publisher yet");

@@ -60,6 +60,10 @@ const TESTS: &[(&str, fn())] = &[
         consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing,
     ),
     (
+        "consumers_that_die_faster_than_their_places_are_given_back_keep_none_from_starting",
+        consumers_that_die_faster_than_their_places_are_given_back_keep_none_from_starting,
+    ),
+    (
         "a_generation_that_wears_out_costs_no_request",
         a_generation_that_wears_out_costs_no_request,
     ),
@@ -430,6 +434,19 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
             subscriber.drain(|_| {}).unwrap();
             subscriber.losses().received >= before + 3
         });
+    });
+}
+
+/// Places of the dead are found out once a second; many more than there are places die in that time.
+fn consumers_that_die_faster_than_their_places_are_given_back_keep_none_from_starting() {
+    const DEATHS: usize = 4 * ipc_types::service::MAX_SUBSCRIBERS;
+    in_domain(|domain| {
+        let mut publisher = Role::ready(domain, "publisher", "published");
+        for _ in 0..DEATHS {
+            Role::ready(domain, "subscriber", "subscribed").kill();
+        }
+        publisher.kill();
+        domain.remove_if_dead().unwrap();
     });
 }
 
