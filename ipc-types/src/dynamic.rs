@@ -18,7 +18,7 @@ use crate::publisher::{BytesPublisher, PublishError};
 use crate::schema::{LoadError, Schema, SchemaError};
 use crate::sequence::Losses;
 use crate::service::{
-    EPOCH_OFFSET, Pattern, SEQUENCE_OFFSET, ServiceId, is_key, own, service_name,
+    EPOCH_OFFSET, Pattern, REQUEST_ID_OFFSET, SEQUENCE_OFFSET, ServiceId, is_key, own, service_name,
 };
 use crate::session::service_folder;
 use crate::subscriber::{BytesSubscriber, ReceiveError};
@@ -65,35 +65,46 @@ pub enum DynamicError {
     Open(#[from] OpenError),
 }
 
-/// A topic that has, or had, a publisher.
+/// A topic or a request service that has, or had, a provider.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TopicFacts {
+pub struct ServiceFacts {
     /// Last part of its name, such as `battery_watch/cell_voltages`.
     pub key: String,
     /// What lies in it.
     pub schema: Schema,
-    /// Its live publisher.
+    /// The text of the schema, as its provider has laid it down.
+    pub text: String,
+    /// Its live provider.
     pub provider: Option<Provider>,
 }
 
 /// The topics of the robot, in the alphabetical order of their keys. One whose schema cannot be read is left out.
-pub fn topics(ipc: &Ipc) -> Vec<TopicFacts> {
+pub fn topics(ipc: &Ipc) -> Vec<ServiceFacts> {
+    services(ipc, is_sample)
+}
+
+/// The request services of the robot, in the same way.
+pub fn request_services(ipc: &Ipc) -> Vec<ServiceFacts> {
+    services(ipc, is_request)
+}
+
+fn services(ipc: &Ipc, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
     let robot_folder = ipc.domain().robot_folder(ipc.robot());
-    let mut topics: Vec<TopicFacts> = generation::services(&robot_folder)
+    let mut found: Vec<ServiceFacts> = generation::services(&robot_folder)
         .iter()
         .filter_map(|service| {
             let current = generation::current(service)?;
-            let schema = generation::schema(service, &current.name).ok()?;
-            // A request begins otherwise.
-            is_sample(&schema).then(|| TopicFacts {
+            let (schema, text) = generation::schema_with_text(service, &current.name).ok()?;
+            is_meant(&schema).then(|| ServiceFacts {
                 key: current.key,
                 schema,
+                text,
                 provider: ProviderWatch::new(service).look().ok().flatten(),
             })
         })
         .collect();
-    topics.sort_by(|one, other| one.key.cmp(&other.key));
-    topics
+    found.sort_by(|one, other| one.key.cmp(&other.key));
+    found
 }
 
 /// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it, and of the
@@ -314,6 +325,11 @@ fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), Dynami
 /// Whether samples begin as those of every topic do.
 fn is_sample(schema: &Schema) -> bool {
     has_number(schema, "sequence", SEQUENCE_OFFSET) && has_number(schema, "epoch_ns", EPOCH_OFFSET)
+}
+
+/// Whether requests begin as all of the contract's do.
+fn is_request(schema: &Schema) -> bool {
+    has_number(schema, "request_id", REQUEST_ID_OFFSET)
 }
 
 /// Whether there is a `uint64` of this name at this offset.

@@ -275,6 +275,11 @@ pub(crate) fn schema(service: &Path, name: &str) -> Result<Schema, LoadError> {
     schema::load(&service.join(name).join(SCHEMA_FILE))
 }
 
+/// As [`schema`], with its text.
+pub(crate) fn schema_with_text(service: &Path, name: &str) -> Result<(Schema, String), LoadError> {
+    schema::load_with_text(&service.join(name).join(SCHEMA_FILE))
+}
+
 /// Tells whether the generation in this folder has a provider.
 pub(crate) fn provider_watch(generation: &Path) -> LockWatch {
     LockWatch::new(generation.join(PROVIDER_FILE))

@@ -3,7 +3,7 @@
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use super::{DynamicError, check_key, has_number, parse};
+use super::{DynamicError, check_key, is_request, parse};
 use crate::bytes_client::BytesClient;
 use crate::client_port::SendError;
 use crate::ipc::Ipc;
@@ -122,6 +122,11 @@ impl DynamicClient {
         self.bytes.give_up();
     }
 
+    /// Gives up one request: its server sees it as vanished.
+    pub fn give_up_one(&mut self, request_id: u64) {
+        self.bytes.give_up_one(request_id);
+    }
+
     /// Requests without a final report.
     pub fn outstanding(&self) -> usize {
         self.bytes.outstanding()
@@ -226,7 +231,7 @@ impl sealed::Source for DynamicServer {
 
 /// Whether a request service with this schema may have this key.
 fn check(key: &str, schema: &Schema) -> Result<(), DynamicError> {
-    if !has_number(schema, "request_id", REQUEST_ID_OFFSET) {
+    if !is_request(schema) {
         return Err(DynamicError::NoRequest(key.to_owned()));
     }
     check_key(key, Pattern::RequestResponse, schema.request_layout_hash())

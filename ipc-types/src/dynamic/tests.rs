@@ -138,7 +138,7 @@ fn a_topic_is_opened_with_its_own_schema_alone() {
 }
 
 #[test]
-fn topics_that_are_there_are_listed_and_nothing_else() {
+fn services_that_are_there_are_listed_and_nothing_else() {
     let (domain, ipc) = joined();
     assert_eq!(topics(&ipc), []);
     let publisher = ipc.publisher::<HeroTelemetry>().unwrap();
@@ -151,6 +151,14 @@ fn topics_that_are_there_are_listed_and_nothing_else() {
     assert_eq!(keys, ["battery_watch/cell_voltages", "hero_telemetry"]);
     assert_eq!(listed[0].schema, Schema::of::<Voltages>());
     assert_eq!(listed[0].provider.as_ref().unwrap().process, "test");
+    assert_eq!(Schema::parse(&listed[0].text).unwrap(), listed[0].schema);
+    let listed = request_services(&ipc);
+    let keys: Vec<&str> = listed.iter().map(|service| service.key.as_str()).collect();
+    assert_eq!(keys, ["movement"]);
+    assert_eq!(
+        listed[0].schema,
+        Schema::of::<crate::payload::MovementData>()
+    );
     drop(stranger);
     assert_eq!(topics(&ipc).len(), 1);
     drop((server, publisher, _other, other));

@@ -36,12 +36,24 @@ pub enum LoadError {
 ///
 /// See [`LoadError`].
 pub fn load(path: &Path) -> Result<Schema, LoadError> {
+    load_with_text(path).map(|(schema, _)| schema)
+}
+
+/// As [`load`], with the text itself.
+///
+/// # Errors
+///
+/// See [`LoadError`].
+pub fn load_with_text(path: &Path) -> Result<(Schema, String), LoadError> {
     let path = path.to_owned();
     let text = match read(&path) {
         Ok(text) => text,
         Err(source) => return Err(LoadError::Unreadable { path, source }),
     };
-    Schema::parse(&text).map_err(|source| LoadError::Invalid { path, source })
+    match Schema::parse(&text) {
+        Ok(schema) => Ok((schema, text)),
+        Err(source) => Err(LoadError::Invalid { path, source }),
+    }
 }
 
 /// Reads no more than a schema may have, and one byte that says that there is more.

@@ -53,7 +53,7 @@ use crate::payload::{
     FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, Number, RequestReport, SharedStruct,
 };
 
-pub use load::{LoadError, load};
+pub use load::{LoadError, load, load_with_text};
 pub use parse::SchemaError;
 pub use text::text;
 pub use value::Value;

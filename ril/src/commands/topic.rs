@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::io::{self, Write};
 
 use ipc_types::Schema;
-use ipc_types::dynamic::{self, TopicFacts};
+use ipc_types::dynamic::{self, ServiceFacts};
 use ipc_types::schema::{Field, Kind, Message};
 use runtime::exit::Failure;
 use serde::Serialize;
@@ -75,8 +75,8 @@ fn list(args: &TopicListArgs) -> Result<(), Failure> {
 }
 
 /// A line for each topic.
-fn table(topics: &[TopicFacts]) -> String {
-    let width = |column: fn(&TopicFacts) -> &str| {
+fn table(topics: &[ServiceFacts]) -> String {
+    let width = |column: fn(&ServiceFacts) -> &str| {
         let widths = topics.iter().map(|topic| column(topic).len());
         widths.max().unwrap_or_default()
     };
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_list_is_aligned() {
-        let topic = |key: &str, name: &str| TopicFacts {
+        let topic = |key: &str, name: &str| ServiceFacts {
             key: key.to_owned(),
             schema: Schema::parse(&format!("# Layout: x.{name}.v1\n\nuint64 sequence\n")).unwrap(),
             provider: None,
