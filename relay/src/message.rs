@@ -1,0 +1,186 @@
+//! What relays say to one another, and how it is written: a version, then the message as `postcard` has it.
+//!
+//! `docs/network.md` shows the same for other languages. Every message fits into [`MAX_BYTES`], and bytes of any kind are read
+//! without a panic: what is no message is an error that the receiver counts.
+
+use ipc_types::payload::{RequestReport, SharedStruct};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::orders::{Answer, Order, UnknownSession};
+
+/// Version of all messages. A relay ignores those of another version, and says so once.
+pub const VERSION: u8 = 1;
+
+/// Longest message, bytes: a schema has at most 64 KiB, and the rest of a message is short.
+pub const MAX_BYTES: usize = 80 * 1024;
+
+/// From a station to a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Ask {
+    /// How is the link, and what is the time? Sent all the time; a robot knows by it that the station is there.
+    Ping(Ping),
+    /// What is the service of this index?
+    Describe {
+        /// Life of the robot's relay.
+        robot_life: u64,
+        /// Which of its services.
+        index: u16,
+    },
+}
+
+/// See [`Ask::Ping`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ping {
+    /// Life of the station's relay: a number drawn when it began.
+    pub station_life: u64,
+    /// When it was sent, by the station's monotonic clock, ns.
+    pub sent_ns: u64,
+    /// How long the station has been suspended since its boot, ns.
+    pub suspended_ns: u64,
+    /// Whether the robot is to send the latest sample of each topic again, because the station may have none.
+    pub wants_latest: bool,
+}
+
+/// A request on its way from a station to a robot, apart from [`Ask`] so that a router can forbid it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Command {
+    /// Life of the station's relay.
+    pub station_life: u64,
+    /// What is to be done.
+    pub order: Order,
+}
+
+/// From a robot to one station.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Tell {
+    /// The answer to a ping.
+    Pong(Pong),
+    /// The answer to [`Ask::Describe`].
+    Service(Service),
+    /// What became of a request.
+    Answer(AnswerBytes),
+    /// The request came with a session that the robot does not know.
+    UnknownSession(UnknownSession),
+}
+
+/// See [`Tell::Pong`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pong {
+    /// Life of the robot's relay.
+    pub robot_life: u64,
+    /// The ping's `sent_ns`.
+    pub ping_sent_ns: u64,
+    /// When the ping came, by the robot's monotonic clock, ns.
+    pub received_ns: u64,
+    /// When this was sent, by the robot's monotonic clock, ns.
+    pub sent_ns: u64,
+    /// How long the robot has been suspended since its boot, ns.
+    pub suspended_ns: u64,
+    /// For the requests of this life of the station; 0 when it may not command.
+    pub session: u64,
+    /// How many services the robot's relay carries. They only become more in one life.
+    pub services: u16,
+}
+
+/// One service of the robot.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Service {
+    /// Life of the robot's relay.
+    pub robot_life: u64,
+    /// Index of the service in that life.
+    pub index: u16,
+    /// Last part of its name, such as `hero_telemetry`.
+    pub key: String,
+    /// Whether it takes requests; else it is a topic.
+    pub takes_requests: bool,
+    /// Text of the schema of its samples, or of its requests.
+    pub schema: String,
+}
+
+/// An [`Answer`] with its report as bytes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AnswerBytes {
+    session: u64,
+    number: u64,
+    serial: u32,
+    report: Vec<u8>,
+}
+
+impl AnswerBytes {
+    /// The answer as it goes over the network.
+    pub fn new(answer: &Answer) -> AnswerBytes {
+        AnswerBytes {
+            session: answer.session,
+            number: answer.number,
+            serial: answer.serial,
+            report: answer.report.bytes().to_vec(),
+        }
+    }
+
+    /// The answer, if its report is one.
+    pub fn answer(&self) -> Option<Answer> {
+        Some(Answer {
+            session: self.session,
+            number: self.number,
+            serial: self.serial,
+            report: RequestReport::from_bytes(&self.report)?,
+        })
+    }
+}
+
+/// What goes with each sample of a topic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SampleHeader {
+    /// Life of the robot's relay.
+    pub robot_life: u64,
+    /// Counts the samples of this topic that the robot's relay has sent, from 1. A sample that is sent again keeps its number.
+    pub number: u64,
+    /// Samples of this topic that the robot's relay has left out so far, because of the configured rate.
+    pub left_out: u64,
+    /// Samples of this topic that the robot's relay has lost so far, because it did not read them in time.
+    pub lost: u64,
+}
+
+/// Bytes that are no message.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoMessage {
+    /// There are too many, or none.
+    #[error("it has {0} bytes; a message has 1 to {MAX_BYTES}")]
+    Length(usize),
+    /// Another relay's version.
+    #[error("it has version {0}, this relay speaks version {VERSION}: install the same version on both machines")]
+    Version(u8),
+    /// They mean nothing.
+    #[error("it cannot be read ({0})")]
+    Contents(postcard::Error),
+}
+
+/// Writes a message.
+///
+/// # Panics
+///
+/// Never: memory is the only thing that writing needs.
+pub fn encode(message: &impl Serialize) -> Vec<u8> {
+    postcard::to_extend(message, vec![VERSION]).expect("a vector takes what is written")
+}
+
+/// Reads a message.
+///
+/// # Errors
+///
+/// See [`NoMessage`].
+pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, NoMessage> {
+    if bytes.len() > MAX_BYTES {
+        return Err(NoMessage::Length(bytes.len()));
+    }
+    match bytes.split_first() {
+        None => Err(NoMessage::Length(0)),
+        Some((&VERSION, message)) => match postcard::take_from_bytes(message) {
+            Ok((message, [])) => Ok(message),
+            Ok(_) => Err(NoMessage::Contents(postcard::Error::DeserializeUnexpectedEnd)),
+            Err(error) => Err(NoMessage::Contents(error)),
+        },
+        Some((&version, _)) => Err(NoMessage::Version(version)),
+    }
+}

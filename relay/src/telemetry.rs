@@ -1,0 +1,295 @@
+//! Telemetry keeps the newest: what a robot sends of a topic ([`Outlet`]), and what a station takes of it ([`Inlet`]).
+//!
+//! Losses are counted apart, because each has another cure:
+//!
+//! | lost | where it is counted | cure |
+//! |---|---|---|
+//! | left out on purpose | [`Outlet`]: the configured rate | a higher rate |
+//! | in the relay | by the sequence of the topic's publisher on the robot | a faster robot |
+//! | on the air | [`Inlet`]: by the numbers that the outlet gave | a better link, a lower rate |
+//! | at the consumer | by the sequence of the topic on the station's machine | a faster consumer |
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+use crate::message::SampleHeader;
+
+/// Samples of one wake that are all sent. When more have piled up, the relay was held up, and only the newest of them goes
+/// out: at 50 samples a second this is 0.3 s.
+pub const MAX_BACKLOG: usize = 16;
+
+/// One topic on its way out of the robot.
+#[derive(Debug)]
+pub struct Outlet {
+    robot_life: u64,
+    /// Shortest time between two samples; nothing sends all.
+    period: Option<Duration>,
+    /// Not before then.
+    next: MonotonicNs,
+    /// Samples that came and were not sent yet, oldest first. With a period only the newest is kept.
+    waiting: Vec<Vec<u8>>,
+    /// The sample that was sent last.
+    latest: Option<Vec<u8>>,
+    number: u64,
+    left_out: u64,
+}
+
+impl Outlet {
+    /// A topic of which every sample is sent, or one each `period`.
+    pub fn new(robot_life: u64, period: Option<Duration>) -> Outlet {
+        Outlet {
+            robot_life,
+            period,
+            next: MonotonicNs(0),
+            waiting: Vec::new(),
+            latest: None,
+            number: 0,
+            left_out: 0,
+        }
+    }
+
+    /// A sample has come.
+    pub fn take(&mut self, sample: &[u8]) {
+        let room = if self.period.is_some() { 1 } else { MAX_BACKLOG };
+        if self.waiting.len() >= room {
+            self.left_out += self.waiting.len() as u64;
+            self.waiting.clear();
+        }
+        self.waiting.push(sample.to_vec());
+    }
+
+    /// Hands on each sample that is to be sent now. `lost` is what the topic's publisher has published and the relay never had.
+    pub fn send(
+        &mut self,
+        now: MonotonicNs,
+        lost: u64,
+        mut send: impl FnMut(&SampleHeader, &[u8]),
+    ) {
+        if self.waiting.is_empty() || now < self.next {
+            return;
+        }
+        if let Some(period) = self.period {
+            // On the grid of the period, so that a sample that comes a little early is not left out for it.
+            let on_grid = self.next + period;
+            self.next = if on_grid > now { on_grid } else { now + period };
+        }
+        for sample in self.waiting.drain(..) {
+            self.number += 1;
+            let header = SampleHeader {
+                robot_life: self.robot_life,
+                number: self.number,
+                left_out: self.left_out,
+                lost,
+            };
+            send(&header, &sample);
+            self.latest = Some(sample);
+        }
+    }
+
+    /// Hands on the sample that was sent last, under its own number, for a station that may not have it.
+    pub fn send_again(&self, lost: u64, send: impl FnOnce(&SampleHeader, &[u8])) {
+        if let Some(latest) = &self.latest {
+            let header = SampleHeader {
+                robot_life: self.robot_life,
+                number: self.number,
+                left_out: self.left_out,
+                lost,
+            };
+            send(&header, latest);
+        }
+    }
+
+    /// When a sample is due that has come already.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        (!self.waiting.is_empty()).then_some(self.next)
+    }
+
+    /// Samples that were sent.
+    pub fn sent(&self) -> u64 {
+        self.number
+    }
+}
+
+/// One topic on its way into a station.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Inlet {
+    robot_life: u64,
+    number: u64,
+    counts: Counts,
+    /// What earlier lives of the robot's relay have counted.
+    former: Counts,
+}
+
+/// Samples of a topic, counted apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Taken.
+    pub received: u64,
+    /// Sent by the robot and not received.
+    pub lost_on_air: u64,
+    /// Lost on the robot, before they were sent.
+    pub lost_in_relay: u64,
+    /// Left out on purpose.
+    pub left_out: u64,
+}
+
+impl Counts {
+    /// Both together.
+    #[must_use]
+    pub fn plus(self, other: Counts) -> Counts {
+        Counts {
+            received: self.received.saturating_add(other.received),
+            lost_on_air: self.lost_on_air.saturating_add(other.lost_on_air),
+            lost_in_relay: self.lost_in_relay.saturating_add(other.lost_in_relay),
+            left_out: self.left_out.saturating_add(other.left_out),
+        }
+    }
+}
+
+impl Inlet {
+    /// Whether this sample is news: newer than all before it. A repetition, and a sample that was overtaken, is none.
+    ///
+    /// What is overtaken was counted as lost on the air, and stays so: the newest rules.
+    pub fn take(&mut self, header: &SampleHeader) -> bool {
+        if header.robot_life != self.robot_life {
+            self.former = self.counts();
+            self.counts = Counts::default();
+            self.robot_life = header.robot_life;
+            // What was sent before this station listened is no loss.
+            self.number = header.number.saturating_sub(1);
+        }
+        if header.number <= self.number {
+            return false;
+        }
+        self.counts.received += 1;
+        let lost = header.number - self.number - 1;
+        self.counts.lost_on_air = self.counts.lost_on_air.saturating_add(lost);
+        self.counts.lost_in_relay = header.lost;
+        self.counts.left_out = header.left_out;
+        self.number = header.number;
+        true
+    }
+
+    /// What was counted so far.
+    pub fn counts(&self) -> Counts {
+        self.former.plus(self.counts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIFE: u64 = 7;
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    fn sent(outlet: &mut Outlet, now: MonotonicNs) -> Vec<(u64, u8)> {
+        let mut sent = Vec::new();
+        outlet.send(now, 0, |header, sample| {
+            sent.push((header.number, sample[0]));
+        });
+        sent
+    }
+
+    fn header(number: u64) -> SampleHeader {
+        SampleHeader {
+            robot_life: LIFE,
+            number,
+            ..SampleHeader::default()
+        }
+    }
+
+    #[test]
+    fn without_a_rate_every_sample_is_sent_in_order() {
+        let mut outlet = Outlet::new(LIFE, None);
+        for sample in 1..=3 {
+            outlet.take(&[sample]);
+        }
+        assert_eq!(sent(&mut outlet, at(0)), [(1, 1), (2, 2), (3, 3)]);
+        assert_eq!(sent(&mut outlet, at(0)), []);
+        assert_eq!(outlet.deadline(), None);
+    }
+
+    #[test]
+    fn what_has_piled_up_is_left_out_and_the_newest_goes() {
+        let mut outlet = Outlet::new(LIFE, None);
+        for sample in 0..=MAX_BACKLOG as u8 {
+            outlet.take(&[sample]);
+        }
+        assert_eq!(sent(&mut outlet, at(0)), [(1, MAX_BACKLOG as u8)]);
+        assert_eq!(outlet.left_out, MAX_BACKLOG as u64);
+    }
+
+    #[test]
+    fn with_a_rate_the_newest_goes_when_it_is_due() {
+        let mut outlet = Outlet::new(LIFE, Some(Duration::from_millis(100)));
+        outlet.take(&[1]);
+        assert_eq!(sent(&mut outlet, at(1000)), [(1, 1)]);
+        outlet.take(&[2]);
+        outlet.take(&[3]);
+        assert_eq!(sent(&mut outlet, at(1050)), []);
+        assert_eq!(outlet.deadline(), Some(at(1100)));
+        assert_eq!(sent(&mut outlet, at(1100)), [(2, 3)]);
+        assert_eq!(outlet.left_out, 1);
+    }
+
+    #[test]
+    fn fifty_hertz_become_ten_though_the_samples_jitter() {
+        let mut outlet = Outlet::new(LIFE, Some(Duration::from_millis(100)));
+        let mut count = 0;
+        for index in 0..500 {
+            outlet.take(&[0]);
+            let jitter = index * 7 % 5;
+            count += sent(&mut outlet, at(10_000 + 20 * index + jitter)).len();
+        }
+        assert!((99..=101).contains(&count), "{count}");
+        assert_eq!(outlet.sent(), count as u64);
+    }
+
+    #[test]
+    fn the_latest_is_sent_again_under_its_own_number() {
+        let mut outlet = Outlet::new(LIFE, None);
+        outlet.send_again(0, |_, _| panic!("there is none"));
+        outlet.take(&[9]);
+        let _ = sent(&mut outlet, at(0));
+        let mut again = None;
+        outlet.send_again(3, |header, sample| again = Some((header.number, sample[0])));
+        assert_eq!(again, Some((1, 9)));
+        let mut inlet = Inlet::default();
+        assert!(inlet.take(&header(1)) && !inlet.take(&header(1)));
+    }
+
+    #[test]
+    fn gaps_are_losses_and_what_was_overtaken_is_dropped() {
+        let mut inlet = Inlet::default();
+        let taken = [5, 6, 9, 8, 9, 10].map(|number| inlet.take(&header(number)));
+        assert_eq!(taken, [true, true, true, false, false, true]);
+        let counts = inlet.counts();
+        assert_eq!((counts.received, counts.lost_on_air), (4, 2));
+    }
+
+    #[test]
+    fn another_life_of_the_robot_s_relay_begins_to_count_anew_and_keeps_the_sums() {
+        let mut inlet = Inlet::default();
+        inlet.take(&SampleHeader {
+            left_out: 4,
+            lost: 1,
+            ..header(10)
+        });
+        inlet.take(&header(12));
+        let other = SampleHeader {
+            robot_life: LIFE + 1,
+            number: 3,
+            left_out: 2,
+            lost: 0,
+        };
+        assert!(inlet.take(&other));
+        let counts = inlet.counts();
+        assert_eq!((counts.received, counts.lost_on_air), (3, 1));
+        assert_eq!((counts.left_out, counts.lost_in_relay), (2, 0));
+    }
+}
