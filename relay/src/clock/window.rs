@@ -40,8 +40,7 @@ impl Slot {
     /// Keeps the tighter bounds of both. Which ones are tighter is judged with the estimated drift; a wrong choice costs
     /// accuracy, but what is kept stays true.
     fn merge(&mut self, other: &Slot, drift_ppb: i128) {
-        let at_zero =
-            |bound: &Bound| bound.offset_ns * 1_000_000_000 - drift_ppb * bound.at_ns;
+        let at_zero = |bound: &Bound| bound.offset_ns * 1_000_000_000 - drift_ppb * bound.at_ns;
         if at_zero(&other.ceiling) <= at_zero(&self.ceiling) {
             self.ceiling = other.ceiling;
         }

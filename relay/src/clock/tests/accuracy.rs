@@ -27,7 +27,7 @@ fn the_uncertainty_after_one_exchange_is_half_its_round_trip() {
 }
 
 #[test]
-fn quiet_symmetric_delays_of_200_µs_give_an_uncertainty_of_the_best_one_way_delay() {
+fn quiet_symmetric_delays_of_200_us_give_an_uncertainty_of_the_best_one_way_delay() {
     let clocks = Clocks::steady(3_600_000_000_000, -80_000.0);
     let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Random(2));
     let (_, estimate) = after(&exchanges);
@@ -45,7 +45,11 @@ fn slow_exchanges_do_not_spoil_what_quick_ones_have_shown() {
     slow.jitter_ns = 1e9;
     // From now on one in ten is quick.
     for second in 120..240 {
-        let link = if second % 10 == 0 { &Link::quiet() } else { &slow };
+        let link = if second % 10 == 0 {
+            &Link::quiet()
+        } else {
+            &slow
+        };
         let mut later = clocks.clone();
         later.start_ns += second * SECOND;
         later.offset_ns = clocks.offset_at(later.start_ns);

@@ -45,10 +45,19 @@ impl Random {
 pub enum Jump {
     Never,
     /// The local clock stands still, so on its own time it takes no time.
-    LocalSuspend { at: u64, lasts_ns: u64 },
-    RemoteSuspend { at: u64, lasts_ns: u64 },
+    LocalSuspend {
+        at: u64,
+        lasts_ns: u64,
+    },
+    RemoteSuspend {
+        at: u64,
+        lasts_ns: u64,
+    },
     /// Afterwards the remote clock begins with 0.
-    RemoteReboot { at: u64, lasts_ns: u64 },
+    RemoteReboot {
+        at: u64,
+        lasts_ns: u64,
+    },
 }
 
 /// The truth about two clocks: a drift that swings slowly about a mean, and trembles by less than a ppm.
