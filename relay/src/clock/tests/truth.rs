@@ -105,6 +105,45 @@ fn a_drift_that_swings_as_fast_as_is_assumed_stays_within_the_uncertainty() {
 }
 
 #[test]
+fn a_drift_that_is_corrected_abruptly_stays_within_the_uncertainty_on_the_quickest_link() {
+    for seed in 31_000..31_020 {
+        let random = &mut Random(seed);
+        let mut clocks = Clocks::random(random);
+        clocks.tremble_ppb = 990.0;
+        clocks.tremble_s = random.magnitude(2.0, 200.0);
+        let mut link = Link::quiet();
+        (link.there_ns, link.back_ns, link.jitter_ns) = (50.0, 20.0, 10.0);
+        assert_true_throughout(&clocks, &link, 500.0, 1.0, random);
+    }
+}
+
+#[test]
+fn the_uncertainty_bounds_translated_moments_when_the_truth_lies_at_its_very_edge() {
+    let clocks = Clocks::steady(0, -199_900.0);
+    let mut link = Link::quiet();
+    // Only the request takes time, so the offset is the least that is possible.
+    (link.there_ns, link.back_ns, link.jitter_ns) = (2e9, 0.0, 0.0);
+    let exchange = link.exchanges(&clocks, 1.0, 1.0, &mut Random(1))[0];
+    let mut clock = Clock::new();
+    clock.take(&exchange).expect("plausible");
+
+    let at = exchange.received;
+    let remote = clock.to_remote(at).expect("an estimate");
+    assert_eq!(clock.to_local(remote), Some(at));
+    let mut truth = at.0;
+    for _ in 0..6 {
+        truth = (i128::from(remote.0) - clocks.offset_at(truth)) as u64;
+    }
+    assert_eq!(clocks.remote(truth), remote);
+    let uncertainty_ns = clock.estimate(at).expect("an estimate").uncertainty_ns;
+    let error_ns = truth.abs_diff(at.0);
+    assert!(
+        (error_ns..error_ns + 100_000).contains(&uncertainty_ns),
+        "{error_ns}, {uncertainty_ns}"
+    );
+}
+
+#[test]
 fn any_time_stamps_of_the_robot_are_taken_or_rejected_without_harm() {
     let random = &mut Random(5);
     let any = |random: &mut Random| random.bits() >> (random.bits() % 64);
