@@ -1,1 +1,0 @@
-//! What the other machine's monotonic clock shows.

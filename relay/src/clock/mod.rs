@@ -1,0 +1,233 @@
+//! What the other machine's monotonic clock shows, and how surely.
+//!
+//! Two machines have two `CLOCK_MONOTONIC`s. Each counts from its own boot, and each runs a little too fast or too slow. The
+//! station side asks the robot for the time and gets four time stamps per *exchange*, two of each clock:
+//!
+//! ```text
+//!  robot's clock    ───────── remote_received ──── remote_sent ────────────►
+//!                            ╱                                ╲
+//!                   request ╱                                  ╲ reply
+//!                          ╱                                    ╲
+//!  station's clock  ──── sent ─────────────────────────────── received ────►
+//! ```
+//!
+//! The *offset* is what the robot's clock shows more than the station's. How long a message was under way is unknown, but
+//! no message arrives before it was sent. So each exchange yields two bounds that hold with certainty, for any delays:
+//!
+//! * when the request was sent, the offset was at most `remote_received − sent` (the *ceiling*);
+//! * when the reply was received, the offset was at least `remote_sent − received` (the *floor*).
+//!
+//! The quicker a message was, the tighter its bound is. [`Clock`] keeps the tightest bounds of the last minutes, moves them
+//! to the present, and intersects them. A ceiling and a later floor also bound how fast the offset changes (the *drift*),
+//! and a known drift lets old bounds be moved without widening them much. The estimate is the middle of the remaining
+//! interval; the uncertainty is half its width. Without exchanges the uncertainty grows by what the drift can be.
+//!
+//! # What is assumed
+//!
+//! The true offset lies within the shown uncertainty as long as [`MAX_DRIFT_PPB`], [`MAX_DRIFT_CHANGE_PPB_PER_S`] and
+//! [`DRIFT_JITTER_PPB`] bound the drift. Free-running quartz clocks, and clocks which NTP keeps in step, obey them. An NTP
+//! daemon that slews a clock after a step of the wall clock does not: it changes the rate of `CLOCK_MONOTONIC` by up to
+//! some percent.
+//!
+//! # When an offset jumps
+//!
+//! A reboot or a suspend of either machine makes the offset jump. `CLOCK_MONOTONIC` stands still during a suspend. Until the
+//! next exchange the station cannot know of a jump at the robot. That exchange contradicts the bounds so far, or shows
+//! another [`Suspended`] time; the estimate then begins anew, from that exchange alone, and [`Clock::resets`] counts it. A
+//! jump that is smaller than the uncertainty contradicts nothing: the offset may then lie outside of the shown interval,
+//! by no more than the jump, until later bounds contradict the earlier ones.
+//!
+//! Suspended time is only compared, never added: many kernels measure it with a real-time clock of whole seconds.
+
+mod belief;
+mod exchange;
+mod rate;
+#[cfg(test)]
+mod tests;
+mod window;
+
+use ipc_types::MonotonicNs;
+
+use belief::Belief;
+pub use exchange::{
+    Exchange, MAX_ROUND_TRIP_NS, MAX_STAMP_NS, Rejected, RemoteNs, SUSPENDED_TOLERANCE_NS,
+    Suspended,
+};
+pub use rate::{DRIFT_JITTER_PPB, MAX_DRIFT_CHANGE_PPB_PER_S, MAX_DRIFT_PPB};
+use window::Window;
+pub use window::{SLOT_NS, SLOTS};
+
+/// How often [`Clock::to_local`] corrects its first guess. Each correction divides the error by 1 / [`MAX_DRIFT_PPB`] = 5000,
+/// and 5000⁶ is more than 2⁶⁴ ns.
+const CORRECTIONS: usize = 6;
+
+/// What an exchange did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Taken {
+    /// How long its two messages were under way together, in ns. The robot's time to answer is not in it.
+    pub round_trip_ns: u64,
+    /// The offset had jumped: everything known so far was discarded, and this exchange is all that is known now.
+    pub began_anew: bool,
+}
+
+/// The offset at one moment of the local clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Estimate {
+    /// Remote clock minus local clock, in ns.
+    pub offset_ns: i64,
+    /// The true offset differs from `offset_ns` by at most this many ns. It also bounds the error of [`Clock::to_remote`] at
+    /// that moment, and of [`Clock::to_local`] when it yields that moment.
+    pub uncertainty_ns: u64,
+    /// By how many ns per second the remote clock gains on the local one; negative if it loses.
+    pub drift_ppb: i64,
+    /// The true drift differs from `drift_ppb` by at most this many ns per second, short-term jitter included.
+    pub drift_uncertainty_ppb: u64,
+    /// The shortest round trip of the last minutes with exchanges, in ns: see [`SLOT_NS`] and [`SLOTS`].
+    pub round_trip_ns: u64,
+}
+
+/// Estimates the offset of one remote machine's clock from exchanges of time stamps.
+#[derive(Clone, Debug, Default)]
+pub struct Clock {
+    known: Option<Known>,
+    /// Exchanges that were sent earlier may belong to the time before a jump.
+    not_before: MonotonicNs,
+    resets: u64,
+}
+
+/// What the exchanges since the last jump have shown.
+#[derive(Clone, Debug)]
+struct Known {
+    belief: Belief,
+    window: Window,
+    /// The suspended times of the first exchange. Later ones are compared with it, so that reading errors do not add up.
+    suspended: Suspended,
+}
+
+impl Clock {
+    /// A clock that knows nothing yet.
+    pub fn new() -> Clock {
+        Clock::default()
+    }
+
+    /// Learns from an exchange.
+    ///
+    /// The exchanges may come in any order, and one may come twice. Any time stamps of the remote machine are safe to pass.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two local
+    /// stamps has made the offset jump: it discards the estimate as well.
+    pub fn take(&mut self, exchange: &Exchange) -> Result<Taken, Rejected> {
+        if exchange.sent < self.not_before {
+            return Err(Rejected::Superseded);
+        }
+        let plausible = exchange.check();
+        if plausible == Err(Rejected::SuspendedMeanwhile) && self.has_suspended(exchange) {
+            self.reset(exchange.received);
+        }
+        plausible?;
+        let began_anew = !self.learn(exchange);
+        if began_anew {
+            self.reset(exchange.received);
+        }
+        if self.known.is_none() {
+            self.known = Some(Known {
+                belief: Belief::from_exchange(exchange),
+                window: Window::new(exchange),
+                suspended: exchange.suspended,
+            });
+        }
+        Ok(Taken {
+            round_trip_ns: exchange.round_trip_ns(),
+            began_anew,
+        })
+    }
+
+    /// Adds `exchange` to what is known; false if it contradicts that.
+    fn learn(&mut self, exchange: &Exchange) -> bool {
+        if self.has_suspended(exchange) {
+            return false;
+        }
+        let Some(known) = &mut self.known else {
+            return true;
+        };
+        let Some(belief) = known.belief.with(exchange, &known.window) else {
+            return false;
+        };
+        known.belief = belief;
+        known.window.insert(exchange, belief.drift_ppb());
+        true
+    }
+
+    /// Either machine has been suspended since the first exchange of what is known.
+    fn has_suspended(&self, exchange: &Exchange) -> bool {
+        self.known
+            .as_ref()
+            .is_some_and(|known| exchange.suspended.differs_from(&known.suspended))
+    }
+
+    /// The offset at the local moment `at`, usually the present; `None` before the first exchange and after a reset.
+    ///
+    /// Moments before the last exchange are allowed too; their uncertainty grows with their distance.
+    pub fn estimate(&self, at: MonotonicNs) -> Option<Estimate> {
+        let known = self.known.as_ref()?;
+        let belief = known.belief.moved_to(at);
+        Some(Estimate {
+            offset_ns: saturated_i64(belief.offset_ns()),
+            uncertainty_ns: saturated_u64(belief.uncertainty_ns()),
+            drift_ppb: saturated_i64(belief.drift_ppb()),
+            drift_uncertainty_ppb: saturated_u64(belief.drift_uncertainty_ppb()),
+            round_trip_ns: known.window.shortest_round_trip_ns(),
+        })
+    }
+
+    /// What the remote clock shows at the moment `local`, past or future; `None` when there is no estimate.
+    ///
+    /// Moments before the remote clock's zero become 0, those beyond its range the greatest. Its error is at most the
+    /// uncertainty of [`estimate`](Self::estimate) at `local`.
+    pub fn to_remote(&self, local: MonotonicNs) -> Option<RemoteNs> {
+        let offset_ns = self.known.as_ref()?.belief.moved_to(local).offset_ns();
+        Some(RemoteNs(saturated_u64(i128::from(local.0) + offset_ns)))
+    }
+
+    /// When the remote clock shows `remote`, past or future, by the local clock; `None` when there is no estimate.
+    ///
+    /// Moments before the local clock's zero become 0, those beyond its range the greatest. Its error is at most the
+    /// uncertainty of [`estimate`](Self::estimate) at the moment that it yields. So the result may lie a little in the future
+    /// for a remote moment that is past.
+    pub fn to_local(&self, remote: RemoteNs) -> Option<MonotonicNs> {
+        let belief = &self.known.as_ref()?.belief;
+        let remote_ns = i128::from(remote.0);
+        let mut local = MonotonicNs(saturated_u64(remote_ns - belief.offset_ns()));
+        for _ in 0..CORRECTIONS {
+            local = MonotonicNs(saturated_u64(
+                remote_ns - belief.moved_to(local).offset_ns(),
+            ));
+        }
+        Some(local)
+    }
+
+    /// Discards the estimate, because the offset is known to have jumped at or before the local moment `now`.
+    ///
+    /// Exchanges that were sent before `now` are rejected from here on.
+    pub fn reset(&mut self, now: MonotonicNs) {
+        self.not_before = self.not_before.max(now);
+        if self.known.take().is_some() {
+            self.resets += 1;
+        }
+    }
+
+    /// How often an estimate was discarded, because the offset had jumped.
+    pub fn resets(&self) -> u64 {
+        self.resets
+    }
+}
+
+fn saturated_u64(value: i128) -> u64 {
+    value.clamp(0, i128::from(u64::MAX)) as u64
+}
+
+fn saturated_i64(value: i128) -> i64 {
+    value.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64
+}

@@ -1,0 +1,5 @@
+mod accuracy;
+mod exchanges;
+mod jumps;
+mod link;
+mod truth;
