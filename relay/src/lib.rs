@@ -1,13 +1,23 @@
 //! The relay: a robot's telemetry on other machines, and requests back, over Zenoh.
 //!
-//! One relay runs beside each robot, the *robot side*, and one on each ground station, the *ground side*. The ground side
+//! One relay runs beside each robot, the *robot side*, and one at each ground station, the *station side*. The station side
 //! provides the robot's services on its machine, so that every program of the RIL works there as on the robot.
 //! `docs/network.md` is for those that use it.
 //!
 //! Everything that decides is a value without thread, socket or clock:
 //!
 //! * [`clock`]: what the other machine's clock shows, and how surely;
-//! * [`orders`]: requests that are executed at most once, and answered with one final report, through any loss.
+//! * [`orders`]: requests that are executed at most once, and answered with one final report, through any loss;
+//! * [`telemetry`]: what is sent of a topic, and what was lost where;
+//! * [`message`], [`names`]: what relays say to one another, and where;
+//! * [`config`]: `relay.toml`.
+//!
+//! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh.
 
 pub mod clock;
+pub mod config;
+pub mod message;
+pub mod names;
+pub mod network;
 pub mod orders;
+pub mod telemetry;
