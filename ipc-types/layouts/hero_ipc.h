@@ -25,6 +25,10 @@
 #define HERO_MOVEMENT_LAYOUT_HASH "054f1aaa18bd09c9"
 #define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v1/hero.RequestReport.v2"
 #define HERO_PARAMETERS_LAYOUT_HASH "68457090c7457483"
+#define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v1"
+#define HERO_RELAY_LINK_LAYOUT_HASH "3850353af0fc6875"
+#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v1"
+#define HERO_RELAY_STATIONS_LAYOUT_HASH "4d4eb98095670edb"
 
 enum hero_control_command {
     HERO_CONTROL_COMMAND_START = 1,
@@ -42,6 +46,7 @@ enum hero_movement_kind {
 enum hero_module_id {
     HERO_MODULE_ID_HERO_BRIDGE = 1,
     HERO_MODULE_ID_HERO_STATUS = 2,
+    HERO_MODULE_ID_HERO_RELAY = 3,
 };
 
 enum hero_module_status {
@@ -66,6 +71,12 @@ enum hero_link_state {
     HERO_LINK_STATE_UP = 2,
     HERO_LINK_STATE_SILENT = 3,
     HERO_LINK_STATE_GONE = 4,
+};
+
+enum hero_relay_link_state {
+    HERO_RELAY_LINK_STATE_CONNECTING = 1,
+    HERO_RELAY_LINK_STATE_UP = 2,
+    HERO_RELAY_LINK_STATE_DOWN = 3,
 };
 
 enum hero_dsp_path_state {
@@ -158,6 +169,8 @@ enum hero_reason {
     HERO_REASON_NO_SUCH_PORT = 34,
     HERO_REASON_NOT_IN_FLIGHT = 35,
     HERO_REASON_INVALID_FENCE = 36,
+    HERO_REASON_RELAY_LINK_DOWN = 37,
+    HERO_REASON_RELAY_LINK_LOST = 38,
 };
 
 enum hero_imi_error {
@@ -825,5 +838,106 @@ HERO_ASSERT(offsetof(RequestReport, dsp_error_valid) == 60);
 HERO_ASSERT(offsetof(RequestReport, value_valid) == 62);
 HERO_ASSERT(offsetof(RequestReport, value) == 64);
 HERO_ASSERT(offsetof(RequestReport, port) == 72);
+
+#define HERO_RELAY_LINK_TYPE_NAME "hero.RelayLink.v1"
+typedef struct RelayLink {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint64_t since_ns;
+    uint64_t last_heard_ns;
+    int64_t clock_offset_ns;
+    double clock_uncertainty_s;
+    double round_trip_s;
+    uint64_t samples_received;
+    uint64_t samples_lost_on_air;
+    uint64_t samples_lost_in_relay;
+    uint64_t samples_left_out;
+    uint64_t bytes_received;
+    uint64_t bytes_sent;
+    uint64_t orders_sent;
+    uint64_t orders_repeated;
+    uint64_t orders_unknown;
+    uint32_t state;
+    uint32_t robot;
+    int32_t clock_drift_ppb;
+    uint32_t clock_valid;
+    uint32_t clock_resets;
+    uint32_t outages;
+    uint32_t orders_open;
+    uint32_t reserved;
+    uint8_t link[64];
+    uint8_t station[32];
+} RelayLink;
+HERO_ASSERT(sizeof(RelayLink) == 264);
+HERO_ASSERT(offsetof(RelayLink, sequence) == 0);
+HERO_ASSERT(offsetof(RelayLink, epoch_ns) == 8);
+HERO_ASSERT(offsetof(RelayLink, published_ns) == 16);
+HERO_ASSERT(offsetof(RelayLink, since_ns) == 24);
+HERO_ASSERT(offsetof(RelayLink, last_heard_ns) == 32);
+HERO_ASSERT(offsetof(RelayLink, clock_offset_ns) == 40);
+HERO_ASSERT(offsetof(RelayLink, clock_uncertainty_s) == 48);
+HERO_ASSERT(offsetof(RelayLink, round_trip_s) == 56);
+HERO_ASSERT(offsetof(RelayLink, samples_received) == 64);
+HERO_ASSERT(offsetof(RelayLink, samples_lost_on_air) == 72);
+HERO_ASSERT(offsetof(RelayLink, samples_lost_in_relay) == 80);
+HERO_ASSERT(offsetof(RelayLink, samples_left_out) == 88);
+HERO_ASSERT(offsetof(RelayLink, bytes_received) == 96);
+HERO_ASSERT(offsetof(RelayLink, bytes_sent) == 104);
+HERO_ASSERT(offsetof(RelayLink, orders_sent) == 112);
+HERO_ASSERT(offsetof(RelayLink, orders_repeated) == 120);
+HERO_ASSERT(offsetof(RelayLink, orders_unknown) == 128);
+HERO_ASSERT(offsetof(RelayLink, state) == 136);
+HERO_ASSERT(offsetof(RelayLink, robot) == 140);
+HERO_ASSERT(offsetof(RelayLink, clock_drift_ppb) == 144);
+HERO_ASSERT(offsetof(RelayLink, clock_valid) == 148);
+HERO_ASSERT(offsetof(RelayLink, clock_resets) == 152);
+HERO_ASSERT(offsetof(RelayLink, outages) == 156);
+HERO_ASSERT(offsetof(RelayLink, orders_open) == 160);
+HERO_ASSERT(offsetof(RelayLink, reserved) == 164);
+HERO_ASSERT(offsetof(RelayLink, link) == 168);
+HERO_ASSERT(offsetof(RelayLink, station) == 232);
+
+#define HERO_RELAY_STATION_TYPE_NAME "hero.RelayStation.v1"
+typedef struct RelayStation {
+    uint8_t name[32];
+    uint64_t last_heard_ns;
+    uint64_t since_ns;
+    uint64_t orders_executed;
+    uint64_t orders_refused;
+    uint64_t samples_sent;
+    uint32_t may_command;
+    uint32_t is_up;
+    uint32_t orders_open;
+    uint32_t reserved;
+} RelayStation;
+HERO_ASSERT(sizeof(RelayStation) == 88);
+HERO_ASSERT(offsetof(RelayStation, name) == 0);
+HERO_ASSERT(offsetof(RelayStation, last_heard_ns) == 32);
+HERO_ASSERT(offsetof(RelayStation, since_ns) == 40);
+HERO_ASSERT(offsetof(RelayStation, orders_executed) == 48);
+HERO_ASSERT(offsetof(RelayStation, orders_refused) == 56);
+HERO_ASSERT(offsetof(RelayStation, samples_sent) == 64);
+HERO_ASSERT(offsetof(RelayStation, may_command) == 72);
+HERO_ASSERT(offsetof(RelayStation, is_up) == 76);
+HERO_ASSERT(offsetof(RelayStation, orders_open) == 80);
+HERO_ASSERT(offsetof(RelayStation, reserved) == 84);
+
+#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v1"
+typedef struct RelayStations {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    RelayStation stations[8];
+    uint32_t count;
+    uint32_t reserved;
+} RelayStations;
+HERO_ASSERT(sizeof(RelayStations) == 736);
+HERO_ASSERT(offsetof(RelayStations, sequence) == 0);
+HERO_ASSERT(offsetof(RelayStations, epoch_ns) == 8);
+HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
+HERO_ASSERT(offsetof(RelayStations, stations) == 24);
+HERO_ASSERT(offsetof(RelayStations, count) == 728);
+HERO_ASSERT(offsetof(RelayStations, reserved) == 732);
 
 #endif

@@ -14,6 +14,8 @@ LAYOUTS = {
     "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v2", "4aa467ce33ac6017"),
     "movement": ("hero.MovementData.v2/hero.RequestReport.v2", "054f1aaa18bd09c9"),
     "parameters": ("hero.ParameterRequest.v1/hero.RequestReport.v2", "68457090c7457483"),
+    "relay/link": ("hero.RelayLink.v1", "3850353af0fc6875"),
+    "relay/stations": ("hero.RelayStations.v1", "4d4eb98095670edb"),
 }
 
 
@@ -33,6 +35,7 @@ class MovementKind(enum.IntEnum):
 class ModuleId(enum.IntEnum):
     HERO_BRIDGE = 1
     HERO_STATUS = 2
+    HERO_RELAY = 3
 
 
 class ModuleStatus(enum.IntEnum):
@@ -57,6 +60,12 @@ class LinkState(enum.IntEnum):
     UP = 2
     SILENT = 3
     GONE = 4
+
+
+class RelayLinkState(enum.IntEnum):
+    CONNECTING = 1
+    UP = 2
+    DOWN = 3
 
 
 class DspPathState(enum.IntEnum):
@@ -149,6 +158,8 @@ class Reason(enum.IntEnum):
     NO_SUCH_PORT = 34
     NOT_IN_FLIGHT = 35
     INVALID_FENCE = 36
+    RELAY_LINK_DOWN = 37
+    RELAY_LINK_LOST = 38
 
 
 class ImiError(enum.IntEnum):
@@ -1046,3 +1057,125 @@ assert RequestReport.dsp_error_valid.offset == 60
 assert RequestReport.value_valid.offset == 62
 assert RequestReport.value.offset == 64
 assert RequestReport.port.offset == 72
+
+
+class RelayLink(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("since_ns", ctypes.c_uint64),
+        ("last_heard_ns", ctypes.c_uint64),
+        ("clock_offset_ns", ctypes.c_int64),
+        ("clock_uncertainty_s", ctypes.c_double),
+        ("round_trip_s", ctypes.c_double),
+        ("samples_received", ctypes.c_uint64),
+        ("samples_lost_on_air", ctypes.c_uint64),
+        ("samples_lost_in_relay", ctypes.c_uint64),
+        ("samples_left_out", ctypes.c_uint64),
+        ("bytes_received", ctypes.c_uint64),
+        ("bytes_sent", ctypes.c_uint64),
+        ("orders_sent", ctypes.c_uint64),
+        ("orders_repeated", ctypes.c_uint64),
+        ("orders_unknown", ctypes.c_uint64),
+        ("state", ctypes.c_uint32),
+        ("robot", ctypes.c_uint32),
+        ("clock_drift_ppb", ctypes.c_int32),
+        ("clock_valid", ctypes.c_uint32),
+        ("clock_resets", ctypes.c_uint32),
+        ("outages", ctypes.c_uint32),
+        ("orders_open", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("link", ctypes.c_uint8 * 64),
+        ("station", ctypes.c_uint8 * 32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.RelayLink.v1"
+
+
+assert ctypes.sizeof(RelayLink) == 264
+assert RelayLink.sequence.offset == 0
+assert RelayLink.epoch_ns.offset == 8
+assert RelayLink.published_ns.offset == 16
+assert RelayLink.since_ns.offset == 24
+assert RelayLink.last_heard_ns.offset == 32
+assert RelayLink.clock_offset_ns.offset == 40
+assert RelayLink.clock_uncertainty_s.offset == 48
+assert RelayLink.round_trip_s.offset == 56
+assert RelayLink.samples_received.offset == 64
+assert RelayLink.samples_lost_on_air.offset == 72
+assert RelayLink.samples_lost_in_relay.offset == 80
+assert RelayLink.samples_left_out.offset == 88
+assert RelayLink.bytes_received.offset == 96
+assert RelayLink.bytes_sent.offset == 104
+assert RelayLink.orders_sent.offset == 112
+assert RelayLink.orders_repeated.offset == 120
+assert RelayLink.orders_unknown.offset == 128
+assert RelayLink.state.offset == 136
+assert RelayLink.robot.offset == 140
+assert RelayLink.clock_drift_ppb.offset == 144
+assert RelayLink.clock_valid.offset == 148
+assert RelayLink.clock_resets.offset == 152
+assert RelayLink.outages.offset == 156
+assert RelayLink.orders_open.offset == 160
+assert RelayLink.reserved.offset == 164
+assert RelayLink.link.offset == 168
+assert RelayLink.station.offset == 232
+
+
+class RelayStation(ctypes.Structure):
+    _fields_ = [
+        ("name", ctypes.c_uint8 * 32),
+        ("last_heard_ns", ctypes.c_uint64),
+        ("since_ns", ctypes.c_uint64),
+        ("orders_executed", ctypes.c_uint64),
+        ("orders_refused", ctypes.c_uint64),
+        ("samples_sent", ctypes.c_uint64),
+        ("may_command", ctypes.c_uint32),
+        ("is_up", ctypes.c_uint32),
+        ("orders_open", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.RelayStation.v1"
+
+
+assert ctypes.sizeof(RelayStation) == 88
+assert RelayStation.name.offset == 0
+assert RelayStation.last_heard_ns.offset == 32
+assert RelayStation.since_ns.offset == 40
+assert RelayStation.orders_executed.offset == 48
+assert RelayStation.orders_refused.offset == 56
+assert RelayStation.samples_sent.offset == 64
+assert RelayStation.may_command.offset == 72
+assert RelayStation.is_up.offset == 76
+assert RelayStation.orders_open.offset == 80
+assert RelayStation.reserved.offset == 84
+
+
+class RelayStations(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("stations", RelayStation * 8),
+        ("count", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.RelayStations.v1"
+
+
+assert ctypes.sizeof(RelayStations) == 736
+assert RelayStations.sequence.offset == 0
+assert RelayStations.epoch_ns.offset == 8
+assert RelayStations.published_ns.offset == 16
+assert RelayStations.stations.offset == 24
+assert RelayStations.count.offset == 728
+assert RelayStations.reserved.offset == 732

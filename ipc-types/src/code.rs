@@ -90,6 +90,8 @@ codes! {
         HeroBridge = 1 => "hero-bridge",
         /// Status. The source has no id for it.
         HeroStatus = 2 => "hero-status",
+        /// The relay to other machines. Not of the source.
+        HeroRelay = 3 => "hero-relay",
     }
 }
 
@@ -138,6 +140,18 @@ codes! {
         Silent = 3 => "silent",
         /// There is no port.
         Gone = 4 => "gone",
+    }
+}
+
+codes! {
+    /// State of a relay's link between two machines.
+    pub enum RelayLinkState {
+        /// No message of the robot has come yet.
+        Connecting = 1 => "connecting",
+        /// Messages of the robot come.
+        Up = 2 => "up",
+        /// Messages came before, but none for the configured time.
+        Down = 3 => "down",
     }
 }
 
@@ -329,6 +343,10 @@ codes! {
         NotInFlight = 35 => "not-in-flight",
         /// The geofence in the configuration is not valid; the one in force stays.
         InvalidFence = 36 => "invalid-fence",
+        /// The relay's link to the robot was down: the request was not sent. Reported by the relay, never by the bridge.
+        RelayLinkDown = 37 => "relay-link-down",
+        /// The relay's link to the robot was lost before the outcome came. Reported by the relay, never by the bridge.
+        RelayLinkLost = 38 => "relay-link-lost",
     }
 }
 

@@ -116,7 +116,7 @@ pub use dynamic::{
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
-pub use module::{ControlOf, Module, StateOf, StatusModule};
+pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};

@@ -6,8 +6,8 @@
 //! | start and stop | `<module>/control` | [`ModuleControl`], as [`ControlOf`] the module |
 //!
 //! The bridge is older than this rule: its services are `module_state`, which says more, and `module_control`. [`StatusModule`]
-//! has the first of the two services and no control: it commands nothing, so there is nothing to start or stop, and a server
-//! among its ports would make each sample of telemetry some microseconds older.
+//! and [`RelayModule`] have the first of the two services and no control: they command nothing by themselves, so there is
+//! nothing to start or stop, and a server among their ports would make each sample of telemetry some microseconds older.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -17,7 +17,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::code::{ControlCommand, ImiCode, ModuleId, ModuleStatus};
 use crate::payload::support::ZeroCopySend;
-use crate::payload::{Layout, ModuleControl, SharedStruct};
+use crate::payload::{Layout, ModuleControl, SharedStruct, ascii_bytes};
 use crate::service::{is_key, module_of};
 use crate::{Request, Topic};
 
@@ -87,12 +87,7 @@ impl State {
 
 /// A text as it lies in [`State::doing`]: cut to its length, with `?` for what is not printable ASCII.
 pub fn doing_bytes(text: &str) -> [u8; DOING_LEN] {
-    let mut bytes = [0; DOING_LEN];
-    for (place, letter) in bytes.iter_mut().zip(text.chars()) {
-        let is_printable = letter.is_ascii_graphic() || letter == ' ';
-        *place = if is_printable { letter as u8 } else { b'?' };
-    }
-    bytes
+    ascii_bytes(text)
 }
 
 /// A module of the robot. [`module!`](crate::module!) implements it.
@@ -123,6 +118,27 @@ impl StatusModule {
     pub const WAITING: u32 = 1;
     /// [`State::functionality`]: telemetry comes, and goes on in SI units.
     pub const TRANSLATING: u32 = 2;
+}
+
+/// The RIL's own module `relay`, whose state is `relay/state`.
+///
+/// It runs on either side of a link: its other topics are `relay/link` ([`RelayLink`](crate::payload::RelayLink)) on a
+/// station's machine, and `relay/stations` ([`RelayStations`](crate::payload::RelayStations)) on a robot's.
+#[derive(Clone, Copy, Debug)]
+pub struct RelayModule;
+
+impl Module for RelayModule {
+    const NAME: &'static str = "relay";
+    const ID: u32 = ModuleId::HeroRelay.code();
+    const STATE_KEY: &'static str = "relay/state";
+    const CONTROL_KEY: &'static str = "relay/control";
+}
+
+impl RelayModule {
+    /// [`State::functionality`]: there is no link to the other side.
+    pub const WAITING: u32 = 1;
+    /// [`State::functionality`]: there is a link, and samples and requests go over it.
+    pub const RELAYING: u32 = 2;
 }
 
 /// Makes a type a [`Module`]: `module!(BatteryWatch, "battery_watch", 1001)`.

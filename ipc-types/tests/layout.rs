@@ -13,18 +13,34 @@ use std::process::{Command, Stdio};
 use ipc_types::TelemetryGroup;
 use ipc_types::code::{
     ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleId, ModuleStatus,
-    MovementKind, ParameterOperation, PilotSwitch, PortKind, Reason, SafetyAction, SafetyRule,
-    Stage,
+    MovementKind, ParameterOperation, PilotSwitch, PortKind, Reason, RelayLinkState, SafetyAction,
+    SafetyRule, Stage,
 };
 use ipc_types::payload::{
-    FieldKind, FieldLayout, Layout, Number, RequestReport, SharedStruct, export, layout_hash,
+    FieldKind, FieldLayout, Layout, Number, RelayLink, RelayStations, RequestReport, SharedStruct,
+    export, layout_hash,
 };
-use ipc_types::service::{EVENT_ID_MAX, EventCode, SERVICES};
+use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
+
+/// The relay's topics: the robot's own, but without a slot.
+const RELAY: [Contract; 2] = [
+    Contract::of_topic::<RelayLink>(),
+    Contract::of_topic::<RelayStations>(),
+];
+
+/// The contracts whose names and hashes of layouts consumers in other languages need.
+fn contracts() -> impl Iterator<Item = &'static Contract> {
+    SERVICES.iter().map(|spec| &spec.contract).chain(&RELAY)
+}
 
 /// All structs, each after those that it contains.
 fn layouts() -> Vec<&'static Layout> {
     let payloads = SERVICES.iter().map(|spec| spec.contract.payload);
-    let all: Vec<_> = payloads.chain([RequestReport::LAYOUT]).collect();
+    let of_relay = RELAY.iter().map(|contract| contract.payload);
+    let all: Vec<_> = payloads
+        .chain([RequestReport::LAYOUT])
+        .chain(of_relay)
+        .collect();
     export::with_nested(&all)
 }
 
@@ -64,6 +80,7 @@ fn codes() -> Vec<Codes> {
         of!(ModuleStatus),
         of!(Functionality),
         of!(LinkState),
+        of!(RelayLinkState),
         of!(DspPathState),
         of!(PilotSwitch),
         of!(SafetyRule),
@@ -80,7 +97,7 @@ fn codes() -> Vec<Codes> {
 
 /// `too-far` as the constant `TOO_FAR`.
 fn constant(name: &str) -> String {
-    name.replace('-', "_").to_uppercase()
+    name.replace(['-', '/'], "_").to_uppercase()
 }
 
 fn table() -> String {
@@ -106,6 +123,18 @@ fn table() -> String {
         )
         .unwrap();
     }
+    text.push_str("\n# Topics of the relay: key, pattern, layout, layout hash.\n");
+    for contract in &RELAY {
+        writeln!(
+            text,
+            "{} {:?} {} {:016x}",
+            contract.key,
+            contract.pattern,
+            contract.layout(),
+            contract.layout_hash()
+        )
+        .unwrap();
+    }
     text
 }
 
@@ -118,8 +147,7 @@ fn c_header() -> String {
          #else\n#define HERO_ASSERT(what) _Static_assert(what, #what)\n#endif\n\n",
     );
     writeln!(text, "#define HERO_EVENT_ID_MAX {EVENT_ID_MAX}").unwrap();
-    for spec in &SERVICES {
-        let contract = &spec.contract;
+    for contract in contracts() {
         let key = constant(contract.key);
         writeln!(text, "#define HERO_{key}_LAYOUT \"{}\"", contract.layout()).unwrap();
         writeln!(
@@ -162,8 +190,7 @@ fn python_module() -> String {
     text.push_str(
         "#: By service: the values of its attributes `layout` and `layout_hash`.\nLAYOUTS = {\n",
     );
-    for spec in &SERVICES {
-        let contract = &spec.contract;
+    for contract in contracts() {
         let (key, layout, hash) = (contract.key, contract.layout(), contract.layout_hash());
         writeln!(text, "    \"{key}\": (\"{layout}\", \"{hash:016x}\"),").unwrap();
     }

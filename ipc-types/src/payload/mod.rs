@@ -21,7 +21,10 @@ mod hero_telemetry;
 #[allow(unsafe_code)]
 mod module_state;
 #[allow(unsafe_code)]
+mod relay;
+#[allow(unsafe_code)]
 mod request;
+mod text;
 
 pub use access::WaypointPosition;
 pub use define::{FieldType, SharedStruct};
@@ -30,7 +33,11 @@ pub use hero_telemetry::*;
 pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, layout_hash};
 pub use module_state::*;
 pub use number::Number;
+pub use relay::{
+    LINK_TEXT_LEN, MAX_STATIONS, RelayLink, RelayStation, RelayStations, STATION_NAME_LEN,
+};
 pub use request::*;
+pub use text::{ascii_bytes, ascii_text};
 
 /// What the expansion of `shared_struct!` names; `macro_support` of the crate's root.
 #[doc(hidden)]

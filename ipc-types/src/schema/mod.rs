@@ -299,6 +299,26 @@ impl Schema {
         leaves
     }
 
+    /// Offsets of all moments of the host's monotonic clock, in ascending order: fields of type `uint64` whose names end in
+    /// `_ns`, but not in `epoch_ns`; nested structs and the elements of arrays included.
+    ///
+    /// These are what has to be translated when a sample goes to another machine, whose clock has another zero. A moment of 0
+    /// stands for "never" and stays 0. `epoch_ns` identifies a publisher and is compared for equality only. A duration is no
+    /// moment: its name ends in another unit, such as `_s`, or its type is another one.
+    pub fn moments(&self) -> Vec<usize> {
+        let is_moment = |leaf: &Leaf<'_>| {
+            let name = &leaf.field.name;
+            leaf.number == Number::U64 && name.ends_with("_ns") && !name.ends_with("epoch_ns")
+        };
+        let leaves = self.leaves().into_iter().filter(is_moment);
+        leaves
+            .flat_map(|leaf| {
+                let len = leaf.len.unwrap_or(1);
+                (0..len).map(move |index| leaf.offset + index * leaf.number.size())
+            })
+            .collect()
+    }
+
     /// The numbers at `path` and below it, such as `sequence`, `cells`, `cells[2]` or `cells[2].voltage_v`; none when there
     /// is no such field.
     pub fn find(&self, path: &str) -> Vec<Leaf<'_>> {

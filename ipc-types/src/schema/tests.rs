@@ -4,7 +4,11 @@ use std::fs;
 use proptest::prelude::*;
 
 use super::*;
-use crate::payload::{DspTelemetry, HeroTelemetry, RequestReport};
+use crate::module::State;
+use crate::payload::{
+    DspTelemetry, HeroTelemetry, MAX_STATIONS, ModuleControl, ModuleState, MovementData,
+    ParameterRequest, RelayLink, RelayStations, RequestReport,
+};
 use crate::service::SERVICES;
 
 mod stranger {
@@ -82,7 +86,11 @@ int8[2] reserved
 
 fn robots_own() -> impl Iterator<Item = &'static Layout> {
     let payloads = SERVICES.iter().map(|spec| spec.contract.payload);
-    payloads.chain([RequestReport::LAYOUT])
+    payloads.chain([
+        RequestReport::LAYOUT,
+        RelayLink::LAYOUT,
+        RelayStations::LAYOUT,
+    ])
 }
 
 fn battery() -> Battery {
@@ -182,6 +190,86 @@ fn values_are_found_by_their_names() {
     assert_eq!(paths("cells[1]")[3], "cells[1].reserved");
     assert_eq!(schema.leaves().len(), 3 + 4 * 4);
     assert_eq!(schema.leaves().last().unwrap().path, "whole.reserved");
+}
+
+mod timed {
+    #![allow(unsafe_code)]
+
+    crate::shared_struct! {
+        /// Two moments, and what is none.
+        pub struct Step("stranger.Step.v1") = 40 {
+            pub began_ns: u64,
+            pub lasted_ns: i64,
+            pub lasted_s: f64,
+            pub seen_ns: [u64; 2],
+        }
+    }
+
+    crate::shared_struct! {
+        pub struct Timed("stranger.Timed.v1") = 160 {
+            pub sequence: u64,
+            pub epoch_ns: u64,
+            pub source_epoch_ns: u64,
+            pub first: Step,
+            pub steps: [Step; 2],
+            pub short_ns: u32,
+            pub columns: u32,
+            pub end_ns: u64,
+        }
+    }
+}
+
+#[test]
+fn moments_are_found_in_nested_structs_and_arrays_and_are_neither_epochs_nor_durations() {
+    let schema = Schema::of::<timed::Timed>();
+    let expected = [24, 48, 56, 64, 88, 96, 104, 128, 136, 152];
+    assert_eq!(schema.moments(), expected);
+    // A program that was not built with the struct finds the same ones.
+    let read = Schema::parse(&text(timed::Timed::LAYOUT)).unwrap();
+    assert_eq!(read.moments(), expected);
+}
+
+/// By hand, so that a new field is looked at: is it a moment of the host's monotonic clock?
+#[test]
+fn the_moments_of_the_robot_s_own_structs_are_these() {
+    let names = |layout: &'static Layout| -> Vec<String> {
+        let schema = Schema::from_layout(layout);
+        let moments = schema.moments();
+        let leaves = schema.leaves();
+        let is_moment = |leaf: &&Leaf<'_>| moments.contains(&leaf.offset);
+        leaves
+            .iter()
+            .filter(is_moment)
+            .map(|leaf| leaf.path.clone())
+            .collect()
+    };
+    let none: [&str; 0] = [];
+    assert_eq!(names(DspTelemetry::LAYOUT), ["received_ns"]);
+    assert_eq!(
+        names(HeroTelemetry::LAYOUT),
+        ["received_ns", "published_ns"]
+    );
+    assert_eq!(
+        names(ModuleState::LAYOUT),
+        [
+            "published_ns",
+            "link.last_message_ns",
+            "link.last_telemetry_ns",
+            "link.state_since_ns"
+        ]
+    );
+    assert_eq!(names(State::LAYOUT), ["published_ns", "since_ns"]);
+    assert_eq!(names(RequestReport::LAYOUT), ["reported_ns"]);
+    assert_eq!(names(MovementData::LAYOUT), none);
+    assert_eq!(names(ModuleControl::LAYOUT), none);
+    assert_eq!(names(ParameterRequest::LAYOUT), none);
+    assert_eq!(
+        names(RelayLink::LAYOUT),
+        ["published_ns", "since_ns", "last_heard_ns"]
+    );
+    let stations = names(RelayStations::LAYOUT);
+    assert_eq!(stations.len(), 1 + 2 * MAX_STATIONS);
+    assert_eq!(stations[2], "stations[0].since_ns");
 }
 
 #[test]

@@ -13,7 +13,7 @@ pub(super) const LAYOUT_MARK: &str = "Layout: ";
 
 /// Units by the suffix of a field's name, as `docs/ipc.md` section 6 has them; no suffix ends in another one, because each
 /// begins with the only underscore in it.
-const UNITS: [(&str, &str); 18] = [
+const UNITS: [(&str, &str); 19] = [
     ("_ns", "ns"),
     ("_us", "µs"),
     ("_ms", "ms"),
@@ -32,6 +32,7 @@ const UNITS: [(&str, &str); 18] = [
     ("_a", "A"),
     ("_percent", "%"),
     ("_hz", "Hz"),
+    ("_ppb", "ppb"),
 ];
 
 /// The schema of `layout` with all that it contains, as an MCAP file with the encoding `ros2msg` has it.

@@ -37,9 +37,10 @@ impl FinalReport {
 pub const fn exit_code(stage: Stage, reason: Reason) -> ExitCode {
     match (stage, reason) {
         (Stage::Done, _) => ExitCode::Ok,
-        (Stage::Refused | Stage::Aborted, Reason::LinkDown | Reason::LinkLost) => {
-            ExitCode::LinkDown
-        }
+        (
+            Stage::Refused | Stage::Aborted,
+            Reason::LinkDown | Reason::LinkLost | Reason::RelayLinkDown,
+        ) => ExitCode::LinkDown,
         (
             Stage::Aborted,
             Reason::DeadlineExpired

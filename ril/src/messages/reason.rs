@@ -78,6 +78,13 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::InvalidFence => {
             "the geofence in bridge.toml is not valid, so the one in force stays: the bridge's log says why"
         }
+        Reason::RelayLinkDown => {
+            "the link to the robot was down, so nothing was sent: `ril relay status` shows the link, then send it again"
+        }
+        Reason::RelayLinkLost => {
+            "the link to the robot was lost before the outcome came, so the robot may be carrying it out: watch the helicopter, \
+             and look at `ril state` when `ril relay status` shows the link up"
+        }
         Reason::NotRemembered => {
             "another bridge may have carried it out: look at the helicopter, then send a new request"
         }

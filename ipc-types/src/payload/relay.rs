@@ -1,0 +1,293 @@
+//! [`RelayLink`] and [`RelayStations`]: how the relay's links between machines are, on either side of them.
+
+use super::text::ascii_text;
+use crate::code::RelayLinkState;
+use crate::time::MonotonicNs;
+
+/// Stations that [`RelayStations`] shows, and that a robot serves at a time: an operator, a safety pilot and six that only watch.
+pub const MAX_STATIONS: usize = 8;
+
+/// Bytes of a station's name, in [`RelayLink::station`] and [`RelayStation::name`].
+pub const STATION_NAME_LEN: usize = 32;
+
+/// Bytes of [`RelayLink::link`]: an IPv6 address with its port and protocol has 52.
+pub const LINK_TEXT_LEN: usize = 64;
+
+shared_struct! {
+    /// The link between this machine and a robot on another machine. Topic `relay/link`, published on the station's machine by
+    /// the relay that provides the robot's services there; at every change and at least once a second.
+    ///
+    /// Times are host monotonic nanoseconds of this machine; 0 stands for "never". Counts begin with the relay's process.
+    pub struct RelayLink("hero.RelayLink.v1") = 264 {
+        /// Counts the samples of this publisher from 1.
+        pub sequence: u64,
+        /// When the publishing process began.
+        pub epoch_ns: u64,
+        /// When this was published.
+        pub published_ns: u64,
+        /// Since when `state` holds.
+        pub since_ns: u64,
+        /// When the last message of the robot came, 0 before the first.
+        pub last_heard_ns: u64,
+        /// The robot's monotonic clock minus this machine's; means something when `clock_valid` is 1.
+        pub clock_offset_ns: i64,
+        /// How far `clock_offset_ns` may be from the truth, to either side, s; means something when `clock_valid` is 1.
+        pub clock_uncertainty_s: f64,
+        /// Of the quickest exchange among the recent ones, from this machine to the robot and back, s; means something when
+        /// `clock_valid` is 1.
+        pub round_trip_s: f64,
+        /// Samples that came from the robot.
+        pub samples_received: u64,
+        /// Samples that the robot's relay sent and that did not come.
+        pub samples_lost_on_air: u64,
+        /// Samples that the robot's processes published and that the robot's relay did not read in time.
+        pub samples_lost_in_relay: u64,
+        /// Samples that were left out on purpose: by the rate of their topic, or because a newer one was there.
+        pub samples_left_out: u64,
+        /// Bytes received from the robot, without those of the network's own headers.
+        pub bytes_received: u64,
+        /// Bytes sent to the robot, without those of the network's own headers.
+        pub bytes_sent: u64,
+        /// Requests sent to the robot.
+        pub orders_sent: u64,
+        /// Messages about requests that were sent again because no answer came in time.
+        pub orders_repeated: u64,
+        /// Requests whose outcome the relay had to report as unknown.
+        pub orders_unknown: u64,
+        /// A [`RelayLinkState`](crate::code::RelayLinkState).
+        pub state: u32,
+        /// The robot's number on its own machine.
+        pub robot: u32,
+        /// By how much the robot's clock is faster than this machine's, parts per billion; means something when `clock_valid`
+        /// is 1.
+        pub clock_drift_ppb: i32,
+        /// 1 when offset, uncertainty, round trip and drift of the clock are known; they are not before the first exchange.
+        pub clock_valid: u32,
+        /// How often the robot's clock was seen to jump: a reboot, a suspend, a step. The offset was then measured anew.
+        pub clock_resets: u32,
+        /// How often the link went from up to down.
+        pub outages: u32,
+        /// Requests that were sent and have no final report yet.
+        pub orders_open: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
+        /// The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros.
+        pub link: [u8; LINK_TEXT_LEN],
+        /// The name of this station, ASCII, filled up with zeros.
+        pub station: [u8; STATION_NAME_LEN],
+    }
+}
+
+shared_struct! {
+    /// The stations that a robot is relayed to. Topic `relay/stations`, published on the robot's machine by its relay; at every
+    /// change and at least once a second.
+    ///
+    /// Times are host monotonic nanoseconds; 0 stands for "never".
+    pub struct RelayStations("hero.RelayStations.v1") = 736 {
+        /// Counts the samples of this publisher from 1.
+        pub sequence: u64,
+        /// When the publishing process began.
+        pub epoch_ns: u64,
+        /// When this was published.
+        pub published_ns: u64,
+        /// The stations, the first `count` of which mean something; the others are all zero.
+        pub stations: [RelayStation; MAX_STATIONS],
+        /// How many stations there are, 0 … 8.
+        pub count: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
+    }
+}
+
+shared_struct! {
+    /// A station as the robot's relay knows it. Counts are of this life of the station.
+    pub struct RelayStation("hero.RelayStation.v1") = 88 {
+        /// The station's name, ASCII, filled up with zeros.
+        pub name: [u8; STATION_NAME_LEN],
+        /// When the last message of the station came.
+        pub last_heard_ns: u64,
+        /// Since when `is_up` holds.
+        pub since_ns: u64,
+        /// Requests of the station that were handed to the robot's processes.
+        pub orders_executed: u64,
+        /// Requests of the station that the relay refused.
+        pub orders_refused: u64,
+        /// Samples sent to the station.
+        pub samples_sent: u64,
+        /// 1 when the station may send requests.
+        pub may_command: u32,
+        /// 1 when messages of the station come, 0 when none has come for the configured time.
+        pub is_up: u32,
+        /// Requests of the station that have no final report yet.
+        pub orders_open: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
+    }
+}
+
+impl RelayLink {
+    /// State of the link.
+    pub const fn state(&self) -> Option<RelayLinkState> {
+        RelayLinkState::from_code(self.state)
+    }
+
+    /// Whether messages of the robot come.
+    pub fn is_up(&self) -> bool {
+        self.state() == Some(RelayLinkState::Up)
+    }
+
+    /// When it was published.
+    pub const fn published(&self) -> MonotonicNs {
+        MonotonicNs(self.published_ns)
+    }
+
+    /// When the last message of the robot came, nothing before the first.
+    pub fn last_heard(&self) -> Option<MonotonicNs> {
+        (self.last_heard_ns != 0).then_some(MonotonicNs(self.last_heard_ns))
+    }
+
+    /// How far the times of relayed samples may be from the truth, s; nothing when that is not known.
+    pub fn clock_uncertainty(&self) -> Option<f64> {
+        self.clock_number(self.clock_uncertainty_s)
+    }
+
+    /// The quickest way to the robot and back, s; nothing when that is not known.
+    pub fn round_trip(&self) -> Option<f64> {
+        self.clock_number(self.round_trip_s)
+    }
+
+    /// Part of the samples sent by the robot's relay that did not come, 0 … 1; nothing when none was sent.
+    pub fn lost_on_air(&self) -> Option<f64> {
+        let sent = self
+            .samples_received
+            .saturating_add(self.samples_lost_on_air);
+        (sent > 0).then(|| self.samples_lost_on_air as f64 / sent as f64)
+    }
+
+    /// The endpoint of the link; nothing when it is not printable ASCII.
+    pub fn link(&self) -> Option<&str> {
+        ascii_text(&self.link)
+    }
+
+    /// The name of this station; nothing when it is not printable ASCII.
+    pub fn station(&self) -> Option<&str> {
+        ascii_text(&self.station)
+    }
+
+    fn clock_number(&self, seconds: f64) -> Option<f64> {
+        let is_known = self.clock_valid != 0 && seconds.is_finite() && seconds >= 0.0;
+        is_known.then_some(seconds)
+    }
+}
+
+impl RelayStations {
+    /// The stations. A count that the contract does not have is that of all places.
+    pub fn stations(&self) -> &[RelayStation] {
+        let count = usize::try_from(self.count).unwrap_or(MAX_STATIONS);
+        &self.stations[..count.min(MAX_STATIONS)]
+    }
+
+    /// When it was published.
+    pub const fn published(&self) -> MonotonicNs {
+        MonotonicNs(self.published_ns)
+    }
+}
+
+impl RelayStation {
+    /// The station's name; nothing when it is not printable ASCII.
+    pub fn name(&self) -> Option<&str> {
+        ascii_text(&self.name)
+    }
+
+    /// When the last message of the station came, nothing before the first.
+    pub fn last_heard(&self) -> Option<MonotonicNs> {
+        (self.last_heard_ns != 0).then_some(MonotonicNs(self.last_heard_ns))
+    }
+}
+
+crate::topic!(RelayLink, "relay/link");
+crate::topic!(RelayStations, "relay/stations");
+
+#[cfg(test)]
+mod tests {
+    use super::super::text::ascii_bytes;
+    use super::*;
+    use crate::Topic;
+
+    #[test]
+    fn the_relay_provides_both_topics() {
+        assert_eq!(
+            (RelayLink::KEY, RelayLink::PROVIDER),
+            ("relay/link", "relay")
+        );
+        let stations = (RelayStations::KEY, RelayStations::PROVIDER);
+        assert_eq!(stations, ("relay/stations", "relay"));
+    }
+
+    #[test]
+    fn what_is_not_known_of_the_clock_is_nothing() {
+        let known = RelayLink {
+            clock_valid: 1,
+            clock_uncertainty_s: 0.004,
+            round_trip_s: 0.02,
+            ..RelayLink::default()
+        };
+        assert_eq!(known.clock_uncertainty(), Some(0.004));
+        assert_eq!(known.round_trip(), Some(0.02));
+        let unknown = RelayLink {
+            clock_valid: 0,
+            ..known
+        };
+        assert_eq!(
+            (unknown.clock_uncertainty(), unknown.round_trip()),
+            (None, None)
+        );
+        let absurd = RelayLink {
+            clock_uncertainty_s: f64::NAN,
+            round_trip_s: -1.0,
+            ..known
+        };
+        assert_eq!(
+            (absurd.clock_uncertainty(), absurd.round_trip()),
+            (None, None)
+        );
+    }
+
+    #[test]
+    fn the_loss_on_the_air_is_a_part_of_what_was_sent() {
+        let link = |samples_received, samples_lost_on_air| RelayLink {
+            samples_received,
+            samples_lost_on_air,
+            ..RelayLink::default()
+        };
+        assert_eq!(link(0, 0).lost_on_air(), None);
+        assert_eq!(link(75, 25).lost_on_air(), Some(0.25));
+        assert_eq!(link(0, 1).lost_on_air(), Some(1.0));
+        assert!(link(u64::MAX, u64::MAX).lost_on_air().is_some());
+    }
+
+    #[test]
+    fn texts_are_printable_or_nothing() {
+        let link = RelayLink {
+            link: ascii_bytes("tcp/10.0.0.2:7447"),
+            station: ascii_bytes("a name that is longer than there is room for"),
+            ..RelayLink::default()
+        };
+        assert_eq!(link.link(), Some("tcp/10.0.0.2:7447"));
+        assert_eq!(link.station().map(str::len), Some(STATION_NAME_LEN));
+        let mut hostile = link;
+        hostile.link[0] = 0x1b;
+        assert_eq!(hostile.link(), None);
+    }
+
+    #[test]
+    fn only_as_many_stations_as_there_are_places_are_shown() {
+        let stations = |count| RelayStations {
+            count,
+            ..RelayStations::default()
+        };
+        assert_eq!(stations(2).stations().len(), 2);
+        assert_eq!(stations(u32::MAX).stations().len(), MAX_STATIONS);
+        assert_eq!(RelayStation::default().last_heard(), None);
+    }
+}
