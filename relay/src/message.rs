@@ -7,7 +7,9 @@ use ipc_types::payload::{RequestReport, SharedStruct};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::orders::{Answer, Order, UnknownSession};
+use ipc_types::MonotonicNs;
+
+use crate::orders::message::{Answer, Order};
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
 pub const VERSION: u8 = 1;
@@ -42,13 +44,47 @@ pub struct Ping {
     pub wants_latest: bool,
 }
 
-/// A request on its way from a station to a robot, apart from [`Ask`] so that a router can forbid it.
+/// An [`Order`] as it goes over the network, apart from [`Ask`] so that a router can forbid it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Command {
-    /// Life of the station's relay.
-    pub station_life: u64,
-    /// What is to be done.
-    pub order: Order,
+    session: u64,
+    number: u64,
+    floor: u64,
+    service: u64,
+    expires_ns: u64,
+    is_repeat: bool,
+    is_given_up: bool,
+    request: Vec<u8>,
+}
+
+impl From<&Order> for Command {
+    fn from(order: &Order) -> Command {
+        Command {
+            session: order.session,
+            number: order.number,
+            floor: order.floor,
+            service: order.topic,
+            expires_ns: order.expires.0,
+            is_repeat: order.is_repeat,
+            is_given_up: order.is_given_up,
+            request: order.request.clone(),
+        }
+    }
+}
+
+impl From<Command> for Order {
+    fn from(command: Command) -> Order {
+        Order {
+            session: command.session,
+            number: command.number,
+            floor: command.floor,
+            topic: command.service,
+            expires: MonotonicNs(command.expires_ns),
+            is_repeat: command.is_repeat,
+            is_given_up: command.is_given_up,
+            request: command.request,
+        }
+    }
 }
 
 /// From a robot to one station.
@@ -61,7 +97,7 @@ pub enum Tell {
     /// What became of a request.
     Answer(AnswerBytes),
     /// The request came with a session that the robot does not know.
-    UnknownSession(UnknownSession),
+    UnknownSession(u64),
 }
 
 /// See [`Tell::Pong`].
@@ -69,8 +105,12 @@ pub enum Tell {
 pub struct Pong {
     /// Life of the robot's relay.
     pub robot_life: u64,
+    /// The ping's `station_life`.
+    pub station_life: u64,
     /// The ping's `sent_ns`.
     pub ping_sent_ns: u64,
+    /// The ping's `suspended_ns`.
+    pub ping_suspended_ns: u64,
     /// When the ping came, by the robot's monotonic clock, ns.
     pub received_ns: u64,
     /// When this was sent, by the robot's monotonic clock, ns.

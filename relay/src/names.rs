@@ -11,6 +11,8 @@
 
 use std::num::NonZeroU32;
 
+use ipc_types::Schema;
+
 /// The samples of one topic.
 pub fn topic(robot: NonZeroU32, key: &str) -> String {
     format!("hero/{robot}/topic/{key}")
@@ -34,6 +36,16 @@ pub fn order(robot: NonZeroU32, station: &str) -> String {
 /// What a station is told.
 pub fn tell(robot: NonZeroU32, station: &str) -> String {
     format!("hero/{robot}/tell/{station}")
+}
+
+/// What a request service is called in orders, whatever its index in a life of the robot's relay: a hash of its key and of the
+/// layout of its requests. So an order never reaches another service, nor one whose requests have another layout.
+pub fn service_id(key: &str, schema: &Schema) -> u64 {
+    let bytes = key.bytes().chain(schema.request_layout_hash().to_le_bytes());
+    // FNV-1a, 64 bits.
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 /// The topic's key, or the station, that a key expression names after its third `/`.

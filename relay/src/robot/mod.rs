@@ -1,0 +1,345 @@
+//! The robot's side: a member of the robot's shared memory that reads its topics, sends them to the stations, and hands requests
+//! of stations to the robot's processes.
+//!
+//! [`Services`] and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
+
+mod reaction;
+pub mod services;
+pub mod stations;
+
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use ipc_types::module::{State, doing_bytes};
+use ipc_types::code::ModuleStatus;
+use ipc_types::payload::{RelayStations};
+use ipc_types::{Ipc, Module, MonotonicNs, Publisher, RelayModule, SendError, StateOf, WaitError, Wake};
+use module_kit::process::{Process, Sources};
+
+use crate::config::Config;
+use crate::message::{AnswerBytes, Ask, Command, NoMessage, Ping, Pong, Tell, decode, encode};
+use crate::names;
+use crate::network::{Inbox, Network, Side};
+use crate::orders::message::Order;
+use crate::orders::robot as orders;
+use crate::orders::robot::{NotSent, Output};
+use crate::random::{fresh, suspended_ns};
+use crate::{Failure, names::last};
+use reaction::Reaction;
+use services::{LOOK_PERIOD, Services};
+use stations::Stations;
+
+/// Messages that may wait: a station sends a few for each of its at most 32 open requests, and eight stations are served.
+const INBOX: usize = 512;
+
+/// How often state and stations are published though nothing has changed.
+const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
+
+/// The robot's side of the relay.
+pub struct RobotSide {
+    config: Config,
+    robot: NonZeroU32,
+    life: u64,
+    network: Network,
+    asks: Inbox,
+    commands: Inbox,
+    services: Services,
+    stations: Stations,
+    orders: orders::Robot,
+    reaction: Option<Reaction>,
+    state: Publisher<StateOf<RelayModule>>,
+    stations_out: Publisher<RelayStations>,
+    samples_sent: u64,
+    since: MonotonicNs,
+    was_relaying: bool,
+    next_look: MonotonicNs,
+    next_publish: MonotonicNs,
+    unreadable: u64,
+    ipc: Ipc,
+}
+
+impl RobotSide {
+    /// Opens the ports and the network.
+    ///
+    /// # Errors
+    ///
+    /// Another relay of this robot runs, or shared memory or the network cannot be used.
+    pub fn open(ipc: Ipc, config: Config) -> Result<RobotSide, Failure> {
+        let robot = NonZeroU32::new(ipc.robot().get()).unwrap_or(NonZeroU32::MIN);
+        // First, so that a second relay of the robot ends before it takes the network's address.
+        let state = ipc.publisher()?;
+        let stations_out = ipc.publisher()?;
+        let network = Network::open(&config, Side::Robot)?;
+        let life = fresh();
+        let order_config = orders::Config {
+            link_loss: config.commands.lost_after(),
+            ..orders::Config::default()
+        };
+        let now = MonotonicNs::now();
+        Ok(RobotSide {
+            robot,
+            life,
+            asks: network.receive(&names::ask(robot, "*"), INBOX)?,
+            commands: network.receive(&names::order(robot, "*"), INBOX)?,
+            services: Services::new(life, robot)?,
+            stations: Stations::new(config.network.silent_after()),
+            orders: orders::Robot::new(order_config, fresh()),
+            reaction: Reaction::open(&ipc, config.commands.link_loss)?,
+            network,
+            config,
+            state,
+            stations_out,
+            samples_sent: 0,
+            since: now,
+            was_relaying: false,
+            next_look: now,
+            next_publish: now,
+            unreadable: 0,
+            ipc,
+        })
+    }
+
+    fn may_command(&self, station: &str) -> bool {
+        self.config.commands.stations.iter().any(|name| name == station)
+    }
+
+    fn take_messages(&mut self, out: &mut Vec<Output>) {
+        self.network.drained();
+        let mut asks = Vec::new();
+        let mut unreadable = None;
+        self.asks.drain(|incoming| match decode::<Ask>(incoming.payload) {
+            Ok(ask) => asks.push((last(incoming.key).to_owned(), ask, incoming.at)),
+            Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
+        });
+        let mut commands = Vec::new();
+        self.commands.drain(|incoming| match decode::<Command>(incoming.payload) {
+            Ok(command) => commands.push((last(incoming.key).to_owned(), command)),
+            Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
+        });
+        for (station, ask, at) in asks {
+            self.answer(&station, &ask, at, out);
+        }
+        for (station, command) in commands {
+            self.order(&station, command, out);
+        }
+        if let Some((key, error)) = unreadable {
+            self.note_unreadable(&key, &error);
+        }
+    }
+
+    /// Once, and then each time that their number has doubled.
+    fn note_unreadable(&mut self, key: &str, error: &NoMessage) {
+        self.unreadable += 1;
+        if self.unreadable.is_power_of_two() {
+            tracing::warn!(key, %error, count = self.unreadable, "messages that are none have come");
+        }
+    }
+
+    fn answer(&mut self, station: &str, ask: &Ask, at: MonotonicNs, out: &mut Vec<Output>) {
+        let tell = match ask {
+            Ask::Ping(ping) => Tell::Pong(self.pong(station, ping, at, out)),
+            Ask::Describe { robot_life, index } => {
+                match self.services.describe(*index).filter(|_| *robot_life == self.life) {
+                    Some(service) => Tell::Service(service),
+                    None => return,
+                }
+            }
+        };
+        self.tell(station, &tell);
+    }
+
+    fn pong(&mut self, station: &str, ping: &Ping, at: MonotonicNs, out: &mut Vec<Output>) -> Pong {
+        let may_command = self.may_command(station);
+        let is_news = self.stations.hear(station, ping.station_life, may_command, at);
+        if is_news {
+            tracing::info!(station, may_command, "a station is there");
+            self.next_publish = at;
+        }
+        if ping.wants_latest {
+            self.services.send_latest();
+        }
+        let session = match may_command {
+            true => self.orders.session_for(ping.station_life, at, out),
+            false => 0,
+        };
+        Pong {
+            robot_life: self.life,
+            station_life: ping.station_life,
+            ping_sent_ns: ping.sent_ns,
+            ping_suspended_ns: ping.suspended_ns,
+            received_ns: at.0,
+            sent_ns: MonotonicNs::now().0,
+            suspended_ns: suspended_ns(),
+            session,
+            services: self.services.count(),
+        }
+    }
+
+    fn order(&mut self, station: &str, command: Command, out: &mut Vec<Output>) {
+        if !self.may_command(station) {
+            return tracing::debug!(station, "a station that may not command has sent a request");
+        }
+        let order = Order::from(command);
+        let from = out.len();
+        let repeat = self.services.requests_of(order.topic).map(|requests| requests.fields.repeat());
+        self.orders.order(&order, repeat.unwrap_or(orders::Repeat::None), MonotonicNs::now(), out);
+        // Only the sender of this order is to be told that its session is not known.
+        for output in out.split_off(from) {
+            match output {
+                Output::UnknownSession(unknown) => {
+                    self.tell(station, &Tell::UnknownSession(unknown.session));
+                }
+                output => out.push(output),
+            }
+        }
+    }
+
+    fn tell(&self, station: &str, tell: &Tell) {
+        self.network.send(&names::tell(self.robot, station), encode(tell));
+    }
+
+    /// Carries out what the core wants, and what follows from it.
+    fn carry_out(&mut self, out: &mut Vec<Output>) {
+        while !out.is_empty() {
+            for output in std::mem::take(out) {
+                match output {
+                    Output::Send { topic, request_id, is_repeat, expires, request } => {
+                        let sent = self.send(topic, is_repeat, expires, request);
+                        if let Err(reason) = sent {
+                            self.orders.not_sent(topic, request_id, reason, MonotonicNs::now(), out);
+                        }
+                    }
+                    Output::GiveUp { topic, request_id } => {
+                        if let Some(requests) = self.services.requests_of(topic) {
+                            requests.client.give_up_one(request_id);
+                        }
+                    }
+                    Output::Answer { station, answer } => {
+                        if let Some(station) = self.stations.of_life(station) {
+                            let name = station.name.clone();
+                            self.tell(&name, &Tell::Answer(AnswerBytes::new(&answer)));
+                        }
+                    }
+                    Output::UnknownSession(_) => {}
+                    Output::LinkLost { station } => {
+                        let name = self.stations.of_life(station).map(|station| station.name.clone());
+                        tracing::warn!(station = name, "lost, with a request open");
+                        if let Some(reaction) = &mut self.reaction {
+                            reaction.act();
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn send(&mut self, topic: u64, is_repeat: bool, expires: MonotonicNs, mut request: Vec<u8>) -> Result<(), NotSent> {
+        let requests = self.services.requests_of(topic).ok_or(NotSent::NoServer)?;
+        if is_repeat {
+            requests.fields.set_repeat(&mut request);
+        }
+        let left = expires.since(MonotonicNs::now());
+        requests.fields.set_deadline(&mut request, left);
+        match requests.client.send(&request) {
+            Ok(_) => Ok(()),
+            Err(SendError::NoServer { .. }) => Err(NotSent::NoServer),
+            Err(error) => {
+                tracing::debug!(%error, "a request was not handed on");
+                Err(NotSent::Full)
+            }
+        }
+    }
+
+    fn take_reports(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        let orders = &mut self.orders;
+        for (index, requests) in self.services.all_requests() {
+            requests.client.drain(|report| orders.report(index, report, now, out));
+        }
+    }
+
+    fn publish(&mut self, now: MonotonicNs) {
+        let is_relaying = self.stations.is_any_up();
+        if is_relaying != self.was_relaying {
+            self.since = now;
+            self.was_relaying = is_relaying;
+        }
+        let (functionality, doing) = match is_relaying {
+            true => (RelayModule::RELAYING, "relaying to stations"),
+            false => (RelayModule::WAITING, "waiting for a station"),
+        };
+        let state = State {
+            published_ns: now.0,
+            since_ns: self.since.0,
+            module_id: RelayModule::ID,
+            status: ModuleStatus::Running.code(),
+            functionality,
+            doing: doing_bytes(doing),
+            ..State::default()
+        };
+        let published = self.state.publish(|sample| *sample = StateOf::new(state));
+        let orders = &self.orders;
+        let rows = self.stations.rows(self.samples_sent, |life| orders.open_of(life));
+        let stations = self.stations_out.publish(|sample| {
+            sample.published_ns = now.0;
+            sample.count = rows.len() as u32;
+            for (place, row) in sample.stations.iter_mut().zip(rows) {
+                *place = row;
+            }
+        });
+        if let Err(error) = published.and(stations) {
+            tracing::debug!(%error, "the state cannot be published");
+        }
+        self.next_publish = now + PUBLISH_PERIOD;
+    }
+}
+
+impl Process for RobotSide {
+    type Error = WaitError;
+    type Key = ();
+
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.port(&mut self.state);
+        sources.port(&mut self.stations_out);
+        if let Some(reaction) = &mut self.reaction {
+            sources.port(reaction.client());
+        }
+        sources.descriptor((), self.network.descriptor());
+        sources.descriptor((), self.services.ports().descriptor());
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+        let mut out = Vec::new();
+        let now = MonotonicNs::now();
+        self.samples_sent += self.services.send_samples(now);
+        self.take_messages(&mut out);
+        self.carry_out(&mut out);
+        self.take_reports(now, &mut out);
+        self.orders.tick(now, &mut out);
+        self.carry_out(&mut out);
+        if let Some(reaction) = &mut self.reaction {
+            reaction.drain();
+        }
+        for station in self.stations.pass(now) {
+            tracing::warn!(station, "a station is heard no more");
+            self.next_publish = now;
+        }
+        if now >= self.next_look {
+            let commands = !self.config.commands.stations.is_empty();
+            self.services.look(&self.ipc, &self.network, &self.config.topics, commands);
+            self.next_look = now + LOOK_PERIOD;
+        }
+        if now >= self.next_publish {
+            self.publish(now);
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        let fixed = self.next_look.min(self.next_publish);
+        [self.services.deadline(), self.orders.deadline(), self.stations.deadline()]
+            .into_iter()
+            .flatten()
+            .chain([fixed])
+            .min()
+    }
+}

@@ -1,0 +1,156 @@
+//! [`Stations`]: which stations the robot's relay hears, and what became of their requests. A pure value.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
+
+/// One station.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Station {
+    /// Its name.
+    pub name: String,
+    /// Life of its relay.
+    pub life: u64,
+    /// When it was heard last.
+    pub heard: MonotonicNs,
+    /// Since when it is heard, or is not.
+    pub since: MonotonicNs,
+    /// Whether it is heard.
+    pub is_up: bool,
+    /// Whether it may command.
+    pub may_command: bool,
+    /// Requests that were handed to the robot's processes.
+    pub orders_executed: u64,
+    /// Requests that the relay refused.
+    pub orders_refused: u64,
+}
+
+/// All stations, of which [`MAX_STATIONS`] are remembered: the one that was not heard for the longest time goes.
+#[derive(Clone, Debug)]
+pub struct Stations {
+    silent_after: Duration,
+    list: Vec<Station>,
+}
+
+impl Stations {
+    /// None yet.
+    pub fn new(silent_after: Duration) -> Stations {
+        Stations {
+            silent_after,
+            list: Vec::new(),
+        }
+    }
+
+    /// A station has been heard. Says whether this is news.
+    pub fn hear(&mut self, name: &str, life: u64, may_command: bool, now: MonotonicNs) -> bool {
+        if let Some(station) = self.list.iter_mut().find(|station| station.name == name) {
+            let is_news = !station.is_up || station.life != life;
+            if station.life != life {
+                (station.orders_executed, station.orders_refused) = (0, 0);
+            }
+            if is_news {
+                station.since = now;
+            }
+            station.life = life;
+            station.heard = now;
+            station.is_up = true;
+            return is_news;
+        }
+        if self.list.len() == MAX_STATIONS {
+            let oldest = (0..self.list.len()).min_by_key(|index| self.list[*index].heard);
+            self.list.remove(oldest.unwrap_or_default());
+        }
+        self.list.push(Station {
+            name: name.to_owned(),
+            life,
+            heard: now,
+            since: now,
+            is_up: true,
+            may_command,
+            orders_executed: 0,
+            orders_refused: 0,
+        });
+        true
+    }
+
+    /// The time passes. Says which stations are heard no more, by their names.
+    pub fn pass(&mut self, now: MonotonicNs) -> Vec<String> {
+        let mut gone = Vec::new();
+        for station in &mut self.list {
+            if station.is_up && now.since(station.heard) >= self.silent_after {
+                station.is_up = false;
+                station.since = now;
+                gone.push(station.name.clone());
+            }
+        }
+        gone
+    }
+
+    /// The station of this life of a relay.
+    pub fn of_life(&mut self, life: u64) -> Option<&mut Station> {
+        self.list.iter_mut().find(|station| station.life == life)
+    }
+
+    /// Whether a station is heard.
+    pub fn is_any_up(&self) -> bool {
+        self.list.iter().any(|station| station.is_up)
+    }
+
+    /// When a station is heard no more.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let up = self.list.iter().filter(|station| station.is_up);
+        up.map(|station| station.heard + self.silent_after).min()
+    }
+
+    /// The stations as they are published. `samples_sent` went to all of them.
+    pub fn rows(&self, samples_sent: u64, orders_open: impl Fn(u64) -> usize) -> Vec<RelayStation> {
+        let row = |station: &Station| RelayStation {
+            name: ascii_bytes(&station.name),
+            last_heard_ns: station.heard.0,
+            since_ns: station.since.0,
+            orders_executed: station.orders_executed,
+            orders_refused: station.orders_refused,
+            samples_sent,
+            may_command: station.may_command.into(),
+            is_up: station.is_up.into(),
+            orders_open: orders_open(station.life) as u32,
+            reserved: 0,
+        };
+        self.list.iter().map(row).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    #[test]
+    fn stations_come_fall_silent_and_come_again() {
+        let mut stations = Stations::new(Duration::from_millis(1000));
+        assert!(stations.hear("gcs", 1, true, at(0)));
+        assert!(!stations.hear("gcs", 1, true, at(500)));
+        assert_eq!(stations.deadline(), Some(at(1500)));
+        assert_eq!(stations.pass(at(1499)), Vec::<String>::new());
+        assert_eq!(stations.pass(at(1500)), ["gcs"]);
+        assert!(!stations.is_any_up() && stations.deadline().is_none());
+        assert!(stations.hear("gcs", 1, true, at(2000)), "it is back");
+        assert!(stations.hear("gcs", 2, true, at(2100)), "it was restarted");
+        assert!(stations.of_life(1).is_none() && stations.of_life(2).is_some());
+    }
+
+    #[test]
+    fn the_station_that_was_not_heard_for_the_longest_time_is_forgotten() {
+        let mut stations = Stations::new(Duration::from_millis(1000));
+        for index in 0..=MAX_STATIONS as u64 {
+            stations.hear(&format!("gcs-{index}"), index, false, at(index));
+        }
+        let rows = stations.rows(0, |_| 0);
+        assert_eq!(rows.len(), MAX_STATIONS);
+        assert_eq!(rows[0].last_heard_ns, at(1).0);
+    }
+}

@@ -1,0 +1,337 @@
+//! [`Link`]: how the link to a robot is, what its clock shows, and which services it has. A pure value.
+//!
+//! | state | becomes | when |
+//! |---|---|---|
+//! | connecting | up | an answer has come, and the clocks are known |
+//! | up | down | no answer has come for the configured time |
+//! | down | up | an answer has come, and the clocks are known |
+//!
+//! Requests and samples pass while it is up alone.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::RelayLinkState;
+
+use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
+use crate::message::{Ping, Pong, Service};
+
+/// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
+pub const PING_PERIOD: Duration = Duration::from_millis(500);
+
+/// The same while no answer comes, so that a link that is back is up at once.
+const SEARCH_PERIOD: Duration = Duration::from_millis(200);
+
+/// How long the description of a service may take, before it is asked for again.
+const DESCRIBE_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Most services of a robot: three of its own, and some of each of some twenty modules.
+pub const MAX_SERVICES: u16 = 128;
+
+/// The link to one robot.
+#[derive(Debug)]
+pub struct Link {
+    silent_after: Duration,
+    life: u64,
+    state: RelayLinkState,
+    since: MonotonicNs,
+    last_heard: Option<MonotonicNs>,
+    next_ping: MonotonicNs,
+    outages: u32,
+    clock: Clock,
+    /// Life of the robot's relay; nothing before its first answer.
+    robot_life: Option<u64>,
+    session: u64,
+    services: u16,
+    described: Vec<bool>,
+    next_describe: MonotonicNs,
+    wants_latest: bool,
+}
+
+/// What an answer of the robot has changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct News {
+    /// Another life of the robot's relay has begun: its services must be described anew.
+    pub is_another_life: bool,
+    /// The link has come up.
+    pub is_up: bool,
+}
+
+impl Link {
+    /// A link of which nothing is known. `life` is that of this relay.
+    pub fn new(life: u64, silent_after: Duration, now: MonotonicNs) -> Link {
+        Link {
+            silent_after,
+            life,
+            state: RelayLinkState::Connecting,
+            since: now,
+            last_heard: None,
+            next_ping: now,
+            outages: 0,
+            clock: Clock::new(),
+            robot_life: None,
+            session: 0,
+            services: 0,
+            described: Vec::new(),
+            next_describe: now,
+            wants_latest: true,
+        }
+    }
+
+    /// The ping that is due.
+    pub fn ping(&mut self, now: MonotonicNs, suspended_ns: u64) -> Option<Ping> {
+        if now < self.next_ping {
+            return None;
+        }
+        self.next_ping = now + if self.is_up() { PING_PERIOD } else { SEARCH_PERIOD };
+        Some(Ping {
+            station_life: self.life,
+            sent_ns: now.0,
+            suspended_ns,
+            wants_latest: self.wants_latest,
+        })
+    }
+
+    /// An answer has come, when this machine had been suspended for `suspended_ns`. One that is not for this relay changes nothing.
+    pub fn take(&mut self, pong: &Pong, at: MonotonicNs, suspended_ns: u64) -> News {
+        let mut news = News::default();
+        if pong.station_life != self.life {
+            return news;
+        }
+        if self.robot_life != Some(pong.robot_life) {
+            self.robot_life = Some(pong.robot_life);
+            self.described.clear();
+            self.wants_latest = true;
+            news.is_another_life = true;
+        }
+        self.session = pong.session;
+        self.services = pong.services.min(MAX_SERVICES);
+        self.described.resize(self.services.into(), false);
+        let exchange = Exchange {
+            sent: MonotonicNs(pong.ping_sent_ns),
+            remote_received: RemoteNs(pong.received_ns),
+            remote_sent: RemoteNs(pong.sent_ns),
+            received: at,
+            suspended: Suspended {
+                at_sent_ns: pong.ping_suspended_ns,
+                remote_ns: pong.suspended_ns,
+                at_received_ns: suspended_ns,
+            },
+        };
+        if let Err(error) = self.clock.take(&exchange) {
+            tracing::debug!(%error, "an exchange of time stamps says nothing");
+        }
+        self.last_heard = Some(at);
+        if self.state != RelayLinkState::Up && self.clock.estimate(at).is_some() {
+            self.change(RelayLinkState::Up, at);
+            news.is_up = true;
+        }
+        news
+    }
+
+    /// A sample has come: the robot need not send the latest ones again.
+    pub fn hear_sample(&mut self) {
+        self.wants_latest = false;
+    }
+
+    /// The time passes. Says whether the link has gone down.
+    pub fn pass(&mut self, now: MonotonicNs) -> bool {
+        let heard = self.last_heard.unwrap_or(self.since);
+        if !self.is_up() || now.since(heard) < self.silent_after {
+            return false;
+        }
+        self.change(RelayLinkState::Down, now);
+        self.outages = self.outages.saturating_add(1);
+        self.wants_latest = true;
+        self.next_ping = now;
+        true
+    }
+
+    fn change(&mut self, state: RelayLinkState, now: MonotonicNs) {
+        self.state = state;
+        self.since = now;
+    }
+
+    /// The life of the robot's relay, and the index of the service whose description is to be asked for now.
+    pub fn describe(&mut self, now: MonotonicNs) -> Option<(u64, u16)> {
+        if !self.is_up() || now < self.next_describe {
+            return None;
+        }
+        let missing = self.described.iter().position(|is_described| !is_described)?;
+        self.next_describe = now + DESCRIBE_TIMEOUT;
+        Some((self.robot_life?, u16::try_from(missing).ok()?))
+    }
+
+    /// A description has come. Says whether it is one that was missing.
+    pub fn take_description(&mut self, service: &Service) -> bool {
+        if self.robot_life != Some(service.robot_life) {
+            return false;
+        }
+        let described = self.described.get_mut(usize::from(service.index));
+        let is_new = described.is_some_and(|described| !std::mem::replace(described, true));
+        if is_new {
+            // The next one at once.
+            self.next_describe = MonotonicNs(0);
+        }
+        is_new
+    }
+
+    /// When something is to be done though nothing comes.
+    pub fn deadline(&self) -> MonotonicNs {
+        let silent = match self.last_heard {
+            Some(heard) if self.is_up() => heard + self.silent_after,
+            _ => MonotonicNs(u64::MAX),
+        };
+        let describe = match self.is_up() && self.described.contains(&false) {
+            true => self.next_describe,
+            false => MonotonicNs(u64::MAX),
+        };
+        self.next_ping.min(silent).min(describe)
+    }
+
+    /// Whether the link is up.
+    pub fn is_up(&self) -> bool {
+        self.state == RelayLinkState::Up
+    }
+
+    /// State of the link.
+    pub fn state(&self) -> RelayLinkState {
+        self.state
+    }
+
+    /// Since when the state holds.
+    pub fn since(&self) -> MonotonicNs {
+        self.since
+    }
+
+    /// When the robot was heard last.
+    pub fn last_heard(&self) -> Option<MonotonicNs> {
+        self.last_heard
+    }
+
+    /// How often the link went down.
+    pub fn outages(&self) -> u32 {
+        self.outages
+    }
+
+    /// What the robot's clock shows.
+    pub fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// The session for requests; 0 while this station may not command.
+    pub fn session(&self) -> u64 {
+        self.session
+    }
+
+    /// Life of the robot's relay.
+    pub fn robot_life(&self) -> Option<u64> {
+        self.robot_life
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIFE: u64 = 5;
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    fn link() -> Link {
+        Link::new(LIFE, Duration::from_millis(2000), at(0))
+    }
+
+    /// The answer of a robot whose clock shows an hour more, 10 ms after the ping.
+    fn pong(robot_life: u64, ping: &Ping, services: u16) -> Pong {
+        let robot_ns = ping.sent_ns + 3_600_000_000_000 + 5_000_000;
+        Pong {
+            robot_life,
+            station_life: ping.station_life,
+            ping_sent_ns: ping.sent_ns,
+            ping_suspended_ns: ping.suspended_ns,
+            received_ns: robot_ns,
+            sent_ns: robot_ns,
+            suspended_ns: 0,
+            session: 1,
+            services,
+        }
+    }
+
+    fn answered(link: &mut Link, now: u64, robot_life: u64, services: u16) -> News {
+        let ping = link.ping(at(now), 0).expect("it is due");
+        link.take(&pong(robot_life, &ping, services), at(now + 10), 0)
+    }
+
+    #[test]
+    fn the_first_answer_brings_the_link_up_and_silence_takes_it_down() {
+        let mut link = link();
+        assert_eq!(link.state(), RelayLinkState::Connecting);
+        let news = answered(&mut link, 0, 1, 0);
+        assert!(news.is_up && news.is_another_life && link.is_up());
+        assert!(link.ping(at(100), 0).is_none());
+        assert!(!link.pass(at(2009)));
+        assert!(link.pass(at(2010)) && !link.is_up());
+        assert_eq!((link.outages(), link.deadline()), (1, at(2010)));
+        assert!(answered(&mut link, 2010, 1, 0).is_up);
+        assert!(!answered(&mut link, 2600, 1, 0).is_up, "it is up already");
+    }
+
+    #[test]
+    fn the_robot_s_clock_is_known() {
+        let mut link = link();
+        let _ = answered(&mut link, 0, 1, 0);
+        let robot = link.clock().to_remote(at(10)).unwrap().0;
+        let truth = at(10).0 + 3_600_000_000_000;
+        assert!(robot.abs_diff(truth) <= 5_100_000, "{robot} {truth}");
+    }
+
+    #[test]
+    fn services_are_asked_for_one_after_the_other_until_all_are_described() {
+        let mut link = link();
+        let _ = answered(&mut link, 0, 9, 2);
+        assert_eq!(link.describe(at(10)), Some((9, 0)));
+        assert_eq!(link.describe(at(20)), None, "the answer may be under way");
+        assert_eq!(link.describe(at(600)), Some((9, 0)), "it was lost");
+        let service = |index| Service {
+            robot_life: 9,
+            index,
+            key: "a/b".to_owned(),
+            takes_requests: false,
+            schema: String::new(),
+        };
+        assert!(link.take_description(&service(0)));
+        assert!(!link.take_description(&service(0)) && !link.take_description(&service(2)));
+        assert_eq!(link.describe(at(601)), Some((9, 1)));
+        assert!(link.take_description(&service(1)));
+        assert_eq!(link.describe(at(2000)), None);
+        assert!(answered(&mut link, 2000, 10, 1).is_another_life);
+        assert!(!link.take_description(&service(0)), "that was another life");
+        assert_eq!(link.describe(at(2100)), Some((10, 0)));
+    }
+
+    #[test]
+    fn the_latest_samples_are_asked_for_until_one_comes_and_again_after_an_outage() {
+        let mut link = link();
+        assert!(link.ping(at(0), 0).unwrap().wants_latest);
+        let _ = answered(&mut link, 500, 1, 0);
+        link.hear_sample();
+        assert!(!link.ping(at(1000), 0).unwrap().wants_latest);
+        assert!(link.pass(at(5000)));
+        assert!(link.ping(at(5000), 0).unwrap().wants_latest);
+    }
+
+    #[test]
+    fn an_answer_to_another_station_of_this_name_changes_nothing() {
+        let mut link = link();
+        let ping = link.ping(at(0), 0).unwrap();
+        let other = Pong {
+            station_life: LIFE + 1,
+            ..pong(1, &ping, 0)
+        };
+        assert_eq!(link.take(&other, at(1), 0), News::default());
+        assert_eq!(link.state(), RelayLinkState::Connecting);
+    }
+}

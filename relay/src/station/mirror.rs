@@ -1,0 +1,316 @@
+//! [`Mirrors`]: the services of a robot as this machine has them.
+//!
+//! A mirror outlives the robot's relay: the next life of it describes the same service again, and consumers notice nothing.
+
+use ipc_types::{
+    DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, Schema, Ticket,
+};
+use ipc_types::payload::RequestReport;
+use ipc_types::schema::CDR_HEADER;
+
+use crate::clock::{Clock, RemoteNs};
+use crate::message::{SampleHeader, Service};
+use crate::names::service_id;
+use crate::ports::PortSet;
+use crate::request::RequestFields;
+use crate::telemetry::{Counts, Inlet};
+
+/// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
+const MAX_OPEN: usize = 256;
+
+/// A topic of the robot on this machine.
+struct Topic {
+    publisher: DynamicPublisher,
+    /// Offsets of the moments in a sample.
+    moments: Vec<usize>,
+    inlet: Inlet,
+}
+
+/// A request service of the robot on this machine.
+struct Requests {
+    server: DynamicServer,
+    fields: RequestFields,
+    id: u64,
+    /// Offset of the request's `path_id`.
+    path_id: Option<usize>,
+}
+
+enum Port {
+    Topic(Box<Topic>),
+    Requests(Box<Requests>),
+}
+
+struct Mirror {
+    service: Service,
+    port: Port,
+}
+
+/// A request of a client on this machine that has no final report yet.
+struct Open {
+    handle: u64,
+    service: u64,
+    ticket: Ticket,
+}
+
+/// A request that has come from a client on this machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Taken {
+    /// By what it is known here.
+    pub handle: u64,
+    /// Which service of the robot.
+    pub service: u64,
+    /// Path of the request; 0 when it has none.
+    pub path_id: u64,
+    /// Its own deadline.
+    pub deadline: Option<std::time::Duration>,
+    /// The request.
+    pub bytes: Vec<u8>,
+}
+
+/// All services of a robot that this machine has.
+pub struct Mirrors {
+    list: Vec<Mirror>,
+    /// Described, but not there yet: another process provides them here.
+    pending: Vec<Service>,
+    open: Vec<Open>,
+    next_handle: u64,
+    ports: PortSet,
+}
+
+impl Mirrors {
+    /// None yet.
+    ///
+    /// # Errors
+    ///
+    /// When the process has too many descriptors.
+    pub fn new() -> Result<Mirrors, rustix::io::Errno> {
+        Ok(Mirrors {
+            list: Vec::new(),
+            pending: Vec::new(),
+            open: Vec::new(),
+            next_handle: 1,
+            ports: PortSet::new()?,
+        })
+    }
+
+    /// What to wait for.
+    pub fn ports(&self) -> &PortSet {
+        &self.ports
+    }
+
+    /// The robot has described a service. Nothing changes when it is here already.
+    pub fn provide(&mut self, service: Service, ipc: &Ipc) {
+        if self.list.iter().any(|mirror| mirror.is_of(&service)) {
+            return;
+        }
+        // Its struct has changed: consumers find the new one in a new generation.
+        self.list.retain(|mirror| mirror.service.key != service.key);
+        match Port::open(&service, ipc) {
+            Ok(port) => {
+                if let Err(error) = self.ports.add(port.descriptor()) {
+                    tracing::debug!(%error, "a port is looked at with every wake alone");
+                }
+                tracing::info!(key = service.key, robot = %ipc.robot(), "provided here");
+                self.list.push(Mirror { service, port });
+            }
+            Err(error) => {
+                if !self.pending.contains(&service) {
+                    tracing::warn!(key = service.key, %error, "a service of the robot cannot be provided here");
+                    self.pending.push(service);
+                }
+            }
+        }
+    }
+
+    /// Tries again what another process provided here.
+    pub fn retry(&mut self, ipc: &Ipc) {
+        for service in std::mem::take(&mut self.pending) {
+            let (key, before) = (service.key.clone(), self.list.len());
+            let again = service.clone();
+            self.provide(service, ipc);
+            if self.list.len() == before && !self.pending.iter().any(|other| other.key == key) {
+                self.pending.push(again);
+            }
+        }
+    }
+
+    /// A sample of the topic `key` has come, with its CDR header. Says whether it was published.
+    pub fn publish(&mut self, key: &str, header: &SampleHeader, message: &[u8], clock: &Clock, now: MonotonicNs) -> bool {
+        let topic = self.list.iter_mut().find_map(|mirror| mirror.topic(key));
+        let (Some(topic), Some(sample)) = (topic, message.strip_prefix(&CDR_HEADER)) else {
+            return false;
+        };
+        if sample.len() != topic.publisher.schema().size() || !topic.inlet.take(header) {
+            return false;
+        }
+        let moments = &topic.moments;
+        let published = topic.publisher.publish(|bytes| {
+            bytes.copy_from_slice(sample);
+            translate(bytes, moments, clock, now);
+        });
+        if let Err(error) = published {
+            tracing::debug!(key, %error, "a sample was not published");
+        }
+        true
+    }
+
+    /// Gives late joiners the latest samples, and hands on what clients have sent and given up.
+    pub fn serve(&mut self, mut take: impl FnMut(Taken), mut gone: impl FnMut(u64)) {
+        for mirror in &mut self.list {
+            match &mut mirror.port {
+                Port::Topic(topic) => topic.publisher.tend(),
+                Port::Requests(requests) => {
+                    let (open, next_handle) = (&mut self.open, &mut self.next_handle);
+                    requests.server.vanished(|ticket, _| {
+                        let is_it = |entry: &Open| entry.service == requests.id && entry.ticket == ticket;
+                        if let Some(index) = open.iter().position(is_it) {
+                            gone(open.remove(index).handle);
+                        }
+                    });
+                    let mut refused = Vec::new();
+                    let (fields, id, path_id) = (requests.fields, requests.id, requests.path_id);
+                    let drained = requests.server.drain(|ticket, bytes| {
+                        if open.len() == MAX_OPEN {
+                            return refused.push(ticket);
+                        }
+                        let handle = *next_handle;
+                        *next_handle += 1;
+                        open.push(Open { handle, service: id, ticket });
+                        take(Taken {
+                            handle,
+                            service: id,
+                            path_id: path_id.map_or(0, |offset| word(bytes, offset)),
+                            deadline: fields.deadline(bytes),
+                            bytes: bytes.to_vec(),
+                        });
+                    });
+                    if let Err(error) = drained {
+                        tracing::debug!(key = mirror.service.key, %error, "requests cannot be taken");
+                    }
+                    for ticket in refused {
+                        let report = RequestReport::new(
+                            ipc_types::code::Stage::Refused,
+                            ipc_types::code::Reason::TooManyRequests,
+                        );
+                        let _ = requests.server.report(ticket, &report);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Answers a client on this machine.
+    pub fn report(&mut self, handle: u64, report: &RequestReport) {
+        let Some(index) = self.open.iter().position(|open| open.handle == handle) else {
+            return;
+        };
+        let Open { service, ticket, .. } = self.open[index];
+        if report.is_final() {
+            self.open.remove(index);
+        }
+        let server = self.list.iter_mut().find_map(|mirror| mirror.requests(service));
+        if let Some(requests) = server
+            && let Err(error) = requests.server.report(ticket, report)
+        {
+            tracing::debug!(%error, "a client was not told");
+        }
+    }
+
+    /// What was counted of all topics.
+    pub fn counts(&self) -> Counts {
+        self.list.iter().fold(Counts::default(), |sum, mirror| match &mirror.port {
+            Port::Topic(topic) => sum.plus(topic.inlet.counts()),
+            Port::Requests(_) => sum,
+        })
+    }
+}
+
+impl Mirror {
+    fn is_of(&self, service: &Service) -> bool {
+        self.service.key == service.key
+            && self.service.takes_requests == service.takes_requests
+            && self.service.schema == service.schema
+    }
+
+    fn topic(&mut self, key: &str) -> Option<&mut Topic> {
+        match &mut self.port {
+            Port::Topic(topic) if self.service.key == key => Some(topic),
+            Port::Topic(_) | Port::Requests(_) => None,
+        }
+    }
+
+    fn requests(&mut self, id: u64) -> Option<&mut Requests> {
+        match &mut self.port {
+            Port::Requests(requests) if requests.id == id => Some(requests),
+            Port::Topic(_) | Port::Requests(_) => None,
+        }
+    }
+}
+
+impl Port {
+    fn open(service: &Service, ipc: &Ipc) -> Result<Port, DynamicError> {
+        if service.takes_requests {
+            let server = DynamicServer::open(ipc, &service.key, &service.schema)?;
+            let schema = server.schema();
+            return Ok(Port::Requests(Box::new(Requests {
+                fields: RequestFields::of(schema),
+                id: service_id(&service.key, schema),
+                path_id: schema.number("path_id").map(|leaf| leaf.offset),
+                server,
+            })));
+        }
+        let publisher = DynamicPublisher::open(ipc, &service.key, &service.schema)?;
+        Ok(Port::Topic(Box::new(Topic {
+            moments: publisher.schema().moments(),
+            publisher,
+            inlet: Inlet::default(),
+        })))
+    }
+
+    fn descriptor(&self) -> Result<std::os::fd::BorrowedFd<'_>, ipc_types::WaitError> {
+        match self {
+            Port::Topic(topic) => topic.publisher.descriptor(),
+            Port::Requests(requests) => requests.server.descriptor(),
+        }
+    }
+}
+
+fn word(bytes: &[u8], offset: usize) -> u64 {
+    let word = bytes.get(offset..).and_then(|bytes| bytes.first_chunk());
+    word.map_or(0, |word| u64::from_le_bytes(*word))
+}
+
+/// Turns the robot's moments into those of this machine's clock. What is not younger than the sample can be is as old as it: no
+/// moment lies in the future. 0 stands for never and stays.
+fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: MonotonicNs) {
+    for offset in moments {
+        let remote = word(sample, *offset);
+        if remote == 0 {
+            continue;
+        }
+        // Without an estimate nothing is published: the link is up only with one.
+        let local = clock.to_local(RemoteNs(remote)).unwrap_or_default().min(now);
+        if let Some(bytes) = sample.get_mut(*offset..*offset + 8) {
+            bytes.copy_from_slice(&local.0.max(1).to_le_bytes());
+        }
+    }
+}
+
+/// The same of a report.
+pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: MonotonicNs) {
+    let local = clock.to_local(RemoteNs(report.reported_ns)).unwrap_or(now);
+    report.reported_ns = local.min(now).0;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ipc_types::Schema;
+
+    #[test]
+    fn a_schema_that_is_none_is_refused_and_never_a_panic() {
+        assert!(Schema::parse("").is_err());
+        assert_eq!(word(&[1, 2, 3], 0), 0);
+        assert_eq!(word(&[0; 8], usize::MAX), 0);
+    }
+}

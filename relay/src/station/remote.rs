@@ -1,0 +1,312 @@
+//! [`Remote`]: one robot of a station: its link, its services here, and the requests to it.
+
+use std::os::fd::BorrowedFd;
+use std::time::Duration;
+
+use ipc_types::code::ModuleStatus;
+use ipc_types::module::{State, doing_bytes};
+use ipc_types::payload::{RelayLink, ascii_bytes};
+use ipc_types::{Ipc, Module, MonotonicNs, Publisher, RelayModule, StateOf, WaitError};
+
+use super::link::Link;
+use super::mirror::{Mirrors, Taken, translate_report};
+use crate::Failure;
+use crate::config::{Config, RemoteRobot};
+use crate::message::{Ask, Command, NoMessage, Pong, SampleHeader, Service, Tell, decode, encode};
+use crate::names;
+use crate::network::{Inbox, Network};
+use crate::orders::station::{Config as OrderConfig, Origin, Output, Request, Station};
+use crate::random::{fresh, suspended_ns};
+
+/// Samples that may wait: 5 s of ten topics at 50 a second.
+const SAMPLES: usize = 2500;
+
+/// Answers that may wait.
+const ANSWERS: usize = 512;
+
+/// How often state and link are published though nothing has changed, and services that another process provided here are tried
+/// again.
+const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
+
+/// One robot of a station.
+pub struct Remote {
+    robot: RemoteRobot,
+    station: String,
+    link: Link,
+    mirrors: Mirrors,
+    orders: Station,
+    /// Deadline of a request that has none of its own.
+    default_deadline: Duration,
+    endpoints: String,
+    tells: Inbox,
+    samples: Inbox,
+    state: Publisher<StateOf<RelayModule>>,
+    link_out: Publisher<RelayLink>,
+    counts: Counts,
+    next_publish: MonotonicNs,
+    ipc: Ipc,
+}
+
+/// What was sent and received.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    bytes_received: u64,
+    bytes_sent: u64,
+    orders_sent: u64,
+    orders_repeated: u64,
+    orders_unknown: u64,
+    unreadable: u64,
+}
+
+impl Remote {
+    /// Opens the ports that are there before anything of the robot is known.
+    pub fn open(robot: RemoteRobot, ipc: Ipc, station: &str, config: &Config, network: &Network) -> Result<Remote, Failure> {
+        let now = MonotonicNs::now();
+        Ok(Remote {
+            station: station.to_owned(),
+            link: Link::new(fresh(), config.network.silent_after(), now),
+            mirrors: Mirrors::new()?,
+            orders: Station::new(OrderConfig {
+                give_up: config.commands.unknown_after(),
+            }),
+            default_deadline: config.commands.deadline(),
+            endpoints: [&config.station.connect[..], &config.station.listen[..]].concat().join(" "),
+            tells: network.receive(&names::tell(robot.number, station), ANSWERS)?,
+            samples: network.receive(&names::topics(robot.number), SAMPLES)?,
+            state: ipc.publisher()?,
+            link_out: ipc.publisher()?,
+            counts: Counts::default(),
+            next_publish: now,
+            robot,
+            ipc,
+        })
+    }
+
+    /// What to wait for.
+    pub fn ports(&self) -> [Result<BorrowedFd<'_>, WaitError>; 3] {
+        [
+            self.state.descriptor(),
+            self.link_out.descriptor(),
+            Ok(self.mirrors.ports().descriptor()),
+        ]
+    }
+
+    /// Takes what has come, and does what is due.
+    pub fn step(&mut self, network: &Network, now: MonotonicNs) {
+        let mut out = Vec::new();
+        self.take_samples();
+        self.take_tells(&mut out);
+        if self.link.pass(now) {
+            tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
+            self.next_publish = now;
+        }
+        self.take_requests(now, &mut out);
+        self.orders.tick(now, &mut out);
+        self.carry_out(&out, network, now);
+        if let Some(ping) = self.link.ping(MonotonicNs::now(), suspended_ns()) {
+            self.ask(network, &Ask::Ping(ping));
+        }
+        if let Some((robot_life, index)) = self.link.describe(now) {
+            self.ask(network, &Ask::Describe { robot_life, index });
+        }
+        self.state.tend();
+        self.link_out.tend();
+        if now >= self.next_publish {
+            self.mirrors.retry(&self.ipc);
+            self.publish(now);
+        }
+    }
+
+    /// When something is to be done though nothing comes.
+    pub fn deadline(&self) -> MonotonicNs {
+        let orders = self.orders.deadline().unwrap_or(MonotonicNs(u64::MAX));
+        self.link.deadline().min(orders).min(self.next_publish)
+    }
+
+    fn ask(&mut self, network: &Network, ask: &Ask) {
+        let message = encode(ask);
+        self.counts.bytes_sent += message.len() as u64;
+        network.send(&names::ask(self.robot.number, &self.station), message);
+    }
+
+    fn take_samples(&mut self) {
+        let (link, mirrors, counts) = (&mut self.link, &mut self.mirrors, &mut self.counts);
+        self.samples.drain(|incoming| {
+            counts.bytes_received += (incoming.payload.len() + incoming.attachment.len()) as u64;
+            let Ok(header) = decode::<SampleHeader>(incoming.attachment) else {
+                counts.unreadable += 1;
+                return;
+            };
+            // A sample of another life of the robot's relay waits for its first answer, which may have another clock.
+            if !link.is_up() || link.robot_life() != Some(header.robot_life) {
+                return;
+            }
+            let key = names::last(incoming.key);
+            if mirrors.publish(key, &header, incoming.payload, link.clock(), incoming.at) {
+                link.hear_sample();
+            }
+        });
+    }
+
+    fn take_tells(&mut self, out: &mut Vec<Output>) {
+        let mut tells = Vec::new();
+        let counts = &mut self.counts;
+        self.tells.drain(|incoming| {
+            counts.bytes_received += incoming.payload.len() as u64;
+            match decode::<Tell>(incoming.payload) {
+                Ok(tell) => tells.push((tell, incoming.at)),
+                Err(error) => note_unreadable(counts, &error),
+            }
+        });
+        for (tell, at) in tells {
+            match tell {
+                Tell::Pong(pong) => self.take_pong(&pong, at, out),
+                Tell::Service(service) => self.take_service(service),
+                Tell::Answer(answer) => {
+                    if let Some(answer) = answer.answer() {
+                        self.orders.answer(&answer, at, out);
+                    }
+                }
+                Tell::UnknownSession(session) => self.orders.unknown_session(session),
+            }
+        }
+    }
+
+    fn take_pong(&mut self, pong: &Pong, at: MonotonicNs, out: &mut Vec<Output>) {
+        let news = self.link.take(pong, at, suspended_ns());
+        if pong.session != 0 {
+            self.orders.session(pong.session, at, out);
+        }
+        if let Some(estimate) = self.link.clock().estimate(at) {
+            self.orders.round_trip(Duration::from_nanos(estimate.round_trip_ns));
+        }
+        if news.is_up {
+            tracing::info!(robot = %self.robot.number, "the link to the robot is up");
+            self.next_publish = at;
+        }
+    }
+
+    fn take_service(&mut self, service: Service) {
+        if self.link.take_description(&service) && (self.robot.command || !service.takes_requests) {
+            self.mirrors.provide(service, &self.ipc);
+        }
+    }
+
+    fn take_requests(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        let (mut taken, mut gone) = (Vec::new(), Vec::new());
+        self.mirrors.serve(|request| taken.push(request), |handle| gone.push(handle));
+        for handle in gone {
+            self.orders.give_up(handle, now, out);
+        }
+        for request in taken {
+            let expires = self.expires(&request, now);
+            let is_up = self.link.is_up() && self.link.session() != 0 && expires.is_some();
+            let request = Request {
+                handle: request.handle,
+                path_id: request.path_id,
+                topic: request.service,
+                expires: expires.unwrap_or_default(),
+                bytes: request.bytes,
+            };
+            self.counts.orders_sent += 1;
+            self.orders.request(request, is_up, now, out);
+        }
+    }
+
+    /// The earliest moment of the robot's clock at which the request's deadline can be.
+    fn expires(&self, request: &Taken, now: MonotonicNs) -> Option<MonotonicNs> {
+        let clock = self.link.clock();
+        let due = now + request.deadline.unwrap_or(self.default_deadline);
+        let uncertainty_ns = clock.estimate(due)?.uncertainty_ns;
+        Some(MonotonicNs(clock.to_remote(due)?.0.saturating_sub(uncertainty_ns)))
+    }
+
+    fn carry_out(&mut self, out: &[Output], network: &Network, now: MonotonicNs) {
+        for output in out {
+            match output {
+                Output::Send(order) => {
+                    let message = encode(&Command::from(order));
+                    self.counts.bytes_sent += message.len() as u64;
+                    self.counts.orders_repeated += u64::from(order.is_repeat);
+                    network.send(&names::order(self.robot.number, &self.station), message);
+                }
+                Output::Report { handle, report, origin } => {
+                    let mut report = *report;
+                    if *origin == Origin::Robot {
+                        translate_report(&mut report, self.link.clock(), now);
+                    }
+                    let is_unknown = report.stage() == Some(ipc_types::code::Stage::Unknown);
+                    self.counts.orders_unknown += u64::from(is_unknown);
+                    self.mirrors.report(*handle, &report);
+                }
+            }
+        }
+    }
+
+    fn publish(&mut self, now: MonotonicNs) {
+        self.next_publish = now + PUBLISH_PERIOD;
+        let (functionality, doing) = match self.link.is_up() {
+            true => (RelayModule::RELAYING, "relaying from the robot"),
+            false => (RelayModule::WAITING, "waiting for the robot"),
+        };
+        let state = State {
+            published_ns: now.0,
+            since_ns: self.link.since().0,
+            module_id: RelayModule::ID,
+            status: ModuleStatus::Running.code(),
+            functionality,
+            doing: doing_bytes(doing),
+            ..State::default()
+        };
+        let row = self.row(now);
+        let published = self.state.publish(|sample| *sample = StateOf::new(state));
+        let published = published.and(self.link_out.publish(|sample| *sample = row));
+        if let Err(error) = published {
+            tracing::debug!(%error, "the link cannot be published");
+        }
+    }
+
+    /// How the link is, as it is published.
+    fn row(&self, now: MonotonicNs) -> RelayLink {
+        let samples = self.mirrors.counts();
+        let clock = self.link.clock();
+        let mut row = RelayLink {
+            published_ns: now.0,
+            since_ns: self.link.since().0,
+            last_heard_ns: self.link.last_heard().unwrap_or_default().0,
+            samples_received: samples.received,
+            samples_lost_on_air: samples.lost_on_air,
+            samples_lost_in_relay: samples.lost_in_relay,
+            samples_left_out: samples.left_out,
+            bytes_received: self.counts.bytes_received,
+            bytes_sent: self.counts.bytes_sent,
+            orders_sent: self.counts.orders_sent,
+            orders_repeated: self.counts.orders_repeated,
+            orders_unknown: self.counts.orders_unknown,
+            state: self.link.state().code(),
+            robot: self.robot.number.get(),
+            clock_resets: u32::try_from(clock.resets()).unwrap_or(u32::MAX),
+            outages: self.link.outages(),
+            orders_open: self.orders.open() as u32,
+            link: ascii_bytes(&self.endpoints),
+            station: ascii_bytes(&self.station),
+            ..RelayLink::default()
+        };
+        if let Some(estimate) = clock.estimate(now) {
+            row.clock_offset_ns = estimate.offset_ns;
+            row.clock_uncertainty_s = estimate.uncertainty_ns as f64 * 1e-9;
+            row.round_trip_s = estimate.round_trip_ns as f64 * 1e-9;
+            row.clock_drift_ppb = i32::try_from(estimate.drift_ppb).unwrap_or_default();
+            row.clock_valid = 1;
+        }
+        row
+    }
+}
+
+/// Once, and then each time that their number has doubled.
+fn note_unreadable(counts: &mut Counts, error: &NoMessage) {
+    counts.unreadable += 1;
+    if counts.unreadable.is_power_of_two() {
+        tracing::warn!(%error, count = counts.unreadable, "messages that are none have come");
+    }
+}
