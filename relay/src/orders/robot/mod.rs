@@ -2,6 +2,7 @@
 
 mod io;
 mod record;
+mod records;
 mod sessions;
 
 #[cfg(test)]
@@ -17,12 +18,10 @@ use super::WINDOW;
 use super::message::{Order, UnknownSession, request_id};
 use super::verdict::Verdict;
 pub use io::{NotSent, Output, Repeat};
-use record::{Passage, Record, State};
+use record::State;
+pub use records::ORPHANS;
+use records::{Known, Records};
 pub use sessions::SESSIONS;
-
-/// Requests that go on although their session is forgotten: as many as eight services can have open for one client. Above that
-/// the oldest is given up at its server.
-pub const ORPHANS: usize = 64;
 
 /// How long the robot side waits before it passes a request on again that could not be sent.
 const SEND_AGAIN: Duration = Duration::from_millis(100);
@@ -60,18 +59,7 @@ impl Default for Config {
 pub struct Robot {
     config: Config,
     sessions: sessions::Sessions,
-    records: Vec<Record>,
-}
-
-/// What an order is to this robot side.
-enum Known {
-    /// This record is about it.
-    Yes(usize),
-    /// The record of the same request, which gets this order's session and number.
-    Moved(usize),
-    /// Another station, or another service, has a request with this id open.
-    IdIsTaken,
-    No,
+    records: Records,
 }
 
 impl Robot {
@@ -80,7 +68,7 @@ impl Robot {
         Robot {
             config,
             sessions: sessions::Sessions::new(seed),
-            records: Vec::new(),
+            records: Records::default(),
         }
     }
 
@@ -95,16 +83,16 @@ impl Robot {
         let records = &self.records;
         let forgotten = self
             .sessions
-            .make_room(|session| has_open(records, session.token));
+            .make_room(|session| records.has_open(session.token));
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
             let is_news = limit.and_then(|limit| session.lost_at(limit)).is_some();
-            if is_news && has_open(&self.records, session.token) {
+            if is_news && self.records.has_open(session.token) {
                 out.push(Output::LinkLost {
                     station: session.station,
                 });
             }
-            self.forget(session.token, u64::MAX, out);
+            self.records.forget(session.token, u64::MAX, out);
         }
         self.sessions.begin(station, now)
     }
@@ -128,12 +116,12 @@ impl Robot {
         session.floor = former_floor.max(order.floor);
         let floor = session.floor;
         if floor > former_floor {
-            self.forget(order.session, floor, out);
+            self.records.forget(order.session, floor, out);
         }
         if order.number < floor || order.number - floor >= WINDOW {
             return;
         }
-        let index = match self.known(order, station) {
+        let index = match self.records.known(order, station) {
             Known::Yes(index) => index,
             Known::Moved(index) => {
                 let record = &mut self.records[index];
@@ -141,12 +129,15 @@ impl Robot {
                 index
             }
             Known::IdIsTaken if order.is_repeat => {
-                self.remember(order, station, Some(Verdict::NotRemembered), now)
+                self.records
+                    .remember(order, station, Some(Verdict::NotRemembered), now)
             }
-            Known::IdIsTaken => self.remember(order, station, Some(Verdict::Busy), now),
+            Known::IdIsTaken => self
+                .records
+                .remember(order, station, Some(Verdict::Busy), now),
             Known::No => {
                 let verdict = judge(order, repeat, now);
-                let index = self.remember(order, station, verdict, now);
+                let index = self.records.remember(order, station, verdict, now);
                 self.pass_on(index, out);
                 index
             }
@@ -166,7 +157,7 @@ impl Robot {
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) {
-        let Some(index) = self.passed_on(topic, report.request_id) else {
+        let Some(index) = self.records.passed_on(topic, report.request_id) else {
             return;
         };
         let still_open = self.config.still_open;
@@ -194,7 +185,7 @@ impl Robot {
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) {
-        let Some(index) = self.passed_on(topic, request_id) else {
+        let Some(index) = self.records.passed_on(topic, request_id) else {
             return;
         };
         let record = &mut self.records[index];
@@ -232,7 +223,7 @@ impl Robot {
         };
         for session in self.sessions.iter_mut() {
             let is_due = session.lost_at(link_loss).is_some_and(|at| at <= now);
-            if is_due && has_open(&self.records, session.token) {
+            if is_due && self.records.has_open(session.token) {
                 session.report_loss();
                 out.push(Output::LinkLost {
                     station: session.station,
@@ -248,7 +239,7 @@ impl Robot {
             _ => None,
         });
         let losses = self.config.link_loss.into_iter().flat_map(|link_loss| {
-            let open = |token| has_open(&self.records, token);
+            let open = |token| self.records.has_open(token);
             let watched = self
                 .sessions
                 .iter()
@@ -261,59 +252,6 @@ impl Robot {
     /// Orders that are remembered.
     pub fn remembered(&self) -> usize {
         self.records.len()
-    }
-
-    fn known(&self, order: &Order, station: u64) -> Known {
-        let id = request_id(&order.request);
-        let is_here = |record: &Record| record.session == Some(order.session);
-        let records = || self.records.iter().enumerate();
-        let copy = records().find(|(_, record)| is_here(record) && record.number == order.number);
-        if let Some((index, _)) = copy {
-            return Known::Yes(index);
-        }
-        let same = records().filter(|(_, record)| {
-            record.station == station && record.topic == order.topic && record.request_id == id
-        });
-        if let Some((index, record)) = same.max_by_key(|(_, record)| record.number) {
-            if record.number > order.number {
-                // A late copy of an order that has moved to another number.
-                return Known::Yes(index);
-            }
-            if record.is_open() || (is_here(record) && order.is_repeat) {
-                return Known::Moved(index);
-            }
-        }
-        let is_taken = records().any(|(_, record)| record.is_open() && record.request_id == id);
-        if is_taken {
-            Known::IdIsTaken
-        } else {
-            Known::No
-        }
-    }
-
-    /// Remembers an order, ended if there is a verdict about it.
-    fn remember(
-        &mut self,
-        order: &Order,
-        station: u64,
-        verdict: Option<Verdict>,
-        now: MonotonicNs,
-    ) -> usize {
-        let passage = Passage {
-            request: order.request.clone(),
-            is_repeat: order.is_repeat,
-            expires: order.expires,
-            since: now,
-            unsent_since: None,
-        };
-        let id = request_id(&order.request);
-        let owner = (station, order.session);
-        let mut record = Record::new(owner, order.number, order.topic, id, passage);
-        if let Some(verdict) = verdict {
-            record.note(&verdict.report(id, now));
-        }
-        self.records.push(record);
-        self.records.len() - 1
     }
 
     /// Passes an order on, unless it has ended.
@@ -357,41 +295,7 @@ impl Robot {
                 answer,
             });
         } else if !record.is_open() {
-            self.records.swap_remove(index);
-        }
-    }
-
-    fn passed_on(&self, topic: u16, request_id: u64) -> Option<usize> {
-        self.records.iter().position(|record| {
-            record.topic == topic
-                && record.request_id == request_id
-                && matches!(record.state, State::PassedOn(_))
-        })
-    }
-
-    /// Forgets what a session has below `floor`. What is open goes on without a session.
-    fn forget(&mut self, session: u64, floor: u64, out: &mut Vec<Output>) {
-        let is_meant = |record: &Record| record.session == Some(session) && record.number < floor;
-        self.records
-            .retain(|record| !is_meant(record) || record.is_open());
-        for record in &mut self.records {
-            if is_meant(record) {
-                record.session = None;
-            }
-        }
-        let orphans = self
-            .records
-            .iter()
-            .filter(|record| record.session.is_none());
-        for _ in ORPHANS..orphans.count() {
-            // Records are not in the order of their age, but about so: the first one is old.
-            let oldest = self
-                .records
-                .iter()
-                .position(|record| record.session.is_none());
-            if let Some(index) = oldest {
-                out.push(self.records.swap_remove(index).give_up());
-            }
+            self.records.remove(index);
         }
     }
 }
@@ -414,9 +318,4 @@ fn judge(order: &Order, repeat: Repeat, now: MonotonicNs) -> Option<Verdict> {
 /// life. A request that was refused as busy is answered in the same way, and cannot be told from it.
 fn is_still_open(report: &RequestReport) -> bool {
     report.stage() == Some(Stage::Refused) && report.reason() == Some(Reason::Busy)
-}
-
-fn has_open(records: &[Record], session: u64) -> bool {
-    let mut records = records.iter();
-    records.any(|record| record.session == Some(session) && record.is_open())
 }
