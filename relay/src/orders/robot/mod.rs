@@ -1,0 +1,321 @@
+//! [`Robot`]: the robot side's memory of orders. See the [states](super).
+
+mod io;
+mod record;
+mod records;
+mod sessions;
+
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::RequestReport;
+
+use super::WINDOW;
+use super::message::{Order, UnknownSession, request_id};
+use super::verdict::Verdict;
+pub use io::{NotSent, Output, Repeat};
+use record::State;
+pub use records::ORPHANS;
+use records::{Known, Records};
+pub use sessions::SESSIONS;
+
+/// How long the robot side waits before it passes a request on again that could not be sent.
+const SEND_AGAIN: Duration = Duration::from_millis(100);
+
+/// How long the robot side tries to send a request: a bridge that is restarted is back within this time. A request is not
+/// sent after its deadline, which may be earlier.
+const SEND_TOTAL: Duration = Duration::from_secs(2);
+
+/// How long the robot side waits before it asks again for a request that is open at the server without a client.
+const ASK_AGAIN: Duration = Duration::from_millis(500);
+
+/// Settings of the robot side.
+#[derive(Clone, Copy, Debug)]
+pub struct Config {
+    /// A station with an open order that was silent for so long is reported as lost. None: never.
+    pub link_loss: Option<Duration>,
+    /// How long the robot side asks for the end of a request that a former life of the robot side had passed on. Longer than
+    /// any movement takes.
+    pub still_open: Duration,
+}
+
+impl Default for Config {
+    fn default() -> Config {
+        Config {
+            link_loss: None,
+            still_open: Duration::from_secs(3600),
+        }
+    }
+}
+
+/// The robot side of all stations' orders.
+///
+/// Its memory is bounded: [`SESSIONS`] · [`WINDOW`] + [`ORPHANS`] orders.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    config: Config,
+    sessions: sessions::Sessions,
+    records: Records,
+}
+
+impl Robot {
+    /// A robot side without memory. `seed` is random: tokens of sessions must differ from those of former lives.
+    pub fn new(config: Config, seed: u64) -> Robot {
+        Robot {
+            config,
+            sessions: sessions::Sessions::new(seed),
+            records: Records::default(),
+        }
+    }
+
+    /// The session of this life of a station; call it for every clock message of the station, and send the session back with
+    /// the answer. The least recently heard station is forgotten for a new one, stations without open orders first. A station
+    /// that is forgotten with open orders cannot be watched any more: it counts as lost.
+    pub fn session_for(&mut self, station: u64, now: MonotonicNs, out: &mut Vec<Output>) -> u64 {
+        if let Some(session) = self.sessions.of_station(station) {
+            session.hear(now);
+            return session.token;
+        }
+        let records = &self.records;
+        let forgotten = self
+            .sessions
+            .make_room(|session| records.has_open(session.token));
+        if let Some(session) = forgotten {
+            let limit = self.config.link_loss;
+            let is_news = limit.and_then(|limit| session.lost_at(limit)).is_some();
+            if is_news && self.records.has_open(session.token) {
+                out.push(Output::LinkLost {
+                    station: session.station,
+                });
+            }
+            self.records.forget(session.token, u64::MAX, out);
+        }
+        self.sessions.begin(station, now)
+    }
+
+    /// An order has come. `repeat` is what its topic's requests can do.
+    pub fn order(
+        &mut self,
+        order: &Order,
+        repeat: Repeat,
+        now: MonotonicNs,
+        out: &mut Vec<Output>,
+    ) {
+        let Some(session) = self.sessions.of(order.session) else {
+            out.push(Output::UnknownSession(UnknownSession {
+                session: order.session,
+            }));
+            return;
+        };
+        session.hear(now);
+        let (station, former_floor) = (session.station, session.floor);
+        session.floor = former_floor.max(order.floor);
+        let floor = session.floor;
+        if floor > former_floor {
+            self.records.forget(order.session, floor, out);
+        }
+        if order.number < floor || order.number - floor >= WINDOW {
+            return;
+        }
+        let index = match self.records.known(order, station) {
+            Known::Yes(index) => index,
+            Known::Moved(index) => {
+                let record = &mut self.records[index];
+                (record.session, record.number) = (Some(order.session), order.number);
+                index
+            }
+            Known::IdIsTaken if order.is_repeat => {
+                self.records
+                    .remember(order, station, Some(Verdict::NotRemembered), now)
+            }
+            Known::IdIsTaken => self
+                .records
+                .remember(order, station, Some(Verdict::Busy), now),
+            Known::No => {
+                let verdict = judge(order, repeat, now);
+                let index = self.records.remember(order, station, verdict, now);
+                self.pass_on(index, out);
+                index
+            }
+        };
+        // A late copy of another order must not give up one that its client sent after it, with the same request id.
+        if order.is_given_up && self.records[index].number == order.number {
+            self.give_up(index, now, out);
+        }
+        self.answer(index, out);
+    }
+
+    /// A report about a request has come from its server, or from the client's port.
+    pub fn report(
+        &mut self,
+        topic: u16,
+        report: &RequestReport,
+        now: MonotonicNs,
+        out: &mut Vec<Output>,
+    ) {
+        let Some(index) = self.records.passed_on(topic, report.request_id) else {
+            return;
+        };
+        let still_open = self.config.still_open;
+        let record = &mut self.records[index];
+        match &mut record.state {
+            State::PassedOn(passage) if passage.is_repeat && is_still_open(report) => {
+                if now.since(passage.since) < still_open {
+                    passage.unsent_since = None;
+                    record.wait(now + ASK_AGAIN);
+                    return;
+                }
+                record.note(&Verdict::StillOpen.report(report.request_id, now));
+            }
+            _ => record.note(report),
+        }
+        self.noted(index, out);
+    }
+
+    /// A request that [`Output::Send`] is about was not sent.
+    pub fn not_sent(
+        &mut self,
+        topic: u16,
+        request_id: u64,
+        why: NotSent,
+        now: MonotonicNs,
+        out: &mut Vec<Output>,
+    ) {
+        let Some(index) = self.records.passed_on(topic, request_id) else {
+            return;
+        };
+        let record = &mut self.records[index];
+        let State::PassedOn(passage) = &mut record.state else {
+            return;
+        };
+        let unsent_for = passage.unsent_for(now);
+        let (verdict, total) = match (why, passage.is_repeat) {
+            (NotSent::NoServer, false) => (Verdict::NoServer, SEND_TOTAL),
+            (NotSent::NoServer, true) => (Verdict::ServerGone, SEND_TOTAL),
+            (NotSent::Full, false) => (Verdict::TooManyRequests, SEND_TOTAL),
+            (NotSent::Full, true) => (Verdict::StillOpen, self.config.still_open),
+        };
+        if unsent_for < total {
+            record.wait(now + SEND_AGAIN);
+            return;
+        }
+        record.note(&verdict.report(request_id, now));
+        self.noted(index, out);
+    }
+
+    /// Does what is due. Call it at [`Robot::deadline`].
+    pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        // From the end, because a record without a session is removed when it ends.
+        for index in (0..self.records.len()).rev() {
+            if self.records[index].resume(now) {
+                self.pass_on(index, out);
+                if !self.records[index].is_open() {
+                    self.noted(index, out);
+                }
+            }
+        }
+        let Some(link_loss) = self.config.link_loss else {
+            return;
+        };
+        for session in self.sessions.iter_mut() {
+            let is_due = session.lost_at(link_loss).is_some_and(|at| at <= now);
+            if is_due && self.records.has_open(session.token) {
+                session.report_loss();
+                out.push(Output::LinkLost {
+                    station: session.station,
+                });
+            }
+        }
+    }
+
+    /// When [`Robot::tick`] is due.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let retries = self.records.iter().filter_map(|record| match record.state {
+            State::Waiting(_, at) => Some(at),
+            _ => None,
+        });
+        let losses = self.config.link_loss.into_iter().flat_map(|link_loss| {
+            let open = |token| self.records.has_open(token);
+            let watched = self
+                .sessions
+                .iter()
+                .filter(move |session| open(session.token));
+            watched.filter_map(move |session| session.lost_at(link_loss))
+        });
+        retries.chain(losses).min()
+    }
+
+    /// Orders that are remembered.
+    pub fn remembered(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Passes an order on, unless it has ended.
+    fn pass_on(&self, index: usize, out: &mut Vec<Output>) {
+        let record = &self.records[index];
+        if let State::PassedOn(passage) = &record.state {
+            out.push(Output::Send {
+                topic: record.topic,
+                request_id: record.request_id,
+                is_repeat: passage.is_repeat,
+                expires: passage.expires,
+                request: passage.request.clone(),
+            });
+        }
+    }
+
+    fn give_up(&mut self, index: usize, now: MonotonicNs, out: &mut Vec<Output>) {
+        let record = &mut self.records[index];
+        if matches!(record.state, State::PassedOn(_)) {
+            out.push(record.give_up());
+        }
+        record.note(&Verdict::GivenUp.report(record.request_id, now));
+    }
+
+    /// Answers a copy of an order: with the first report, which may have been lost, and the newest.
+    fn answer(&self, index: usize, out: &mut Vec<Output>) {
+        let record = &self.records[index];
+        let answers = [record.first(), record.newest()];
+        out.extend(answers.into_iter().flatten().map(|answer| Output::Answer {
+            station: record.station,
+            answer,
+        }));
+    }
+
+    /// Sends the newest report on; an order that ended without a session is forgotten.
+    fn noted(&mut self, index: usize, out: &mut Vec<Output>) {
+        let record = &self.records[index];
+        if let Some(answer) = record.newest() {
+            out.push(Output::Answer {
+                station: record.station,
+                answer,
+            });
+        } else if !record.is_open() {
+            self.records.remove(index);
+        }
+    }
+}
+
+/// What the relay itself says about an order that it sees for the first time. None: the server is asked.
+fn judge(order: &Order, repeat: Repeat, now: MonotonicNs) -> Option<Verdict> {
+    if request_id(&order.request) == 0 {
+        Some(Verdict::InvalidRequest)
+    } else if order.is_given_up {
+        Some(Verdict::GivenUp)
+    } else if order.is_repeat {
+        // It may have been executed: that it is too late now says nothing.
+        (repeat == Repeat::None).then_some(Verdict::NotRemembered)
+    } else {
+        (order.expires < now).then_some(Verdict::Expired)
+    }
+}
+
+/// Whether the answer to a repetition says that the request is still open at the server: its client was the robot side's former
+/// life. A request that was refused as busy is answered in the same way, and cannot be told from it.
+fn is_still_open(report: &RequestReport) -> bool {
+    report.stage() == Some(Stage::Refused) && report.reason() == Some(Reason::Busy)
+}

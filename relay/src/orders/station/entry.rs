@@ -1,0 +1,173 @@
+//! One order in the memory of the station.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::Stage;
+use ipc_types::payload::RequestReport;
+
+use super::Request;
+use crate::orders::message::Order;
+
+/// How often an order is asked for that the robot has answered, and the longest pause between two copies of one that it has not.
+pub(super) const ASK_PERIOD: Duration = Duration::from_secs(1);
+
+/// Who waits for the reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Client {
+    Waits,
+    /// It went away, or was told that the outcome is unknown.
+    Gone,
+}
+
+/// An order that is not settled.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    pub(super) request: Request,
+    pub(super) request_id: u64,
+    pub(super) client: Client,
+    pub(super) number: u64,
+    /// The lowest number under which the robot side may remember this order: until it has answered the present number, the
+    /// former one.
+    pub(super) lowest: u64,
+    /// Another session, or another number, was used before.
+    is_repeat: bool,
+    /// The robot side has answered under the present number.
+    pub(super) is_answered: bool,
+    /// Copies that were sent since the last answer.
+    unanswered: u32,
+    next_ask: MonotonicNs,
+    last_answer: MonotonicNs,
+    /// Serial number of the newest report that was handed on, in this session; 0 for none.
+    handed_on: u32,
+    /// A report that is not final was handed on, in whatever session.
+    has_begun: bool,
+    /// The newest report, while the first one is missing.
+    held: Option<(u32, RequestReport)>,
+}
+
+impl Entry {
+    pub(super) fn new(request: Request, request_id: u64, number: u64, now: MonotonicNs) -> Entry {
+        Entry {
+            request,
+            request_id,
+            client: Client::Waits,
+            number,
+            lowest: number,
+            is_repeat: false,
+            is_answered: false,
+            unanswered: 0,
+            next_ask: now,
+            last_answer: now,
+            handed_on: 0,
+            has_begun: false,
+            held: None,
+        }
+    }
+
+    /// When the next copy is due.
+    pub(super) fn next_ask(&self) -> MonotonicNs {
+        self.next_ask
+    }
+
+    /// When the robot has been silent about this order for `give_up`. None if no client waits.
+    pub(super) fn lost_at(&self, give_up: Duration) -> Option<MonotonicNs> {
+        (self.client == Client::Waits).then(|| self.last_answer + give_up)
+    }
+
+    /// One more copy. The pause after it doubles from `timeout` on, until an answer comes.
+    pub(super) fn ask(
+        &mut self,
+        session: u64,
+        floor: u64,
+        timeout: Duration,
+        now: MonotonicNs,
+    ) -> Order {
+        let doublings = self.unanswered.min(8);
+        self.next_ask = now + ASK_PERIOD.min(timeout * (1 << doublings));
+        self.unanswered = self.unanswered.saturating_add(1);
+        Order {
+            session,
+            number: self.number,
+            floor,
+            topic: self.request.topic,
+            expires: self.request.expires,
+            is_repeat: self.is_repeat,
+            is_given_up: self.client == Client::Gone,
+            request: self.request.bytes.clone(),
+        }
+    }
+
+    /// The order is asked for under another number of the same session, which the robot side knows it by.
+    pub(super) fn move_to(&mut self, number: u64, now: MonotonicNs) {
+        self.lowest = self.number;
+        self.renumber(number, now);
+    }
+
+    /// The order is asked for in another session, under another number. A final report that was held is returned: it is the true
+    /// one, and the robot side may not remember it.
+    pub(super) fn move_to_session(
+        &mut self,
+        number: u64,
+        now: MonotonicNs,
+    ) -> Option<RequestReport> {
+        self.lowest = number;
+        self.renumber(number, now);
+        self.handed_on = 0;
+        let (_, report) = self.held.take()?;
+        report.is_final().then_some(report)
+    }
+
+    fn renumber(&mut self, number: u64, now: MonotonicNs) {
+        self.number = number;
+        self.is_repeat = true;
+        self.is_answered = false;
+        self.unanswered = 0;
+        self.next_ask = now;
+    }
+
+    /// An answer has come. The reports that can now be handed on, in their order.
+    pub(super) fn take(
+        &mut self,
+        serial: u32,
+        report: &RequestReport,
+        timeout: Duration,
+        now: MonotonicNs,
+    ) -> [Option<RequestReport>; 2] {
+        self.is_answered = true;
+        self.lowest = self.number;
+        self.unanswered = 0;
+        self.last_answer = now;
+        self.next_ask = now + ASK_PERIOD;
+        if serial <= self.handed_on {
+            return [None, None];
+        }
+        if serial > 1 && self.handed_on == 0 && !self.has_begun {
+            if self.held.is_none_or(|(held, _)| held < serial) {
+                self.held = Some((serial, *report));
+            }
+            self.next_ask = now + timeout;
+            return [None, None];
+        }
+        let first = self.hand_on(serial, report);
+        let held = self.held.take();
+        [
+            first,
+            held.and_then(|(serial, report)| self.hand_on(serial, &report)),
+        ]
+    }
+
+    /// The final report that was held, when there will be no other.
+    pub(super) fn held_final(&mut self) -> Option<RequestReport> {
+        let (_, report) = self.held.take()?;
+        report.is_final().then_some(report)
+    }
+
+    fn hand_on(&mut self, serial: u32, report: &RequestReport) -> Option<RequestReport> {
+        self.handed_on = self.handed_on.max(serial);
+        // A server that was asked again may accept again.
+        let is_again = self.has_begun && report.stage() == Some(Stage::Accepted);
+        self.has_begun |= !report.is_final();
+        (!is_again).then_some(*report)
+    }
+}

@@ -1,0 +1,315 @@
+//! [`Station`]: the station's orders. See the [states](super).
+//!
+//! **Orders move.** A movement is open for minutes while short requests come and go, and would hold the floor down until no
+//! number below `floor + WINDOW` is left. So an open order whose number lies [`MOVE_AFTER`] behind moves to a new number. The robot
+//! side recognizes it by session and request id. The floor passes the former number when the robot side has answered the new one.
+
+mod entry;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::payload::RequestReport;
+
+use super::WINDOW;
+use super::message::{Answer, Order, request_id};
+use super::verdict::Verdict;
+use entry::{ASK_PERIOD, Client, Entry};
+
+/// Orders that a station has open at the same time: eight requests of one client to each of four services. One more is refused:
+/// too-many-requests.
+pub const OPEN_ORDERS: usize = 32;
+
+/// An open order so many numbers behind the newest moves to a new number.
+pub const MOVE_AFTER: u64 = WINDOW / 2;
+
+/// Former sessions that are known as such: a clock message of the robot side's former life may be late. One that is older
+/// is taken for a new session, which the robot side denies; the next clock message repairs that.
+const FORMER_SESSIONS: usize = 8;
+
+/// The shortest time after which an unanswered order is repeated.
+const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// Settings of the station.
+#[derive(Clone, Copy, Debug)]
+pub struct Config {
+    /// The client of an order that the robot has not answered for so long is told that the outcome is unknown. An outage shorter
+    /// than this ends with the true report.
+    pub give_up: Duration,
+}
+
+impl Default for Config {
+    fn default() -> Config {
+        Config {
+            give_up: Duration::from_secs(60),
+        }
+    }
+}
+
+/// A request of a client.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Request {
+    /// By what the caller knows the request; different from all that are open.
+    pub handle: u64,
+    /// Path of the request, which every report repeats; 0 if it has none.
+    pub path_id: u64,
+    /// Which request service of the robot.
+    pub topic: u16,
+    /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*; the caller takes the earliest
+    /// time that the deadline can be in that clock.
+    pub expires: MonotonicNs,
+    /// The request as its service has it.
+    pub bytes: Vec<u8>,
+}
+
+/// In which clock `reported_ns` of a report is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// The robot's.
+    Robot,
+    /// The station's.
+    Station,
+}
+
+/// What the station has to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Output {
+    /// Send this to the robot.
+    Send(Order),
+    /// Hand a report on to the client. After a final one, the handle is free.
+    Report {
+        /// Of the request.
+        handle: u64,
+        /// The report, with the request's id and path.
+        report: RequestReport,
+        /// Whose clock it has.
+        origin: Origin,
+    },
+}
+
+/// One life of a station: its orders to one robot.
+#[derive(Clone, Debug)]
+pub struct Station {
+    config: Config,
+    session: Option<u64>,
+    former_sessions: VecDeque<u64>,
+    /// In the order of their numbers.
+    entries: Vec<Entry>,
+    next_number: u64,
+    timeout: Duration,
+}
+
+impl Station {
+    /// A station that has not heard from its robot.
+    pub fn new(config: Config) -> Station {
+        Station {
+            config,
+            session: None,
+            former_sessions: VecDeque::with_capacity(FORMER_SESSIONS),
+            entries: Vec::with_capacity(OPEN_ORDERS),
+            next_number: 1,
+            timeout: 2 * LEAST_TIMEOUT,
+        }
+    }
+
+    /// The round trip to the robot was measured. An order is repeated after twice that, at least 100 ms and at most 1 s.
+    pub fn round_trip(&mut self, round_trip: Duration) {
+        self.timeout = (2 * round_trip.min(ASK_PERIOD)).clamp(LEAST_TIMEOUT, ASK_PERIOD);
+    }
+
+    /// A client has sent a request. It is refused at once when the link is down.
+    pub fn request(
+        &mut self,
+        request: Request,
+        is_link_up: bool,
+        now: MonotonicNs,
+        out: &mut Vec<Output>,
+    ) {
+        let id = request_id(&request.bytes);
+        self.catch_up(now, out);
+        let refusal = if id == 0 {
+            Some(Verdict::InvalidRequest)
+        } else if self.entries.iter().any(|entry| entry.request_id == id) {
+            Some(Verdict::Busy)
+        } else if !is_link_up || self.session.is_none() {
+            Some(Verdict::LinkDown)
+        } else if !self.has_room() {
+            Some(Verdict::TooManyRequests)
+        } else {
+            None
+        };
+        let entry = Entry::new(request, id, self.next_number, now);
+        if let Some(verdict) = refusal {
+            out.push(report(&entry, &verdict.report(id, now), Origin::Station));
+            return;
+        }
+        self.next_number += 1;
+        self.entries.push(entry);
+        self.ask_due(now, out);
+    }
+
+    /// The client of this request has gone: it gets no more reports, and the robot side gives the request up.
+    pub fn give_up(&mut self, handle: u64, now: MonotonicNs, out: &mut Vec<Output>) {
+        let mut entries = self.entries.iter_mut();
+        let entry =
+            entries.find(|entry| entry.client == Client::Waits && entry.request.handle == handle);
+        if let Some(entry) = entry {
+            entry.client = Client::Gone;
+            let number = entry.number;
+            self.ask(|entry| entry.number == number, now, out);
+        }
+    }
+
+    /// The robot has answered a clock message, with the session of this station.
+    pub fn session(&mut self, session: u64, now: MonotonicNs, out: &mut Vec<Output>) {
+        if self.session == Some(session) || self.former_sessions.contains(&session) {
+            return;
+        }
+        self.end_session();
+        self.session = Some(session);
+        let next_number = &mut self.next_number;
+        self.entries.retain_mut(|entry| {
+            let held = entry.move_to_session(*next_number, now);
+            if held.is_none() {
+                *next_number += 1;
+            }
+            if let (Some(held), Client::Waits) = (&held, entry.client) {
+                out.push(report(entry, held, Origin::Robot));
+            }
+            held.is_none()
+        });
+        self.ask_due(now, out);
+    }
+
+    /// The robot side does not know a session. Requests are refused until there is another one.
+    pub fn unknown_session(&mut self, session: u64) {
+        if self.session == Some(session) {
+            self.end_session();
+        }
+    }
+
+    /// The robot side has answered an order. One of a former session or number, or that is settled, is ignored.
+    pub fn answer(&mut self, answer: &Answer, now: MonotonicNs, out: &mut Vec<Output>) {
+        if self.session != Some(answer.session) {
+            return;
+        }
+        let mut entries = self.entries.iter();
+        let Some(index) = entries.position(|entry| entry.number == answer.number) else {
+            return;
+        };
+        let entry = &mut self.entries[index];
+        if entry.client == Client::Gone && answer.report.is_final() {
+            self.entries.remove(index);
+            return;
+        }
+        let ready = entry.take(answer.serial, &answer.report, self.timeout, now);
+        if entry.client == Client::Gone {
+            return;
+        }
+        for ready in ready.into_iter().flatten() {
+            out.push(report(&self.entries[index], &ready, Origin::Robot));
+            if ready.is_final() {
+                self.entries.remove(index);
+                return;
+            }
+        }
+    }
+
+    /// Does what is due. Call it at [`Station::deadline`].
+    pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        let limit = self.config.give_up;
+        self.entries.retain_mut(|entry| {
+            if entry.lost_at(limit).is_none_or(|at| at > now) {
+                return true;
+            }
+            entry.client = Client::Gone;
+            if let Some(held) = entry.held_final() {
+                out.push(report(entry, &held, Origin::Robot));
+                return false;
+            }
+            let lost = Verdict::LinkLost.report(entry.request_id, now);
+            out.push(report(entry, &lost, Origin::Station));
+            true
+        });
+        self.ask_due(now, out);
+    }
+
+    /// When [`Station::tick`] is due.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let entries = self.entries.iter();
+        let asks = entries.filter_map(|entry| self.session.map(|_| entry.next_ask()));
+        let entries = self.entries.iter();
+        let losses = entries.filter_map(|entry| entry.lost_at(self.config.give_up));
+        asks.chain(losses).min()
+    }
+
+    /// Orders that are not settled, those that were given up included.
+    pub fn open(&self) -> usize {
+        self.entries.len()
+    }
+
+    fn end_session(&mut self) {
+        if let Some(former) = self.session.take() {
+            if self.former_sessions.len() == FORMER_SESSIONS {
+                self.former_sessions.pop_front();
+            }
+            self.former_sessions.push_back(former);
+        }
+    }
+
+    fn floor(&self) -> u64 {
+        let lowest = self.entries.iter().map(|entry| entry.lowest).min();
+        lowest.unwrap_or(self.next_number)
+    }
+
+    fn has_room(&self) -> bool {
+        self.entries.len() < OPEN_ORDERS && self.next_number - self.floor() < WINDOW
+    }
+
+    /// Moves orders that are far behind to new numbers, unless the robot side may not know them yet.
+    fn catch_up(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        if self.session.is_none() {
+            return;
+        }
+        let newest = self.next_number;
+        for entry in &mut self.entries {
+            if entry.is_answered && newest - entry.number >= MOVE_AFTER {
+                entry.move_to(self.next_number, now);
+                self.next_number += 1;
+            }
+        }
+        self.entries.sort_by_key(|entry| entry.number);
+        self.ask_due(now, out);
+    }
+
+    fn ask_due(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        self.ask(|entry| entry.next_ask() <= now, now, out);
+    }
+
+    /// Sends one more copy of each of these orders.
+    fn ask(&mut self, is_meant: impl Fn(&Entry) -> bool, now: MonotonicNs, out: &mut Vec<Output>) {
+        let Some(session) = self.session else {
+            return;
+        };
+        let floor = self.floor();
+        let entries = self.entries.iter_mut().filter(|entry| is_meant(entry));
+        out.extend(entries.map(|entry| Output::Send(entry.ask(session, floor, self.timeout, now))));
+    }
+}
+
+/// What hands a report on to the client of an order.
+fn report(entry: &Entry, report: &RequestReport, origin: Origin) -> Output {
+    Output::Report {
+        handle: entry.request.handle,
+        report: RequestReport {
+            request_id: entry.request_id,
+            path_id: entry.request.path_id,
+            ..*report
+        },
+        origin,
+    }
+}

@@ -1,0 +1,128 @@
+//! Requests through a network in which everything goes wrong.
+
+mod bridge;
+mod cases;
+mod random;
+mod world;
+
+use cases::Counts;
+use random::Random;
+use world::{Faults, World};
+
+const MS: u64 = 1_000_000;
+const SECOND: u64 = 1_000 * MS;
+
+/// 20 % loss, 10 s outages, restarts of everything.
+const HARD: Faults = Faults {
+    loss: 0.2,
+    repetition: 0.1,
+    delay: 50 * MS,
+    straggler: 0.01,
+    outage_every: 90 * SECOND,
+    outage: 10 * SECOND,
+    station_restart_every: 120 * SECOND,
+    robot_restart_every: 60 * SECOND,
+    bridge_restart_every: 70 * SECOND,
+    give_up: 0.03,
+};
+
+fn random_faults(random: &mut Random) -> Faults {
+    let mut sometimes = |mean: u64| {
+        let every = random.around(mean);
+        if random.chance(0.5) { every } else { 0 }
+    };
+    let mut faults = Faults {
+        outage_every: sometimes(200 * SECOND),
+        station_restart_every: sometimes(60 * SECOND),
+        robot_restart_every: sometimes(40 * SECOND),
+        bridge_restart_every: sometimes(40 * SECOND),
+        delay: sometimes(400 * MS),
+        ..Faults::default()
+    };
+    faults.outage = [10, 60, 180][random.below(3) as usize] * SECOND;
+    faults.loss = random.below(51) as f64 / 100.0;
+    faults.repetition = random.below(31) as f64 / 100.0;
+    faults.straggler = random.below(6) as f64 / 100.0;
+    faults.give_up = random.below(11) as f64 / 100.0;
+    faults
+}
+
+fn hard(seeds: std::ops::Range<u64>, requests: u64) -> Counts {
+    let mut counts = Counts::default();
+    for seed in seeds {
+        counts += World::new(seed, 3, HARD).run(requests);
+    }
+    println!("{counts:?}");
+    counts
+}
+
+#[test]
+fn ten_thousand_requests_through_loss_outages_and_restarts_have_one_final_report_each() {
+    let counts = hard(0..5, 2_000);
+    assert_eq!(counts.requests, 10_000);
+    assert!(counts.done > 5_000, "most of them are done: {counts:?}");
+    assert!(counts.unknown < 2_000, "few are unknown: {counts:?}");
+}
+
+#[test]
+#[ignore = "a million requests take minutes"]
+fn a_million_requests_through_loss_outages_and_restarts_have_one_final_report_each() {
+    hard(100..200, 10_000);
+}
+
+#[test]
+fn random_faults_of_all_kinds_break_no_rule() {
+    let worlds = std::env::var("RELAY_ORDERS_WORLDS")
+        .map_or(40, |worlds| worlds.parse().expect("a number of worlds"));
+    let mut counts = Counts::default();
+    for seed in 0..worlds {
+        let mut random = Random::new(1_000 + seed);
+        let faults = random_faults(&mut random);
+        let stations = 1 + random.below(5) as usize;
+        counts += World::new(seed, stations, faults).run(200);
+    }
+    println!("{counts:?}");
+    assert!(counts.done > counts.requests / 3, "{counts:?}");
+}
+
+#[test]
+fn without_restarts_no_outage_shorter_than_a_minute_makes_an_outcome_unknown() {
+    let mut counts = Counts::default();
+    for seed in 0..5 {
+        let faults = Faults {
+            station_restart_every: 0,
+            robot_restart_every: 0,
+            bridge_restart_every: 0,
+            outage: 30 * SECOND,
+            ..HARD
+        };
+        let mut world = World::new(seed, 3, faults);
+        counts += world.run(400);
+        assert!(world.links_lost > 0, "outages were noticed");
+    }
+    println!("{counts:?}");
+    assert_eq!(counts.unknown, 0, "{counts:?}");
+}
+
+#[test]
+fn more_stations_than_sessions_break_no_rule() {
+    let faults = Faults {
+        station_restart_every: 20 * SECOND,
+        ..HARD
+    };
+    let counts = World::new(7, 12, faults).run(1_000);
+    println!("{counts:?}");
+}
+
+#[test]
+fn on_a_good_link_nothing_is_unknown_and_the_relay_refuses_nothing() {
+    let faults = Faults {
+        delay: 20 * MS,
+        ..Faults::default()
+    };
+    let counts = World::new(1, 2, faults).run(1_000);
+    println!("{counts:?}");
+    assert_eq!(counts.unknown, 0);
+    assert_eq!(counts.client_gone, 0);
+    assert_eq!(counts.executed, counts.done + counts.aborted);
+}

@@ -1,0 +1,82 @@
+//! The final reports that the relay itself makes; all others are the servers'.
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::RequestReport;
+
+/// Number of the reason `relay-link-down`.
+const RELAY_LINK_DOWN: u32 = 37;
+/// Number of the reason `relay-link-lost`.
+const RELAY_LINK_LOST: u32 = 38;
+
+/// Why the relay itself ends a request. `refused` means that the request was never passed on.
+///
+/// | verdict | made by | report |
+/// |---|---|---|
+/// | `LinkDown` | station | refused, relay-link-down (37) |
+/// | `LinkLost` | station | unknown, relay-link-lost (38) |
+/// | `TooManyRequests` | both | refused, too-many-requests |
+/// | `Busy` | both | refused, busy |
+/// | `InvalidRequest` | both | refused, invalid-request |
+/// | `Expired` | robot | refused, deadline-expired |
+/// | `NoServer` | robot | refused, bridge-gone |
+/// | `ServerGone` | robot | unknown, bridge-gone |
+/// | `NotRemembered` | robot | unknown, not-remembered |
+/// | `StillOpen` | robot | unknown, busy |
+/// | `GivenUp` | robot | unknown, none |
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The station has no link to the robot.
+    LinkDown,
+    /// The robot has not answered for so long that the station stopped waiting.
+    LinkLost,
+    /// A bounded table is full: the station's open orders, or the server's queue.
+    TooManyRequests,
+    /// Another request with this id is open.
+    Busy,
+    /// The request has no id.
+    InvalidRequest,
+    /// The request came to the robot, or could be passed on, only after its deadline.
+    Expired,
+    /// No process serves this request on the robot.
+    NoServer,
+    /// The request was asked before, and no process serves it now.
+    ServerGone,
+    /// The request was asked before, and the robot side that was asked is gone.
+    NotRemembered,
+    /// The request was asked before, and its server calls it busy for too long.
+    StillOpen,
+    /// The station gave the request up.
+    GivenUp,
+}
+
+impl Verdict {
+    /// Stage and number of the reason.
+    const fn codes(self) -> (Stage, u32) {
+        match self {
+            Verdict::LinkDown => (Stage::Refused, RELAY_LINK_DOWN),
+            Verdict::LinkLost => (Stage::Unknown, RELAY_LINK_LOST),
+            Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests.code()),
+            Verdict::Busy => (Stage::Refused, Reason::Busy.code()),
+            Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest.code()),
+            Verdict::Expired => (Stage::Refused, Reason::DeadlineExpired.code()),
+            Verdict::NoServer => (Stage::Refused, Reason::BridgeGone.code()),
+            Verdict::ServerGone => (Stage::Unknown, Reason::BridgeGone.code()),
+            Verdict::NotRemembered => (Stage::Unknown, Reason::NotRemembered.code()),
+            Verdict::StillOpen => (Stage::Unknown, Reason::Busy.code()),
+            Verdict::GivenUp => (Stage::Unknown, Reason::None.code()),
+        }
+    }
+
+    /// The final report about this request. `now` is the clock of the side that makes it.
+    pub fn report(self, request_id: u64, now: MonotonicNs) -> RequestReport {
+        let (stage, reason) = self.codes();
+        RequestReport {
+            request_id,
+            reported_ns: now.0,
+            stage: stage.code(),
+            reason,
+            ..RequestReport::default()
+        }
+    }
+}
