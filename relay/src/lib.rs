@@ -7,7 +7,9 @@
 //! Everything that decides is a value without thread, socket or clock:
 //!
 //! * [`clock`]: what the other machine's clock shows, and how surely;
-//! * [`orders`]: requests that are executed at most once, and answered with one final report, through any loss.
+//! * [`orders`]: requests that are executed at most once, and answered with one final report, through any loss;
+//! * [`ros2`]: the same topics for nodes of ROS 2, without ROS on the robot.
 
 pub mod clock;
 pub mod orders;
+pub mod ros2;
