@@ -27,8 +27,8 @@ const UNKNOWN: [f64; 9] = [0.0; 9];
 /// Elements of the matrix of a value that there is not.
 const NO_VALUE: [f64; 9] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// Room for the longest of the messages, bytes: an `Imu` with the longest frame id has 356.
-const CAPACITY: usize = 384;
+/// Room for the longest of the messages, bytes: an `Imu` with the longest frame id has 340.
+const CAPACITY: usize = 340;
 
 /// `sensor_msgs/msg/NavSatStatus`: nothing is known about the fix.
 const STATUS_UNKNOWN: i8 = -2;

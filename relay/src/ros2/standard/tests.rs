@@ -128,6 +128,15 @@ fn an_imu_without_attitude_marks_the_orientation_as_absent() {
 }
 
 #[test]
+fn the_longest_message_has_the_capacity() {
+    let telemetry = telemetry(&TelemetryGroup::ALL);
+    let robot = RobotId::new(u32::MAX).unwrap();
+    let messages = StandardMessage::ALL.map(|message| message.write(&telemetry, robot, OFFSET));
+    let lengths = messages.map(|message| message.map_or(0, |message| message.len()));
+    assert_eq!(lengths.into_iter().max(), Some(CAPACITY));
+}
+
+#[test]
 fn a_battery_has_its_voltage_and_nothing_else_that_is_measured() {
     let message = write(StandardMessage::BatteryState, &[TelemetryGroup::Supply]);
     let body = &message[4 + BODY_HEADER..];
