@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use ipc_types::Schema;
+use ipc_types::module::State;
+use ipc_types::payload::SharedStruct;
 use ipc_types::schema::{Kind, Message};
 use ipc_types::service::SERVICES;
 
@@ -16,12 +18,13 @@ pub struct ConflictingTypes {
     pub type_name: String,
 }
 
-/// The schemas of the robot's own services: topics, requests and reports.
+/// The schemas of the robot's own services: topics, requests and reports, and the state that every module has.
 pub fn own_schemas() -> Vec<Schema> {
     let contracts = SERVICES.iter().map(|spec| spec.contract);
     let mut layouts: Vec<_> = contracts
         .flat_map(|contract| [Some(contract.payload), contract.report])
         .flatten()
+        .chain([State::LAYOUT])
         .collect();
     layouts.sort_unstable_by_key(|layout| layout.type_name);
     layouts.dedup();

@@ -32,7 +32,10 @@ fn our_package_has_every_struct_of_ours_once() {
     assert!(paths.contains(&"hero_msgs/msg/HeroTelemetry.msg"));
     assert!(paths.contains(&"hero_msgs/msg/HeroGeodetic.msg"));
     assert!(paths.contains(&"hero_msgs/msg/RequestReport.msg"));
-    let messages = paths.iter().filter(|path| path.ends_with(".msg"));
+    assert!(paths.contains(&"module_msgs/msg/State.msg"));
+    let messages = paths
+        .iter()
+        .filter(|path| path.starts_with("hero_msgs/msg/"));
     let cmake = &files["hero_msgs/CMakeLists.txt"];
     for path in messages.clone() {
         let path = path.strip_prefix("hero_msgs/").expect("one package");

@@ -33,7 +33,7 @@ uint32 scale_adc
 ";
 
 /// Each value is the one that `rosbags` 0.11 computes from the same text; `tests/ros2` compares them again.
-const GOLDEN: [(&str, &str); 8] = [
+const GOLDEN: [(&str, &str); 9] = [
     (
         "hero_msgs/msg/DspTelemetry",
         "a4ab4412c69e2fa023ee8f72c70baa2446198f1bea75aca1cb974e1664fcdcba",
@@ -61,6 +61,10 @@ const GOLDEN: [(&str, &str); 8] = [
     (
         "hero_msgs/msg/RequestReport",
         "9c1c5fc24fa2247e7a313e8689da367ced390d00b192aac34444961f69820dd3",
+    ),
+    (
+        "module_msgs/msg/State",
+        "61c46cdee93fea2d4d7fc2b5e955b43ecfd6adfa5c34c9ec1fa21cb7b9093791",
     ),
     (
         "battery_watch_msgs/msg/Battery",
