@@ -311,14 +311,10 @@ impl TopicsConfig {
             return None;
         }
         let rule = self.rules.iter().find(|rule| fits(&rule.key, key));
-        let rate_hz = rule
-            .and_then(|rule| rule.rate_hz)
-            .unwrap_or(self.rate_hz);
+        let rate_hz = rule.and_then(|rule| rule.rate_hz).unwrap_or(self.rate_hz);
         Some(TopicPlan {
             period: (rate_hz > 0.0).then(|| Duration::from_secs_f64(1.0 / rate_hz)),
-            priority: rule
-                .and_then(|rule| rule.priority)
-                .unwrap_or(self.priority),
+            priority: rule.and_then(|rule| rule.priority).unwrap_or(self.priority),
         })
     }
 }
@@ -442,7 +438,12 @@ impl Config {
 }
 
 /// Protocols of an endpoint, and whether they are encrypted.
-const PROTOCOLS: [(&str, bool); 4] = [("tcp", false), ("udp", false), ("tls", true), ("quic", true)];
+const PROTOCOLS: [(&str, bool); 4] = [
+    ("tcp", false),
+    ("udp", false),
+    ("tls", true),
+    ("quic", true),
+];
 
 fn check_endpoint(endpoint: &str, is_secured: bool) -> Result<(), String> {
     let (protocol, address) = endpoint.split_once('/').unwrap_or((endpoint, ""));
@@ -460,7 +461,12 @@ fn check_endpoint(endpoint: &str, is_secured: bool) -> Result<(), String> {
     Ok(())
 }
 
-fn check_name(name: &str) -> Result<(), String> {
+/// Whether this can be the name of a station.
+///
+/// # Errors
+///
+/// What is wrong with it.
+pub fn check_name(name: &str) -> Result<(), String> {
     let is_letter = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
     if name.is_empty() || name.len() > MAX_NAME || !name.bytes().all(is_letter) {
         return Err(format!(
@@ -485,7 +491,10 @@ fn robots<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<RemoteRobot>
         )));
     }
     for (index, robot) in robots.iter().enumerate() {
-        if robots[..index].iter().any(|other| other.here() == robot.here()) {
+        if robots[..index]
+            .iter()
+            .any(|other| other.here() == robot.here())
+        {
             return Err(D::Error::custom(format_args!(
                 "two robots have the number {} on this machine: give one of them another by `here`",
                 robot.here()
@@ -509,7 +518,10 @@ mod tests {
 
     #[test]
     fn the_annotated_example_has_the_defaults() {
-        assert_eq!(parse(include_str!("../relay.toml")).unwrap(), Config::default());
+        assert_eq!(
+            parse(include_str!("../relay.toml")).unwrap(),
+            Config::default()
+        );
         assert_eq!(Config::default().check(), Ok(()));
     }
 
@@ -537,7 +549,10 @@ mod tests {
             ("[commands]\nstations = \"all\"\n", "relay.toml:2"),
             ("[commands]\nlink_loss = \"crash\"\n", "relay.toml:2"),
             ("[station]\nname = \"a b\"\n", "no name of a station"),
-            ("[station]\nrobots = [{ number = 1 }, { number = 2, here = 1 }]\n", "by `here`"),
+            (
+                "[station]\nrobots = [{ number = 1 }, { number = 2, here = 1 }]\n",
+                "by `here`",
+            ),
             ("[radio]\n", "relay.toml:1"),
         ] {
             let error = parse(text).unwrap_err();
@@ -545,7 +560,10 @@ mod tests {
         }
         for (text, excerpt) in [
             ("[robot]\nlisten = [\"7447\"]\n", "is no endpoint"),
-            ("[robot]\nlisten = [\"tls/0.0.0.0:7447\"]\n", "takes certificates"),
+            (
+                "[robot]\nlisten = [\"tls/0.0.0.0:7447\"]\n",
+                "takes certificates",
+            ),
             ("[security]\nkey = \"key.pem\"\n", "needs all of"),
             ("[commands]\nstations = [\"a/b\"]\n", "no name of a station"),
         ] {

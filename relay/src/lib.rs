@@ -9,15 +9,26 @@
 //! * [`clock`]: what the other machine's clock shows, and how surely;
 //! * [`orders`]: requests that are executed at most once, and answered with one final report, through any loss;
 //! * [`telemetry`]: what is sent of a topic, and what was lost where;
-//! * [`message`], [`names`]: what relays say to one another, and where;
+//! * [`message`], [`names`], [`request`]: what relays say to one another, and where;
+//! * [`ros2`]: the same topics for nodes of ROS 2, without ROS on the robot;
 //! * [`config`]: `relay.toml`.
 //!
-//! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh.
+//! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh, [`ports`] the wait on shared memory.
 
+pub mod cli;
 pub mod clock;
 pub mod config;
+mod failure;
 pub mod message;
 pub mod names;
 pub mod network;
 pub mod orders;
+pub mod ports;
+mod random;
+pub mod request;
+pub mod robot;
+pub mod ros2;
+pub mod station;
 pub mod telemetry;
+
+pub use failure::Failure;

@@ -189,7 +189,9 @@ pub enum NoMessage {
     #[error("it has {0} bytes; a message has 1 to {MAX_BYTES}")]
     Length(usize),
     /// Another relay's version.
-    #[error("it has version {0}, this relay speaks version {VERSION}: install the same version on both machines")]
+    #[error(
+        "it has version {0}, this relay speaks version {VERSION}: install the same version on both machines"
+    )]
     Version(u8),
     /// They mean nothing.
     #[error("it cannot be read ({0})")]
@@ -218,7 +220,9 @@ pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, NoMessage> {
         None => Err(NoMessage::Length(0)),
         Some((&VERSION, message)) => match postcard::take_from_bytes(message) {
             Ok((message, [])) => Ok(message),
-            Ok(_) => Err(NoMessage::Contents(postcard::Error::DeserializeUnexpectedEnd)),
+            Ok(_) => Err(NoMessage::Contents(
+                postcard::Error::DeserializeUnexpectedEnd,
+            )),
             Err(error) => Err(NoMessage::Contents(error)),
         },
         Some((&version, _)) => Err(NoMessage::Version(version)),

@@ -41,7 +41,9 @@ pub fn tell(robot: NonZeroU32, station: &str) -> String {
 /// What a request service is called in orders, whatever its index in a life of the robot's relay: a hash of its key and of the
 /// layout of its requests. So an order never reaches another service, nor one whose requests have another layout.
 pub fn service_id(key: &str, schema: &Schema) -> u64 {
-    let bytes = key.bytes().chain(schema.request_layout_hash().to_le_bytes());
+    let bytes = key
+        .bytes()
+        .chain(schema.request_layout_hash().to_le_bytes());
     // FNV-1a, 64 bits.
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -60,7 +62,10 @@ mod tests {
     #[test]
     fn a_key_names_its_topic_and_its_station() {
         let robot = NonZeroU32::new(7).unwrap();
-        assert_eq!(last(&topic(robot, "battery_watch/state")), "battery_watch/state");
+        assert_eq!(
+            last(&topic(robot, "battery_watch/state")),
+            "battery_watch/state"
+        );
         assert_eq!(last(&tell(robot, "gcs-1")), "gcs-1");
         assert_eq!(last("hero/7"), "");
     }

@@ -87,10 +87,14 @@ impl Network {
     ///
     /// When the configuration's endpoints or certificates cannot be used, or an address is taken.
     pub fn open(config: &Config, side: Side) -> Result<Network, NetworkError> {
-        let zenoh_config = zenoh_config(config, side)
-            .map_err(|error| NetworkError::new("the configuration of the network is refused", error))?;
+        let zenoh_config = zenoh_config(config, side).map_err(|error| {
+            NetworkError::new("the configuration of the network is refused", error)
+        })?;
         let session = zenoh::open(zenoh_config).wait().map_err(|error| {
-            NetworkError::new("the network cannot be opened; is an address taken or a certificate missing?", error)
+            NetworkError::new(
+                "the network cannot be opened; is an address taken or a certificate missing?",
+                error,
+            )
         })?;
         let arrivals = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)
             .map_err(|error| NetworkError::new("no event descriptor", error))?;
@@ -128,7 +132,9 @@ impl Network {
             .declare_subscriber(key.to_owned())
             .with((callback, handler))
             .wait()
-            .map_err(|error| NetworkError::new(format!("nothing can be received at {key}"), error))?;
+            .map_err(|error| {
+                NetworkError::new(format!("nothing can be received at {key}"), error)
+            })?;
         Ok(Inbox { subscriber })
     }
 
@@ -219,23 +225,44 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
         ("connect/endpoints", json!(with_options(connect))),
         ("connect/timeout_ms", json!(-1)),
         ("connect/exit_on_failure", json!(false)),
-        ("connect/retry", json!({
-            "period_init_ms": network.retry_ms,
-            "period_max_ms": network.retry_ms,
-            "period_increase_factor": 1,
-        })),
+        (
+            "connect/retry",
+            json!({
+                "period_init_ms": network.retry_ms,
+                "period_max_ms": network.retry_ms,
+                "period_increase_factor": 1,
+            }),
+        ),
         ("scouting/multicast/enabled", json!(network.discovery)),
-        ("scouting/multicast/address", json!(network.multicast.to_string())),
+        (
+            "scouting/multicast/address",
+            json!(network.multicast.to_string()),
+        ),
         ("scouting/gossip/enabled", json!(network.discovery)),
         ("adminspace/enabled", json!(false)),
-        ("transport/unicast/open_timeout", json!(network.open_timeout_ms)),
-        ("transport/unicast/accept_timeout", json!(network.open_timeout_ms)),
+        (
+            "transport/unicast/open_timeout",
+            json!(network.open_timeout_ms),
+        ),
+        (
+            "transport/unicast/accept_timeout",
+            json!(network.open_timeout_ms),
+        ),
         ("transport/link/tx/lease", json!(network.lease_ms)),
         ("transport/link/tx/threads", json!(1)),
         ("transport/link/tx/queue/size/data", json!(QUEUE_BATCHES)),
-        ("transport/link/rx/max_message_size", json!(MAX_MESSAGE_BYTES)),
-        ("transport/link/tcp/so_sndbuf", json!(network.send_buffer_bytes)),
-        ("transport/link/tls/so_sndbuf", json!(network.send_buffer_bytes)),
+        (
+            "transport/link/rx/max_message_size",
+            json!(MAX_MESSAGE_BYTES),
+        ),
+        (
+            "transport/link/tcp/so_sndbuf",
+            json!(network.send_buffer_bytes),
+        ),
+        (
+            "transport/link/tls/so_sndbuf",
+            json!(network.send_buffer_bytes),
+        ),
     ];
     if is_secured {
         settings.extend(tls(config));
@@ -253,10 +280,19 @@ fn tls(config: &Config) -> Vec<(&'static str, Value)> {
         return Vec::new();
     };
     vec![
-        ("transport/link/tls/root_ca_certificate", json!(files.authority)),
-        ("transport/link/tls/listen_certificate", json!(files.certificate)),
+        (
+            "transport/link/tls/root_ca_certificate",
+            json!(files.authority),
+        ),
+        (
+            "transport/link/tls/listen_certificate",
+            json!(files.certificate),
+        ),
         ("transport/link/tls/listen_private_key", json!(files.key)),
-        ("transport/link/tls/connect_certificate", json!(files.certificate)),
+        (
+            "transport/link/tls/connect_certificate",
+            json!(files.certificate),
+        ),
         ("transport/link/tls/connect_private_key", json!(files.key)),
         ("transport/link/tls/enable_mtls", json!(true)),
         ("transport/link/tls/close_link_on_expiration", json!(true)),
@@ -267,9 +303,11 @@ fn tls(config: &Config) -> Vec<(&'static str, Value)> {
 fn with_options(endpoints: &[String]) -> Vec<String> {
     endpoints
         .iter()
-        .map(|endpoint| match endpoint.starts_with("quic/") && !endpoint.contains('?') {
-            true => format!("{endpoint}?mixed_rel=1"),
-            false => endpoint.clone(),
-        })
+        .map(
+            |endpoint| match endpoint.starts_with("quic/") && !endpoint.contains('?') {
+                true => format!("{endpoint}?mixed_rel=1"),
+                false => endpoint.clone(),
+            },
+        )
         .collect()
 }

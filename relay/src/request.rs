@@ -39,7 +39,10 @@ impl RequestFields {
 
     /// Says in the request that it is a repetition.
     pub fn set_repeat(&self, request: &mut [u8]) {
-        if let Some(bytes) = self.repeat.and_then(|offset| request.get_mut(offset..offset + 2)) {
+        if let Some(bytes) = self
+            .repeat
+            .and_then(|offset| request.get_mut(offset..offset + 2))
+        {
             bytes.copy_from_slice(&1_u16.to_le_bytes());
         }
     }
@@ -54,7 +57,10 @@ impl RequestFields {
     /// Gives the request what is left of its deadline, at least 1 ms, because 0 is the server's default.
     pub fn set_deadline(&self, request: &mut [u8], left: Duration) {
         let left_ms = u32::try_from(left.as_millis()).unwrap_or(u32::MAX).max(1);
-        if let Some(bytes) = self.deadline_ms.and_then(|offset| request.get_mut(offset..offset + 4)) {
+        if let Some(bytes) = self
+            .deadline_ms
+            .and_then(|offset| request.get_mut(offset..offset + 4))
+        {
             bytes.copy_from_slice(&left_ms.to_le_bytes());
         }
     }
@@ -74,7 +80,10 @@ mod tests {
         fields.set_repeat(&mut request);
         assert_eq!(fields.deadline(&request), Some(Duration::from_millis(1500)));
         let read = MovementData::from_bytes(&request).unwrap();
-        assert_eq!((read.repeat, read.deadline_ms, read.request_id), (1, 1500, 7));
+        assert_eq!(
+            (read.repeat, read.deadline_ms, read.request_id),
+            (1, 1500, 7)
+        );
         fields.set_deadline(&mut request, Duration::ZERO);
         assert_eq!(fields.deadline(&request), Some(Duration::from_millis(1)));
         assert!(fields.repeat() == Repeat::Field);

@@ -51,7 +51,11 @@ impl Outlet {
 
     /// A sample has come.
     pub fn take(&mut self, sample: &[u8]) {
-        let room = if self.period.is_some() { 1 } else { MAX_BACKLOG };
+        let room = if self.period.is_some() {
+            1
+        } else {
+            MAX_BACKLOG
+        };
         if self.waiting.len() >= room {
             self.left_out += self.waiting.len() as u64;
             self.waiting.clear();

@@ -16,7 +16,7 @@ pub struct Order {
     /// All orders of this session with a lower number are settled at the station: the robot side may forget them.
     pub floor: u64,
     /// Which request service of the robot, as the two sides agreed.
-    pub topic: u16,
+    pub topic: u64,
     /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*.
     pub expires: MonotonicNs,
     /// The station has asked for this request before, perhaps in another session: it may have been carried out.

@@ -10,10 +10,12 @@ pub mod stations;
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use ipc_types::module::{State, doing_bytes};
 use ipc_types::code::ModuleStatus;
-use ipc_types::payload::{RelayStations};
-use ipc_types::{Ipc, Module, MonotonicNs, Publisher, RelayModule, SendError, StateOf, WaitError, Wake};
+use ipc_types::module::{State, doing_bytes};
+use ipc_types::payload::RelayStations;
+use ipc_types::{
+    Ipc, Module, MonotonicNs, Publisher, RelayModule, SendError, StateOf, WaitError, Wake,
+};
 use module_kit::process::{Process, Sources};
 
 use crate::config::Config;
@@ -100,22 +102,28 @@ impl RobotSide {
     }
 
     fn may_command(&self, station: &str) -> bool {
-        self.config.commands.stations.iter().any(|name| name == station)
+        self.config
+            .commands
+            .stations
+            .iter()
+            .any(|name| name == station)
     }
 
     fn take_messages(&mut self, out: &mut Vec<Output>) {
         self.network.drained();
         let mut asks = Vec::new();
         let mut unreadable = None;
-        self.asks.drain(|incoming| match decode::<Ask>(incoming.payload) {
-            Ok(ask) => asks.push((last(incoming.key).to_owned(), ask, incoming.at)),
-            Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
-        });
+        self.asks
+            .drain(|incoming| match decode::<Ask>(incoming.payload) {
+                Ok(ask) => asks.push((last(incoming.key).to_owned(), ask, incoming.at)),
+                Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
+            });
         let mut commands = Vec::new();
-        self.commands.drain(|incoming| match decode::<Command>(incoming.payload) {
-            Ok(command) => commands.push((last(incoming.key).to_owned(), command)),
-            Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
-        });
+        self.commands
+            .drain(|incoming| match decode::<Command>(incoming.payload) {
+                Ok(command) => commands.push((last(incoming.key).to_owned(), command)),
+                Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
+            });
         for (station, ask, at) in asks {
             self.answer(&station, &ask, at, out);
         }
@@ -139,7 +147,11 @@ impl RobotSide {
         let tell = match ask {
             Ask::Ping(ping) => Tell::Pong(self.pong(station, ping, at, out)),
             Ask::Describe { robot_life, index } => {
-                match self.services.describe(*index).filter(|_| *robot_life == self.life) {
+                match self
+                    .services
+                    .describe(*index)
+                    .filter(|_| *robot_life == self.life)
+                {
                     Some(service) => Tell::Service(service),
                     None => return,
                 }
@@ -150,7 +162,9 @@ impl RobotSide {
 
     fn pong(&mut self, station: &str, ping: &Ping, at: MonotonicNs, out: &mut Vec<Output>) -> Pong {
         let may_command = self.may_command(station);
-        let is_news = self.stations.hear(station, ping.station_life, may_command, at);
+        let is_news = self
+            .stations
+            .hear(station, ping.station_life, may_command, at);
         if is_news {
             tracing::info!(station, may_command, "a station is there");
             self.next_publish = at;
@@ -181,8 +195,16 @@ impl RobotSide {
         }
         let order = Order::from(command);
         let from = out.len();
-        let repeat = self.services.requests_of(order.topic).map(|requests| requests.fields.repeat());
-        self.orders.order(&order, repeat.unwrap_or(orders::Repeat::None), MonotonicNs::now(), out);
+        let repeat = self
+            .services
+            .requests_of(order.topic)
+            .map(|requests| requests.fields.repeat());
+        self.orders.order(
+            &order,
+            repeat.unwrap_or(orders::Repeat::None),
+            MonotonicNs::now(),
+            out,
+        );
         // Only the sender of this order is to be told that its session is not known.
         for output in out.split_off(from) {
             match output {
@@ -195,7 +217,8 @@ impl RobotSide {
     }
 
     fn tell(&self, station: &str, tell: &Tell) {
-        self.network.send(&names::tell(self.robot, station), encode(tell));
+        self.network
+            .send(&names::tell(self.robot, station), encode(tell));
     }
 
     /// Carries out what the core wants, and what follows from it.
@@ -203,10 +226,22 @@ impl RobotSide {
         while !out.is_empty() {
             for output in std::mem::take(out) {
                 match output {
-                    Output::Send { topic, request_id, is_repeat, expires, request } => {
+                    Output::Send {
+                        topic,
+                        request_id,
+                        is_repeat,
+                        expires,
+                        request,
+                    } => {
                         let sent = self.send(topic, is_repeat, expires, request);
                         if let Err(reason) = sent {
-                            self.orders.not_sent(topic, request_id, reason, MonotonicNs::now(), out);
+                            self.orders.not_sent(
+                                topic,
+                                request_id,
+                                reason,
+                                MonotonicNs::now(),
+                                out,
+                            );
                         }
                     }
                     Output::GiveUp { topic, request_id } => {
@@ -222,7 +257,10 @@ impl RobotSide {
                     }
                     Output::UnknownSession(_) => {}
                     Output::LinkLost { station } => {
-                        let name = self.stations.of_life(station).map(|station| station.name.clone());
+                        let name = self
+                            .stations
+                            .of_life(station)
+                            .map(|station| station.name.clone());
                         tracing::warn!(station = name, "lost, with a request open");
                         if let Some(reaction) = &mut self.reaction {
                             reaction.act();
@@ -233,7 +271,13 @@ impl RobotSide {
         }
     }
 
-    fn send(&mut self, topic: u64, is_repeat: bool, expires: MonotonicNs, mut request: Vec<u8>) -> Result<(), NotSent> {
+    fn send(
+        &mut self,
+        topic: u64,
+        is_repeat: bool,
+        expires: MonotonicNs,
+        mut request: Vec<u8>,
+    ) -> Result<(), NotSent> {
         let requests = self.services.requests_of(topic).ok_or(NotSent::NoServer)?;
         if is_repeat {
             requests.fields.set_repeat(&mut request);
@@ -253,7 +297,9 @@ impl RobotSide {
     fn take_reports(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         let orders = &mut self.orders;
         for (index, requests) in self.services.all_requests() {
-            requests.client.drain(|report| orders.report(index, report, now, out));
+            requests
+                .client
+                .drain(|report| orders.report(index, report, now, out));
         }
     }
 
@@ -278,7 +324,9 @@ impl RobotSide {
         };
         let published = self.state.publish(|sample| *sample = StateOf::new(state));
         let orders = &self.orders;
-        let rows = self.stations.rows(self.samples_sent, |life| orders.open_of(life));
+        let rows = self
+            .stations
+            .rows(self.samples_sent, |life| orders.open_of(life));
         let stations = self.stations_out.publish(|sample| {
             sample.published_ns = now.0;
             sample.count = rows.len() as u32;
@@ -325,7 +373,8 @@ impl Process for RobotSide {
         }
         if now >= self.next_look {
             let commands = !self.config.commands.stations.is_empty();
-            self.services.look(&self.ipc, &self.network, &self.config.topics, commands);
+            self.services
+                .look(&self.ipc, &self.network, &self.config.topics, commands);
             self.next_look = now + LOOK_PERIOD;
         }
         if now >= self.next_publish {
@@ -336,10 +385,14 @@ impl Process for RobotSide {
 
     fn deadline(&self) -> Option<MonotonicNs> {
         let fixed = self.next_look.min(self.next_publish);
-        [self.services.deadline(), self.orders.deadline(), self.stations.deadline()]
-            .into_iter()
-            .flatten()
-            .chain([fixed])
-            .min()
+        [
+            self.services.deadline(),
+            self.orders.deadline(),
+            self.stations.deadline(),
+        ]
+        .into_iter()
+        .flatten()
+        .chain([fixed])
+        .min()
     }
 }

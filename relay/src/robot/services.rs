@@ -31,7 +31,9 @@ enum Port {
     Topic(Box<Topic>),
     Requests(Box<Requests>),
     /// Another one has taken its place.
-    Replaced { takes_requests: bool },
+    Replaced {
+        takes_requests: bool,
+    },
 }
 
 struct Topic {
@@ -103,7 +105,9 @@ impl Services {
         if commands {
             for facts in dynamic::request_services(ipc) {
                 if !facts.key.starts_with("relay/") && self.is_new(&facts) {
-                    let requests = self.requests(ipc, &facts).map_err(|error| error.to_string());
+                    let requests = self
+                        .requests(ipc, &facts)
+                        .map_err(|error| error.to_string());
                     self.carry(facts, requests);
                 }
             }
@@ -123,7 +127,10 @@ impl Services {
     }
 
     fn is_new(&self, facts: &ServiceFacts) -> bool {
-        let newest = self.carried.iter().rfind(|carried| carried.key == facts.key);
+        let newest = self
+            .carried
+            .iter()
+            .rfind(|carried| carried.key == facts.key);
         self.carried.len() < usize::from(MAX_SERVICES)
             && facts.provider.is_some()
             && newest.is_none_or(|carried| carried.text != facts.text)
@@ -133,7 +140,9 @@ impl Services {
         let port = match port {
             Ok(port) => port,
             // It is tried again at the next look.
-            Err(error) => return tracing::warn!(key = facts.key, %error, "a service is not relayed"),
+            Err(error) => {
+                return tracing::warn!(key = facts.key, %error, "a service is not relayed");
+            }
         };
         for former in &mut self.carried {
             if former.key == facts.key {
@@ -173,15 +182,18 @@ impl Services {
 
     /// The request service that orders call so.
     pub fn requests_of(&mut self, id: u64) -> Option<&mut Requests> {
-        self.all_requests().find_map(|(other, requests)| (other == id).then_some(requests))
+        self.all_requests()
+            .find_map(|(other, requests)| (other == id).then_some(requests))
     }
 
     /// All request services, with what orders call them.
     pub fn all_requests(&mut self) -> impl Iterator<Item = (u64, &mut Requests)> {
-        self.carried.iter_mut().filter_map(|carried| match &mut carried.port {
-            Port::Requests(requests) => Some((requests.id, &mut **requests)),
-            Port::Topic(_) | Port::Replaced { .. } => None,
-        })
+        self.carried
+            .iter_mut()
+            .filter_map(|carried| match &mut carried.port {
+                Port::Requests(requests) => Some((requests.id, &mut **requests)),
+                Port::Topic(_) | Port::Replaced { .. } => None,
+            })
     }
 
     /// Reads what has been published, and sends what is due. Says how many samples went out.

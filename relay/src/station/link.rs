@@ -83,7 +83,12 @@ impl Link {
         if now < self.next_ping {
             return None;
         }
-        self.next_ping = now + if self.is_up() { PING_PERIOD } else { SEARCH_PERIOD };
+        self.next_ping = now
+            + if self.is_up() {
+                PING_PERIOD
+            } else {
+                SEARCH_PERIOD
+            };
         Some(Ping {
             station_life: self.life,
             sent_ns: now.0,
@@ -157,7 +162,10 @@ impl Link {
         if !self.is_up() || now < self.next_describe {
             return None;
         }
-        let missing = self.described.iter().position(|is_described| !is_described)?;
+        let missing = self
+            .described
+            .iter()
+            .position(|is_described| !is_described)?;
         self.next_describe = now + DESCRIBE_TIMEOUT;
         Some((self.robot_life?, u16::try_from(missing).ok()?))
     }

@@ -2,11 +2,9 @@
 //!
 //! A mirror outlives the robot's relay: the next life of it describes the same service again, and consumers notice nothing.
 
-use ipc_types::{
-    DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, Schema, Ticket,
-};
 use ipc_types::payload::RequestReport;
 use ipc_types::schema::CDR_HEADER;
+use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, Ticket};
 
 use crate::clock::{Clock, RemoteNs};
 use crate::message::{SampleHeader, Service};
@@ -135,7 +133,14 @@ impl Mirrors {
     }
 
     /// A sample of the topic `key` has come, with its CDR header. Says whether it was published.
-    pub fn publish(&mut self, key: &str, header: &SampleHeader, message: &[u8], clock: &Clock, now: MonotonicNs) -> bool {
+    pub fn publish(
+        &mut self,
+        key: &str,
+        header: &SampleHeader,
+        message: &[u8],
+        clock: &Clock,
+        now: MonotonicNs,
+    ) -> bool {
         let topic = self.list.iter_mut().find_map(|mirror| mirror.topic(key));
         let (Some(topic), Some(sample)) = (topic, message.strip_prefix(&CDR_HEADER)) else {
             return false;
@@ -162,7 +167,8 @@ impl Mirrors {
                 Port::Requests(requests) => {
                     let (open, next_handle) = (&mut self.open, &mut self.next_handle);
                     requests.server.vanished(|ticket, _| {
-                        let is_it = |entry: &Open| entry.service == requests.id && entry.ticket == ticket;
+                        let is_it =
+                            |entry: &Open| entry.service == requests.id && entry.ticket == ticket;
                         if let Some(index) = open.iter().position(is_it) {
                             gone(open.remove(index).handle);
                         }
@@ -175,7 +181,11 @@ impl Mirrors {
                         }
                         let handle = *next_handle;
                         *next_handle += 1;
-                        open.push(Open { handle, service: id, ticket });
+                        open.push(Open {
+                            handle,
+                            service: id,
+                            ticket,
+                        });
                         take(Taken {
                             handle,
                             service: id,
@@ -204,11 +214,16 @@ impl Mirrors {
         let Some(index) = self.open.iter().position(|open| open.handle == handle) else {
             return;
         };
-        let Open { service, ticket, .. } = self.open[index];
+        let Open {
+            service, ticket, ..
+        } = self.open[index];
         if report.is_final() {
             self.open.remove(index);
         }
-        let server = self.list.iter_mut().find_map(|mirror| mirror.requests(service));
+        let server = self
+            .list
+            .iter_mut()
+            .find_map(|mirror| mirror.requests(service));
         if let Some(requests) = server
             && let Err(error) = requests.server.report(ticket, report)
         {
@@ -218,10 +233,12 @@ impl Mirrors {
 
     /// What was counted of all topics.
     pub fn counts(&self) -> Counts {
-        self.list.iter().fold(Counts::default(), |sum, mirror| match &mirror.port {
-            Port::Topic(topic) => sum.plus(topic.inlet.counts()),
-            Port::Requests(_) => sum,
-        })
+        self.list
+            .iter()
+            .fold(Counts::default(), |sum, mirror| match &mirror.port {
+                Port::Topic(topic) => sum.plus(topic.inlet.counts()),
+                Port::Requests(_) => sum,
+            })
     }
 }
 
@@ -289,7 +306,10 @@ fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: Monotonic
             continue;
         }
         // Without an estimate nothing is published: the link is up only with one.
-        let local = clock.to_local(RemoteNs(remote)).unwrap_or_default().min(now);
+        let local = clock
+            .to_local(RemoteNs(remote))
+            .unwrap_or_default()
+            .min(now);
         if let Some(bytes) = sample.get_mut(*offset..*offset + 8) {
             bytes.copy_from_slice(&local.0.max(1).to_le_bytes());
         }

@@ -33,10 +33,18 @@ impl StationSide {
     /// # Errors
     ///
     /// Another relay provides one of the robots here, or shared memory or the network cannot be used.
-    pub fn open(domain: &Domain, robots: &[RemoteRobot], name: &str, config: &Config) -> Result<StationSide, Failure> {
+    pub fn open(
+        domain: &Domain,
+        robots: &[RemoteRobot],
+        name: &str,
+        config: &Config,
+    ) -> Result<StationSide, Failure> {
         let mut joined = Vec::new();
         for robot in robots {
-            joined.push((*robot, Ipc::join(domain, RobotId::from(robot.here()), "relay")?));
+            joined.push((
+                *robot,
+                Ipc::join(domain, RobotId::from(robot.here()), "relay")?,
+            ));
         }
         let network = Network::open(config, Side::Station)?;
         let ports = PortSet::new()?;

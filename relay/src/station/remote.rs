@@ -60,7 +60,13 @@ struct Counts {
 
 impl Remote {
     /// Opens the ports that are there before anything of the robot is known.
-    pub fn open(robot: RemoteRobot, ipc: Ipc, station: &str, config: &Config, network: &Network) -> Result<Remote, Failure> {
+    pub fn open(
+        robot: RemoteRobot,
+        ipc: Ipc,
+        station: &str,
+        config: &Config,
+        network: &Network,
+    ) -> Result<Remote, Failure> {
         let now = MonotonicNs::now();
         Ok(Remote {
             station: station.to_owned(),
@@ -70,7 +76,9 @@ impl Remote {
                 give_up: config.commands.unknown_after(),
             }),
             default_deadline: config.commands.deadline(),
-            endpoints: [&config.station.connect[..], &config.station.listen[..]].concat().join(" "),
+            endpoints: [&config.station.connect[..], &config.station.listen[..]]
+                .concat()
+                .join(" "),
             tells: network.receive(&names::tell(robot.number, station), ANSWERS)?,
             samples: network.receive(&names::topics(robot.number), SAMPLES)?,
             state: ipc.publisher()?,
@@ -178,7 +186,8 @@ impl Remote {
             self.orders.session(pong.session, at, out);
         }
         if let Some(estimate) = self.link.clock().estimate(at) {
-            self.orders.round_trip(Duration::from_nanos(estimate.round_trip_ns));
+            self.orders
+                .round_trip(Duration::from_nanos(estimate.round_trip_ns));
         }
         if news.is_up {
             tracing::info!(robot = %self.robot.number, "the link to the robot is up");
@@ -194,7 +203,8 @@ impl Remote {
 
     fn take_requests(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         let (mut taken, mut gone) = (Vec::new(), Vec::new());
-        self.mirrors.serve(|request| taken.push(request), |handle| gone.push(handle));
+        self.mirrors
+            .serve(|request| taken.push(request), |handle| gone.push(handle));
         for handle in gone {
             self.orders.give_up(handle, now, out);
         }
@@ -218,7 +228,9 @@ impl Remote {
         let clock = self.link.clock();
         let due = now + request.deadline.unwrap_or(self.default_deadline);
         let uncertainty_ns = clock.estimate(due)?.uncertainty_ns;
-        Some(MonotonicNs(clock.to_remote(due)?.0.saturating_sub(uncertainty_ns)))
+        Some(MonotonicNs(
+            clock.to_remote(due)?.0.saturating_sub(uncertainty_ns),
+        ))
     }
 
     fn carry_out(&mut self, out: &[Output], network: &Network, now: MonotonicNs) {
@@ -230,7 +242,11 @@ impl Remote {
                     self.counts.orders_repeated += u64::from(order.is_repeat);
                     network.send(&names::order(self.robot.number, &self.station), message);
                 }
-                Output::Report { handle, report, origin } => {
+                Output::Report {
+                    handle,
+                    report,
+                    origin,
+                } => {
                     let mut report = *report;
                     if *origin == Origin::Robot {
                         translate_report(&mut report, self.link.clock(), now);

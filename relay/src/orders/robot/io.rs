@@ -28,7 +28,7 @@ pub enum Output {
     /// Send a request to its server on the robot. If that fails, [`Robot::not_sent`](super::Robot::not_sent) has to be called.
     Send {
         /// Which service.
-        topic: u16,
+        topic: u64,
         /// Id of the request.
         request_id: u64,
         /// Set the request's field `repeat` to 1. Otherwise the request is sent as it is.
@@ -41,7 +41,7 @@ pub enum Output {
     /// Drop the pending request.
     GiveUp {
         /// Which service.
-        topic: u16,
+        topic: u64,
         /// Id of the request.
         request_id: u64,
     },

@@ -152,7 +152,7 @@ impl Robot {
     /// A report about a request has come from its server, or from the client's port.
     pub fn report(
         &mut self,
-        topic: u16,
+        topic: u64,
         report: &RequestReport,
         now: MonotonicNs,
         out: &mut Vec<Output>,
@@ -179,7 +179,7 @@ impl Robot {
     /// A request that [`Output::Send`] is about was not sent.
     pub fn not_sent(
         &mut self,
-        topic: u16,
+        topic: u64,
         request_id: u64,
         why: NotSent,
         now: MonotonicNs,
@@ -247,6 +247,13 @@ impl Robot {
             watched.filter_map(move |session| session.lost_at(link_loss))
         });
         retries.chain(losses).min()
+    }
+
+    /// Orders of this life of a station that have no final report yet.
+    pub fn open_of(&self, station: u64) -> usize {
+        let mut sessions = self.sessions.iter();
+        let session = sessions.find(|session| session.station == station);
+        session.map_or(0, |session| self.records.open(session.token))
     }
 
     /// Orders that are remembered.

@@ -17,7 +17,7 @@ pub(super) struct Record {
     /// The session that it is answered in. None: that session is forgotten, and the request goes on without a station.
     pub(super) session: Option<u64>,
     pub(super) number: u64,
-    pub(super) topic: u16,
+    pub(super) topic: u64,
     pub(super) request_id: u64,
     pub(super) state: State,
     reports: Reports,
@@ -65,7 +65,7 @@ impl Record {
     pub(super) fn new(
         (station, session): (u64, u64),
         number: u64,
-        topic: u16,
+        topic: u64,
         request_id: u64,
         passage: Passage,
     ) -> Record {

@@ -45,8 +45,13 @@ impl Records {
 
     /// Whether an order of this session has no final report.
     pub(super) fn has_open(&self, session: u64) -> bool {
-        let mut records = self.records.iter();
-        records.any(|record| record.session == Some(session) && record.is_open())
+        self.open(session) > 0
+    }
+
+    /// How many orders of this session are open.
+    pub(super) fn open(&self, session: u64) -> usize {
+        let is_open = |record: &&Record| record.session == Some(session) && record.is_open();
+        self.records.iter().filter(is_open).count()
     }
 
     /// What is remembered about this order of this station.
@@ -104,7 +109,7 @@ impl Records {
     }
 
     /// The order of this request that was passed on.
-    pub(super) fn passed_on(&self, topic: u16, request_id: u64) -> Option<usize> {
+    pub(super) fn passed_on(&self, topic: u64, request_id: u64) -> Option<usize> {
         self.records.iter().position(|record| {
             record.topic == topic
                 && record.request_id == request_id

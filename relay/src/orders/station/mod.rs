@@ -58,7 +58,7 @@ pub struct Request {
     /// Path of the request, which every report repeats; 0 if it has none.
     pub path_id: u64,
     /// Which request service of the robot.
-    pub topic: u16,
+    pub topic: u64,
     /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*; the caller takes the earliest
     /// time that the deadline can be in that clock.
     pub expires: MonotonicNs,

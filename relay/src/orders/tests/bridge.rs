@@ -18,7 +18,7 @@ const OUTSTANDING: usize = 8;
 /// Services: 0 is the bridge's `movement`, 1 its `module_control`, 2 a module's own, which forgets requests whose client is gone.
 pub(super) const TOPICS: u16 = 3;
 
-pub(super) fn repeat_of(topic: u16) -> Repeat {
+pub(super) fn repeat_of(topic: u64) -> Repeat {
     if topic == 0 {
         Repeat::Field
     } else {
@@ -65,7 +65,7 @@ impl Kind {
 }
 
 struct Open {
-    topic: u16,
+    topic: u64,
     /// The robot side that asked still waits.
     is_attached: bool,
     progress_left: u64,
@@ -121,7 +121,7 @@ impl Bridge {
 
     pub(super) fn send(
         &mut self,
-        topic: u16,
+        topic: u64,
         request: &[u8],
         is_repeat: bool,
         now: u64,
@@ -153,7 +153,7 @@ impl Bridge {
         Ok(())
     }
 
-    fn execute(&mut self, topic: u16, request: &[u8], now: u64, random: &mut Random) {
+    fn execute(&mut self, topic: u64, request: &[u8], now: u64, random: &mut Random) {
         let id = request_id(request);
         let kind = Kind::of(request);
         let refusal = match kind {
@@ -221,7 +221,7 @@ impl Bridge {
         });
     }
 
-    fn end(&mut self, topic: u16, id: u64, stage: Stage, reason: Reason, is_attached: bool) {
+    fn end(&mut self, topic: u64, id: u64, stage: Stage, reason: Reason, is_attached: bool) {
         let report = report(id, stage, reason);
         self.ends.insert(id, (stage.code(), reason.code()));
         if self.completed.len() == REMEMBERED {

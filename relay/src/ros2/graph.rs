@@ -1,0 +1,284 @@
+//! The ROS graph as `rmw_zenoh` has it: what a session, a node and its publications are called in Zenoh.
+
+use ipc_types::RobotId;
+use ipc_types::schema::Schema;
+use ipc_types::service::{MAX_KEY_LEN, is_key};
+use twox_hash::XxHash3_128;
+
+use super::standard::StandardMessage;
+use super::type_hash::type_hash;
+
+/// First part of every liveliness token of ROS 2.
+const ADMIN_SPACE: &str = "@ros2_lv";
+
+/// The default security enclave `/`. In a token `%` stands for `/`.
+const ENCLAVE: &str = "%";
+
+/// Name of the node that a relay is for each robot.
+const NODE_NAME: &str = "ril_relay";
+
+/// Longest Zenoh id as text: 16 bytes, two digits each.
+const MAX_ZENOH_ID_LEN: usize = 32;
+
+/// The depth that `rmw_zenoh` leaves out of a token, because it is its default.
+const DEFAULT_DEPTH: u32 = 42;
+
+/// Length of an attachment, bytes: two numbers of eight bytes, a length of one byte, an id of 16.
+pub const ATTACHMENT_LEN: usize = 8 + 8 + 1 + size_of::<Gid>();
+
+/// Id of a publisher in the ROS graph: the XXH3 hash of its liveliness token, 128 bits, least significant byte first.
+///
+/// A ROS 2 node computes it from the token, and finds by it which publisher a sample came from.
+pub type Gid = [u8; 16];
+
+/// A name cannot be used in a key expression of `rmw_zenoh`.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NameError {
+    /// The id of a Zenoh session has 1 to 32 digits.
+    #[error(
+        "`{0}` is no Zenoh id: it must have 1 to {MAX_ZENOH_ID_LEN} lower-case hexadecimal digits"
+    )]
+    ZenohId(String),
+    /// Not the key of a service.
+    #[error(
+        "`{0}` is no key of a service: it must have parts in lower snake case, divided by `/`, and at most {MAX_KEY_LEN} bytes"
+    )]
+    Key(String),
+}
+
+/// How surely samples arrive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Reliability {
+    /// Samples may be lost.
+    BestEffort,
+    /// Zenoh sends again what the network lost; a full queue still drops samples.
+    Reliable,
+}
+
+/// Quality of service of a publication, as ROS 2 shows it. In `rmw_zenoh` any subscriber matches any publisher.
+///
+/// The durability is always *volatile*: a late subscriber waits for the next sample. *Transient local* would need a cache that
+/// answers queries beside each publisher. It would bring little here: telemetry comes many times a second, and a state at least
+/// once a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Qos {
+    /// How surely samples arrive.
+    pub reliability: Reliability,
+    /// How many samples are kept for a subscriber that is slow.
+    pub depth: u32,
+}
+
+impl Qos {
+    /// For measurements: a lost sample is replaced by the next one. ROS 2 calls this profile *sensor data*.
+    pub const SENSOR_DATA: Qos = Qos {
+        reliability: Reliability::BestEffort,
+        depth: 5,
+    };
+
+    /// For states, which change seldom, so that each change counts. ROS 2's default profile.
+    pub const STATE: Qos = Qos {
+        reliability: Reliability::Reliable,
+        depth: 10,
+    };
+
+    /// The profile of the topic with this key: [`STATE`](Qos::STATE) for `module_state` and for `<module>/state`, which every
+    /// module has, else [`SENSOR_DATA`](Qos::SENSOR_DATA).
+    pub fn of_key(key: &str) -> Qos {
+        match key == "module_state" || key.ends_with("/state") {
+            true => Qos::STATE,
+            false => Qos::SENSOR_DATA,
+        }
+    }
+
+    /// The last part of a token: reliability, durability, history and depth, deadline, lifespan, liveliness. Whatever is the
+    /// default of `rmw_zenoh` stays empty: a receiver writes the token anew that way, and hashes it.
+    fn encode(self) -> String {
+        let reliability = match self.reliability {
+            Reliability::Reliable => "",
+            Reliability::BestEffort => "2",
+        };
+        let depth = match self.depth {
+            DEFAULT_DEPTH => String::new(),
+            depth => depth.to_string(),
+        };
+        format!("{reliability}::,{depth}:,:,:,,")
+    }
+}
+
+/// A Zenoh session as part of the ROS graph. It hands out the ids of nodes and publications, which are unique in a session.
+#[derive(Debug)]
+pub struct Session {
+    domain_id: u32,
+    zenoh_id: String,
+    next_id: u64,
+}
+
+impl Session {
+    /// The session with the id `zenoh_id`, as Zenoh writes it, in the ROS domain `domain_id` (`ROS_DOMAIN_ID`, 0 by default).
+    ///
+    /// # Errors
+    ///
+    /// [`NameError::ZenohId`].
+    pub fn new(domain_id: u32, zenoh_id: &str) -> Result<Session, NameError> {
+        let is_digit = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
+        let is_id = (1..=MAX_ZENOH_ID_LEN).contains(&zenoh_id.len());
+        if !is_id || !zenoh_id.bytes().all(is_digit) {
+            return Err(NameError::ZenohId(
+                zenoh_id.escape_debug().take(64).collect(),
+            ));
+        }
+        Ok(Session {
+            domain_id,
+            zenoh_id: zenoh_id.to_owned(),
+            next_id: 0,
+        })
+    }
+
+    fn take_id(&mut self) -> u64 {
+        let id = self.next_id;
+        self.next_id += 1;
+        id
+    }
+
+    /// The node of a robot: `/hero1/ril_relay` for robot 1.
+    pub fn node(&mut self, robot: RobotId) -> Node {
+        let id = self.take_id();
+        Node {
+            robot,
+            prefix: format!("{ADMIN_SPACE}/{}/{}/{id}", self.domain_id, self.zenoh_id),
+            id,
+        }
+    }
+
+    /// The publication of a robot's topic with this key and schema: `/hero1/hero_telemetry` for robot 1.
+    ///
+    /// # Errors
+    ///
+    /// [`NameError::Key`].
+    pub fn publish(
+        &mut self,
+        node: &Node,
+        key: &str,
+        schema: &Schema,
+        qos: Qos,
+    ) -> Result<Publication, NameError> {
+        if !is_key(key) {
+            return Err(NameError::Key(key.escape_debug().take(64).collect()));
+        }
+        let type_name = schema.ros_resource_name();
+        Ok(self.publication(node, key, type_name, &type_hash(schema), qos))
+    }
+
+    /// The publication of a standard message about a robot: `/hero1/imu/data` for robot 1.
+    pub fn publish_standard(&mut self, node: &Node, message: StandardMessage) -> Publication {
+        let type_name = message.type_name().to_owned();
+        self.publication(
+            node,
+            message.key(),
+            type_name,
+            message.type_hash(),
+            Qos::SENSOR_DATA,
+        )
+    }
+
+    fn publication(
+        &mut self,
+        node: &Node,
+        key: &str,
+        type_name: String,
+        type_hash: &str,
+        qos: Qos,
+    ) -> Publication {
+        let id = self.take_id();
+        let topic = format!("{}/{key}", node.namespace());
+        let zenoh_type = zenoh_type_name(&type_name);
+        let token = format!(
+            "{}/{id}/MP/{}/{}/{zenoh_type}/{type_hash}/{}",
+            node.prefix,
+            node.names(),
+            mangled(&topic),
+            qos.encode()
+        );
+        Publication {
+            key_expression: format!("{}{topic}/{zenoh_type}/{type_hash}", self.domain_id),
+            gid: gid(&token),
+            token,
+            topic,
+            type_name,
+            qos,
+        }
+    }
+}
+
+/// A node of the ROS graph: a relay, in the namespace of one robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Node {
+    robot: RobotId,
+    /// The beginning of its tokens and of those of its publications, up to the node's id.
+    prefix: String,
+    id: u64,
+}
+
+impl Node {
+    /// The namespace, such as `/hero1`: a name in ROS 2 does not begin with a digit.
+    pub fn namespace(&self) -> String {
+        format!("/hero{}", self.robot)
+    }
+
+    /// The liveliness token to declare for the node.
+    pub fn token(&self) -> String {
+        format!("{}/{}/NN/{}", self.prefix, self.id, self.names())
+    }
+
+    /// Enclave, namespace and name, as a token has them.
+    fn names(&self) -> String {
+        format!("{ENCLAVE}/{}/{NODE_NAME}", mangled(&self.namespace()))
+    }
+}
+
+/// A topic that a node publishes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Publication {
+    /// Where to put the samples.
+    pub key_expression: String,
+    /// The liveliness token to declare.
+    pub token: String,
+    /// Id of the publisher, for the attachments.
+    pub gid: Gid,
+    /// Name of the topic in ROS 2, such as `/hero1/hero_telemetry`.
+    pub topic: String,
+    /// Name of the type in ROS 2, such as `hero_msgs/msg/HeroTelemetry`.
+    pub type_name: String,
+    /// Quality of service.
+    pub qos: Qos,
+}
+
+/// What accompanies a sample: `sequence` counts the publication's samples from 1, `unix_ns` is when it is sent, Unix time in ns.
+///
+/// The bytes are those of Zenoh's own serialization: numbers with the least significant byte first, and before the id its length.
+pub fn attachment(sequence: i64, unix_ns: i64, gid: &Gid) -> [u8; ATTACHMENT_LEN] {
+    let mut bytes = [0; ATTACHMENT_LEN];
+    bytes[..8].copy_from_slice(&sequence.to_le_bytes());
+    bytes[8..16].copy_from_slice(&unix_ns.to_le_bytes());
+    bytes[16] = size_of::<Gid>() as u8;
+    bytes[17..].copy_from_slice(gid);
+    bytes
+}
+
+/// `hero_msgs/msg/DspTelemetry` as `hero_msgs::msg::dds_::DspTelemetry_`.
+fn zenoh_type_name(type_name: &str) -> String {
+    let (package, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
+    format!("{}::dds_::{name}_", package.replace('/', "::"))
+}
+
+/// A name as one part of a token.
+fn mangled(name: &str) -> String {
+    name.replace('/', "%")
+}
+
+fn gid(token: &str) -> Gid {
+    XxHash3_128::oneshot(token.as_bytes()).to_le_bytes()
+}
+
+#[cfg(test)]
+mod tests;

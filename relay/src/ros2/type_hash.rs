@@ -1,0 +1,97 @@
+//! Hashes of types: RIHS01, the first version of the ROS interface hash (REP-2011).
+//!
+//! The hash is the SHA-256 of a description of the type in JSON, byte by byte as Python's `json.dumps` writes it: names of
+//! structs and fields, types and lengths of arrays, and all nested structs in the order of their names. Comments, units and
+//! the version of our layouts are not part of it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use ipc_types::payload::Number;
+use ipc_types::schema::{Field, Kind, Message, Schema};
+use sha2::{Digest, Sha256};
+
+/// Number of a nested type in a type description.
+const NESTED_TYPE: u32 = 1;
+
+/// Distance from the number of a type to the number of an array of it with fixed length.
+const ARRAY: u32 = 48;
+
+/// The hash of a schema's type in ROS 2, such as `RIHS01_` with 64 hexadecimal digits.
+///
+/// The names in a schema are identifiers in ASCII, so that nothing in the JSON needs an escape.
+pub fn type_hash(schema: &Schema) -> String {
+    let mut nested = BTreeMap::new();
+    collect(schema.root(), &mut nested);
+    let root = description(schema.root());
+    let nested: Vec<String> = nested.values().map(|nested| description(nested)).collect();
+    let text = format!(
+        r#"{{"type_description": {root}, "referenced_type_descriptions": [{}]}}"#,
+        nested.join(", ")
+    );
+    let mut hash = String::from("RIHS01_");
+    for byte in Sha256::digest(text.as_bytes()) {
+        // Writing to a string cannot fail.
+        let _ = write!(hash, "{byte:02x}");
+    }
+    hash
+}
+
+/// Full name of a struct in ROS 2, such as `hero_msgs/msg/HeroGeodetic`.
+pub(super) fn full_name(message: &Message) -> String {
+    format!("{}/msg/{}", message.package, message.name)
+}
+
+/// The structs that `message` contains, by their full names. A schema bounds the depth.
+fn collect<'a>(message: &'a Message, nested: &mut BTreeMap<String, &'a Message>) {
+    for field in &message.fields {
+        if let Kind::Struct(inner) = &field.kind
+            && nested.insert(full_name(inner), inner).is_none()
+        {
+            collect(inner, nested);
+        }
+    }
+}
+
+fn description(message: &Message) -> String {
+    let fields: Vec<String> = message.fields.iter().map(field_description).collect();
+    format!(
+        r#"{{"type_name": "{}", "fields": [{}]}}"#,
+        full_name(message),
+        fields.join(", ")
+    )
+}
+
+fn field_description(field: &Field) -> String {
+    let (mut type_id, nested) = match &field.kind {
+        Kind::Number(number) => (number_id(*number), String::new()),
+        Kind::Struct(inner) => (NESTED_TYPE, full_name(inner)),
+    };
+    if field.len.is_some() {
+        type_id += ARRAY;
+    }
+    format!(
+        r#"{{"name": "{}", "type": {{"type_id": {type_id}, "capacity": {}, "string_capacity": 0, "nested_type_name": "{nested}"}}}}"#,
+        field.name,
+        field.len.unwrap_or(0)
+    )
+}
+
+/// Number of the type in `type_description_interfaces/msg/FieldType`.
+const fn number_id(number: Number) -> u32 {
+    match number {
+        Number::I8 => 2,
+        Number::U8 => 3,
+        Number::I16 => 4,
+        Number::U16 => 5,
+        Number::I32 => 6,
+        Number::U32 => 7,
+        Number::I64 => 8,
+        Number::U64 => 9,
+        Number::F32 => 10,
+        Number::F64 => 11,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,94 @@
+use super::*;
+use crate::ros2::own_schemas;
+
+/// Schemas with what the robot's own do not have: arrays of structs, of signed numbers, of small numbers.
+const STRANGER: &str = "\
+# The flight battery.
+#
+# Layout: battery_watch.Battery.v3
+
+uint64 sequence
+uint64 epoch_ns
+int64 offset_ns
+float64[3] gains
+battery_watch_msgs/Cell[2] cells
+analog_msgs/Channel channel
+
+================================================================================
+MSG: battery_watch_msgs/Cell
+# Layout: battery_watch.Cell.v1
+
+float32 voltage_v
+int16[2] temperatures
+uint16 age_s
+int8 sign
+uint8[5] name
+
+================================================================================
+MSG: analog_msgs/Channel
+# Layout: analog.Channel.v1
+
+int32 offset_adc
+uint32 scale_adc
+";
+
+/// Each value is the one that `rosbags` 0.11 computes from the same text; `tests/ros2` compares them again.
+const GOLDEN: [(&str, &str); 9] = [
+    (
+        "hero_msgs/msg/DspTelemetry",
+        "a4ab4412c69e2fa023ee8f72c70baa2446198f1bea75aca1cb974e1664fcdcba",
+    ),
+    (
+        "hero_msgs/msg/HeroTelemetry",
+        "c6c48a3341fb9ea07af1a35b80342d23003660102050a6c155374b29f9276533",
+    ),
+    (
+        "hero_msgs/msg/ModuleControl",
+        "5479056abcc0a60c97b7ce674fa07c1c87df5a62831b478a4d618f9767f6fae9",
+    ),
+    (
+        "hero_msgs/msg/ModuleState",
+        "8d38ab7113799c881c460b77aa29f209860126cc053e8f182c86dea6a490a08a",
+    ),
+    (
+        "hero_msgs/msg/MovementData",
+        "91a655a8a541431cb5c521c2b0a7e9d2d1b8a2a454391050443f4627c86e275a",
+    ),
+    (
+        "hero_msgs/msg/ParameterRequest",
+        "0e20b89c75a428cafe192b7e0dad032216b94cd0bf13786327dfa2d3ab461268",
+    ),
+    (
+        "hero_msgs/msg/RequestReport",
+        "9c1c5fc24fa2247e7a313e8689da367ced390d00b192aac34444961f69820dd3",
+    ),
+    (
+        "module_msgs/msg/State",
+        "61c46cdee93fea2d4d7fc2b5e955b43ecfd6adfa5c34c9ec1fa21cb7b9093791",
+    ),
+    (
+        "battery_watch_msgs/msg/Battery",
+        "be5111469f17f0552332f1c3e013ad83709b8ea224ad42b35590b29a8919c26b",
+    ),
+];
+
+#[test]
+fn hashes_are_those_of_another_implementation() {
+    let mut schemas = own_schemas();
+    schemas.push(Schema::parse(STRANGER).unwrap());
+    let hashes: Vec<_> = schemas
+        .iter()
+        .map(|schema| (schema.ros_resource_name(), type_hash(schema)))
+        .collect();
+    let golden = GOLDEN.map(|(name, hash)| (name.to_owned(), format!("RIHS01_{hash}")));
+    assert_eq!(hashes, golden);
+}
+
+#[test]
+fn comments_do_not_change_a_hash_and_names_do() {
+    let hash = |text: &str| type_hash(&Schema::parse(text).unwrap());
+    let commented = STRANGER.replace("uint64 sequence", "# Counts.\nuint64 sequence");
+    assert_eq!(hash(&commented), hash(STRANGER));
+    let renamed = STRANGER.replace("age_s", "age_ms");
+    assert_ne!(hash(&renamed), hash(STRANGER));
+}
