@@ -93,6 +93,7 @@ fn measure<M: Meter, T: Measured>(samples: &[T]) -> M::Report {
     let of = Of {
         robot: 1,
         service: "test",
+        relayed: None,
     };
     let losses = Losses {
         received: samples.len() as u64,

@@ -19,6 +19,7 @@ use ipc_types::payload::{
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use serde::Serialize;
 
+use super::relay_report::LinkReport;
 use crate::messages::details;
 
 /// Name of the JSON object's layout.
@@ -44,6 +45,10 @@ pub struct StateReport {
     hero: Option<Sample>,
     /// The state of the module status; nothing when none was received.
     status: Option<StatusState>,
+    /// Whether all of this comes from another machine.
+    relayed: bool,
+    /// The link to that machine; nothing when the robot is on this one, and when the relay said nothing.
+    relay: Option<LinkReport>,
 }
 
 /// A sample by its age.
@@ -63,6 +68,11 @@ impl Sample {
             age_s: age_s(time, now),
             stale: time > now || now.since(time) > STALE_AFTER,
         }
+    }
+
+    /// Whether it is too old to say how things are now.
+    pub fn is_stale(self) -> bool {
+        self.stale
     }
 }
 
@@ -198,6 +208,18 @@ impl StateReport {
             dsp,
             hero,
             status: status.map(|status| StatusState::new(status, now)),
+            relayed: false,
+            relay: None,
+        }
+    }
+
+    /// The same of a robot on another machine, to which `link` leads; nothing when the relay said nothing of it.
+    #[must_use]
+    pub fn relayed(self, link: Option<LinkReport>) -> StateReport {
+        StateReport {
+            relayed: true,
+            relay: link,
+            ..self
         }
     }
 }
@@ -408,12 +430,12 @@ impl Safety {
 }
 
 /// The name of a code, or a number that is not in the contract.
-fn named(name: Option<impl fmt::Display>, number: u32) -> String {
+pub(super) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
 
 /// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
 /// gives, must not look like the present.
-fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
+pub(super) fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
     (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
 }

@@ -1,7 +1,8 @@
 //! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to do.
 //!
-//! [`facts`] are gathered, judged by [`findings`] and printed by [`report`]. Nothing is joined, opened or changed, unless
-//! `--repair` asks to remove what is certainly dead; and nothing that stands in the way can hold it up for long.
+//! [`facts`] are gathered, judged by [`findings`] and printed by [`report`]. Nothing is changed, unless `--repair` asks to
+//! remove what is certainly dead. Nothing is joined but the topic of a live relay's link, and no other port is opened. Nothing
+//! that stands in the way can hold it up for long.
 
 pub mod facts;
 pub mod findings;
@@ -52,6 +53,10 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
         Ok(domain) if args.repair => Some(gather::repair(domain)),
         _ => None,
     };
+    let relay = match &domain {
+        Ok(domain) => gather::relay(domain, robot),
+        Err(_) => None,
+    };
     let domain = domain
         .map(|domain| gather::domain(&domain))
         .map_err(|error: DomainError| error.to_string());
@@ -62,6 +67,7 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
     Facts {
         robot: robot.get(),
         domain,
+        relay,
         free_memory: gather::memory(),
         port: port(args, &files, bridge, bridge_process),
         files,

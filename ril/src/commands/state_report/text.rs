@@ -11,6 +11,13 @@ impl fmt::Display for StateReport {
     /// Lines with a title each; the last without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
+        match &self.relay {
+            Some(link) => writeln!(f, "relay       {}", link.in_short())?,
+            None if self.relayed => {
+                writeln!(f, "relay       relayed over an unknown link: no sample")?
+            }
+            None => {}
+        }
         writeln!(f, "module      {}", self.module)?;
         match &self.status {
             Some(status) => writeln!(f, "status      {status}")?,
