@@ -95,8 +95,12 @@ fn everything_of_the_relay_but_status_goes_to_its_own_program() {
     ] {
         let args = relay(&[&["relay"], arguments].concat());
         assert!(args.command.is_none(), "{args:?}");
-        let without_marker = arguments.iter().filter(|text| **text != "--");
-        assert_eq!(args.args, without_marker.collect::<Vec<_>>());
+        let expected: Vec<&str> = arguments
+            .iter()
+            .copied()
+            .filter(|text| *text != "--")
+            .collect();
+        assert_eq!(args.args, expected);
     }
     let args = relay(&["relay", "status", "--robot", "7", "--json"]);
     let Some(RelayCommand::Status(status)) = args.command else {
