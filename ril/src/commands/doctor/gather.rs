@@ -119,7 +119,7 @@ fn latest_link(
     domain: &Domain,
     robot: RobotId,
 ) -> Result<Option<Option<RelayLink>>, Box<dyn std::error::Error + Send + Sync>> {
-    if domain.provider(robot, RelayLink::KEY)?.is_none() {
+    if !domain.robots(RelayLink::KEY)?.contains(&robot) {
         return Ok(None);
     }
     let ipc = Ipc::join(domain, robot, "ril")?;

@@ -53,13 +53,15 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
         Ok(domain) if args.repair => Some(gather::repair(domain)),
         _ => None,
     };
-    let relay = match &domain {
-        Ok(domain) => gather::relay(domain, robot),
-        Err(_) => None,
-    };
+    let place = domain.as_ref().ok().cloned();
     let domain = domain
         .map(|domain| gather::domain(&domain))
         .map_err(|error: DomainError| error.to_string());
+    // Where no provider can be found, that is a finding of its own.
+    let is_readable = domain.as_ref().is_ok_and(|facts| facts.providers.is_ok());
+    let relay = place
+        .filter(|_| is_readable)
+        .and_then(|domain| gather::relay(&domain, robot));
     let bridge_process = domain
         .as_ref()
         .ok()
