@@ -10,6 +10,7 @@ pub mod relay;
 pub mod relay_report;
 pub mod request;
 mod robot;
+pub mod sample_age;
 pub mod state;
 pub mod state_report;
 mod stream;

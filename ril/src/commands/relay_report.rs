@@ -6,16 +6,21 @@
 mod tests;
 mod text;
 
+use std::time::Duration;
+
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::{RelayLink, RelayStation, RelayStations};
 use ipc_types::{MonotonicNs, RobotId};
 use runtime::exit::ExitCode;
 use serde::Serialize;
 
-use super::state_report::{Sample, age_s, named};
+use super::sample_age::{Sample, age_s, named};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Relay.v1";
+
+/// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
+pub const STALE_AFTER: Duration = Duration::from_secs(3);
 
 /// Everything that `ril relay status` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -187,7 +192,7 @@ impl LinkReport {
             link: _,
             station: _,
         } = *link;
-        let sample = Sample::new(sequence, MonotonicNs(published_ns), now);
+        let sample = Sample::with_limit(sequence, MonotonicNs(published_ns), now, STALE_AFTER);
         let since = (since_ns > 0).then_some(MonotonicNs(since_ns));
         LinkReport {
             state: named(RelayLinkState::from_code(state), state),
@@ -233,7 +238,7 @@ impl StationsReport {
                 .iter()
                 .map(|station| StationReport::new(station, now))
                 .collect(),
-            sample: Sample::new(stations.sequence, stations.published(), now),
+            sample: Sample::with_limit(stations.sequence, stations.published(), now, STALE_AFTER),
         }
     }
 

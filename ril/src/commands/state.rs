@@ -8,7 +8,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::relay::LinkWatch;
 use super::relay_report::LinkReport;
-use super::state_report::{Sample, StateReport};
+use super::sample_age::Sample;
+use super::state_report::StateReport;
 use super::{Session, configuration, json_line};
 use crate::cli::StateArgs;
 use crate::measure::Measured;

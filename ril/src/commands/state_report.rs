@@ -7,9 +7,6 @@
 mod tests;
 mod text;
 
-use std::fmt;
-use std::time::Duration;
-
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
 use ipc_types::module::State;
@@ -20,13 +17,11 @@ use ipc_types::{MonotonicNs, TelemetryGroup};
 use serde::Serialize;
 
 use super::relay_report::LinkReport;
+use super::sample_age::{Sample, age_s, named};
 use crate::messages::details;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v2";
-
-/// A sample older than this is marked stale: the state comes at least once a second, telemetry far more often.
-pub const STALE_AFTER: Duration = Duration::from_secs(1);
 
 /// Everything that `ril state` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -49,31 +44,6 @@ pub struct StateReport {
     relayed: bool,
     /// The link to that machine; nothing when the robot is on this one, and when the relay said nothing.
     relay: Option<LinkReport>,
-}
-
-/// A sample by its age.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Sample {
-    sequence: u64,
-    /// Nothing when it claims to be of the future: it counts as stale, because its age is unknown.
-    age_s: Option<f64>,
-    stale: bool,
-}
-
-impl Sample {
-    /// The sample `sequence` whose content was so at `time`.
-    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> Sample {
-        Sample {
-            sequence,
-            age_s: age_s(time, now),
-            stale: time > now || now.since(time) > STALE_AFTER,
-        }
-    }
-
-    /// Whether it is too old to say how things are now.
-    pub fn is_stale(self) -> bool {
-        self.stale
-    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -427,15 +397,4 @@ impl Safety {
             interventions,
         }
     }
-}
-
-/// The name of a code, or a number that is not in the contract.
-pub(super) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
-    name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
-}
-
-/// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
-/// gives, must not look like the present.
-pub(super) fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
-    (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
 }

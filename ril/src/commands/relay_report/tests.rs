@@ -120,16 +120,16 @@ fn a_link_of_which_nothing_is_known_says_so() {
 #[test]
 fn a_relay_that_hangs_has_no_link_that_is_up() {
     let link = RelayLink {
-        published_ns: ago(1001),
+        published_ns: ago(3001),
         ..up()
     };
     let report = of_link(&link);
     assert_eq!(report.exit_code(), ExitCode::LinkDown);
     assert!(report.trouble().contains("says nothing"));
-    assert!(report.to_string().ends_with("1.001 s old, STALE\n"));
+    assert!(report.to_string().ends_with("3.001 s old, STALE\n"));
     assert!(LinkReport::new(&link, NOW).in_short().ends_with(", STALE"));
     let stations = RelayStations {
-        published_ns: ago(1001),
+        published_ns: ago(3001),
         ..stations()
     };
     let report = RelayReport::new(RobotId::DEFAULT, None, Some(&stations), NOW);

@@ -29,7 +29,7 @@ pub(super) fn diagnose(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
     };
     let report = LinkReport::new(link, facts.now);
     if report.is_stale() {
-        let text = "has said nothing of its link for more than a second".to_owned();
+        let text = "has said nothing of its link for more than three seconds".to_owned();
         return vec![silent(robot, text)];
     }
     let troubles: Vec<Finding> = [
