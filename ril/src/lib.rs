@@ -9,7 +9,8 @@
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
-//! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines. Nothing here decides what the helicopter
+//! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines; `ril relay` is a program of its own,
+//! `ril-relay`, which it starts. Nothing here decides what the helicopter
 //! does: that is the bridge's.
 //!
 //! # Example
@@ -38,7 +39,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use cli::RobotChoice;
-use commands::{doctor, echo, param, request, state, topic};
+use commands::{doctor, echo, param, relay, request, state, topic};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -59,6 +60,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Bridge(args) => bridge::cli::run(args),
         Command::Status(args) => status::cli::run(args),
         Command::Sim(args) => dsp_sim::cli::run(args),
+        Command::Relay(args) => relay::relay(&args),
         Command::Start(args) => request::start(&args, choice),
         Command::Stop(args) => request::stop(&args, choice),
         Command::Takeoff(args) => request::take_off(&args, choice),

@@ -14,7 +14,8 @@ use ipc_types::payload::{
 use ipc_types::service::Request;
 use ipc_types::{Client, Losses, MonotonicNs, RobotId, SendError, Wake, fresh_request_id};
 use ril::commands::exchange::{Exchange, Next, Until};
-use ril::commands::state_report::{Sample, StateReport};
+use ril::commands::sample_age::Sample;
+use ril::commands::state_report::StateReport;
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 use ril::measure::bandwidth::BandwidthMeter;
 use ril::measure::delay::DelayMeter;
@@ -93,6 +94,7 @@ fn measure<M: Meter, T: Measured>(samples: &[T]) -> M::Report {
     let of = Of {
         robot: 1,
         service: "test",
+        relayed: None,
     };
     let losses = Losses {
         received: samples.len() as u64,

@@ -222,6 +222,18 @@ static inline hero_ril_topic hero_ril_module_state(void) {
     return topic;
 }
 
+/* Of the relay: how its link is, on a station's machine. */
+static inline hero_ril_topic hero_ril_relay_link(void) {
+    hero_ril_topic topic = {"relay/link", HERO_RELAY_LINK_LAYOUT_HASH, NULL, sizeof(RelayLink)};
+    return topic;
+}
+
+/* Of the relay: which stations there are, on a robot's machine. */
+static inline hero_ril_topic hero_ril_relay_stations(void) {
+    hero_ril_topic topic = {"relay/stations", HERO_RELAY_STATIONS_LAYOUT_HASH, NULL, sizeof(RelayStations)};
+    return topic;
+}
+
 static inline hero_ril_service hero_ril_movement(void) {
     hero_ril_service service = {"movement", HERO_MOVEMENT_LAYOUT_HASH, NULL, sizeof(MovementData)};
     return service;

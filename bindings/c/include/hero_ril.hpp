@@ -67,6 +67,12 @@ template <> struct TopicOf<HeroTelemetry> {
 template <> struct TopicOf<ModuleState> {
     static hero_ril_topic get() { return hero_ril_module_state(); }
 };
+template <> struct TopicOf<RelayLink> {
+    static hero_ril_topic get() { return hero_ril_relay_link(); }
+};
+template <> struct TopicOf<RelayStations> {
+    static hero_ril_topic get() { return hero_ril_relay_stations(); }
+};
 
 /* Which request service carries a struct. For a struct of your own: HERO_RIL_REQUEST. */
 template <class T> struct RequestOf;

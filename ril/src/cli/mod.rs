@@ -1,9 +1,10 @@
 //! The command line of `ril`: what can be asked for.
 //!
 //! Everything is checked here, once; the commands get typed values. `request` has the arguments of commands that ask a module
-//! for something, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
+//! for something, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
 //! another process.
 
+mod relay;
 mod request;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use runtime::args::CommonArgs;
 
 use crate::demo;
+pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
     ParamGetArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
@@ -39,7 +41,7 @@ Exit codes:
    3  the process that should answer does not run
    4  no answer in time, or the DSP did not acknowledge
    5  refused, or ended early; the reason is printed
-   6  the link to the DSP is down
+   6  the link to the DSP, or the relay's link to the robot, is down
    7  the outcome cannot be known
    8  something is not in order; the findings are printed
   78  the configuration is wrong";
@@ -107,6 +109,8 @@ pub enum Command {
     Status(status::cli::Args),
     /// Run the simulator of DSP and helicopter, in the foreground
     Sim(dsp_sim::cli::Args),
+    /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
+    Relay(RelayArgs),
     /// Start the bridge's module, so that it takes movements; or another module
     Start(ControlArgs),
     /// Stop the bridge's module: the helicopter hovers, and everything that was planned is discarded; or another module
@@ -158,7 +162,8 @@ pub struct StateArgs {
 
 /// `ril doctor`
 ///
-/// Without --repair nothing is joined or changed, and the serial port is not opened in any case.
+/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link. The serial port is not opened in
+/// any case.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct DoctorArgs {

@@ -78,6 +78,40 @@ fn a_robot_is_chosen_by_the_option_of_the_innermost_command() {
 }
 
 #[test]
+fn everything_of_the_relay_but_status_goes_to_its_own_program() {
+    let relay = |arguments: &[&str]| match parse(arguments) {
+        Ok(Command::Relay(args)) => args,
+        other => panic!("{other:?}"),
+    };
+    for arguments in [
+        &[][..],
+        &["--help"],
+        &["-h"],
+        &["--config", "relay.toml", "status"],
+        &["--robot", "7", "-v"],
+        &["help"],
+        &["statu"],
+        &["--", "status"],
+    ] {
+        let args = relay(&[&["relay"], arguments].concat());
+        assert!(args.command.is_none(), "{args:?}");
+        let expected: Vec<&str> = arguments
+            .iter()
+            .copied()
+            .filter(|text| *text != "--")
+            .collect();
+        assert_eq!(args.args, expected);
+    }
+    let args = relay(&["relay", "status", "--robot", "7", "--json"]);
+    let Some(RelayCommand::Status(status)) = args.command else {
+        panic!("{args:?}");
+    };
+    assert!(status.json && status.common.robot.get() == 7);
+    let error = parse(&["relay", "status", "--count", "3"]).unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+}
+
+#[test]
 fn parameters_are_named_or_numbered_and_take_negative_values() {
     let set = |arguments: &[&str]| match parse(arguments) {
         Ok(Command::Param(ParamArgs {

@@ -11,6 +11,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Losses, MonotonicNs, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use super::relay::LinkWatch;
 use super::stream::{self, Samples, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
 use super::{Session, configuration, json_line};
@@ -20,10 +21,13 @@ use crate::live::{Block, Size};
 use crate::measure::bandwidth::BandwidthMeter;
 use crate::measure::delay::DelayMeter;
 use crate::measure::rate::RateMeter;
-use crate::measure::{Meter, Of, StampReader};
+use crate::measure::{Meter, Of, RelayedTimes, StampReader};
 
 /// From one drawing to the next: long enough to read.
 const REDRAW_PERIOD: Duration = Duration::from_secs(1);
+
+/// How long the end waits for the state of the relay's link, which the relay publishes once a second.
+const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// `ril hz`
 ///
@@ -105,15 +109,17 @@ fn run<M: Meter>(
     // What came while the port was made has waited for it; its age would be that of the port.
     let began = MonotonicNs::now();
     tracing::debug!(service = watched.key, "subscribed");
-    let of = Of {
-        robot: session.ipc.robot().get(),
-        service: &watched.key,
+    let mut source = SourceWatch {
+        session,
+        key: &watched.key,
+        link: LinkWatch::default(),
     };
+    source.look::<M>()?;
     let is_live = !options.json && io::stdout().is_terminal();
     let mut display = Display {
         meter: M::begin(watched.schema.size()),
         stamps: StampReader::of(&watched.schema),
-        of,
+        source,
         began,
         has_come: false,
         is_empty: true,
@@ -128,11 +134,45 @@ fn run<M: Meter>(
     }
 }
 
+/// Whose samples are measured, and whether they come from another machine.
+struct SourceWatch<'a> {
+    session: &'a Session,
+    key: &'a str,
+    link: LinkWatch,
+}
+
+impl SourceWatch<'_> {
+    /// Looks where the samples come from, if the measurement `M` shows their ages, and how the link to that machine is.
+    fn look<M: Meter>(&mut self) -> Result<(), Failure> {
+        if M::SHOWS_AGES {
+            self.link.look(self.session, self.key)?;
+            self.link.drain();
+        }
+        Ok(())
+    }
+
+    /// Waits for the state of the link, if there is one.
+    fn wait(&mut self) -> Result<(), Failure> {
+        self.link.wait(self.session, LINK_TIMEOUT)
+    }
+
+    fn of(&self) -> Of<'_> {
+        let link = self.link.newest();
+        Of {
+            robot: self.session.ipc.robot().get(),
+            service: self.key,
+            relayed: self.link.is_relayed().then(|| RelayedTimes {
+                uncertainty_s: link.and_then(|link| link.clock_uncertainty()),
+            }),
+        }
+    }
+}
+
 /// The measurement and where it is shown.
 struct Display<'a, M> {
     meter: M,
     stamps: StampReader,
-    of: Of<'a>,
+    source: SourceWatch<'a>,
     began: MonotonicNs,
     /// Whether a sample has come, measured or not.
     has_come: bool,
@@ -153,6 +193,7 @@ impl<M: Meter> Watcher for Display<'_, M> {
         if is_new {
             if self.is_empty {
                 tracing::debug!(sequence = stamps.sequence, "first sample");
+                self.source.look::<M>()?;
             }
             self.meter.take(&stamps, now);
             self.is_empty = false;
@@ -162,7 +203,8 @@ impl<M: Meter> Watcher for Display<'_, M> {
 
     fn woken(&mut self, losses: Losses, now: MonotonicNs) -> Result<(), Failure> {
         if !self.is_empty && self.redraw_at.is_some_and(|at| now >= at) {
-            let text = self.meter.report(self.of, losses).to_string();
+            self.source.look::<M>()?;
+            let text = self.meter.report(self.source.of(), losses).to_string();
             self.block
                 .show(
                     &mut io::stdout().lock(),
@@ -189,8 +231,10 @@ impl<M: Meter> Display<'_, M> {
         if self.is_empty {
             return Ok(());
         }
+        self.source.look::<M>()?;
+        self.source.wait()?;
         let mut out = io::stdout().lock();
-        let report = self.meter.report(self.of, losses);
+        let report = self.meter.report(self.source.of(), losses);
         if json {
             return json_line(&mut out, &report);
         }

@@ -6,8 +6,11 @@ pub mod echo;
 pub mod exchange;
 pub mod measure;
 pub mod param;
+pub mod relay;
+pub mod relay_report;
 pub mod request;
 mod robot;
+pub mod sample_age;
 pub mod state;
 pub mod state_report;
 mod stream;
@@ -21,8 +24,8 @@ use std::time::Duration;
 
 use ipc_types::service::{ServiceId, own};
 use ipc_types::{
-    Descriptor, Domain, Ipc, MonotonicNs, RobotId, SchedulingRole, Source, Waiter,
-    request_short_slice,
+    Descriptor, Domain, Ipc, Module, MonotonicNs, Provider, RelayModule, RobotId, SchedulingRole,
+    Source, Waiter, request_short_slice,
 };
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -80,19 +83,27 @@ impl Session {
         Ok(())
     }
 
+    /// The live process that provides the service `key`.
+    fn provider(&self, key: &str) -> Result<Option<Provider>, Failure> {
+        self.ipc.provider(key).or_fail(ExitCode::Internal)
+    }
+
     /// Whether a live process provides the service `key`.
     fn is_provided(&self, key: &str) -> Result<bool, Failure> {
-        let provider = self.ipc.provider(key).or_fail(ExitCode::Internal)?;
-        Ok(provider.is_some())
+        Ok(self.provider(key)?.is_some())
     }
 
     /// The failure that nothing of the topic `key` came in time: no process provides it, or its provider publishes nothing.
     fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
         let robot = self.ipc.robot();
-        if !self.is_provided(key)? {
+        let Some(provider) = self.provider(key)? else {
             return Ok(absent(key, robot));
-        }
+        };
         let text = match process_of(key) {
+            _ if is_relayed(key, &provider) => format!(
+                "nothing came from {key} of robot {robot} in {timeout:?}, although the relay is running: \
+                 `ril relay status --robot {robot}` shows its link to the robot"
+            ),
             Some(process) => format!(
                 "nothing came from {key} of robot {robot} in {timeout:?}, although `ril {process}` is running: \
                  `ril state --robot {robot}` shows the link to the DSP"
@@ -120,6 +131,12 @@ fn absent(key: &str, robot: RobotId) -> Failure {
     Failure::new(ExitCode::ServiceAbsent, text)
 }
 
+/// Whether the service `key`, which `provider` provides, comes from another machine. The relay's own topics do not.
+fn is_relayed(key: &str, provider: &Provider) -> bool {
+    let is_own = key.split('/').next() == Some(RelayModule::NAME);
+    provider.process == RelayModule::NAME && !is_own
+}
+
 /// The process that provides the service `key`; nothing when that is a module outside the RIL.
 fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
@@ -134,6 +151,30 @@ fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_the_relay_provides_comes_from_another_machine_but_for_its_own_topics() {
+        let provider = |process: &str| Provider {
+            pid: 7,
+            process: process.to_owned(),
+            since_ns: 1,
+            pid_namespace: 4,
+            time_namespace: 5,
+        };
+        for (key, process, expected) in [
+            ("hero_telemetry", "relay", true),
+            ("battery_watch/state", "relay", true),
+            ("hero_telemetry", "status", false),
+            ("relay/link", "relay", false),
+            ("relay/state", "relay", false),
+        ] {
+            assert_eq!(
+                is_relayed(key, &provider(process)),
+                expected,
+                "{key} of {process}"
+            );
+        }
+    }
 
     #[test]
     fn a_missing_process_is_named_with_how_to_start_it() {

@@ -6,7 +6,10 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, ReceiveError, Source, StateOf, StatusModule, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::state_report::{Sample, StateReport};
+use super::relay::LinkWatch;
+use super::relay_report::LinkReport;
+use super::sample_age::Sample;
+use super::state_report::StateReport;
 use super::{Session, configuration, json_line};
 use crate::cli::StateArgs;
 use crate::measure::Measured;
@@ -28,13 +31,7 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         if session.termination.requested() {
             return Ok(());
         }
-        let ports: [&mut dyn Source; 4] = [
-            &mut newest.state.port,
-            &mut newest.dsp.port,
-            &mut newest.hero.port,
-            &mut newest.status.port,
-        ];
-        session.wait(ports, Some(give_up))?;
+        session.wait(newest.ports(), Some(give_up))?;
         newest.drain();
     }
     let Some(state) = &newest.state.sample else {
@@ -50,6 +47,10 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         newest.status.sample.as_deref(),
         now,
     );
+    let report = match newest.relay.is_relayed() {
+        true => report.relayed(newest.relay.newest().map(|link| LinkReport::new(link, now))),
+        false => report,
+    };
     let mut out = io::stdout().lock();
     if args.json {
         json_line(&mut out, &report)
@@ -64,6 +65,7 @@ struct Newest {
     dsp: Latest<DspTelemetry>,
     hero: Latest<HeroTelemetry>,
     status: Latest<StateOf<StatusModule>>,
+    relay: LinkWatch,
 }
 
 /// The newest sample of one service.
@@ -102,10 +104,22 @@ impl Newest {
             dsp: Latest::open(session)?,
             hero: Latest::open(session)?,
             status: Latest::open(session)?,
+            relay: LinkWatch::default(),
         })
     }
 
+    fn ports(&mut self) -> impl Iterator<Item = &mut dyn Source> {
+        let ports: [&mut dyn Source; 4] = [
+            &mut self.state.port,
+            &mut self.dsp.port,
+            &mut self.hero.port,
+            &mut self.status.port,
+        ];
+        ports.into_iter().chain(self.relay.port())
+    }
+
     fn drain(&mut self) {
+        self.relay.drain();
         let results = [
             self.state.drain(),
             self.dsp.drain(),
@@ -117,12 +131,16 @@ impl Newest {
         }
     }
 
-    /// Whether everything is there that can be expected: telemetry only if the bridge has published some, and telemetry
-    /// in SI units and the state of status only if a process provides them.
-    fn is_complete(&self, session: &Session) -> Result<bool, Failure> {
+    /// Whether everything is there that can be expected: telemetry only if the bridge has published some, telemetry in SI
+    /// units and the state of status only if a process provides them, and the link only if the robot is on another machine.
+    fn is_complete(&mut self, session: &Session) -> Result<bool, Failure> {
+        self.relay.look(session, ModuleState::KEY)?;
         let Some(state) = &self.state.sample else {
             return Ok(false);
         };
+        if self.relay.is_missing() {
+            return Ok(false);
+        }
         if self.status.sample.is_none() && session.is_provided(StateOf::<StatusModule>::KEY)? {
             return Ok(false);
         }

@@ -7,9 +7,6 @@
 mod tests;
 mod text;
 
-use std::fmt;
-use std::time::Duration;
-
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
 use ipc_types::module::State;
@@ -19,13 +16,12 @@ use ipc_types::payload::{
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use serde::Serialize;
 
+use super::relay_report::LinkReport;
+use super::sample_age::{Sample, age_s, named};
 use crate::messages::details;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v2";
-
-/// A sample older than this is marked stale: the state comes at least once a second, telemetry far more often.
-pub const STALE_AFTER: Duration = Duration::from_secs(1);
 
 /// Everything that `ril state` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,26 +40,10 @@ pub struct StateReport {
     hero: Option<Sample>,
     /// The state of the module status; nothing when none was received.
     status: Option<StatusState>,
-}
-
-/// A sample by its age.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Sample {
-    sequence: u64,
-    /// Nothing when it claims to be of the future: it counts as stale, because its age is unknown.
-    age_s: Option<f64>,
-    stale: bool,
-}
-
-impl Sample {
-    /// The sample `sequence` whose content was so at `time`.
-    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> Sample {
-        Sample {
-            sequence,
-            age_s: age_s(time, now),
-            stale: time > now || now.since(time) > STALE_AFTER,
-        }
-    }
+    /// Whether all of this comes from another machine.
+    relayed: bool,
+    /// The link to that machine; nothing when the robot is on this one, and when the relay said nothing.
+    relay: Option<LinkReport>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -198,6 +178,18 @@ impl StateReport {
             dsp,
             hero,
             status: status.map(|status| StatusState::new(status, now)),
+            relayed: false,
+            relay: None,
+        }
+    }
+
+    /// The same of a robot on another machine, to which `link` leads; nothing when the relay said nothing of it.
+    #[must_use]
+    pub fn relayed(self, link: Option<LinkReport>) -> StateReport {
+        StateReport {
+            relayed: true,
+            relay: link,
+            ..self
         }
     }
 }
@@ -405,15 +397,4 @@ impl Safety {
             interventions,
         }
     }
-}
-
-/// The name of a code, or a number that is not in the contract.
-fn named(name: Option<impl fmt::Display>, number: u32) -> String {
-    name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
-}
-
-/// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
-/// gives, must not look like the present.
-fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
-    (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
 }

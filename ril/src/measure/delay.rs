@@ -12,7 +12,7 @@ use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
-use super::{Counts, DspClock, Meter, Of, Stamps};
+use super::{Counts, DspClock, Meter, Of, Stamps, rounded};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Delay.v1";
@@ -57,6 +57,11 @@ pub struct DelayReport {
     pub since_published_us: Option<Summary>,
     /// By the DSP's clock, how much later than the quickest sample of the same ten seconds; nothing without that clock.
     pub behind_quickest_ms: Option<Summary>,
+    /// Whether the samples come from another machine, so that the first two ages are as true as the comparison of clocks.
+    pub relayed: bool,
+    /// How far the first two ages may then be from the truth, to either side; nothing when that is not known, and when the
+    /// samples are of this machine.
+    pub age_uncertainty_ms: Option<f64>,
 }
 
 impl Window {
@@ -97,6 +102,7 @@ impl DelayMeter {
 
 impl Meter for DelayMeter {
     type Report = DelayReport;
+    const SHOWS_AGES: bool = true;
 
     fn begin(_: usize) -> DelayMeter {
         DelayMeter {
@@ -142,6 +148,11 @@ impl Meter for DelayMeter {
             since_received_us: self.since_received.summary(),
             since_published_us: self.since_published.summary(),
             behind_quickest_ms: behind_quickest.summary(),
+            relayed: of.relayed.is_some(),
+            age_uncertainty_ms: of
+                .relayed
+                .and_then(|times| times.uncertainty_s)
+                .map(|seconds| rounded(seconds * 1e3, 6)),
         }
     }
 }
@@ -149,6 +160,19 @@ impl Meter for DelayMeter {
 impl fmt::Display for DelayReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.counts)?;
+        match self.age_uncertainty_ms {
+            Some(ms) => writeln!(
+                f,
+                "relayed from another machine: ages are true within ±{ms:.3} ms"
+            )?,
+            None if self.relayed => {
+                writeln!(
+                    f,
+                    "relayed from another machine: how true the ages are is not known"
+                )?;
+            }
+            None => {}
+        }
         for (summary, title) in [
             (&self.since_received_us, "bridge's last byte to here"),
             (&self.since_published_us, "publisher to here"),
@@ -167,6 +191,7 @@ impl fmt::Display for DelayReport {
 
 #[cfg(test)]
 mod tests {
+    use super::super::RelayedTimes;
     use super::super::rate::tests::{OF, at, sample};
     use super::*;
 
@@ -268,6 +293,31 @@ mod tests {
         let report = measure([(odd, 1), (timed(u32::MAX, 0), 2), (odd, 3)]);
         assert_eq!(report.since_received_us.unwrap().max, 0.0);
         assert!(report.behind_quickest_ms.is_some());
+    }
+
+    #[test]
+    fn ages_of_another_machine_are_as_true_as_the_comparison_of_clocks() {
+        let report = |uncertainty_s| {
+            let of = Of {
+                relayed: Some(RelayedTimes { uncertainty_s }),
+                ..OF
+            };
+            DelayMeter::begin(0).report(of, Losses::default())
+        };
+        let known = report(Some(0.0025));
+        assert_eq!((known.relayed, known.age_uncertainty_ms), (true, Some(2.5)));
+        let text = known.to_string();
+        assert!(text.contains("ages are true within ±2.500 ms\n"), "{text}");
+        let unknown = report(None);
+        assert_eq!((unknown.relayed, unknown.age_uncertainty_ms), (true, None));
+        let text = unknown.to_string();
+        assert!(
+            text.contains("how true the ages are is not known"),
+            "{text}"
+        );
+        let here = DelayMeter::begin(0).report(OF, Losses::default());
+        assert_eq!((here.relayed, here.age_uncertainty_ms), (false, None));
+        assert!(!here.to_string().contains("relayed"));
     }
 
     #[test]

@@ -164,6 +164,9 @@ pub trait Meter {
     /// What comes out: as text for people, as JSON for programs.
     type Report: Serialize + fmt::Display;
 
+    /// Whether it compares times of samples with the clock of this machine.
+    const SHOWS_AGES: bool = false;
+
     /// Begins to measure samples of so many bytes.
     fn begin(payload_bytes: usize) -> Self;
 
@@ -175,12 +178,21 @@ pub trait Meter {
 }
 
 /// Whose samples are measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Of<'a> {
     /// Robot id.
     pub robot: u32,
     /// Key of the service, such as `hero_telemetry`.
     pub service: &'a str,
+    /// How true times of another machine are; nothing when the samples are of this machine.
+    pub relayed: Option<RelayedTimes>,
+}
+
+/// How true the times in samples are that come from another machine: the relay translated them to this machine's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelayedTimes {
+    /// How far they may be from the truth, to either side, s; nothing when the relay does not know it.
+    pub uncertainty_s: Option<f64>,
 }
 
 /// What every report begins with.

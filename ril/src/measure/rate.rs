@@ -145,6 +145,7 @@ pub(super) mod tests {
     pub const OF: Of = Of {
         robot: 1,
         service: "hero_telemetry",
+        relayed: None,
     };
 
     /// Sample `sequence` of publisher `epoch_ns`, sent at so many ms.

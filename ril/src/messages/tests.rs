@@ -13,11 +13,11 @@ fn every_final_report_has_its_exit_code() {
             let expected = match stage {
                 Stage::Done => 0,
                 Stage::Refused => match reason {
-                    Reason::LinkDown | Reason::LinkLost => 6,
+                    Reason::LinkDown | Reason::LinkLost | Reason::RelayLinkDown => 6,
                     _ => 5,
                 },
                 Stage::Aborted => match reason {
-                    Reason::LinkDown | Reason::LinkLost => 6,
+                    Reason::LinkDown | Reason::LinkLost | Reason::RelayLinkDown => 6,
                     Reason::DeadlineExpired
                     | Reason::MovementTimeout
                     | Reason::CommunicationFatalError
@@ -94,6 +94,12 @@ fn an_ending_says_what_why_and_what_to_do() {
             Verb::Land,
             report(Stage::Unknown, Reason::BridgeGone),
             "land has an unknown outcome (bridge-gone): the bridge vanished: start it again and look at `ril state`",
+        ),
+        (
+            Verb::Land,
+            report(Stage::Refused, Reason::RelayLinkDown),
+            "land was refused (relay-link-down): the link to the robot was down, so nothing was sent: `ril relay status` shows \
+             the link, then send it again",
         ),
     ] {
         assert_eq!(end(verb, report), expected);

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use bridge::shell::serial::holders::Holders;
 use ipc_types::inspect::{Entry, Inspection};
-use ipc_types::{Provider, Repair, RobotId, ServiceId};
+use ipc_types::payload::RelayLink;
+use ipc_types::{MonotonicNs, Provider, Repair, RobotId, ServiceId};
 
 /// What a look found, or why it found nothing.
 pub type Look<T> = Result<T, Trouble>;
@@ -44,6 +45,8 @@ pub struct Facts {
     pub files: Vec<FileFacts>,
     /// The bridge's serial port; nothing when the configuration that names it cannot be read.
     pub port: Option<PortFacts>,
+    /// The relay's link to the robot; nothing when no process provides one here.
+    pub relay: Option<LinkFacts>,
     /// What was repaired; nothing when that was not asked for.
     pub repair: Option<Look<Repair>>,
 }
@@ -87,6 +90,15 @@ pub enum Namespace {
     Other,
     /// The other process did not say.
     Unknown,
+}
+
+/// The link of the relay that provides the robot's services here.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinkFacts {
+    /// What the relay says of it; nothing when it says nothing.
+    pub link: Look<Option<RelayLink>>,
+    /// When that was looked at.
+    pub now: MonotonicNs,
 }
 
 /// What is free in `/dev/shm`.

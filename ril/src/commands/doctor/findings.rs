@@ -6,6 +6,7 @@
 mod configuration;
 mod domain;
 mod memory;
+mod relay;
 mod repair;
 mod serial;
 mod services;
@@ -41,6 +42,8 @@ pub enum Subject {
     Memory,
     /// The provider of each service.
     Services,
+    /// The relay's link to a robot on another machine.
+    Relay,
     /// Configuration files and environment.
     Configuration,
     /// The serial port.
@@ -123,6 +126,9 @@ pub fn diagnose(facts: &Facts) -> Vec<Finding> {
     match &facts.domain {
         Ok(domain) => findings.extend(domain::diagnose(domain, facts.robot)),
         Err(reason) => findings.push(configuration::domain_unnamed(reason)),
+    }
+    if let Some(relay) = &facts.relay {
+        findings.extend(relay::diagnose(relay, facts.robot));
     }
     findings.extend(memory::diagnose(&facts.free_memory));
     findings.extend(diagnose_files(&facts.files));

@@ -16,15 +16,16 @@ use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, Terminal};
 use bridge::shell::serial::permission_hint;
 use ipc_types::inspect::{Inspection, Life};
+use ipc_types::payload::RelayLink;
 use ipc_types::service::SERVICES;
-use ipc_types::{Domain, Repair};
+use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
 use runtime::config::load;
 use runtime::exit::Failure;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 
 use super::facts::{
-    Device, DomainFacts, FileContent, FileFacts, FreeMemory, Look, Namespace, PortFacts,
+    Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, Look, Namespace, PortFacts,
     PortHolders, Provided, Trouble,
 };
 use crate::cli::DoctorArgs;
@@ -32,6 +33,9 @@ use crate::cli::DoctorArgs;
 /// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
 /// is still waited for.
 pub(super) const LOOK_PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long a sample of the relay's link is waited for, which is published once a second: twice that.
+const LINK_PATIENCE: Duration = Duration::from_secs(2);
 
 /// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is given
 /// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
@@ -89,6 +93,47 @@ pub(super) fn domain(domain: &Domain) -> DomainFacts {
         stopped,
         // They are only a hint; what keeps this look from its end is reported for the memory.
         others: others.end(began, LOOK_PATIENCE).unwrap_or_default(),
+    }
+}
+
+/// Looks at the relay's link to `robot`; nothing when no process provides one here.
+///
+/// The state of a link is in the samples of the relay alone, so this look takes part in the shared memory for a moment.
+pub(super) fn relay(domain: &Domain, robot: RobotId) -> Option<LinkFacts> {
+    let began = Instant::now();
+    let asked = domain.clone();
+    let looking = Looking::start(move || latest_link(&asked, robot).map_err(failed));
+    let link = match looking.end(began, LOOK_PATIENCE).and_then(|result| result) {
+        Ok(None) => return None,
+        Ok(Some(link)) => Ok(link),
+        Err(trouble) => Err(trouble),
+    };
+    Some(LinkFacts {
+        link,
+        now: MonotonicNs::now(),
+    })
+}
+
+/// What the relay says of its link now: the outer nothing when there is no relay, the inner one when it says nothing.
+fn latest_link(
+    domain: &Domain,
+    robot: RobotId,
+) -> Result<Option<Option<RelayLink>>, Box<dyn std::error::Error + Send + Sync>> {
+    if !domain.robots(RelayLink::KEY)?.contains(&robot) {
+        return Ok(None);
+    }
+    let ipc = Ipc::join(domain, robot, "ril")?;
+    let mut links: Subscriber<RelayLink> = ipc.subscriber()?;
+    let give_up = Instant::now() + LINK_PATIENCE;
+    loop {
+        if let Some(link) = links.latest()? {
+            return Ok(Some(Some(link)));
+        }
+        let left = give_up.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Ok(Some(None));
+        }
+        links.wait(left)?;
     }
 }
 

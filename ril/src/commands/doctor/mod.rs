@@ -1,7 +1,8 @@
 //! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to do.
 //!
-//! [`facts`] are gathered, judged by [`findings`] and printed by [`report`]. Nothing is joined, opened or changed, unless
-//! `--repair` asks to remove what is certainly dead; and nothing that stands in the way can hold it up for long.
+//! [`facts`] are gathered, judged by [`findings`] and printed by [`report`]. Nothing is changed, unless `--repair` asks to
+//! remove what is certainly dead. Nothing is joined but the topic of a live relay's link, and no other port is opened. Nothing
+//! that stands in the way can hold it up for long.
 
 pub mod facts;
 pub mod findings;
@@ -52,9 +53,15 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
         Ok(domain) if args.repair => Some(gather::repair(domain)),
         _ => None,
     };
+    let place = domain.as_ref().ok().cloned();
     let domain = domain
         .map(|domain| gather::domain(&domain))
         .map_err(|error: DomainError| error.to_string());
+    // Where no provider can be found, that is a finding of its own.
+    let is_readable = domain.as_ref().is_ok_and(|facts| facts.providers.is_ok());
+    let relay = place
+        .filter(|_| is_readable)
+        .and_then(|domain| gather::relay(&domain, robot));
     let bridge_process = domain
         .as_ref()
         .ok()
@@ -62,6 +69,7 @@ fn examine(args: &DoctorArgs, files: Vec<FileFacts>, bridge: Option<BridgeConfig
     Facts {
         robot: robot.get(),
         domain,
+        relay,
         free_memory: gather::memory(),
         port: port(args, &files, bridge, bridge_process),
         files,

@@ -292,3 +292,16 @@ fn text_of_another_process_does_not_command_the_terminal() {
         "{text}"
     );
 }
+
+#[test]
+fn a_relayed_robot_of_whose_link_nothing_is_known_is_no_robot_of_this_machine() {
+    let report = StateReport::new(1, &ModuleState::default(), None, None, None, NOW).relayed(None);
+    let text = report.to_string();
+    assert!(
+        text.contains("relay       relayed over an unknown link: no sample\n"),
+        "{text}"
+    );
+    let json = serde_json::to_value(report).unwrap();
+    assert_eq!(json["relayed"], true);
+    assert!(json["relay"].is_null());
+}

@@ -3,14 +3,20 @@
 use std::fmt;
 
 use super::{
-    DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, Sample, StateReport,
-    StatusState,
+    DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, StateReport, StatusState,
 };
 
 impl fmt::Display for StateReport {
     /// Lines with a title each; the last without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
+        match &self.relay {
+            Some(link) => writeln!(f, "relay       {}", link.in_short())?,
+            None if self.relayed => {
+                writeln!(f, "relay       relayed over an unknown link: no sample")?
+            }
+            None => {}
+        }
         writeln!(f, "module      {}", self.module)?;
         match &self.status {
             Some(status) => writeln!(f, "status      {status}")?,
@@ -193,19 +199,6 @@ impl fmt::Display for DspErrors {
         }
         if self.unknown > 0 {
             write!(f, "\n            {} × unknown codes", self.unknown)?;
-        }
-        Ok(())
-    }
-}
-
-impl fmt::Display for Sample {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.age_s {
-            Some(age) => write!(f, "sample {}, {age:.3} s old", self.sequence)?,
-            None => write!(f, "sample {}, of unknown age", self.sequence)?,
-        }
-        if self.stale {
-            f.write_str(", STALE")?;
         }
         Ok(())
     }

@@ -61,7 +61,7 @@ pub(super) fn of_a_bridge_elsewhere(finding: Finding) -> Finding {
         return finding;
     }
     let text = format!(
-        "{}; the live bridge runs in another PID namespace, where that may be different",
+        "{}; the live bridge runs in another PID namespace or on another machine, where that may be different",
         finding.text
     );
     ABOUT

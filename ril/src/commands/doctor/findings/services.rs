@@ -1,6 +1,7 @@
 //! Which live process provides what of a robot, and whether it lives in namespaces of its own.
 
 use ipc_types::service::SERVICES;
+use ipc_types::{Module, RelayModule};
 
 use super::super::facts::{DomainFacts, Namespace, Provided};
 use super::{About, Finding, Subject};
@@ -49,7 +50,18 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
     };
     let names: Vec<String> = distinct(provided).into_iter().map(named).collect();
     let absent = keys(false);
+    let is_relayed = provided
+        .iter()
+        .all(|one| one.by.process == RelayModule::NAME);
     match names.as_slice() {
+        [name] if is_relayed => {
+            // Which ones it provides is a matter of its configuration.
+            let text = format!(
+                "{name} provides {} of robot {robot} from another machine",
+                keys(true)
+            );
+            ABOUT.note("service-relayed", text)
+        }
         [] => {
             let text = format!("no {command} of robot {robot} is running");
             let finding = ABOUT.note("service-absent", text);
@@ -126,13 +138,19 @@ fn bridge(domain: &DomainFacts, robot: u32) -> Option<&Provided> {
 /// The live bridge of `robot`, if its process id means something here.
 pub fn bridge_pid(domain: &DomainFacts, robot: u32) -> Option<u32> {
     bridge(domain, robot)
-        .filter(|one| one.pids == Namespace::Ours)
+        .filter(|one| is_here(one))
         .map(|one| one.by.pid)
 }
 
 /// Whether `robot` has a live bridge whose process cannot be found here.
 pub(super) fn is_bridge_elsewhere(domain: &DomainFacts, robot: u32) -> bool {
-    bridge(domain, robot).is_some_and(|one| one.pids != Namespace::Ours)
+    bridge(domain, robot).is_some_and(|one| !is_here(one))
+}
+
+/// Whether this process provides a bridge's services with a serial port of this machine that can be found: the bridge of a
+/// relayed robot is on another machine, and the numbers of processes in another namespace mean nothing here.
+fn is_here(provided: &Provided) -> bool {
+    provided.pids == Namespace::Ours && provided.by.process != RelayModule::NAME
 }
 
 #[cfg(test)]
@@ -206,6 +224,30 @@ mod tests {
         assert!(text.ends_with("but not movement"), "{text}");
         half.push(provided(ServiceId::Movement, "other", 99));
         assert_eq!(said(&half, 1), [(Warning, "service-divided"), right]);
+    }
+
+    #[test]
+    fn a_relay_provides_what_it_is_configured_to() {
+        let relayed = [
+            provided(ServiceId::DspTelemetry, "relay", 7),
+            provided(ServiceId::HeroTelemetry, "relay", 7),
+        ];
+        let note = (Note, "service-relayed");
+        assert_eq!(said(&relayed, 1), [note, note]);
+        let text = &diagnose(&domain(relayed.to_vec()), 1)[0].text;
+        assert_eq!(
+            text,
+            "relay (process 7) provides dsp_telemetry of robot 1 from another machine"
+        );
+        let relayed = domain(relayed.to_vec());
+        assert_eq!(bridge_pid(&relayed, 1), None);
+        assert!(is_bridge_elsewhere(&relayed, 1));
+        let divided = [
+            provided(ServiceId::DspTelemetry, "relay", 7),
+            provided(ServiceId::ModuleState, "bridge", 8),
+        ];
+        let absent = (Note, "service-absent");
+        assert_eq!(said(&divided, 1), [(Warning, "service-divided"), absent]);
     }
 
     #[test]

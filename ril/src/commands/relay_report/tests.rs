@@ -1,0 +1,220 @@
+//! What is shown of links and stations that are well, that are not, and of which nothing is known.
+
+use ipc_types::payload::{MAX_STATIONS, ascii_bytes};
+use serde_json::{Value, json};
+
+use super::*;
+
+const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
+
+fn ago(ms: u64) -> u64 {
+    NOW.0 - ms * 1_000_000
+}
+
+fn up() -> RelayLink {
+    RelayLink {
+        sequence: 9,
+        published_ns: ago(120),
+        since_ns: ago(12_300),
+        last_heard_ns: ago(15),
+        clock_offset_ns: -3_600_000_001_000,
+        clock_uncertainty_s: 0.0008,
+        round_trip_s: 0.0123,
+        samples_received: 990,
+        samples_lost_on_air: 10,
+        samples_lost_in_relay: 2,
+        samples_left_out: 300,
+        bytes_received: 4096,
+        bytes_sent: 512,
+        orders_sent: 12,
+        orders_repeated: 3,
+        orders_unknown: 1,
+        state: RelayLinkState::Up.code(),
+        robot: 7,
+        clock_drift_ppb: 12_345,
+        clock_valid: 1,
+        clock_resets: 1,
+        outages: 2,
+        orders_open: 4,
+        link: ascii_bytes("tcp/10.0.0.2:7447"),
+        station: ascii_bytes("ground-1"),
+        ..RelayLink::default()
+    }
+}
+
+fn stations() -> RelayStations {
+    let mut stations = RelayStations {
+        sequence: 5,
+        published_ns: ago(200),
+        count: 2,
+        ..RelayStations::default()
+    };
+    stations.stations[0] = RelayStation {
+        name: ascii_bytes("ground-1"),
+        last_heard_ns: ago(120),
+        since_ns: ago(3000),
+        orders_executed: 12,
+        orders_refused: 1,
+        samples_sent: 4711,
+        may_command: 1,
+        is_up: 1,
+        orders_open: 2,
+        ..RelayStation::default()
+    };
+    stations.stations[1].name = ascii_bytes("watcher");
+    stations
+}
+
+fn of_link(link: &RelayLink) -> RelayReport {
+    RelayReport::new(RobotId::DEFAULT, Some(link), None, NOW)
+}
+
+#[test]
+fn a_link_that_is_up_is_shown_with_clock_losses_and_orders() {
+    let report = of_link(&up());
+    assert_eq!(report.exit_code(), ExitCode::Ok);
+    let expected = "\
+robot       1
+link        up for 12.300 s over tcp/10.0.0.2:7447, last message 0.015 s ago; 2 outages
+            robot 7 on its own machine; this station is ground-1
+clock       the robot's is 3600.000001 s behind, true within 0.800 ms; round trip 12.3 ms, drift 12.345 ppm, 1 resets
+samples     990 received, 10 lost on the air (1.00 %), 2 lost in the robot's relay, 300 left out on purpose
+bytes       4096 received, 512 sent
+orders      12 sent, 3 messages repeated, 4 open, 1 of unknown outcome
+relay       sample 9, 0.120 s old
+";
+    assert_eq!(report.to_string(), expected);
+    let short =
+        "relayed over tcp/10.0.0.2:7447, link up, round trip 12.3 ms, 1.00 % lost on the air";
+    assert_eq!(LinkReport::new(&up(), NOW).in_short(), short);
+}
+
+#[test]
+fn a_link_of_which_nothing_is_known_says_so() {
+    let link = RelayLink {
+        published_ns: NOW.0,
+        state: RelayLinkState::Connecting.code(),
+        ..RelayLink::default()
+    };
+    let report = of_link(&link);
+    assert_eq!(report.exit_code(), ExitCode::LinkDown);
+    assert!(report.trouble().contains("not up"));
+    let text = report.to_string();
+    for expected in [
+        "link        connecting since an unknown time over , last message never; 0 outages\n",
+        "clock       not compared with the robot's yet\n",
+        "samples     0 received, 0 lost on the air, 0 lost in the robot's relay, 0 left out",
+    ] {
+        assert!(
+            text.contains(expected),
+            "{expected:?} is missing in\n{text}"
+        );
+    }
+    let short = LinkReport::new(&link, NOW).in_short();
+    assert!(
+        short.ends_with("round trip unknown, no samples yet"),
+        "{short}"
+    );
+}
+
+#[test]
+fn a_relay_that_hangs_has_no_link_that_is_up() {
+    let link = RelayLink {
+        published_ns: ago(3001),
+        ..up()
+    };
+    let report = of_link(&link);
+    assert_eq!(report.exit_code(), ExitCode::LinkDown);
+    assert!(report.trouble().contains("says nothing"));
+    assert!(report.to_string().ends_with("3.001 s old, STALE\n"));
+    assert!(LinkReport::new(&link, NOW).in_short().ends_with(", STALE"));
+    let stations = RelayStations {
+        published_ns: ago(3001),
+        ..stations()
+    };
+    let report = RelayReport::new(RobotId::DEFAULT, None, Some(&stations), NOW);
+    assert_eq!(report.exit_code(), ExitCode::LinkDown);
+}
+
+#[test]
+fn stations_are_shown_with_what_they_may_and_did() {
+    let report = RelayReport::new(RobotId::DEFAULT, None, Some(&stations()), NOW);
+    assert_eq!(report.exit_code(), ExitCode::Ok);
+    let expected = "\
+robot       1
+station     ground-1: up for 3.000 s, may command, last message 0.120 s ago
+            4711 samples sent; 12 orders executed, 1 refused, 2 open
+station     watcher: down, may not command, last message never
+            0 samples sent; 0 orders executed, 0 refused, 0 open
+relay       sample 5, 0.200 s old
+";
+    assert_eq!(report.to_string(), expected);
+    let none = RelayStations {
+        published_ns: NOW.0,
+        ..RelayStations::default()
+    };
+    let report = RelayReport::new(RobotId::DEFAULT, None, Some(&none), NOW);
+    assert_eq!(report.exit_code(), ExitCode::LinkDown);
+    assert!(report.trouble().starts_with("no station is up"));
+    assert!(report.to_string().contains("station     none\n"));
+}
+
+#[test]
+fn programs_get_numbers_and_nothing_for_what_is_not_known() {
+    let json_of = |report: RelayReport| serde_json::to_value(report).unwrap();
+    let report = json_of(of_link(&up()));
+    for (pointer, expected) in [
+        ("/schema", json!("ril.Relay.v1")),
+        ("/robot", 1.into()),
+        ("/up", true.into()),
+        ("/link/state", "up".into()),
+        ("/link/over", "tcp/10.0.0.2:7447".into()),
+        ("/link/station", "ground-1".into()),
+        ("/link/robot_there", 7.into()),
+        ("/link/last_heard_age_s", 0.015.into()),
+        ("/link/clock/offset_ns", (-3_600_000_001_000_i64).into()),
+        ("/link/clock/uncertainty_s", 0.0008.into()),
+        ("/link/clock/drift_ppb", 12_345.into()),
+        ("/link/samples/lost_on_air_percent", 1.0.into()),
+        ("/link/samples/lost_in_relay", 2.into()),
+        ("/link/samples/left_out", 300.into()),
+        ("/link/orders/unknown", 1.into()),
+        ("/stations", Value::Null),
+    ] {
+        assert_eq!(report.pointer(pointer), Some(&expected), "{pointer}");
+    }
+    let unknown = RelayLink {
+        published_ns: u64::MAX,
+        state: 77,
+        clock_uncertainty_s: f64::NAN,
+        link: [0xff; 64],
+        ..up()
+    };
+    let report = json_of(of_link(&unknown));
+    for (pointer, expected) in [
+        ("/up", json!(false)),
+        ("/link/state", "unknown-77".into()),
+        ("/link/over", Value::Null),
+        ("/link/clock/uncertainty_s", Value::Null),
+        ("/link/sample/age_s", Value::Null),
+    ] {
+        assert_eq!(report.pointer(pointer), Some(&expected), "{pointer}");
+    }
+    let mut many = stations();
+    many.count = u32::MAX;
+    let report = json_of(RelayReport::new(RobotId::DEFAULT, None, Some(&many), NOW));
+    let shown = report["stations"]["stations"].as_array().unwrap();
+    assert_eq!(shown.len(), MAX_STATIONS);
+    assert_eq!(shown[0]["may_command"], true);
+    assert_eq!(report["link"], Value::Null);
+}
+
+#[test]
+fn a_text_of_another_process_does_not_command_the_terminal() {
+    let mut link = up();
+    link.link[0] = 0x1b;
+    link.station[0] = b'\n';
+    let text = of_link(&link).to_string();
+    assert!(text.contains("over unreadable,") && text.contains("station is unreadable\n"));
+    assert!(!text.contains('\x1b'));
+}

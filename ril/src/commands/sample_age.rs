@@ -1,0 +1,69 @@
+//! What reports say of every sample: how old it is, whether it is too old, and the names of its codes.
+
+use std::fmt;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use serde::Serialize;
+
+/// A sample older than this is marked stale: the state comes at least once a second, telemetry far more often.
+pub const STALE_AFTER: Duration = Duration::from_secs(1);
+
+/// A sample by its age.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sample {
+    sequence: u64,
+    /// Nothing when it claims to be of the future: it counts as stale, because its age is unknown.
+    age_s: Option<f64>,
+    stale: bool,
+}
+
+impl Sample {
+    /// The sample `sequence` whose content was so at `time`.
+    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> Sample {
+        Sample::with_limit(sequence, time, now, STALE_AFTER)
+    }
+
+    /// The same of a sample that is stale when it is older than `limit`.
+    pub fn with_limit(
+        sequence: u64,
+        time: MonotonicNs,
+        now: MonotonicNs,
+        limit: Duration,
+    ) -> Sample {
+        Sample {
+            sequence,
+            age_s: age_s(time, now),
+            stale: time > now || now.since(time) > limit,
+        }
+    }
+
+    /// Whether it is too old to say how things are now.
+    pub fn is_stale(self) -> bool {
+        self.stale
+    }
+}
+
+impl fmt::Display for Sample {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.age_s {
+            Some(age) => write!(f, "sample {}, {age:.3} s old", self.sequence)?,
+            None => write!(f, "sample {}, of unknown age", self.sequence)?,
+        }
+        if self.stale {
+            f.write_str(", STALE")?;
+        }
+        Ok(())
+    }
+}
+
+/// The name of a code, or a number that is not in the contract.
+pub(super) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
+    name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
+}
+
+/// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
+/// gives, must not look like the present.
+pub(super) fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
+    (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
+}
