@@ -505,3 +505,39 @@ fn sessions_of_two_lives_of_the_robot_side_differ() {
     let again = robots[0].session_for(STATION, MonotonicNs(2), out);
     assert_eq!(again, tokens[0]);
 }
+
+#[test]
+fn a_station_that_is_forgotten_with_open_orders_is_lost() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    for station in 200..207 {
+        rig.now += MS;
+        let order = Order {
+            session: rig.hear(station),
+            request: station.to_le_bytes().to_vec(),
+            ..rig.new_order(1)
+        };
+        rig.order(&order);
+    }
+    rig.now += MS;
+    rig.hear(300);
+    assert_eq!(rig.out, [Output::LinkLost { station: STATION }]);
+}
+
+#[test]
+fn a_repetition_waits_longer_for_room_at_the_server() {
+    let mut rig = Rig::new();
+    let order = Order {
+        is_repeat: true,
+        ..rig.new_order(1)
+    };
+    rig.order(&order);
+    rig.not_sent(101, NotSent::Full);
+    assert_eq!(sent(&rig.tick_after(60 * SECOND)), [(101, true)]);
+    assert_eq!(rig.not_sent(101, NotSent::Full), []);
+    rig.tick_after(3600 * SECOND);
+    let out = rig.not_sent(101, NotSent::Full);
+    let unknown = answered(1, 1, Stage::Unknown, Reason::Busy);
+    assert_eq!(answers(&out), [unknown]);
+}
