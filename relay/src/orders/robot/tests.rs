@@ -1,1 +1,543 @@
+use super::*;
+use crate::orders::message::Answer;
 
+const MOVEMENT: u16 = 0;
+const MS: u64 = 1_000_000;
+const SECOND: u64 = 1_000 * MS;
+const STATION: u64 = 11;
+
+struct Rig {
+    robot: Robot,
+    session: u64,
+    now: u64,
+    out: Vec<Output>,
+}
+
+impl Rig {
+    fn new() -> Rig {
+        Rig::with(Config {
+            link_loss: Some(Duration::from_secs(5)),
+            ..Config::default()
+        })
+    }
+
+    fn with(config: Config) -> Rig {
+        let mut robot = Robot::new(config, 1);
+        let session = robot.session_for(STATION, MonotonicNs(SECOND), &mut Vec::new());
+        Rig {
+            robot,
+            session,
+            now: SECOND,
+            out: Vec::new(),
+        }
+    }
+
+    /// An order for the request 100 + `number`.
+    fn new_order(&self, number: u64) -> Order {
+        Order {
+            session: self.session,
+            number,
+            floor: 1,
+            topic: MOVEMENT,
+            expires: MonotonicNs(self.now + SECOND),
+            is_repeat: false,
+            is_given_up: false,
+            request: (100 + number).to_le_bytes().to_vec(),
+        }
+    }
+
+    fn order(&mut self, order: &Order) -> Vec<Output> {
+        self.order_of(order, Repeat::Field)
+    }
+
+    fn order_of(&mut self, order: &Order, repeat: Repeat) -> Vec<Output> {
+        let now = MonotonicNs(self.now);
+        self.robot.order(order, repeat, now, &mut self.out);
+        std::mem::take(&mut self.out)
+    }
+
+    fn report(&mut self, request_id: u64, stage: Stage, reason: Reason) -> Vec<Output> {
+        let report = RequestReport {
+            request_id,
+            ..RequestReport::new(stage, reason)
+        };
+        let now = MonotonicNs(self.now);
+        self.robot.report(MOVEMENT, &report, now, &mut self.out);
+        std::mem::take(&mut self.out)
+    }
+
+    fn not_sent(&mut self, request_id: u64, why: NotSent) -> Vec<Output> {
+        let now = MonotonicNs(self.now);
+        let out = &mut self.out;
+        self.robot.not_sent(MOVEMENT, request_id, why, now, out);
+        std::mem::take(&mut self.out)
+    }
+
+    fn tick_after(&mut self, pause: u64) -> Vec<Output> {
+        self.now += pause;
+        self.robot.tick(MonotonicNs(self.now), &mut self.out);
+        std::mem::take(&mut self.out)
+    }
+
+    fn hear(&mut self, station: u64) -> u64 {
+        let now = MonotonicNs(self.now);
+        self.robot.session_for(station, now, &mut self.out)
+    }
+}
+
+/// Number, serial, stage and reason of each answer.
+fn answers(out: &[Output]) -> Vec<(u64, u32, u32, u32)> {
+    let answers = out.iter().filter_map(|output| match output {
+        Output::Answer { answer, .. } => Some(answer),
+        _ => None,
+    });
+    let of = |a: &Answer| (a.number, a.serial, a.report.stage, a.report.reason);
+    answers.map(of).collect()
+}
+
+fn answered(number: u64, serial: u32, stage: Stage, reason: Reason) -> (u64, u32, u32, u32) {
+    (number, serial, stage.code(), reason.code())
+}
+
+/// Request and `repeat` of each request that is sent.
+fn sent(out: &[Output]) -> Vec<(u64, bool)> {
+    let sent = out.iter().filter_map(|output| match output {
+        Output::Send {
+            request_id,
+            is_repeat,
+            ..
+        } => Some((*request_id, *is_repeat)),
+        _ => None,
+    });
+    sent.collect()
+}
+
+fn is_give_up(output: &Output) -> bool {
+    matches!(output, Output::GiveUp { .. })
+}
+
+fn given_up(out: &[Output]) -> bool {
+    out.iter().any(is_give_up)
+}
+
+#[test]
+fn an_order_is_passed_on_once_and_every_copy_is_answered() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    let out = rig.order(&order);
+    assert_eq!(sent(&out), [(101, false)]);
+    assert_eq!(answers(&out), [(1, 0, 0, 0)], "nothing to report yet");
+    assert_eq!(answers(&rig.order(&order)), [(1, 0, 0, 0)]);
+
+    let accepted = answered(1, 1, Stage::Accepted, Reason::None);
+    let pushed = rig.report(101, Stage::Accepted, Reason::None);
+    assert_eq!(answers(&pushed), [accepted]);
+    rig.report(101, Stage::Progress, Reason::None);
+    rig.report(101, Stage::Progress, Reason::None);
+    let progress = answered(1, 3, Stage::Progress, Reason::None);
+    let out = rig.order(&order);
+    assert_eq!(answers(&out), [accepted, progress], "first and newest");
+
+    let done = answered(1, 4, Stage::Done, Reason::None);
+    assert_eq!(answers(&rig.report(101, Stage::Done, Reason::None)), [done]);
+    let out = rig.order(&order);
+    assert_eq!((answers(&out), sent(&out)), (vec![accepted, done], vec![]));
+    assert_eq!(
+        rig.report(101, Stage::Done, Reason::None),
+        [],
+        "it has ended"
+    );
+}
+
+#[test]
+fn an_order_of_an_unknown_session_is_never_passed_on() {
+    let mut rig = Rig::new();
+    let mut order = rig.new_order(1);
+    order.session ^= 1;
+    let session = order.session;
+    let unknown = Output::UnknownSession(UnknownSession { session });
+    assert_eq!(rig.order(&order), [unknown]);
+}
+
+#[test]
+fn below_the_floor_orders_are_forgotten_and_late_copies_ignored() {
+    let mut rig = Rig::new();
+    let first = rig.new_order(1);
+    rig.order(&first);
+    rig.report(101, Stage::Done, Reason::None);
+    let second = Order {
+        floor: 2,
+        ..rig.new_order(2)
+    };
+    rig.order(&second);
+    assert_eq!(rig.robot.remembered(), 1);
+    assert_eq!(rig.order(&first), []);
+    let above = rig.new_order(2 + WINDOW);
+    assert_eq!(rig.order(&above), [], "no station sends this");
+}
+
+#[test]
+fn an_order_that_comes_too_late_is_refused() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.now += SECOND + 1;
+    let out = rig.order(&order);
+    let refused = answered(1, 1, Stage::Refused, Reason::DeadlineExpired);
+    assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
+}
+
+#[test]
+fn a_request_without_an_id_is_refused() {
+    let mut rig = Rig::new();
+    for request in [vec![], vec![1; 7], vec![0; 16]] {
+        let order = Order {
+            request,
+            ..rig.new_order(1)
+        };
+        let out = rig.order(&order);
+        let refused = answered(1, 1, Stage::Refused, Reason::InvalidRequest);
+        assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
+    }
+}
+
+#[test]
+fn an_unknown_repetition_asks_the_server_or_is_unknown_however_late_it_comes() {
+    let mut rig = Rig::new();
+    let order = Order {
+        is_repeat: true,
+        ..rig.new_order(1)
+    };
+    rig.now += 10 * SECOND;
+    assert_eq!(sent(&rig.order(&order)), [(101, true)]);
+    let order = Order {
+        is_repeat: true,
+        ..rig.new_order(2)
+    };
+    let out = rig.order_of(&order, Repeat::None);
+    let unknown = answered(2, 1, Stage::Unknown, Reason::NotRemembered);
+    assert_eq!((answers(&out), sent(&out)), (vec![unknown], vec![]));
+}
+
+#[test]
+fn a_repetition_that_is_open_at_the_server_is_asked_again_until_it_ends() {
+    let mut rig = Rig::new();
+    let order = Order {
+        is_repeat: true,
+        ..rig.new_order(1)
+    };
+    rig.order(&order);
+    for _ in 0..3 {
+        assert_eq!(rig.report(101, Stage::Refused, Reason::Busy), []);
+        assert_eq!(answers(&rig.order(&order)), [(1, 0, 0, 0)]);
+        assert_eq!(sent(&rig.tick_after(499 * MS)), []);
+        assert_eq!(sent(&rig.tick_after(MS)), [(101, true)]);
+    }
+    let aborted = answered(1, 1, Stage::Aborted, Reason::Stopped);
+    let out = rig.report(101, Stage::Aborted, Reason::Stopped);
+    assert_eq!(answers(&out), [aborted]);
+}
+
+#[test]
+fn a_repetition_that_stays_busy_is_unknown_after_an_hour() {
+    let mut rig = Rig::new();
+    let order = Order {
+        is_repeat: true,
+        ..rig.new_order(1)
+    };
+    rig.order(&order);
+    rig.report(101, Stage::Refused, Reason::Busy);
+    rig.tick_after(3600 * SECOND);
+    let out = rig.report(101, Stage::Refused, Reason::Busy);
+    let unknown = answered(1, 1, Stage::Unknown, Reason::Busy);
+    assert_eq!(answers(&out), [unknown]);
+}
+
+#[test]
+fn a_first_request_that_is_refused_as_busy_has_its_final_report() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    let out = rig.report(101, Stage::Refused, Reason::Busy);
+    let refused = answered(1, 1, Stage::Refused, Reason::Busy);
+    assert_eq!(answers(&out), [refused]);
+}
+
+#[test]
+fn a_request_that_cannot_be_sent_is_tried_for_two_seconds_and_then_ended() {
+    for (why, is_repeat, stage, reason) in [
+        (NotSent::NoServer, false, Stage::Refused, Reason::BridgeGone),
+        (NotSent::NoServer, true, Stage::Unknown, Reason::BridgeGone),
+        (
+            NotSent::Full,
+            false,
+            Stage::Refused,
+            Reason::TooManyRequests,
+        ),
+    ] {
+        let mut rig = Rig::new();
+        let order = Order {
+            is_repeat,
+            expires: MonotonicNs(rig.now + 10 * SECOND),
+            ..rig.new_order(1)
+        };
+        rig.order(&order);
+        for _ in 0..20 {
+            assert_eq!(rig.not_sent(101, why), []);
+            assert_eq!(sent(&rig.tick_after(100 * MS)), [(101, is_repeat)]);
+        }
+        let out = rig.not_sent(101, why);
+        assert_eq!(answers(&out), [answered(1, 1, stage, reason)]);
+        assert_eq!(rig.tick_after(SECOND), []);
+    }
+}
+
+#[test]
+fn a_request_that_waits_is_not_sent_after_its_deadline() {
+    let mut rig = Rig::new();
+    let order = Order {
+        expires: MonotonicNs(rig.now + 50 * MS),
+        ..rig.new_order(1)
+    };
+    rig.order(&order);
+    rig.not_sent(101, NotSent::NoServer);
+    let out = rig.tick_after(100 * MS);
+    let refused = answered(1, 1, Stage::Refused, Reason::DeadlineExpired);
+    assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
+}
+
+#[test]
+fn an_order_that_is_given_up_is_dropped_at_the_server_and_settled() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    let given = Order {
+        is_given_up: true,
+        ..order.clone()
+    };
+    rig.order(&order);
+    let settled = answered(1, 1, Stage::Unknown, Reason::None);
+    let out = rig.order(&given);
+    assert_eq!((given_up(&out), answers(&out)), (true, vec![settled]));
+    let out = rig.order(&given);
+    assert_eq!((given_up(&out), answers(&out)), (false, vec![settled]));
+    assert_eq!(rig.report(101, Stage::Done, Reason::None), []);
+}
+
+#[test]
+fn an_order_that_is_given_up_before_it_came_is_never_passed_on() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    let given = Order {
+        is_given_up: true,
+        ..order.clone()
+    };
+    let settled = answered(1, 1, Stage::Unknown, Reason::None);
+    for order in [given, order] {
+        let out = rig.order(&order);
+        assert_eq!((sent(&out), answers(&out)), (vec![], vec![settled]));
+        assert!(!given_up(&out));
+    }
+}
+
+#[test]
+fn an_order_that_moves_to_another_number_is_the_same_order() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    rig.report(101, Stage::Accepted, Reason::None);
+    let moved = Order {
+        number: 70,
+        is_repeat: true,
+        ..order.clone()
+    };
+    let accepted = answered(70, 1, Stage::Accepted, Reason::None);
+    let out = rig.order(&moved);
+    assert_eq!((sent(&out), answers(&out)), (vec![], vec![accepted]));
+    rig.report(101, Stage::Done, Reason::None);
+    let done = answered(70, 2, Stage::Done, Reason::None);
+    for copy in [&order, &moved] {
+        let out = rig.order(copy);
+        assert_eq!((sent(&out), answers(&out)), (vec![], vec![accepted, done]));
+    }
+}
+
+#[test]
+fn an_order_that_ends_while_it_moves_keeps_its_end() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    rig.report(101, Stage::Done, Reason::None);
+    let moved = Order {
+        number: 70,
+        is_repeat: true,
+        ..order
+    };
+    let out = rig.order_of(&moved, Repeat::None);
+    let done = answered(70, 1, Stage::Done, Reason::None);
+    assert_eq!((sent(&out), answers(&out)), (vec![], vec![done]));
+}
+
+#[test]
+fn a_client_may_ask_the_server_again_with_the_id_of_a_request_that_has_ended() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    rig.report(101, Stage::Unknown, Reason::BridgeGone);
+    let again = Order { number: 2, ..order };
+    assert_eq!(sent(&rig.order(&again)), [(101, false)]);
+}
+
+#[test]
+fn an_id_that_another_station_has_open_is_refused_as_busy() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    let other = Order {
+        session: rig.hear(22),
+        ..order
+    };
+    let out = rig.order(&other);
+    let refused = answered(1, 1, Stage::Refused, Reason::Busy);
+    assert_eq!((sent(&out), answers(&out)), (vec![], vec![refused]));
+    let out = rig.report(101, Stage::Done, Reason::None);
+    assert!(matches!(
+        out[..],
+        [Output::Answer {
+            station: STATION,
+            ..
+        }]
+    ));
+}
+
+#[test]
+fn the_station_that_was_silent_longest_is_forgotten_and_its_open_requests_go_on() {
+    let mut rig = Rig::with(Config::default());
+    let order = rig.new_order(1);
+    rig.order(&order);
+    // Sessions without open orders are forgotten first.
+    for station in 100..120 {
+        rig.now += MS;
+        rig.hear(station);
+        assert_eq!(rig.hear(STATION), rig.session);
+    }
+    // All others have open orders, too.
+    for station in 200..207 {
+        rig.now += MS;
+        let order = Order {
+            session: rig.hear(station),
+            request: station.to_le_bytes().to_vec(),
+            ..rig.new_order(1)
+        };
+        rig.order(&order);
+    }
+    rig.now += MS;
+    rig.hear(300);
+    assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
+    let again = Order {
+        session: rig.hear(STATION),
+        number: 2,
+        floor: 2,
+        is_repeat: true,
+        ..order
+    };
+    let out = rig.order(&again);
+    assert_eq!((sent(&out), answers(&out)), (vec![], vec![(2, 0, 0, 0)]));
+    let out = rig.report(101, Stage::Done, Reason::None);
+    let done = answered(2, 1, Stage::Done, Reason::None);
+    assert_eq!(answers(&out), [done]);
+}
+
+#[test]
+fn requests_of_forgotten_stations_are_bounded_and_forgotten_when_they_end() {
+    let mut rig = Rig::with(Config::default());
+    let stations = SESSIONS as u64 + 4;
+    let mut given = 0;
+    for station in 1..=stations {
+        let session = rig.hear(1_000 + station);
+        for number in 1..=32 {
+            let id = 10_000 * station + number;
+            let order = Order {
+                session,
+                request: id.to_le_bytes().to_vec(),
+                ..rig.new_order(number)
+            };
+            let out = rig.order(&order);
+            given += out.iter().filter(|output| is_give_up(output)).count();
+        }
+        rig.now += MS;
+    }
+    assert_eq!(rig.robot.remembered(), SESSIONS * 32 + ORPHANS);
+    assert_eq!(given, 4 * 32 - ORPHANS);
+    let before = rig.robot.remembered();
+    for station in 1..=4 {
+        for number in 1..=32 {
+            rig.report(10_000 * station + number, Stage::Done, Reason::None);
+        }
+    }
+    assert_eq!(rig.robot.remembered(), before - ORPHANS);
+}
+
+#[test]
+fn a_silent_station_with_an_open_order_is_lost_once() {
+    let mut rig = Rig::new();
+    let lost = Output::LinkLost { station: STATION };
+    assert_eq!(rig.tick_after(60 * SECOND), [], "it has nothing open");
+    let order = rig.new_order(1);
+    rig.order(&order);
+    let at = rig.robot.deadline();
+    assert_eq!(at, Some(MonotonicNs(rig.now + 5 * SECOND)));
+    assert_eq!(rig.tick_after(5 * SECOND), vec![lost.clone()]);
+    assert_eq!(rig.tick_after(60 * SECOND), []);
+    assert_eq!(rig.robot.deadline(), None);
+    rig.hear(STATION);
+    assert_eq!(rig.tick_after(5 * SECOND), [lost]);
+    rig.hear(STATION);
+    let out = rig.report(101, Stage::Done, Reason::None);
+    assert_eq!(answers(&out).len(), 1, "the order stayed open");
+    assert_eq!(rig.tick_after(60 * SECOND), []);
+}
+
+#[test]
+fn sessions_of_two_lives_of_the_robot_side_differ() {
+    let out = &mut Vec::new();
+    let mut robots = [1, 2].map(|seed| Robot::new(Config::default(), seed));
+    let tokens = [0, 1].map(|index| robots[index].session_for(STATION, MonotonicNs(1), out));
+    assert_ne!(tokens[0], tokens[1]);
+    let again = robots[0].session_for(STATION, MonotonicNs(2), out);
+    assert_eq!(again, tokens[0]);
+}
+
+#[test]
+fn a_station_that_is_forgotten_with_open_orders_is_lost() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    for station in 200..207 {
+        rig.now += MS;
+        let order = Order {
+            session: rig.hear(station),
+            request: station.to_le_bytes().to_vec(),
+            ..rig.new_order(1)
+        };
+        rig.order(&order);
+    }
+    rig.now += MS;
+    rig.hear(300);
+    assert_eq!(rig.out, [Output::LinkLost { station: STATION }]);
+}
+
+#[test]
+fn a_repetition_waits_longer_for_room_at_the_server() {
+    let mut rig = Rig::new();
+    let order = Order {
+        is_repeat: true,
+        ..rig.new_order(1)
+    };
+    rig.order(&order);
+    rig.not_sent(101, NotSent::Full);
+    assert_eq!(sent(&rig.tick_after(60 * SECOND)), [(101, true)]);
+    assert_eq!(rig.not_sent(101, NotSent::Full), []);
+    rig.tick_after(3600 * SECOND);
+    let out = rig.not_sent(101, NotSent::Full);
+    let unknown = answered(1, 1, Stage::Unknown, Reason::Busy);
+    assert_eq!(answers(&out), [unknown]);
+}

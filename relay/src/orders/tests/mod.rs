@@ -24,6 +24,7 @@ const HARD: Faults = Faults {
     robot_restart_every: 60 * SECOND,
     bridge_restart_every: 70 * SECOND,
     give_up: 0.03,
+    pause: SECOND,
 };
 
 fn random_faults(random: &mut Random) -> Faults {
@@ -37,6 +38,7 @@ fn random_faults(random: &mut Random) -> Faults {
         robot_restart_every: sometimes(40 * SECOND),
         bridge_restart_every: sometimes(40 * SECOND),
         delay: sometimes(400 * MS),
+        pause: SECOND,
         ..Faults::default()
     };
     faults.outage = [10, 60, 180][random.below(3) as usize] * SECOND;
@@ -88,18 +90,21 @@ fn random_faults_of_all_kinds_break_no_rule() {
 #[test]
 fn without_restarts_no_outage_shorter_than_a_minute_makes_an_outcome_unknown() {
     let mut counts = Counts::default();
+    let mut links_lost = 0;
     for seed in 0..5 {
         let faults = Faults {
             station_restart_every: 0,
             robot_restart_every: 0,
             bridge_restart_every: 0,
+            outage_every: 100 * SECOND,
             outage: 30 * SECOND,
             ..HARD
         };
         let mut world = World::new(seed, 3, faults);
-        counts += world.run(400);
-        assert!(world.links_lost > 0, "outages were noticed");
+        counts += world.run(600);
+        links_lost += world.links_lost;
     }
+    assert!(links_lost > 10, "outages were noticed");
     println!("{counts:?}");
     assert_eq!(counts.unknown, 0, "{counts:?}");
 }
@@ -118,6 +123,7 @@ fn more_stations_than_sessions_break_no_rule() {
 fn on_a_good_link_nothing_is_unknown_and_the_relay_refuses_nothing() {
     let faults = Faults {
         delay: 20 * MS,
+        pause: SECOND,
         ..Faults::default()
     };
     let counts = World::new(1, 2, faults).run(1_000);
@@ -125,4 +131,28 @@ fn on_a_good_link_nothing_is_unknown_and_the_relay_refuses_nothing() {
     assert_eq!(counts.unknown, 0);
     assert_eq!(counts.client_gone, 0);
     assert_eq!(counts.executed, counts.done + counts.aborted);
+}
+
+#[test]
+fn short_requests_go_on_while_movements_are_open_for_long() {
+    let faults = Faults {
+        loss: 0.2,
+        repetition: 0.1,
+        delay: 50 * MS,
+        straggler: 0.01,
+        pause: 50 * MS,
+        ..Faults::default()
+    };
+    let mut world = World::new(3, 2, faults);
+    let counts = world.run(2_000);
+    println!(
+        "{counts:?}, {} copies of orders that had moved",
+        world.repetitions
+    );
+    assert_eq!(counts.unknown, 0, "{counts:?}");
+    assert!(
+        world.repetitions > 100,
+        "{} copies of orders that had moved",
+        world.repetitions
+    );
 }

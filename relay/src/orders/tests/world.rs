@@ -33,6 +33,8 @@ pub(super) struct Faults {
     pub(super) bridge_restart_every: u64,
     /// Probability that a client gives its request up.
     pub(super) give_up: f64,
+    /// Between two requests of a station.
+    pub(super) pause: u64,
 }
 
 const PING_PERIOD: u64 = 500 * MS;
@@ -93,6 +95,8 @@ pub(super) struct World {
     requests_left: u64,
     next_id: u64,
     pub(super) links_lost: u32,
+    /// Copies of orders that were asked for as repetitions.
+    pub(super) repetitions: u32,
 }
 
 fn station_clock(now: u64) -> MonotonicNs {
@@ -119,6 +123,7 @@ impl World {
             requests_left: 0,
             next_id: 1,
             links_lost: 0,
+            repetitions: 0,
         };
         world.bridge.start();
         world.start_robot();
@@ -206,8 +211,8 @@ impl World {
 
     fn handle(&mut self, event: Event) {
         match event {
-            Event::ToRobot(slot, life, message) => self.to_robot(slot, life, &message),
-            Event::ToStation(slot, life, message) => self.to_station(slot, life, &message),
+            Event::ToRobot(slot, life, message) => self.arrive_at_robot(slot, life, &message),
+            Event::ToStation(slot, life, message) => self.arrive_at_station(slot, life, &message),
             Event::Ping(slot) => {
                 self.carry(slot, |life| Event::ToRobot(slot, life, Up::Ping));
                 self.at(self.now + PING_PERIOD, Event::Ping(slot));
@@ -282,7 +287,7 @@ impl World {
             return;
         }
         self.requests_left -= 1;
-        let next = self.now + self.random.around(300 * MS);
+        let next = self.now + self.random.around(self.faults.pause);
         self.at(next, Event::Client(slot));
         let id = self.next_id;
         self.next_id += 1;
@@ -308,7 +313,7 @@ impl World {
         });
     }
 
-    fn to_robot(&mut self, slot: usize, life: u64, message: &Up) {
+    fn arrive_at_robot(&mut self, slot: usize, life: u64, message: &Up) {
         if self.robot.is_none() {
             return;
         }
@@ -327,7 +332,7 @@ impl World {
         }
     }
 
-    fn to_station(&mut self, slot: usize, life: u64, message: &Down) {
+    fn arrive_at_station(&mut self, slot: usize, life: u64, message: &Down) {
         if self.slots[slot].life != life {
             return;
         }
@@ -351,6 +356,7 @@ impl World {
         for output in out {
             match output {
                 station::Output::Send(order) => {
+                    self.repetitions += u32::from(order.is_repeat);
                     self.carry(slot, |life| {
                         Event::ToRobot(slot, life, Up::Order(order.clone()))
                     });
