@@ -1,12 +1,14 @@
 //! The command line of the relay.
 
 use clap::{Args as ClapArgs, Subcommand};
+use ipc_types::{WaitError, Wake};
 use module_kit::SetUp;
-use module_kit::process::{self, Process};
+use module_kit::process::{self, Process, Sources};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::config::{Config, DEFAULT_FILE, RemoteRobot, check_name};
+use crate::network::{Network, Side};
 use crate::robot::RobotSide;
 use crate::station::StationSide;
 
@@ -17,6 +19,8 @@ pub enum Command {
     Robot(RobotArgs),
     /// Runs at a ground station: provides the services of robots on this machine
     Station(StationArgs),
+    /// Runs where robots and stations reach it: the centre of a star
+    Router(RouterArgs),
 }
 
 /// Options of the robot's side.
@@ -59,6 +63,22 @@ pub struct StationArgs {
     pub name: Option<String>,
 }
 
+/// Options of a router.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct RouterArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Where robots and stations reach this router, instead of `router.listen`
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Vec<String>,
+
+    /// Other routers to connect to, instead of `router.connect`
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Vec<String>,
+}
+
 /// Runs the relay in the foreground until SIGINT or SIGTERM.
 ///
 /// # Errors
@@ -67,6 +87,7 @@ pub fn run(command: Command) -> Result<(), Failure> {
     match command {
         Command::Robot(args) => robot(args),
         Command::Station(args) => station(args),
+        Command::Router(args) => router(args),
     }
 }
 
@@ -104,10 +125,38 @@ fn station(args: StationArgs) -> Result<(), Failure> {
     go(side, &set_up)
 }
 
-fn go<S: Process<Error = ipc_types::WaitError>>(
-    mut side: S,
-    set_up: &SetUp<Config>,
-) -> Result<(), Failure> {
+fn router(args: RouterArgs) -> Result<(), Failure> {
+    let Some(mut set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {
+        return Ok(());
+    };
+    let config = &mut set_up.config;
+    replace(&mut config.router.listen, args.listen);
+    replace(&mut config.router.connect, args.connect);
+    check(config)?;
+    let network = Network::open(config, Side::Router).or_fail(ExitCode::Internal)?;
+    go(Router { network }, &set_up)
+}
+
+/// Zenoh does all the work of a router in threads of its own.
+struct Router {
+    network: Network,
+}
+
+impl Process for Router {
+    type Error = WaitError;
+    type Key = ();
+
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.descriptor((), self.network.descriptor());
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+        self.network.drained();
+        Ok(())
+    }
+}
+
+fn go<S: Process<Error = WaitError>>(mut side: S, set_up: &SetUp<Config>) -> Result<(), Failure> {
     process::run(&mut side, &set_up.termination, &set_up.supervisor).or_fail(ExitCode::Internal)
 }
 

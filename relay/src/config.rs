@@ -31,6 +31,8 @@ pub struct Config {
     pub robot: RobotConfig,
     /// The station's side.
     pub station: StationConfig,
+    /// A router between them.
+    pub router: RouterConfig,
     /// Which samples.
     pub topics: TopicsConfig,
     /// Which requests.
@@ -195,6 +197,25 @@ impl Default for StationConfig {
             listen: Vec::new(),
             connect: vec!["tcp/127.0.0.1:7447".to_owned()],
             robots: Vec::new(),
+        }
+    }
+}
+
+/// `[router]`
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RouterConfig {
+    /// Endpoints of Zenoh where robots and stations reach it.
+    pub listen: Vec<String>,
+    /// Endpoints of other routers.
+    pub connect: Vec<String>,
+}
+
+impl Default for RouterConfig {
+    fn default() -> Self {
+        RouterConfig {
+            listen: vec!["tcp/127.0.0.1:7447".to_owned()],
+            connect: Vec::new(),
         }
     }
 }
@@ -426,6 +447,8 @@ impl Config {
             &self.robot.connect,
             &self.station.listen,
             &self.station.connect,
+            &self.router.listen,
+            &self.router.connect,
         ];
         for endpoint in endpoints.into_iter().flatten() {
             check_endpoint(endpoint, is_secured)?;

@@ -30,6 +30,8 @@ pub enum Side {
     Robot,
     /// At a ground station.
     Station,
+    /// Between robots and stations.
+    Router,
 }
 
 /// The network does not work.
@@ -213,10 +215,12 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
     let (listen, connect) = match side {
         Side::Robot => (&config.robot.listen, &config.robot.connect),
         Side::Station => (&config.station.listen, &config.station.connect),
+        Side::Router => (&config.router.listen, &config.router.connect),
     };
-    let mode = match network.through {
-        Through::Peers => "peer",
-        Through::Router => "client",
+    let mode = match (side, network.through) {
+        (Side::Router, _) => "router",
+        (Side::Robot | Side::Station, Through::Peers) => "peer",
+        (Side::Robot | Side::Station, Through::Router) => "client",
     };
     let is_secured = config.security.authority.is_some();
     let mut settings = vec![
