@@ -362,7 +362,7 @@ fn asking_again_never_executes_twice() {
     };
     assert_eq!(
         again(&mut desk, 0),
-        refused(Reason::Busy),
+        refused(Reason::StillOpen),
         "while it is open"
     );
     desk.lift_off();

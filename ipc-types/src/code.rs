@@ -347,6 +347,8 @@ codes! {
         RelayLinkDown = 37 => "relay-link-down",
         /// The relay's link to the robot was lost before the outcome came. Reported by the relay, never by the bridge.
         RelayLinkLost = 38 => "relay-link-lost",
+        /// A request with this id is open: it goes on, and this one was not carried out.
+        StillOpen = 39 => "still-open",
     }
 }
 

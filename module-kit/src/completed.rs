@@ -3,7 +3,7 @@
 //! | the id is | asked again |
 //! |---|---|
 //! | ended not long ago | gets the same final report once more |
-//! | open | refused: busy; the first stream goes on |
+//! | open | refused: still-open; the first stream goes on |
 //! | unknown, and the request says that it is a repetition | unknown: a bridge that died may have carried it out |
 //! | unknown, and the request is a first one | executed |
 

@@ -115,7 +115,7 @@ impl Answers {
         let reason = if request_id == 0 {
             Reason::InvalidRequest
         } else if self.ticket(request_id).is_some() {
-            Reason::Busy
+            Reason::StillOpen
         } else {
             return None;
         };
@@ -163,7 +163,7 @@ mod tests {
         let mut answers = Answers::new();
         assert_eq!(reason(&answers, 7), None, "it is new");
         answers.note(ticket, &report(7, Stage::Accepted));
-        assert_eq!(reason(&answers, 7), Some(Reason::Busy), "it is open");
+        assert_eq!(reason(&answers, 7), Some(Reason::StillOpen), "it is open");
         answers.note(ticket, &report(7, Stage::Done));
         let again = answers.known(7).unwrap();
         assert_eq!((again.stage(), again.request_id), (Some(Stage::Done), 7));

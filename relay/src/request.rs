@@ -72,7 +72,7 @@ mod tests {
     use ipc_types::payload::{ModuleControl, MovementData, SharedStruct};
 
     #[test]
-    fn a_movement_has_both_fields_and_a_control_request_none() {
+    fn a_movement_can_be_repeated_and_a_control_request_has_a_deadline_alone() {
         let fields = RequestFields::of(&Schema::of::<MovementData>());
         let mut request = MovementData::take_off(7, 10.0).bytes().to_vec();
         assert_eq!(fields.deadline(&request), None);
@@ -87,9 +87,12 @@ mod tests {
         fields.set_deadline(&mut request, Duration::ZERO);
         assert_eq!(fields.deadline(&request), Some(Duration::from_millis(1)));
         assert!(fields.repeat() == Repeat::Field);
-        let none = RequestFields::of(&Schema::of::<ModuleControl>());
-        assert_eq!(none, RequestFields::default());
-        none.set_repeat(&mut []);
-        assert_eq!(none.deadline(&request), None);
+        let control = RequestFields::of(&Schema::of::<ModuleControl>());
+        assert!(control.repeat() == Repeat::None);
+        let before = request.clone();
+        control.set_repeat(&mut request);
+        assert_eq!(request, before);
+        control.set_deadline(&mut [], Duration::ZERO);
+        assert_eq!(control.deadline(&[]), None);
     }
 }

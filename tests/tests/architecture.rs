@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 10] = [
+const ARROWS: [(&str, &[&str]); 11] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -25,6 +25,7 @@ const ARROWS: [(&str, &[&str]); 10] = [
         "status",
         &["dsp-protocol", "ipc-types", "module-kit", "runtime"],
     ),
+    ("relay", &["ipc-types", "module-kit", "runtime"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
     (
         "ril",
@@ -57,6 +58,10 @@ const ARROWS: [(&str, &[&str]); 10] = [
 const KNOWS_TRANSPORT: &str = "ipc-types";
 const TRANSPORT: &str = "iceoryx2";
 
+/// The one crate that knows the network, in one file.
+const KNOWS_NETWORK: &str = "relay";
+const NETWORK: &str = "zenoh";
+
 /// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too.
 const BARE: &str = "dsp-protocol";
 const BARE_MAY_HAVE: [&str; 1] = ["crc"];
@@ -69,7 +74,7 @@ struct Ban {
     why: &'static str,
 }
 
-const BANS: [Ban; 4] = [
+const BANS: [Ban; 5] = [
     Ban {
         paths: &[
             "bridge/src",
@@ -77,6 +82,7 @@ const BANS: [Ban; 4] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "relay/src",
         ],
         except: &[],
         words: &["Mutex", "RwLock", "Condvar"],
@@ -89,10 +95,17 @@ const BANS: [Ban; 4] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "relay/src",
         ],
         except: &[],
         words: &["thread::sleep", "nanosleep", "thread::park"],
         why: "a process sleeps in its one wait, until a byte, a request, a sample or a deadline",
+    },
+    Ban {
+        paths: &["relay/src"],
+        except: &["network.rs"],
+        words: &["zenoh::"],
+        why: "one file knows the network; everything else knows messages",
     },
     Ban {
         paths: &["dsp-protocol/src"],
@@ -114,6 +127,11 @@ const BANS: [Ban; 4] = [
             "module-kit/src/rules.rs",
             "module-kit/src/manager.rs",
             "module-kit/src/completed.rs",
+            "relay/src/clock",
+            "relay/src/orders",
+            "relay/src/telemetry.rs",
+            "relay/src/station/link.rs",
+            "relay/src/robot/stations.rs",
         ],
         except: &[
             "shell",
@@ -178,6 +196,11 @@ fn offences_against_arrows(metadata: &Value) -> Vec<String> {
             if to.starts_with(TRANSPORT) && from != KNOWS_TRANSPORT {
                 offences.push(format!(
                     "`{from}` → `{to}`: only `{KNOWS_TRANSPORT}` knows the transport"
+                ));
+            }
+            if to.starts_with(NETWORK) && from != KNOWS_NETWORK {
+                offences.push(format!(
+                    "`{from}` → `{to}`: only `{KNOWS_NETWORK}` knows the network"
                 ));
             }
             if from == BARE && !BARE_MAY_HAVE.contains(&to) && !is_dev {

@@ -83,7 +83,7 @@ impl Flight {
         let refusal = if header.request_id == 0 {
             (Stage::Refused, Reason::InvalidRequest)
         } else if self.is_open(header.request_id) {
-            (Stage::Refused, Reason::Busy)
+            (Stage::Refused, Reason::StillOpen)
         } else if header.repeat {
             (Stage::Unknown, Reason::NotRemembered)
         } else if self.is_ending {

@@ -27,7 +27,7 @@
 //! | not known, repetition, no such field | unknown: not-remembered | ended |
 //! | not known, given up | never passed on; unknown: none | ended |
 //! | passed on | the server takes no request now | waiting |
-//! | passed on, repetition | the server says busy: the request is still open there | waiting |
+//! | passed on, repetition | the server says still-open | waiting |
 //! | passed on | a report comes: remembered and sent | the same, or ended when it is final |
 //! | passed on or waiting | the station gives it up: unknown: none | ended |
 //! | waiting | passed on again after a while; ended when that takes too long | passed on, ended |

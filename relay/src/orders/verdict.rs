@@ -4,11 +4,6 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-/// Number of the reason `relay-link-down`.
-const RELAY_LINK_DOWN: u32 = 37;
-/// Number of the reason `relay-link-lost`.
-const RELAY_LINK_LOST: u32 = 38;
-
 /// Why the relay itself ends a request. `refused` means that the request was never passed on.
 ///
 /// | verdict | made by | report |
@@ -16,13 +11,13 @@ const RELAY_LINK_LOST: u32 = 38;
 /// | `LinkDown` | station | refused, relay-link-down (37) |
 /// | `LinkLost` | station | unknown, relay-link-lost (38) |
 /// | `TooManyRequests` | both | refused, too-many-requests |
-/// | `Busy` | both | refused, busy |
+/// | `Busy` | both | refused, still-open |
 /// | `InvalidRequest` | both | refused, invalid-request |
 /// | `Expired` | robot | refused, deadline-expired |
 /// | `NoServer` | robot | refused, bridge-gone |
 /// | `ServerGone` | robot | unknown, bridge-gone |
 /// | `NotRemembered` | robot | unknown, not-remembered |
-/// | `StillOpen` | robot | unknown, busy |
+/// | `StillOpen` | robot | unknown, still-open |
 /// | `GivenUp` | robot | unknown, none |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
@@ -51,20 +46,20 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Stage and number of the reason.
-    const fn codes(self) -> (Stage, u32) {
+    /// Stage and reason.
+    const fn codes(self) -> (Stage, Reason) {
         match self {
-            Verdict::LinkDown => (Stage::Refused, RELAY_LINK_DOWN),
-            Verdict::LinkLost => (Stage::Unknown, RELAY_LINK_LOST),
-            Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests.code()),
-            Verdict::Busy => (Stage::Refused, Reason::Busy.code()),
-            Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest.code()),
-            Verdict::Expired => (Stage::Refused, Reason::DeadlineExpired.code()),
-            Verdict::NoServer => (Stage::Refused, Reason::BridgeGone.code()),
-            Verdict::ServerGone => (Stage::Unknown, Reason::BridgeGone.code()),
-            Verdict::NotRemembered => (Stage::Unknown, Reason::NotRemembered.code()),
-            Verdict::StillOpen => (Stage::Unknown, Reason::Busy.code()),
-            Verdict::GivenUp => (Stage::Unknown, Reason::None.code()),
+            Verdict::LinkDown => (Stage::Refused, Reason::RelayLinkDown),
+            Verdict::LinkLost => (Stage::Unknown, Reason::RelayLinkLost),
+            Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
+            Verdict::Busy => (Stage::Refused, Reason::StillOpen),
+            Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),
+            Verdict::Expired => (Stage::Refused, Reason::DeadlineExpired),
+            Verdict::NoServer => (Stage::Refused, Reason::BridgeGone),
+            Verdict::ServerGone => (Stage::Unknown, Reason::BridgeGone),
+            Verdict::NotRemembered => (Stage::Unknown, Reason::NotRemembered),
+            Verdict::StillOpen => (Stage::Unknown, Reason::StillOpen),
+            Verdict::GivenUp => (Stage::Unknown, Reason::None),
         }
     }
 
@@ -75,7 +70,7 @@ impl Verdict {
             request_id,
             reported_ns: now.0,
             stage: stage.code(),
-            reason,
+            reason: reason.code(),
             ..RequestReport::default()
         }
     }

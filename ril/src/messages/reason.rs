@@ -85,6 +85,9 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the link to the robot was lost before the outcome came, so the robot may be carrying it out: watch the helicopter, \
              and look at `ril state` when `ril relay status` shows the link up"
         }
+        Reason::StillOpen => {
+            "a request with this id is under way and goes on: send a new request for something else"
+        }
         Reason::NotRemembered => {
             "another bridge may have carried it out: look at the helicopter, then send a new request"
         }

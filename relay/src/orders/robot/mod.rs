@@ -322,7 +322,7 @@ fn judge(order: &Order, repeat: Repeat, now: MonotonicNs) -> Option<Verdict> {
 }
 
 /// Whether the answer to a repetition says that the request is still open at the server: its client was the robot side's former
-/// life. A request that was refused as busy is answered in the same way, and cannot be told from it.
+/// life.
 fn is_still_open(report: &RequestReport) -> bool {
-    report.stage() == Some(Stage::Refused) && report.reason() == Some(Reason::Busy)
+    report.stage() == Some(Stage::Refused) && report.reason() == Some(Reason::StillOpen)
 }

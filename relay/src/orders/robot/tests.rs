@@ -1,7 +1,7 @@
 use super::*;
 use crate::orders::message::Answer;
 
-const MOVEMENT: u16 = 0;
+const MOVEMENT: u64 = 0;
 const MS: u64 = 1_000_000;
 const SECOND: u64 = 1_000 * MS;
 const STATION: u64 = 11;
@@ -227,7 +227,7 @@ fn a_repetition_that_is_open_at_the_server_is_asked_again_until_it_ends() {
     };
     rig.order(&order);
     for _ in 0..3 {
-        assert_eq!(rig.report(101, Stage::Refused, Reason::Busy), []);
+        assert_eq!(rig.report(101, Stage::Refused, Reason::StillOpen), []);
         assert_eq!(answers(&rig.order(&order)), [(1, 0, 0, 0)]);
         assert_eq!(sent(&rig.tick_after(499 * MS)), []);
         assert_eq!(sent(&rig.tick_after(MS)), [(101, true)]);
@@ -245,10 +245,10 @@ fn a_repetition_that_stays_busy_is_unknown_after_an_hour() {
         ..rig.new_order(1)
     };
     rig.order(&order);
-    rig.report(101, Stage::Refused, Reason::Busy);
+    rig.report(101, Stage::Refused, Reason::StillOpen);
     rig.tick_after(3600 * SECOND);
-    let out = rig.report(101, Stage::Refused, Reason::Busy);
-    let unknown = answered(1, 1, Stage::Unknown, Reason::Busy);
+    let out = rig.report(101, Stage::Refused, Reason::StillOpen);
+    let unknown = answered(1, 1, Stage::Unknown, Reason::StillOpen);
     assert_eq!(answers(&out), [unknown]);
 }
 
@@ -396,7 +396,7 @@ fn an_id_that_another_station_has_open_is_refused_as_busy() {
         ..order
     };
     let out = rig.order(&other);
-    let refused = answered(1, 1, Stage::Refused, Reason::Busy);
+    let refused = answered(1, 1, Stage::Refused, Reason::StillOpen);
     assert_eq!((sent(&out), answers(&out)), (vec![], vec![refused]));
     let out = rig.report(101, Stage::Done, Reason::None);
     assert!(matches!(
@@ -538,6 +538,6 @@ fn a_repetition_waits_longer_for_room_at_the_server() {
     assert_eq!(rig.not_sent(101, NotSent::Full), []);
     rig.tick_after(3600 * SECOND);
     let out = rig.not_sent(101, NotSent::Full);
-    let unknown = answered(1, 1, Stage::Unknown, Reason::Busy);
+    let unknown = answered(1, 1, Stage::Unknown, Reason::StillOpen);
     assert_eq!(answers(&out), [unknown]);
 }

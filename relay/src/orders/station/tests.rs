@@ -181,7 +181,7 @@ fn an_open_id_is_busy_and_no_id_is_invalid() {
     let mut rig = Rig::new();
     rig.request(7);
     let refused = reports(&rig.request(7));
-    assert_eq!(refused, [(7, Stage::Refused, Reason::Busy.code())]);
+    assert_eq!(refused, [(7, Stage::Refused, Reason::StillOpen.code())]);
     let request = Request {
         handle: 8,
         path_id: 0,
