@@ -11,6 +11,9 @@ use crate::exit::{ExitCode, Failure};
 /// `info,bridge=trace`. `-v` and `-q` rule over it.
 pub const LOG_VARIABLE: &str = "RIL_LOG";
 
+/// What is logged when nothing else is said: the network library of the relay tells of its own affairs at the level info.
+const DEFAULT: &str = "info,zenoh=error";
+
 /// How much is logged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verbosity {
@@ -56,7 +59,7 @@ pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
 fn filter(verbosity: Verbosity, variable: Option<&str>) -> Result<EnvFilter, Failure> {
     let directives = match (verbosity, variable) {
         (Verbosity::Level(level), _) => level.to_string(),
-        (Verbosity::Default, None | Some("")) => LevelFilter::INFO.to_string(),
+        (Verbosity::Default, None | Some("")) => DEFAULT.to_owned(),
         (Verbosity::Default, Some(variable)) => variable.to_owned(),
     };
     EnvFilter::try_new(&directives).map_err(|error| {
@@ -73,8 +76,8 @@ mod tests {
     #[test]
     fn the_command_line_rules_over_the_environment() {
         for (verbose, quiet, variable, expected) in [
-            (0, 0, None, "info"),
-            (0, 0, Some(""), "info"),
+            (0, 0, None, "zenoh=error,info"),
+            (0, 0, Some(""), "zenoh=error,info"),
             (0, 0, Some("bridge=trace"), "bridge=trace"),
             (1, 0, Some("error"), "debug"),
             (2, 0, None, "trace"),

@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn every_seed_is_flown_once() {
-        assert_eq!(fly_range(5..105, |seed| seed), (5..105).sum());
+        assert_eq!(fly_range(5..105, |seed| seed), (5..105).sum::<u64>());
         assert_eq!(parse("17"), Some(17..18));
         assert_eq!(parse("3..9"), Some(3..9));
         assert_eq!(parse("many"), None);

@@ -297,7 +297,7 @@ impl World {
         let request = station::Request {
             handle: id,
             path_id: id + 1,
-            topic: self.random.below(TOPICS.into()) as u64,
+            topic: self.random.below(TOPICS),
             expires: robot_clock(expires),
             bytes,
         };
