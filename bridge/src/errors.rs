@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn the_sources_mapping_stays_available() {
-        assert_eq!(ErrorTable::default().communication_fatal, []);
+        assert!(ErrorTable::default().communication_fatal.is_empty());
         let table = ErrorTable {
             communication_fatal: vec![102],
             ..ErrorTable::default()

@@ -264,6 +264,7 @@ mod tests {
         let topic = |key: &str, name: &str| ServiceFacts {
             key: key.to_owned(),
             schema: Schema::parse(&format!("# Layout: x.{name}.v1\n\nuint64 sequence\n")).unwrap(),
+            text: String::new(),
             provider: None,
         };
         let topics = [topic("a", "Long"), topic("battery_watch/b", "B")];

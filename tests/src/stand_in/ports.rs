@@ -208,7 +208,7 @@ mod tests {
             ] {
                 assert_eq!(report.stage(), Some(Stage::Done));
                 assert_eq!(report.value(), Some(value));
-                assert_eq!(report.port.number, number.into());
+                assert_eq!(report.port.number, u32::from(number));
             }
             assert_eq!(table.port(number).map(|port| port.value), Some(value));
         }
