@@ -1,0 +1,126 @@
+//! Messages between relays, byte by byte as docs/network.md has them: derived by hand from the document.
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::RequestReport;
+use relay::message::{
+    AnswerBytes, Ask, Command, MAX_BYTES, NoMessage, Ping, Pong, SampleHeader, Service, Tell,
+    VERSION, decode, encode,
+};
+use relay::orders::message::{Answer, Order};
+
+/// 300 as a varint: the lowest seven bits first, with the highest bit while more follow.
+const THREE_HUNDRED: [u8; 2] = [0xAC, 0x02];
+
+#[test]
+fn a_ping_is_a_version_a_variant_and_four_fields() {
+    let ping = Ask::Ping(Ping {
+        station_life: 1,
+        sent_ns: 300,
+        suspended_ns: 0,
+        wants_latest: true,
+    });
+    let bytes = [&[VERSION, 0, 1][..], &THREE_HUNDRED, &[0, 1]].concat();
+    assert_eq!(encode(&ping), bytes);
+    assert_eq!(decode::<Ask>(&bytes), Ok(ping));
+    let describe = Ask::Describe {
+        robot_life: 127,
+        index: 128,
+    };
+    assert_eq!(encode(&describe), [1, 1, 127, 0x80, 0x01]);
+}
+
+#[test]
+fn a_sample_header_is_four_numbers() {
+    let header = SampleHeader {
+        robot_life: u64::MAX,
+        number: 2,
+        left_out: 300,
+        lost: 0,
+    };
+    let life = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01];
+    assert_eq!(
+        encode(&header),
+        [&[1][..], &life, &[2], &THREE_HUNDRED, &[0]].concat()
+    );
+}
+
+#[test]
+fn a_command_ends_with_the_length_and_the_bytes_of_its_request() {
+    let order = Order {
+        session: 1,
+        number: 2,
+        floor: 3,
+        topic: 4,
+        expires: MonotonicNs(300),
+        is_repeat: true,
+        is_given_up: false,
+        request: vec![9, 8, 7],
+    };
+    let bytes = [&[1, 1, 2, 3, 4][..], &THREE_HUNDRED, &[1, 0, 3, 9, 8, 7]].concat();
+    assert_eq!(encode(&Command::from(&order)), bytes);
+    assert_eq!(Order::from(decode::<Command>(&bytes).unwrap()), order);
+}
+
+#[test]
+fn what_a_robot_tells_has_four_variants() {
+    let pong = Tell::Pong(Pong {
+        robot_life: 1,
+        station_life: 2,
+        ping_sent_ns: 3,
+        ping_suspended_ns: 4,
+        received_ns: 5,
+        sent_ns: 6,
+        suspended_ns: 7,
+        session: 8,
+        services: 9,
+    });
+    assert_eq!(encode(&pong), [1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    let service = Tell::Service(Service {
+        robot_life: 1,
+        index: 2,
+        key: "a/b".to_owned(),
+        takes_requests: true,
+        schema: "x".to_owned(),
+    });
+    assert_eq!(
+        encode(&service),
+        [&[1, 1, 1, 2, 3][..], b"a/b", &[1, 1], b"x"].concat()
+    );
+    let report = RequestReport::new(Stage::Done, Reason::None);
+    let answer = Answer {
+        session: 1,
+        number: 2,
+        serial: 3,
+        report,
+    };
+    let bytes = encode(&Tell::Answer(AnswerBytes::new(&answer)));
+    // 136 as a varint.
+    assert_eq!(bytes[..7], [1, 2, 1, 2, 3, 0x88, 0x01]);
+    assert_eq!(bytes.len(), 7 + 136);
+    let Ok(Tell::Answer(read)) = decode(&bytes) else {
+        panic!("it is an answer");
+    };
+    assert_eq!(read.answer(), Some(answer));
+    assert_eq!(encode(&Tell::UnknownSession(5)), [1, 3, 5]);
+}
+
+#[test]
+fn what_is_no_message_is_an_error() {
+    assert_eq!(decode::<Ask>(&[]), Err(NoMessage::Length(0)));
+    assert_eq!(decode::<Ask>(&[2, 0]), Err(NoMessage::Version(2)));
+    assert_eq!(
+        decode::<Ask>(&vec![1; MAX_BYTES + 1]),
+        Err(NoMessage::Length(MAX_BYTES + 1))
+    );
+    for bytes in [&[1][..], &[1, 2], &[1, 0, 1], &[1, 3, 5, 0]] {
+        assert!(
+            matches!(decode::<Ask>(bytes), Err(NoMessage::Contents(_))),
+            "{bytes:?}"
+        );
+    }
+    assert!(
+        matches!(decode::<Tell>(&[1, 3, 5, 0]), Err(NoMessage::Contents(_))),
+        "a byte too many"
+    );
+}
