@@ -171,6 +171,7 @@ enum hero_reason {
     HERO_REASON_INVALID_FENCE = 36,
     HERO_REASON_RELAY_LINK_DOWN = 37,
     HERO_REASON_RELAY_LINK_LOST = 38,
+    HERO_REASON_RELAY_NOT_PERMITTED = 39,
 };
 
 enum hero_imi_error {

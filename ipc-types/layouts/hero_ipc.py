@@ -160,6 +160,7 @@ class Reason(enum.IntEnum):
     INVALID_FENCE = 36
     RELAY_LINK_DOWN = 37
     RELAY_LINK_LOST = 38
+    RELAY_NOT_PERMITTED = 39
 
 
 class ImiError(enum.IntEnum):

@@ -347,6 +347,8 @@ codes! {
         RelayLinkDown = 37 => "relay-link-down",
         /// The relay's link to the robot was lost before the outcome came. Reported by the relay, never by the bridge.
         RelayLinkLost = 38 => "relay-link-lost",
+        /// The robot's relay does not let this station command: the request was not sent. Reported by the relay, never by the bridge.
+        RelayNotPermitted = 39 => "relay-not-permitted",
     }
 }
 

@@ -8,6 +8,8 @@ use ipc_types::payload::RequestReport;
 const RELAY_LINK_DOWN: u32 = 37;
 /// Number of the reason `relay-link-lost`.
 const RELAY_LINK_LOST: u32 = 38;
+/// Number of the reason `relay-not-permitted`.
+const RELAY_NOT_PERMITTED: u32 = 39;
 
 /// Why the relay itself ends a request. `refused` means that the request was never passed on.
 ///
@@ -15,6 +17,7 @@ const RELAY_LINK_LOST: u32 = 38;
 /// |---|---|---|
 /// | `LinkDown` | station | refused, relay-link-down (37) |
 /// | `LinkLost` | station | unknown, relay-link-lost (38) |
+/// | `NotPermitted` | station | refused, relay-not-permitted (39) |
 /// | `TooManyRequests` | both | refused, too-many-requests |
 /// | `Busy` | both | refused, busy |
 /// | `InvalidRequest` | both | refused, invalid-request |
@@ -30,6 +33,8 @@ pub enum Verdict {
     LinkDown,
     /// The robot has not answered for so long that the station stopped waiting.
     LinkLost,
+    /// The robot's relay does not let this station command.
+    NotPermitted,
     /// A bounded table is full: the station's open orders, or the server's queue.
     TooManyRequests,
     /// Another request with this id is open.
@@ -56,6 +61,7 @@ impl Verdict {
         match self {
             Verdict::LinkDown => (Stage::Refused, RELAY_LINK_DOWN),
             Verdict::LinkLost => (Stage::Unknown, RELAY_LINK_LOST),
+            Verdict::NotPermitted => (Stage::Refused, RELAY_NOT_PERMITTED),
             Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests.code()),
             Verdict::Busy => (Stage::Refused, Reason::Busy.code()),
             Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest.code()),
