@@ -160,7 +160,8 @@ class Reason(enum.IntEnum):
     INVALID_FENCE = 36
     RELAY_LINK_DOWN = 37
     RELAY_LINK_LOST = 38
-    STILL_OPEN = 39
+    RELAY_NOT_PERMITTED = 39
+    STILL_OPEN = 40
 
 
 class ImiError(enum.IntEnum):

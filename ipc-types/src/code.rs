@@ -347,8 +347,10 @@ codes! {
         RelayLinkDown = 37 => "relay-link-down",
         /// The relay's link to the robot was lost before the outcome came. Reported by the relay, never by the bridge.
         RelayLinkLost = 38 => "relay-link-lost",
+        /// The robot's relay does not let this station command: the request was not sent. Reported by the relay, never by the bridge.
+        RelayNotPermitted = 39 => "relay-not-permitted",
         /// A request with this id is open: it goes on, and this one was not carried out.
-        StillOpen = 39 => "still-open",
+        StillOpen = 40 => "still-open",
     }
 }
 

@@ -44,6 +44,19 @@ pub fn installed_or_skip() -> Option<PathBuf> {
     installed
 }
 
+/// As [`installed_or_skip`]; before `PATH` it looks beside `program` and in the folder above, where cargo puts the programs of all
+/// crates: for tests and examples of other crates than that of `ril`.
+pub fn beside_or_skip(program: &Path) -> Option<PathBuf> {
+    let folders = program.ancestors().skip(1).take(2);
+    let beside = folders
+        .map(|folder| folder.join("ril"))
+        .find(|candidate| candidate.is_file());
+    match beside {
+        Some(beside) if std::env::var_os(BINARY_VARIABLE).is_none() => Some(beside),
+        _ => installed_or_skip(),
+    }
+}
+
 fn installed() -> Option<PathBuf> {
     if let Some(binary) = std::env::var_os(BINARY_VARIABLE) {
         return Some(binary.into());

@@ -10,6 +10,7 @@ use ipc_types::payload::RequestReport;
 /// |---|---|---|
 /// | `LinkDown` | station | refused, relay-link-down (37) |
 /// | `LinkLost` | station | unknown, relay-link-lost (38) |
+/// | `NotPermitted` | station | refused, relay-not-permitted (39) |
 /// | `TooManyRequests` | both | refused, too-many-requests |
 /// | `Busy` | both | refused, still-open |
 /// | `InvalidRequest` | both | refused, invalid-request |
@@ -25,6 +26,8 @@ pub enum Verdict {
     LinkDown,
     /// The robot has not answered for so long that the station stopped waiting.
     LinkLost,
+    /// The robot's relay does not let this station command.
+    NotPermitted,
     /// A bounded table is full: the station's open orders, or the server's queue.
     TooManyRequests,
     /// Another request with this id is open.
@@ -51,6 +54,7 @@ impl Verdict {
         match self {
             Verdict::LinkDown => (Stage::Refused, Reason::RelayLinkDown),
             Verdict::LinkLost => (Stage::Unknown, Reason::RelayLinkLost),
+            Verdict::NotPermitted => (Stage::Refused, Reason::RelayNotPermitted),
             Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
             Verdict::Busy => (Stage::Refused, Reason::StillOpen),
             Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),

@@ -372,9 +372,8 @@ impl Process for RobotSide {
             self.next_publish = now;
         }
         if now >= self.next_look {
-            let commands = !self.config.commands.stations.is_empty();
             self.services
-                .look(&self.ipc, &self.network, &self.config.topics, commands);
+                .look(&self.ipc, &self.network, &self.config.topics);
             self.next_look = now + LOOK_PERIOD;
         }
         if now >= self.next_publish {

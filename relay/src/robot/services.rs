@@ -77,7 +77,10 @@ impl Services {
     }
 
     /// Looks for services that are not carried yet, and carries those that are to be.
-    pub fn look(&mut self, ipc: &Ipc, network: &Network, config: &TopicsConfig, commands: bool) {
+    ///
+    /// Request services are carried also where no station may command, so that an operator is told that and not that there is
+    /// no bridge.
+    pub fn look(&mut self, ipc: &Ipc, network: &Network, config: &TopicsConfig) {
         for facts in dynamic::topics(ipc) {
             if let Some(plan) = config.plan(&facts.key)
                 && self.is_new(&facts)
@@ -102,14 +105,12 @@ impl Services {
                 self.carry(facts, topic);
             }
         }
-        if commands {
-            for facts in dynamic::request_services(ipc) {
-                if !facts.key.starts_with("relay/") && self.is_new(&facts) {
-                    let requests = self
-                        .requests(ipc, &facts)
-                        .map_err(|error| error.to_string());
-                    self.carry(facts, requests);
-                }
+        for facts in dynamic::request_services(ipc) {
+            if !facts.key.starts_with("relay/") && self.is_new(&facts) {
+                let requests = self
+                    .requests(ipc, &facts)
+                    .map_err(|error| error.to_string());
+                self.carry(facts, requests);
             }
         }
     }

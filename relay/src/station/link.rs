@@ -227,9 +227,9 @@ impl Link {
         &self.clock
     }
 
-    /// The session for requests; 0 while this station may not command.
-    pub fn session(&self) -> u64 {
-        self.session
+    /// Whether the robot's relay lets this station command, as it said in its last answer.
+    pub fn may_command(&self) -> bool {
+        self.session != 0
     }
 
     /// Life of the robot's relay.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::code::ModuleStatus;
 use ipc_types::module::{State, doing_bytes};
-use ipc_types::payload::{RelayLink, ascii_bytes};
+use ipc_types::payload::{RelayLink, RequestReport, ascii_bytes};
 use ipc_types::{Ipc, Module, MonotonicNs, Publisher, RelayModule, StateOf, WaitError};
 
 use super::link::Link;
@@ -15,7 +15,9 @@ use crate::config::{Config, RemoteRobot};
 use crate::message::{Ask, Command, NoMessage, Pong, SampleHeader, Service, Tell, decode, encode};
 use crate::names;
 use crate::network::{Inbox, Network};
+use crate::orders::message::request_id;
 use crate::orders::station::{Config as OrderConfig, Origin, Output, Request, Station};
+use crate::orders::verdict::Verdict;
 use crate::random::{fresh, suspended_ns};
 
 /// Samples that may wait: 5 s of ten topics at 50 a second.
@@ -191,6 +193,13 @@ impl Remote {
         }
         if news.is_up {
             tracing::info!(robot = %self.robot.number, "the link to the robot is up");
+            if self.robot.command && !self.link.may_command() {
+                tracing::warn!(
+                    robot = %self.robot.number,
+                    station = self.station,
+                    "this station may not command: its name is not in `commands.stations` of the robot's relay"
+                );
+            }
             self.next_publish = at;
         }
     }
@@ -209,8 +218,12 @@ impl Remote {
             self.orders.give_up(handle, now, out);
         }
         for request in taken {
+            if self.link.is_up() && !self.link.may_command() {
+                out.push(refusal(&request, now));
+                continue;
+            }
             let expires = self.expires(&request, now);
-            let is_up = self.link.is_up() && self.link.session() != 0 && expires.is_some();
+            let is_up = self.link.is_up() && expires.is_some();
             let request = Request {
                 handle: request.handle,
                 path_id: request.path_id,
@@ -316,6 +329,20 @@ impl Remote {
             row.clock_valid = 1;
         }
         row
+    }
+}
+
+/// What a client is told whose station may not command.
+fn refusal(request: &Taken, now: MonotonicNs) -> Output {
+    let id = request_id(&request.bytes);
+    let report = RequestReport {
+        path_id: request.path_id,
+        ..Verdict::NotPermitted.report(id, now)
+    };
+    Output::Report {
+        handle: request.handle,
+        report,
+        origin: Origin::Station,
     }
 }
 

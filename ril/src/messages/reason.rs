@@ -85,6 +85,9 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the link to the robot was lost before the outcome came, so the robot may be carrying it out: watch the helicopter, \
              and look at `ril state` when `ril relay status` shows the link up"
         }
+        Reason::RelayNotPermitted => {
+            "this station may not command the robot, so nothing was sent: `ril relay status` shows the station's name; add it to \
+             `[commands]` `stations` of relay.toml on the robot, and start the relay there again"
         Reason::StillOpen => {
             "a request with this id is under way and goes on: send a new request for something else"
         }

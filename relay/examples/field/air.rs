@@ -1,0 +1,145 @@
+//! [`Air`]: packets between two machines are lost, delayed and paced. A pure value: what `tc netem` does, for kernels without it.
+
+use std::collections::BinaryHeap;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+/// Packets that may wait for a slow link in one direction, as `tc netem` has it by default. One more is dropped.
+const QUEUE_PACKETS: usize = 1000;
+
+/// What the air does to packets.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Weather {
+    /// Share of the packets that is lost, 0 … 1, each by itself.
+    pub loss: f64,
+    /// How long each packet takes at least.
+    pub delay: Duration,
+    /// How much longer it takes at most; packets then overtake each other.
+    pub jitter: Duration,
+    /// Bits per second in each direction; nothing is without a limit.
+    pub rate_bps: Option<u64>,
+}
+
+impl Weather {
+    /// Nothing passes.
+    pub const OUTAGE: Weather = Weather {
+        loss: 1.0,
+        delay: Duration::ZERO,
+        jitter: Duration::ZERO,
+        rate_bps: None,
+    };
+
+    /// Everything passes at once, but for a share that is lost.
+    pub fn loss(loss: f64) -> Weather {
+        Weather {
+            loss,
+            ..Weather::default()
+        }
+    }
+}
+
+/// A packet under way, the earliest first.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct UnderWay {
+    due: std::cmp::Reverse<(MonotonicNs, u64)>,
+    to: usize,
+    bytes: Vec<u8>,
+}
+
+/// What was counted, in both directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Packets that came.
+    pub packets: u64,
+    /// Those that were lost.
+    pub lost: u64,
+    /// Those that were dropped because too many waited.
+    pub overflowed: u64,
+    /// Bytes that came.
+    pub bytes: u64,
+}
+
+/// The air between machine 0 and machine 1.
+#[derive(Debug)]
+pub struct Air {
+    random: u64,
+    under_way: BinaryHeap<UnderWay>,
+    /// In each direction, until when the link is busy with what came before.
+    busy_until: [MonotonicNs; 2],
+    waiting: [usize; 2],
+    number: u64,
+    counts: Counts,
+}
+
+impl Air {
+    /// Air in which the same packets meet the same fate for the same seed.
+    pub fn new(seed: u64) -> Air {
+        Air {
+            random: seed,
+            under_way: BinaryHeap::new(),
+            busy_until: [MonotonicNs(0); 2],
+            waiting: [0; 2],
+            number: 0,
+            counts: Counts::default(),
+        }
+    }
+
+    /// A packet is sent to machine `to`.
+    pub fn send(&mut self, to: usize, bytes: &[u8], weather: &Weather, now: MonotonicNs) {
+        self.counts.packets += 1;
+        self.counts.bytes += bytes.len() as u64;
+        if self.share() < weather.loss {
+            self.counts.lost += 1;
+            return;
+        }
+        if self.waiting[to] >= QUEUE_PACKETS {
+            self.counts.overflowed += 1;
+            return;
+        }
+        let mut sent = now;
+        if let Some(rate_bps) = weather.rate_bps {
+            let lasts_ns = bytes.len() as u64 * 8 * 1_000_000_000 / rate_bps.max(1);
+            sent = now.max(self.busy_until[to]) + Duration::from_nanos(lasts_ns);
+            self.busy_until[to] = sent;
+        }
+        let jitter = weather.jitter.mul_f64(self.share());
+        self.number += 1;
+        self.waiting[to] += 1;
+        self.under_way.push(UnderWay {
+            due: std::cmp::Reverse((sent + weather.delay + jitter, self.number)),
+            to,
+            bytes: bytes.to_vec(),
+        });
+    }
+
+    /// The next packet that has arrived, and where.
+    pub fn arrived(&mut self, now: MonotonicNs) -> Option<(usize, Vec<u8>)> {
+        if self.deadline()? > now {
+            return None;
+        }
+        let packet = self.under_way.pop()?;
+        self.waiting[packet.to] -= 1;
+        Some((packet.to, packet.bytes))
+    }
+
+    /// When the next packet arrives.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.under_way.peek().map(|packet| packet.due.0.0)
+    }
+
+    /// What was counted.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// 0 … 1, by SplitMix64.
+    pub fn share(&mut self) -> f64 {
+        self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut word = self.random;
+        word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        word ^= word >> 31;
+        (word >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
