@@ -15,6 +15,8 @@ use zenoh::handlers::{Callback, IntoHandler, RingChannel, RingChannelHandler};
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority, Reliability};
 use zenoh::sample::Sample;
 
+pub use crate::access::Side;
+use crate::access::access_control;
 use crate::config::{Config, Priority, Through};
 
 /// Longest message that is put together of fragments, bytes: the longest sample, and twice the longest message of a relay.
@@ -22,17 +24,6 @@ const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
 /// Batches that may wait to be sent, for each priority: a burst of one sample of each of some topics.
 const QUEUE_BATCHES: usize = 4;
-
-/// Which side a relay is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Beside the robot.
-    Robot,
-    /// At a ground station.
-    Station,
-    /// Between robots and stations.
-    Router,
-}
 
 /// The network does not work.
 #[derive(Debug, thiserror::Error)]
@@ -212,17 +203,12 @@ fn zenoh_priority(priority: Priority) -> ZenohPriority {
 /// What Zenoh is told; nothing that strangers on the network could use is on unless it was asked for.
 fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
     let network = &config.network;
-    let (listen, connect) = match side {
-        Side::Robot => (&config.robot.listen, &config.robot.connect),
-        Side::Station => (&config.station.listen, &config.station.connect),
-        Side::Router => (&config.router.listen, &config.router.connect),
-    };
+    let (listen, connect) = side.endpoints(config);
     let mode = match (side, network.through) {
         (Side::Router, _) => "router",
         (Side::Robot | Side::Station, Through::Peers) => "peer",
         (Side::Robot | Side::Station, Through::Router) => "client",
     };
-    let is_secured = config.security.authority.is_some();
     let mut settings = vec![
         ("mode", json!(mode)),
         ("listen/endpoints", json!(with_options(listen))),
@@ -268,8 +254,9 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
             json!(network.send_buffer_bytes),
         ),
     ];
-    if is_secured {
-        settings.extend(tls(config));
+    settings.extend(tls(config));
+    if let Some(rules) = access_control(config, side) {
+        settings.push(("access_control", rules));
     }
     let mut zenoh_config = zenoh::Config::default();
     for (key, value) in settings {
@@ -278,7 +265,8 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
     Ok(zenoh_config)
 }
 
-/// Both sides show a certificate.
+/// Both sides show a certificate, and the side that connects compares the name or address that it has connected to with the
+/// certificate.
 fn tls(config: &Config) -> Vec<(&'static str, Value)> {
     let Ok(Some(files)) = config.security.certificates() else {
         return Vec::new();
@@ -299,6 +287,7 @@ fn tls(config: &Config) -> Vec<(&'static str, Value)> {
         ),
         ("transport/link/tls/connect_private_key", json!(files.key)),
         ("transport/link/tls/enable_mtls", json!(true)),
+        ("transport/link/tls/verify_name_on_connect", json!(true)),
         ("transport/link/tls/close_link_on_expiration", json!(true)),
     ]
 }
@@ -314,4 +303,23 @@ fn with_options(endpoints: &[String]) -> Vec<String> {
             },
         )
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zenoh_takes_the_rules_and_the_certificates() {
+        let text = "[security]\nauthority = \"ca.pem\"\ncertificate = \"x.pem\"\nkey = \"x-key.pem\"\n\
+                    robots = { robot-1 = 1 }\nrouters = [\"hub\"]\n[commands]\nstations = [\"gcs\"]\n[ros2]\nenabled = true\n";
+        let config: Config = runtime::config::parse(text, "relay.toml").unwrap();
+        for side in [Side::Robot, Side::Station, Side::Router] {
+            let zenoh = zenoh_config(&config, side).unwrap();
+            let read = |key| zenoh.get_json(key).unwrap();
+            assert_eq!(read("access_control/enabled"), "true");
+            assert_eq!(read("transport/link/tls/enable_mtls"), "true");
+            assert_eq!(read("transport/link/tls/verify_name_on_connect"), "true");
+        }
+    }
 }
