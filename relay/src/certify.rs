@@ -26,6 +26,9 @@ use crate::config::check_name;
 /// Name of the authority's files, which no machine can have.
 const AUTHORITY: &str = "ca";
 
+/// Common name of the authority.
+const AUTHORITY_NAME: &str = "HERO relay authority";
+
 /// A certificate holds from a day before it was made, because clocks of machines in the field differ.
 const BEFORE: Duration = Duration::DAY;
 
@@ -188,12 +191,7 @@ impl Authority {
             .create(&order.folder)
             .map_err(|error| file_error(&order.folder, error))?;
         let key = KeyPair::generate()?;
-        let mut params = CertificateParams::default();
-        params
-            .distinguished_name
-            .push(DnType::CommonName, "HERO relay authority");
-        params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
-        params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
+        let mut params = Authority::params();
         params.not_before = now - BEFORE;
         params.not_after = now + Duration::days(order.authority_days.into());
         let certificate = params.self_signed(&key)?;
@@ -226,9 +224,22 @@ impl Authority {
                 until.date()
             )));
         }
-        let issuer = Issuer::from_ca_cert_pem(&certificate, key)
-            .map_err(|error| refuse(format!("its certificate cannot be read ({error})")))?;
-        Ok(Authority { issuer, until })
+        Ok(Authority {
+            until,
+            issuer: Issuer::new(Authority::params(), key),
+        })
+    }
+
+    /// What all authorities that are made here have in common.
+    fn params() -> CertificateParams {
+        let mut params = CertificateParams::default();
+        params.distinguished_name = rcgen::DistinguishedName::new();
+        params
+            .distinguished_name
+            .push(DnType::CommonName, AUTHORITY_NAME);
+        params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
+        params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
+        params
     }
 
     /// Certificate and key of a machine. The certificate does not outlive the authority.
@@ -268,6 +279,12 @@ fn facts(pem: &str) -> Result<(OffsetDateTime, Vec<u8>), String> {
     let certificate = pem.parse_x509().map_err(|error| unreadable(&error))?;
     if !certificate.is_ca() {
         return Err("its certificate is not that of an authority".to_owned());
+    }
+    // The names of others would have to be written as they are: they sign with their own tools.
+    if certificate.subject().to_string() != format!("CN={AUTHORITY_NAME}") {
+        return Err(
+            "`ril relay certify` has not made it: sign the machines' certificates with the tools of that authority".to_owned(),
+        );
     }
     Ok((
         certificate.validity().not_after.to_datetime(),

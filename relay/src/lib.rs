@@ -17,6 +17,7 @@
 //! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh, [`ports`] the wait on shared memory.
 
 pub mod access;
+mod budget;
 pub mod certify;
 pub mod cli;
 pub mod clock;
@@ -27,6 +28,7 @@ pub mod names;
 pub mod network;
 pub mod orders;
 pub mod ports;
+mod queue;
 mod random;
 pub mod request;
 pub mod robot;

@@ -11,16 +11,18 @@ use ipc_types::MonotonicNs;
 use rustix::event::{EventfdFlags, eventfd};
 use serde_json::{Value, json};
 use zenoh::Wait;
-use zenoh::handlers::{Callback, IntoHandler, RingChannel, RingChannelHandler};
+use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority, Reliability};
 use zenoh::sample::Sample;
 
 pub use crate::access::Side;
 use crate::access::access_control;
 use crate::config::{Config, Priority, Through};
+use crate::queue::Queue;
+pub use crate::queue::Room;
 
-/// Longest message that is put together of fragments, bytes: the longest sample, and twice the longest message of a relay.
-const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
+/// Longest message that is put together of fragments, bytes: the longest sample, and eight times the longest message of a relay.
+pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
 /// Batches that may wait to be sent, for each priority: a burst of one sample of each of some topics.
 const QUEUE_BATCHES: usize = 4;
@@ -50,7 +52,8 @@ pub struct Network {
 
 /// What arrives under a key expression.
 pub struct Inbox {
-    subscriber: zenoh::pubsub::Subscriber<RingChannelHandler<Arrival>>,
+    queue: Arc<Queue<Arrival>>,
+    _subscriber: zenoh::pubsub::Subscriber<()>,
 }
 
 /// A way out, for samples of one topic.
@@ -107,28 +110,33 @@ impl Network {
         let _ = rustix::io::read(&*self.arrivals, &mut [0; 8]);
     }
 
-    /// Receives what is sent to `key`, of which the newest `capacity` messages wait.
+    /// Receives what is sent to `key`, of which the newest wait as there is room.
     ///
     /// # Errors
     ///
     /// When Zenoh refuses the key expression.
-    pub fn receive(&self, key: &str, capacity: usize) -> Result<Inbox, NetworkError> {
-        let (ring, handler) = RingChannel::new(capacity).into_handler();
-        let arrivals = Arc::clone(&self.arrivals);
-        let callback: Callback<Sample> = Callback::from(move |sample| {
-            Callback::<Arrival>::call(&ring, (MonotonicNs::now(), sample));
-            // It fails when it has been written 2⁶⁴ − 2 times, and can be read then.
-            let _ = rustix::io::write(&*arrivals, &1_u64.to_ne_bytes());
-        });
+    pub fn receive(&self, key: &str, room: Room) -> Result<Inbox, NetworkError> {
+        let queue = Arc::new(Queue::new(room));
+        let (arriving, arrivals) = (Arc::clone(&queue), Arc::clone(&self.arrivals));
+        let callback = move |sample: Sample| {
+            let bytes = sample.payload().len() + sample.attachment().map_or(0, ZBytes::len);
+            if arriving.push(bytes, (MonotonicNs::now(), sample)) {
+                // It fails when it has been written 2⁶⁴ − 2 times, and can be read then.
+                let _ = rustix::io::write(&*arrivals, &1_u64.to_ne_bytes());
+            }
+        };
         let subscriber = self
             .session
             .declare_subscriber(key.to_owned())
-            .with((callback, handler))
+            .callback(callback)
             .wait()
             .map_err(|error| {
                 NetworkError::new(format!("nothing can be received at {key}"), error)
             })?;
-        Ok(Inbox { subscriber })
+        Ok(Inbox {
+            queue,
+            _subscriber: subscriber,
+        })
     }
 
     /// A way out for the samples of a topic.
@@ -165,9 +173,9 @@ impl Network {
 }
 
 impl Inbox {
-    /// Hands on every message that is there, in the order of arrival.
+    /// Hands on every message that is there, in the order of arrival, and none that comes meanwhile.
     pub fn drain(&self, mut take: impl FnMut(&Incoming<'_>)) {
-        while let Ok(Some((at, sample))) = self.subscriber.handler().try_recv() {
+        for (at, sample) in self.queue.take() {
             let payload = sample.payload().to_bytes();
             let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
             take(&Incoming {
