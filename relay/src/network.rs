@@ -92,6 +92,8 @@ impl Network {
                 error,
             )
         })?;
+        let (listen, connect) = side.endpoints(config);
+        tracing::info!(?listen, ?connect, "the network is open");
         let arrivals = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)
             .map_err(|error| NetworkError::new("no event descriptor", error))?;
         Ok(Network {

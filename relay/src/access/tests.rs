@@ -80,7 +80,8 @@ fn each_side_knows_those_that_can_be_at_the_other_end() {
 #[test]
 fn a_station_asks_and_orders_under_its_own_name_and_reads_its_own_answers() {
     let rules = access_control(&config(""), Side::Robot).unwrap();
-    let may = |name, flow, message, key| allows(&rules, name, flow, message, key);
+    let may =
+        |name: &str, flow: &str, message: &str, key: &str| allows(&rules, name, flow, message, key);
     for name in ["gcs", "viewer"] {
         let other = if name == "gcs" { "viewer" } else { "gcs" };
         let key = |kind: &str, name: &str| format!("hero/1/{kind}/{name}");
@@ -110,7 +111,7 @@ fn a_station_asks_and_orders_under_its_own_name_and_reads_its_own_answers() {
 fn a_robot_sends_its_own_samples_and_answers_and_nothing_of_another() {
     for side in [Side::Station, Side::Router] {
         let rules = access_control(&config(""), side).unwrap();
-        let sends = |name, key| allows(&rules, name, "ingress", "put", key);
+        let sends = |name: &str, key: &str| allows(&rules, name, "ingress", "put", key);
         assert!(sends("robot-1", "hero/1/topic/hero_telemetry"));
         assert!(sends("robot-1", "hero/1/tell/gcs"));
         assert!(!sends("robot-1", "hero/2/topic/hero_telemetry"));
@@ -139,7 +140,8 @@ fn with_ros_robots_publish_in_its_domain_and_stations_read_it() {
         Side::Router,
     )
     .unwrap();
-    let may = |name, flow, message, key| allows(&rules, name, flow, message, key);
+    let may =
+        |name: &str, flow: &str, message: &str, key: &str| allows(&rules, name, flow, message, key);
     assert!(may("heli", "ingress", "put", "7/heli/imu"));
     assert!(!may("heli", "ingress", "put", "8/heli/imu"));
     assert!(!may("gcs", "ingress", "put", "7/heli/imu"));

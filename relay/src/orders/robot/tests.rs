@@ -1,7 +1,7 @@
 use super::*;
 use crate::orders::message::Answer;
 
-const MOVEMENT: u16 = 0;
+const MOVEMENT: u64 = 0;
 const MS: u64 = 1_000_000;
 const SECOND: u64 = 1_000 * MS;
 const STATION: u64 = 11;

@@ -16,7 +16,7 @@ const REMEMBERED: usize = 256;
 const OUTSTANDING: usize = 8;
 
 /// Services: 0 is the bridge's `movement`, 1 its `module_control`, 2 a module's own, which forgets requests whose client is gone.
-pub(super) const TOPICS: u16 = 3;
+pub(super) const TOPICS: u64 = 3;
 
 pub(super) fn repeat_of(topic: u64) -> Repeat {
     if topic == 0 {
@@ -90,7 +90,7 @@ pub(super) struct Bridge {
     /// The true end of each request, if the life that executed or refused it came to it.
     pub(super) ends: BTreeMap<u64, (u32, u32)>,
     /// To the robot side, in order.
-    pub(super) reports: Vec<(u16, RequestReport)>,
+    pub(super) reports: Vec<(u64, RequestReport)>,
     pub(super) steps: Vec<Step>,
 }
 

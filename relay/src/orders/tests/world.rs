@@ -51,7 +51,7 @@ enum Event {
     Client(usize),
     ClientGone(u64),
     /// To this life of the robot side.
-    Report(u32, u16, ipc_types::payload::RequestReport),
+    Report(u32, u64, ipc_types::payload::RequestReport),
     Step(Step),
     Outage(usize),
     StationRestart(usize),
@@ -297,7 +297,7 @@ impl World {
         let request = station::Request {
             handle: id,
             path_id: id + 1,
-            topic: self.random.below(TOPICS.into()) as u16,
+            topic: self.random.below(TOPICS),
             expires: robot_clock(expires),
             bytes,
         };
