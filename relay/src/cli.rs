@@ -1,5 +1,8 @@
 //! The command line of the relay.
 
+use std::io::Write;
+use std::path::PathBuf;
+
 use clap::{Args as ClapArgs, Subcommand};
 use ipc_types::{WaitError, Wake};
 use module_kit::SetUp;
@@ -7,6 +10,8 @@ use module_kit::process::{self, Process, Sources};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use crate::access;
+use crate::certify::{Machine, Order, certify};
 use crate::config::{Config, DEFAULT_FILE, RemoteRobot, check_name};
 use crate::network::{Network, Side};
 use crate::robot::RobotSide;
@@ -21,6 +26,8 @@ pub enum Command {
     Station(StationArgs),
     /// Runs where robots and stations reach it: the centre of a star
     Router(RouterArgs),
+    /// Makes certificates, so that no stranger on the network reads or orders anything
+    Certify(CertifyArgs),
 }
 
 /// Options of the robot's side.
@@ -41,6 +48,10 @@ pub struct RobotArgs {
     /// A station that may command, beside those of `commands.stations`
     #[arg(long, value_name = "STATION")]
     pub may_command: Vec<String>,
+
+    /// Takes requests without certificates from other machines too, as `security.insecure`: anyone there can fly the robot
+    #[arg(long)]
+    pub insecure: bool,
 }
 
 /// Options of the station's side.
@@ -79,6 +90,30 @@ pub struct RouterArgs {
     pub connect: Vec<String>,
 }
 
+/// Options of `certify`.
+#[derive(ClapArgs, Clone, Debug)]
+#[command(
+    after_help = "It prints the lines for relay.toml. Exit codes: 0 all was made, 2 a name makes no sense, \
+    5 a file is there already, 8 the authority cannot be used, 1 anything else."
+)]
+pub struct CertifyArgs {
+    /// Where the files are; an authority is made there (ca.pem, ca-key.pem) if there is none
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+
+    /// Names of machines, each with the host names and addresses by which others connect to it: robot-1=10.0.0.2,robot.local
+    #[arg(value_name = "NAME[=HOST,…]", required = true)]
+    pub machines: Vec<Machine>,
+
+    /// For how many days the certificates hold; never longer than the authority
+    #[arg(long, value_name = "DAYS", default_value_t = 730, value_parser = clap::value_parser!(u32).range(1..=36_500))]
+    pub days: u32,
+
+    /// For how many days the authority holds, if it is made now
+    #[arg(long, value_name = "DAYS", default_value_t = 3650, value_parser = clap::value_parser!(u32).range(1..=36_500))]
+    pub authority_days: u32,
+}
+
 /// Runs the relay in the foreground until SIGINT or SIGTERM.
 ///
 /// # Errors
@@ -88,7 +123,21 @@ pub fn run(command: Command) -> Result<(), Failure> {
         Command::Robot(args) => robot(args),
         Command::Station(args) => station(args),
         Command::Router(args) => router(args),
+        Command::Certify(args) => make_certificates(args),
     }
+}
+
+fn make_certificates(args: CertifyArgs) -> Result<(), Failure> {
+    let order = Order {
+        folder: args.folder,
+        machines: args.machines,
+        days: args.days,
+        authority_days: args.authority_days,
+    };
+    let text = certify(&order, std::time::SystemTime::now().into())?;
+    std::io::stdout()
+        .write_all(text.as_bytes())
+        .map_err(Failure::output)
 }
 
 fn robot(args: RobotArgs) -> Result<(), Failure> {
@@ -99,7 +148,8 @@ fn robot(args: RobotArgs) -> Result<(), Failure> {
     replace(&mut config.robot.listen, args.listen);
     replace(&mut config.robot.connect, args.connect);
     config.commands.stations.extend(args.may_command);
-    check(config)?;
+    config.security.insecure |= args.insecure;
+    check(config, Side::Robot)?;
     let ipc = set_up.join("relay")?;
     let side = RobotSide::open(ipc, set_up.config.clone()).or_fail(ExitCode::Internal)?;
     go(side, &set_up)
@@ -113,7 +163,7 @@ fn station(args: StationArgs) -> Result<(), Failure> {
     replace(&mut config.station.listen, args.listen);
     replace(&mut config.station.connect, args.connect);
     config.station.name = args.name.or(config.station.name.take());
-    check(config)?;
+    check(config, Side::Station)?;
     let name = config.station.name.clone().unwrap_or_else(host_name);
     let mut robots = config.station.robots.clone();
     if robots.is_empty() {
@@ -132,7 +182,7 @@ fn router(args: RouterArgs) -> Result<(), Failure> {
     let config = &mut set_up.config;
     replace(&mut config.router.listen, args.listen);
     replace(&mut config.router.connect, args.connect);
-    check(config)?;
+    check(config, Side::Router)?;
     let network = Network::open(config, Side::Router).or_fail(ExitCode::Internal)?;
     go(Router { network }, &set_up)
 }
@@ -167,9 +217,12 @@ fn replace(configured: &mut Vec<String>, given: Vec<String>) {
     }
 }
 
-fn check(config: &Config) -> Result<(), Failure> {
+fn check(config: &Config, side: Side) -> Result<(), Failure> {
     let fail = |error: String| Failure::new(ExitCode::Configuration, error);
     config.check().map_err(fail)?;
+    if let Some(warning) = access::check(config, side).map_err(fail)? {
+        tracing::warn!("{warning}");
+    }
     config
         .station
         .name

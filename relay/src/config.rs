@@ -2,7 +2,8 @@
 //!
 //! Every value has a default; the annotated example `relay/relay.toml` shows them all and is tested to parse to them.
 
-use std::net::SocketAddrV4;
+use std::collections::BTreeMap;
+use std::net::{SocketAddr, SocketAddrV4};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -110,7 +111,7 @@ pub enum Through {
     Router,
 }
 
-/// `[security]`: files in PEM. All or none.
+/// `[security]`: files in PEM, all or none, and whose certificates may do what.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SecurityConfig {
@@ -120,6 +121,14 @@ pub struct SecurityConfig {
     pub certificate: Option<PathBuf>,
     /// Its private key.
     pub key: Option<PathBuf>,
+    /// Robots, by the common names of their certificates.
+    pub robots: BTreeMap<String, NonZeroU32>,
+    /// Common names of the certificates of routers.
+    pub routers: Vec<String>,
+    /// Common names of the certificates of stations that may watch, beside those that may command.
+    pub stations: Vec<String>,
+    /// Whether requests are taken over connections that are not encrypted, from other machines.
+    pub insecure: bool,
 }
 
 /// The files of [`SecurityConfig`] when all are there.
@@ -456,6 +465,31 @@ impl Config {
         for name in &self.commands.stations {
             check_name(name)?;
         }
+        if is_secured && self.security.insecure {
+            return Err(
+                "`[security]` has certificates and `insecure = true`: take one of them out"
+                    .to_owned(),
+            );
+        }
+        self.check_roles()
+    }
+
+    /// A certificate is that of a robot, a router or a station.
+    fn check_roles(&self) -> Result<(), String> {
+        let security = &self.security;
+        let mut roles = BTreeMap::new();
+        let stations = security.stations.iter().chain(&self.commands.stations);
+        let named = security.robots.keys().map(|name| (name, "a robot"));
+        let named = named.chain(security.routers.iter().map(|name| (name, "a router")));
+        for (name, role) in named.chain(stations.map(|name| (name, "a station"))) {
+            check_name(name)?;
+            let former = roles.insert(name, role);
+            if let Some(former) = former.filter(|former| *former != role) {
+                return Err(format!(
+                    "the certificate `{name}` is that of {former} and of {role}: give each its own name"
+                ));
+            }
+        }
         Ok(())
     }
 }
@@ -476,12 +510,25 @@ fn check_endpoint(endpoint: &str, is_secured: bool) -> Result<(), String> {
             "`{endpoint}` is no endpoint: write tcp/, udp/, tls/ or quic/, then address and port, such as tcp/10.0.0.2:7447"
         ));
     };
+    if is_secured && is_multicast(address) {
+        return Err(format!(
+            "`{endpoint}` is a group, in which certificates mean nothing: take it out, or do without certificates"
+        ));
+    }
     if *is_encrypted && !is_secured {
         return Err(format!(
             "`{endpoint}` is encrypted, which takes certificates: name them in `[security]`, or let `ril relay certify` make them"
         ));
     }
     Ok(())
+}
+
+/// Whether an address with its port is that of a multicast group.
+fn is_multicast(address: &str) -> bool {
+    let address = address.split(['?', '#']).next().unwrap_or_default();
+    address
+        .parse()
+        .is_ok_and(|address: SocketAddr| address.ip().is_multicast())
 }
 
 /// Whether this can be the name of a station.
@@ -588,6 +635,18 @@ mod tests {
                 "takes certificates",
             ),
             ("[security]\nkey = \"key.pem\"\n", "needs all of"),
+            (
+                "[security]\nrobots = { a = 1 }\nrouters = [\"a\"]\n",
+                "give each its own name",
+            ),
+            (
+                "[security]\nauthority = \"a\"\ncertificate = \"b\"\nkey = \"c\"\n[robot]\nlisten = [\"udp/224.0.0.9:1\"]\n",
+                "is a group",
+            ),
+            (
+                "[security]\nauthority = \"a\"\ncertificate = \"b\"\nkey = \"c\"\ninsecure = true\n",
+                "take one of them out",
+            ),
             ("[commands]\nstations = [\"a/b\"]\n", "no name of a station"),
         ] {
             let error = parse(text).unwrap().check().unwrap_err();

@@ -11,10 +11,14 @@
 //! * [`telemetry`]: what is sent of a topic, and what was lost where;
 //! * [`message`], [`names`], [`request`]: what relays say to one another, and where;
 //! * [`ros2`]: the same topics for nodes of ROS 2, without ROS on the robot;
-//! * [`config`] is `relay.toml`.
+//! * [`config`] is `relay.toml`;
+//! * [`access`]: which certificate may do what; [`certify`] makes certificates.
 //!
 //! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh, [`ports`] the wait on shared memory.
 
+pub mod access;
+mod budget;
+pub mod certify;
 pub mod cli;
 pub mod clock;
 pub mod config;
@@ -24,6 +28,7 @@ pub mod names;
 pub mod network;
 pub mod orders;
 pub mod ports;
+mod queue;
 mod random;
 pub mod request;
 pub mod robot;

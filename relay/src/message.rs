@@ -8,14 +8,24 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use ipc_types::MonotonicNs;
+use ipc_types::schema::MAX_TEXT_LEN;
 
 use crate::orders::message::{Answer, Order};
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
 pub const VERSION: u8 = 1;
 
-/// Longest message, bytes: a schema has at most 64 KiB, and the rest of a message is short.
-pub const MAX_BYTES: usize = 80 * 1024;
+/// Longest message, bytes: the text of a schema, and the rest of a message is short.
+pub const MAX_BYTES: usize = MAX_TEXT_LEN + 1024;
+
+/// Longest [`Ask`], bytes: the version, two tags, four numbers of at most ten bytes.
+pub const MAX_ASK_BYTES: usize = 64;
+
+/// Longest request that is carried, bytes. The longest of the robot's own has 1 kB.
+pub const MAX_REQUEST_BYTES: usize = 16 * 1024;
+
+/// Longest [`Command`], bytes: a request, and eight numbers of at most ten bytes.
+pub const MAX_COMMAND_BYTES: usize = MAX_REQUEST_BYTES + 96;
 
 /// From a station to a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

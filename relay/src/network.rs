@@ -11,28 +11,21 @@ use ipc_types::MonotonicNs;
 use rustix::event::{EventfdFlags, eventfd};
 use serde_json::{Value, json};
 use zenoh::Wait;
-use zenoh::handlers::{Callback, IntoHandler, RingChannel, RingChannelHandler};
+use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority, Reliability};
 use zenoh::sample::Sample;
 
+pub use crate::access::Side;
+use crate::access::access_control;
 use crate::config::{Config, Priority, Through};
+use crate::queue::Queue;
+pub use crate::queue::Room;
 
-/// Longest message that is put together of fragments, bytes: the longest sample, and twice the longest message of a relay.
-const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
+/// Longest message that is put together of fragments, bytes: the longest sample, and eight times the longest message of a relay.
+pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
 /// Batches that may wait to be sent, for each priority: a burst of one sample of each of some topics.
 const QUEUE_BATCHES: usize = 4;
-
-/// Which side a relay is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Beside the robot.
-    Robot,
-    /// At a ground station.
-    Station,
-    /// Between robots and stations.
-    Router,
-}
 
 /// The network does not work.
 #[derive(Debug, thiserror::Error)]
@@ -59,7 +52,8 @@ pub struct Network {
 
 /// What arrives under a key expression.
 pub struct Inbox {
-    subscriber: zenoh::pubsub::Subscriber<RingChannelHandler<Arrival>>,
+    queue: Arc<Queue<Arrival>>,
+    _subscriber: zenoh::pubsub::Subscriber<()>,
 }
 
 /// A way out, for samples of one topic.
@@ -98,6 +92,8 @@ impl Network {
                 error,
             )
         })?;
+        let (listen, connect) = side.endpoints(config);
+        tracing::info!(?listen, ?connect, "the network is open");
         let arrivals = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)
             .map_err(|error| NetworkError::new("no event descriptor", error))?;
         Ok(Network {
@@ -116,28 +112,33 @@ impl Network {
         let _ = rustix::io::read(&*self.arrivals, &mut [0; 8]);
     }
 
-    /// Receives what is sent to `key`, of which the newest `capacity` messages wait.
+    /// Receives what is sent to `key`, of which the newest wait as there is room.
     ///
     /// # Errors
     ///
     /// When Zenoh refuses the key expression.
-    pub fn receive(&self, key: &str, capacity: usize) -> Result<Inbox, NetworkError> {
-        let (ring, handler) = RingChannel::new(capacity).into_handler();
-        let arrivals = Arc::clone(&self.arrivals);
-        let callback: Callback<Sample> = Callback::from(move |sample| {
-            Callback::<Arrival>::call(&ring, (MonotonicNs::now(), sample));
-            // It fails when it has been written 2⁶⁴ − 2 times, and can be read then.
-            let _ = rustix::io::write(&*arrivals, &1_u64.to_ne_bytes());
-        });
+    pub fn receive(&self, key: &str, room: Room) -> Result<Inbox, NetworkError> {
+        let queue = Arc::new(Queue::new(room));
+        let (arriving, arrivals) = (Arc::clone(&queue), Arc::clone(&self.arrivals));
+        let callback = move |sample: Sample| {
+            let bytes = sample.payload().len() + sample.attachment().map_or(0, ZBytes::len);
+            if arriving.push(bytes, (MonotonicNs::now(), sample)) {
+                // It fails when it has been written 2⁶⁴ − 2 times, and can be read then.
+                let _ = rustix::io::write(&*arrivals, &1_u64.to_ne_bytes());
+            }
+        };
         let subscriber = self
             .session
             .declare_subscriber(key.to_owned())
-            .with((callback, handler))
+            .callback(callback)
             .wait()
             .map_err(|error| {
                 NetworkError::new(format!("nothing can be received at {key}"), error)
             })?;
-        Ok(Inbox { subscriber })
+        Ok(Inbox {
+            queue,
+            _subscriber: subscriber,
+        })
     }
 
     /// A way out for the samples of a topic.
@@ -174,9 +175,9 @@ impl Network {
 }
 
 impl Inbox {
-    /// Hands on every message that is there, in the order of arrival.
+    /// Hands on every message that is there, in the order of arrival, and none that comes meanwhile.
     pub fn drain(&self, mut take: impl FnMut(&Incoming<'_>)) {
-        while let Ok(Some((at, sample))) = self.subscriber.handler().try_recv() {
+        for (at, sample) in self.queue.take() {
             let payload = sample.payload().to_bytes();
             let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
             take(&Incoming {
@@ -212,17 +213,12 @@ fn zenoh_priority(priority: Priority) -> ZenohPriority {
 /// What Zenoh is told; nothing that strangers on the network could use is on unless it was asked for.
 fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
     let network = &config.network;
-    let (listen, connect) = match side {
-        Side::Robot => (&config.robot.listen, &config.robot.connect),
-        Side::Station => (&config.station.listen, &config.station.connect),
-        Side::Router => (&config.router.listen, &config.router.connect),
-    };
+    let (listen, connect) = side.endpoints(config);
     let mode = match (side, network.through) {
         (Side::Router, _) => "router",
         (Side::Robot | Side::Station, Through::Peers) => "peer",
         (Side::Robot | Side::Station, Through::Router) => "client",
     };
-    let is_secured = config.security.authority.is_some();
     let mut settings = vec![
         ("mode", json!(mode)),
         ("listen/endpoints", json!(with_options(listen))),
@@ -268,8 +264,9 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
             json!(network.send_buffer_bytes),
         ),
     ];
-    if is_secured {
-        settings.extend(tls(config));
+    settings.extend(tls(config));
+    if let Some(rules) = access_control(config, side) {
+        settings.push(("access_control", rules));
     }
     let mut zenoh_config = zenoh::Config::default();
     for (key, value) in settings {
@@ -278,7 +275,8 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
     Ok(zenoh_config)
 }
 
-/// Both sides show a certificate.
+/// Both sides show a certificate, and the side that connects compares the name or address that it has connected to with the
+/// certificate.
 fn tls(config: &Config) -> Vec<(&'static str, Value)> {
     let Ok(Some(files)) = config.security.certificates() else {
         return Vec::new();
@@ -299,6 +297,7 @@ fn tls(config: &Config) -> Vec<(&'static str, Value)> {
         ),
         ("transport/link/tls/connect_private_key", json!(files.key)),
         ("transport/link/tls/enable_mtls", json!(true)),
+        ("transport/link/tls/verify_name_on_connect", json!(true)),
         ("transport/link/tls/close_link_on_expiration", json!(true)),
     ]
 }
@@ -314,4 +313,23 @@ fn with_options(endpoints: &[String]) -> Vec<String> {
             },
         )
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zenoh_takes_the_rules_and_the_certificates() {
+        let text = "[security]\nauthority = \"ca.pem\"\ncertificate = \"x.pem\"\nkey = \"x-key.pem\"\n\
+                    robots = { robot-1 = 1 }\nrouters = [\"hub\"]\n[commands]\nstations = [\"gcs\"]\n[ros2]\nenabled = true\n";
+        let config: Config = runtime::config::parse(text, "relay.toml").unwrap();
+        for side in [Side::Robot, Side::Station, Side::Router] {
+            let zenoh = zenoh_config(&config, side).unwrap();
+            let read = |key| zenoh.get_json(key).unwrap();
+            assert_eq!(read("access_control/enabled"), "true");
+            assert_eq!(read("transport/link/tls/enable_mtls"), "true");
+            assert_eq!(read("transport/link/tls/verify_name_on_connect"), "true");
+        }
+    }
 }

@@ -11,9 +11,6 @@ use crate::exit::{ExitCode, Failure};
 /// `info,bridge=trace`. `-v` and `-q` rule over it.
 pub const LOG_VARIABLE: &str = "RIL_LOG";
 
-/// What is logged when nothing else is said: the network library of the relay tells of its own affairs at the level info.
-const DEFAULT: &str = "info,zenoh=error";
-
 /// How much is logged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verbosity {
@@ -55,11 +52,18 @@ pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
     Ok(())
 }
 
+/// This level, and of the network library only its errors: it warns about each connection that a stranger tries, and a stranger
+/// can try without end.
+fn quietened(level: LevelFilter) -> String {
+    format!("{level},zenoh={}", level.min(LevelFilter::ERROR))
+}
+
 /// The filter for `verbosity` when the environment says `variable`.
 fn filter(verbosity: Verbosity, variable: Option<&str>) -> Result<EnvFilter, Failure> {
     let directives = match (verbosity, variable) {
-        (Verbosity::Level(level), _) => level.to_string(),
-        (Verbosity::Default, None | Some("")) => DEFAULT.to_owned(),
+        (Verbosity::Level(level), _) if level >= LevelFilter::DEBUG => level.to_string(),
+        (Verbosity::Level(level), _) => quietened(level),
+        (Verbosity::Default, None | Some("")) => quietened(LevelFilter::INFO),
         (Verbosity::Default, Some(variable)) => variable.to_owned(),
     };
     EnvFilter::try_new(&directives).map_err(|error| {
@@ -82,9 +86,9 @@ mod tests {
             (1, 0, Some("error"), "debug"),
             (2, 0, None, "trace"),
             (9, 0, None, "trace"),
-            (0, 1, Some("trace"), "warn"),
-            (0, 2, None, "error"),
-            (0, 3, None, "off"),
+            (0, 1, Some("trace"), "zenoh=error,warn"),
+            (0, 2, None, "zenoh=error,error"),
+            (0, 3, None, "zenoh=off,off"),
         ] {
             let filter = filter(Verbosity::from_counts(verbose, quiet), variable).unwrap();
             assert_eq!(

@@ -3,6 +3,7 @@
 //!
 //! [`Services`] and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
+pub mod admission;
 mod reaction;
 pub mod services;
 pub mod stations;
@@ -18,21 +19,45 @@ use ipc_types::{
 };
 use module_kit::process::{Process, Sources};
 
+use crate::Failure;
 use crate::config::Config;
-use crate::message::{AnswerBytes, Ask, Command, NoMessage, Ping, Pong, Tell, decode, encode};
+use crate::message::{
+    AnswerBytes, Ask, Command, MAX_ASK_BYTES, MAX_COMMAND_BYTES, NoMessage, Ping, Pong, Tell,
+    decode, encode,
+};
 use crate::names;
-use crate::network::{Inbox, Network, Side};
+use crate::network::{Inbox, Network, Room, Side};
 use crate::orders::message::Order;
 use crate::orders::robot as orders;
 use crate::orders::robot::{NotSent, Output};
 use crate::random::{fresh, suspended_ns};
-use crate::{Failure, names::last};
+use admission::Admission;
 use reaction::Reaction;
 use services::{LOOK_PERIOD, Services};
-use stations::Stations;
+use stations::{Lives, Stations};
 
 /// Messages that may wait: a station sends a few for each of its at most 32 open requests, and eight stations are served.
 const INBOX: usize = 512;
+
+/// Room for questions.
+const ASK_ROOM: Room = Room {
+    messages: INBOX,
+    bytes: INBOX * MAX_ASK_BYTES,
+    longest: MAX_ASK_BYTES,
+};
+
+/// Room for orders.
+const ORDER_ROOM: Room = Room {
+    messages: INBOX,
+    bytes: ORDER_BYTES,
+    longest: MAX_COMMAND_BYTES,
+};
+
+/// Bytes of orders that may wait: as many of the longest as 256, of the robot's own as wait at all.
+const ORDER_BYTES: usize = 256 * MAX_COMMAND_BYTES;
+
+/// How often the latest samples are sent again at most, whatever stations ask for. One ping brings all of them.
+const LATEST_PERIOD: Duration = Duration::from_millis(500);
 
 /// How often state and stations are published though nothing has changed.
 const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
@@ -47,6 +72,8 @@ pub struct RobotSide {
     commands: Inbox,
     services: Services,
     stations: Stations,
+    lives: Lives,
+    admission: Admission,
     orders: orders::Robot,
     reaction: Option<Reaction>,
     state: Publisher<StateOf<RelayModule>>,
@@ -56,6 +83,9 @@ pub struct RobotSide {
     was_relaying: bool,
     next_look: MonotonicNs,
     next_publish: MonotonicNs,
+    /// When the latest samples may be sent again, and whether a station waits for them.
+    next_latest: MonotonicNs,
+    is_latest_wanted: bool,
     unreadable: u64,
     ipc: Ipc,
 }
@@ -81,10 +111,17 @@ impl RobotSide {
         Ok(RobotSide {
             robot,
             life,
-            asks: network.receive(&names::ask(robot, "*"), INBOX)?,
-            commands: network.receive(&names::order(robot, "*"), INBOX)?,
+            asks: network.receive(&names::ask(robot, "*"), ASK_ROOM)?,
+            commands: network.receive(&names::order(robot, "*"), ORDER_ROOM)?,
             services: Services::new(life, robot)?,
             stations: Stations::new(config.network.silent_after()),
+            lives: Lives::default(),
+            admission: Admission::new(
+                names::ask(robot, ""),
+                names::order(robot, ""),
+                &config.commands.stations,
+                &config.security.stations,
+            ),
             orders: orders::Robot::new(order_config, fresh()),
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
             network,
@@ -96,6 +133,8 @@ impl RobotSide {
             was_relaying: false,
             next_look: now,
             next_publish: now,
+            next_latest: now,
+            is_latest_wanted: false,
             unreadable: 0,
             ipc,
         })
@@ -111,19 +150,29 @@ impl RobotSide {
 
     fn take_messages(&mut self, out: &mut Vec<Output>) {
         self.network.drained();
+        let now = MonotonicNs::now();
         let mut asks = Vec::new();
         let mut unreadable = None;
-        self.asks
-            .drain(|incoming| match decode::<Ask>(incoming.payload) {
-                Ok(ask) => asks.push((last(incoming.key).to_owned(), ask, incoming.at)),
+        let admission = &mut self.admission;
+        self.asks.drain(|incoming| {
+            let Some(station) = admission.asks(incoming.key, now) else {
+                return;
+            };
+            match decode::<Ask>(incoming.payload) {
+                Ok(ask) => asks.push((station.to_owned(), ask, incoming.at)),
                 Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
-            });
+            }
+        });
         let mut commands = Vec::new();
-        self.commands
-            .drain(|incoming| match decode::<Command>(incoming.payload) {
-                Ok(command) => commands.push((last(incoming.key).to_owned(), command)),
+        self.commands.drain(|incoming| {
+            let Some(station) = admission.orders(incoming.key, now) else {
+                return;
+            };
+            match decode::<Command>(incoming.payload) {
+                Ok(command) => commands.push((station.to_owned(), command)),
                 Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
-            });
+            }
+        });
         for (station, ask, at) in asks {
             self.answer(&station, &ask, at, out);
         }
@@ -152,8 +201,11 @@ impl RobotSide {
                     .describe(*index)
                     .filter(|_| *robot_life == self.life)
                 {
-                    Some(service) => Tell::Service(service),
-                    None => return,
+                    // Else the station asks again.
+                    Some(service) if self.admission.describes(service.schema.len(), at) => {
+                        Tell::Service(service)
+                    }
+                    Some(_) | None => return,
                 }
             }
         };
@@ -166,13 +218,13 @@ impl RobotSide {
             .stations
             .hear(station, ping.station_life, may_command, at);
         if is_news {
-            tracing::info!(station, may_command, "a station is there");
+            if self.admission.logs(at) {
+                tracing::info!(station, may_command, "a station is there");
+            }
             self.next_publish = at;
         }
-        if ping.wants_latest {
-            self.services.send_latest();
-        }
-        let session = match may_command {
+        self.is_latest_wanted |= ping.wants_latest;
+        let session = match may_command && self.lives.admit(ping.station_life, station, at) {
             true => self.orders.session_for(ping.station_life, at, out),
             false => 0,
         };
@@ -190,15 +242,20 @@ impl RobotSide {
     }
 
     fn order(&mut self, station: &str, command: Command, out: &mut Vec<Output>) {
-        if !self.may_command(station) {
-            return tracing::debug!(station, "a station that may not command has sent a request");
-        }
         let order = Order::from(command);
         let from = out.len();
-        let repeat = self
-            .services
-            .requests_of(order.topic)
-            .map(|requests| requests.fields.repeat());
+        let requests = self.services.requests_of(order.topic);
+        // Its service would refuse it, and until then it would be remembered.
+        if requests
+            .as_ref()
+            .is_some_and(|requests| requests.client.schema().size() != order.request.len())
+        {
+            return tracing::debug!(
+                station,
+                "a request has another length than its service takes"
+            );
+        }
+        let repeat = requests.map(|requests| requests.fields.repeat());
         self.orders.order(
             &order,
             repeat.unwrap_or(orders::Repeat::None),
@@ -250,17 +307,13 @@ impl RobotSide {
                         }
                     }
                     Output::Answer { station, answer } => {
-                        if let Some(station) = self.stations.of_life(station) {
-                            let name = station.name.clone();
-                            self.tell(&name, &Tell::Answer(AnswerBytes::new(&answer)));
+                        if let Some(name) = self.lives.name_of(station) {
+                            self.tell(name, &Tell::Answer(AnswerBytes::new(&answer)));
                         }
                     }
                     Output::UnknownSession(_) => {}
                     Output::LinkLost { station } => {
-                        let name = self
-                            .stations
-                            .of_life(station)
-                            .map(|station| station.name.clone());
+                        let name = self.lives.name_of(station);
                         tracing::warn!(station = name, "lost, with a request open");
                         if let Some(reaction) = &mut self.reaction {
                             reaction.act();
@@ -368,8 +421,15 @@ impl Process for RobotSide {
             reaction.drain();
         }
         for station in self.stations.pass(now) {
-            tracing::warn!(station, "a station is heard no more");
+            if self.admission.logs(now) {
+                tracing::warn!(station, "a station is heard no more");
+            }
             self.next_publish = now;
+        }
+        if self.is_latest_wanted && now >= self.next_latest {
+            self.services.send_latest();
+            self.is_latest_wanted = false;
+            self.next_latest = now + LATEST_PERIOD;
         }
         if now >= self.next_look {
             self.services
@@ -388,6 +448,7 @@ impl Process for RobotSide {
             self.services.deadline(),
             self.orders.deadline(),
             self.stations.deadline(),
+            self.is_latest_wanted.then_some(self.next_latest),
         ]
         .into_iter()
         .flatten()

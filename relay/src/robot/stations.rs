@@ -5,6 +5,8 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
 
+use crate::orders::robot::{LIFE_KEPT, SESSIONS};
+
 /// One station.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Station {
@@ -26,7 +28,8 @@ pub struct Station {
     pub orders_refused: u64,
 }
 
-/// All stations, of which [`MAX_STATIONS`] are remembered: the one that was not heard for the longest time goes.
+/// All stations, of which [`MAX_STATIONS`] are remembered: the one that was not heard for the longest time goes. One that may not
+/// command never takes the place of one that may: its name may be made up.
 #[derive(Clone, Debug)]
 pub struct Stations {
     silent_after: Duration,
@@ -58,8 +61,14 @@ impl Stations {
             return is_news;
         }
         if self.list.len() == MAX_STATIONS {
-            let oldest = (0..self.list.len()).min_by_key(|index| self.list[*index].heard);
-            self.list.remove(oldest.unwrap_or_default());
+            let places = self.list.iter().enumerate();
+            let oldest = places
+                .filter(|(_, station)| may_command || !station.may_command)
+                .min_by_key(|(_, station)| (station.may_command, station.heard));
+            let Some((index, _)) = oldest else {
+                return false;
+            };
+            self.list.remove(index);
         }
         self.list.push(Station {
             name: name.to_owned(),
@@ -85,11 +94,6 @@ impl Stations {
             }
         }
         gone
-    }
-
-    /// The station of this life of a relay.
-    pub fn of_life(&mut self, life: u64) -> Option<&mut Station> {
-        self.list.iter_mut().find(|station| station.life == life)
     }
 
     /// Whether a station is heard.
@@ -121,6 +125,40 @@ impl Stations {
     }
 }
 
+/// The lives of stations that have a session, at most [`SESSIONS`], and what their stations are called.
+#[derive(Clone, Debug, Default)]
+pub struct Lives {
+    list: Vec<(u64, String, MonotonicNs)>,
+}
+
+impl Lives {
+    /// A station that may command has been heard. Says whether it may have a session: when all places are taken by lives that were
+    /// heard within [`LIFE_KEPT`], another one has to wait. So strangers that make lives up push out no station that is there.
+    pub fn admit(&mut self, life: u64, name: &str, now: MonotonicNs) -> bool {
+        if let Some((_, of_life, heard)) = self.list.iter_mut().find(|entry| entry.0 == life) {
+            *heard = now;
+            // A life belongs to the station that has shown it first.
+            return of_life == name;
+        }
+        if self.list.len() == SESSIONS {
+            let silent = |entry: &(u64, String, MonotonicNs)| now.since(entry.2) >= LIFE_KEPT;
+            let oldest = (0..self.list.len()).min_by_key(|index| self.list[*index].2);
+            match oldest.filter(|index| silent(&self.list[*index])) {
+                Some(index) => self.list.remove(index),
+                None => return false,
+            };
+        }
+        self.list.push((life, name.to_owned(), now));
+        true
+    }
+
+    /// What the station of this life is called.
+    pub fn name_of(&self, life: u64) -> Option<&str> {
+        let entry = self.list.iter().find(|entry| entry.0 == life);
+        entry.map(|(_, name, _)| name.as_str())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,7 +178,6 @@ mod tests {
         assert!(!stations.is_any_up() && stations.deadline().is_none());
         assert!(stations.hear("gcs", 1, true, at(2000)), "it is back");
         assert!(stations.hear("gcs", 2, true, at(2100)), "it was restarted");
-        assert!(stations.of_life(1).is_none() && stations.of_life(2).is_some());
     }
 
     #[test]
@@ -152,5 +189,53 @@ mod tests {
         let rows = stations.rows(0, |_| 0);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(rows[0].last_heard_ns, at(1).0);
+    }
+
+    #[test]
+    fn a_made_up_name_takes_no_place_of_a_station_that_may_command() {
+        let mut stations = Stations::new(Duration::from_millis(1000));
+        stations.hear("gcs", 1, true, at(0));
+        for index in 0..100 {
+            stations.hear(&format!("x{index}"), index, false, at(index));
+        }
+        let rows = stations.rows(0, |_| 0);
+        assert_eq!(rows.len(), MAX_STATIONS);
+        assert_eq!(rows[0].may_command, 1);
+        let mut full = Stations::new(Duration::from_millis(1000));
+        for index in 0..MAX_STATIONS as u64 {
+            full.hear(&format!("gcs-{index}"), index, true, at(index));
+        }
+        assert!(!full.hear("x", 99, false, at(100)), "there is no room");
+        assert!(full.hear("gcs-9", 99, true, at(100)));
+    }
+
+    #[test]
+    fn made_up_lives_push_out_no_life_that_is_heard() {
+        let mut lives = Lives::default();
+        assert!(lives.admit(1, "gcs", at(0)));
+        let mut admitted = 0;
+        for ms in 1..60_000 {
+            if ms % 500 == 0 {
+                assert!(lives.admit(1, "gcs", at(ms)), "{ms}");
+            }
+            admitted += u64::from(lives.admit(1000 + ms, "gcs", at(ms)));
+        }
+        // Seven places, each for three seconds.
+        assert!(admitted <= 7 * 60 / 3 + 7, "{admitted}");
+        assert_eq!(lives.name_of(1), Some("gcs"));
+        assert!(lives.list.len() <= SESSIONS);
+    }
+
+    #[test]
+    fn a_life_that_is_silent_makes_room_and_no_other_station_can_take_it_over() {
+        let mut lives = Lives::default();
+        for life in 1..=SESSIONS as u64 {
+            assert!(lives.admit(life, "gcs", at(life)));
+        }
+        assert!(!lives.admit(99, "gcs", at(3000)));
+        assert!(lives.admit(99, "gcs", at(3001)));
+        assert_eq!(lives.name_of(1), None);
+        assert!(!lives.admit(99, "other", at(3002)));
+        assert_eq!(lives.name_of(99), Some("gcs"));
     }
 }

@@ -4,8 +4,11 @@
 
 use ipc_types::payload::RequestReport;
 use ipc_types::schema::CDR_HEADER;
+use ipc_types::service::is_key;
 use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, Ticket};
 
+use super::link::MAX_SERVICES;
+use crate::budget::Budget;
 use crate::clock::{Clock, RemoteNs};
 use crate::message::{SampleHeader, Service};
 use crate::names::service_id;
@@ -15,6 +18,12 @@ use crate::telemetry::{Counts, Inlet};
 
 /// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
 const MAX_OPEN: usize = 256;
+
+/// Services that are provided in a second, and at once: all of a robot, and all of them anew. Each makes files.
+const OPENINGS: (u64, u64) = (2, 256);
+
+/// Longest key that a message repeats, characters.
+const MAX_QUOTED: usize = 64;
 
 /// A topic of the robot on this machine.
 struct Topic {
@@ -73,6 +82,9 @@ pub struct Mirrors {
     open: Vec<Open>,
     next_handle: u64,
     ports: PortSet,
+    openings: Budget,
+    /// Descriptions that were refused because there are too many.
+    refused: u64,
 }
 
 impl Mirrors {
@@ -88,6 +100,8 @@ impl Mirrors {
             open: Vec::new(),
             next_handle: 1,
             ports: PortSet::new()?,
+            openings: Budget::new(OPENINGS.0, OPENINGS.1),
+            refused: 0,
         })
     }
 
@@ -98,8 +112,24 @@ impl Mirrors {
 
     /// The robot has described a service. Nothing changes when it is here already.
     pub fn provide(&mut self, service: Service, ipc: &Ipc) {
+        self.try_to_provide(service, ipc, true);
+    }
+
+    fn try_to_provide(&mut self, service: Service, ipc: &Ipc, is_first: bool) {
         if self.list.iter().any(|mirror| mirror.is_of(&service)) {
             return;
+        }
+        // Each machine has the relay's own topics itself. The robot's relay describes none of them.
+        let is_none = service.key.starts_with("relay/") || !is_key(&service.key);
+        let others = self
+            .list
+            .iter()
+            .filter(|mirror| mirror.service.key != service.key);
+        if is_none || others.count() >= usize::from(MAX_SERVICES) {
+            return self.refuse(&service);
+        }
+        if !self.openings.grant(1, MonotonicNs::now()) {
+            return self.postpone(service);
         }
         // Its struct has changed: consumers find the new one in a new generation.
         self.list.retain(|mirror| mirror.service.key != service.key);
@@ -112,23 +142,39 @@ impl Mirrors {
                 self.list.push(Mirror { service, port });
             }
             Err(error) => {
-                if !self.pending.contains(&service) {
+                if is_first && !self.pending.contains(&service) {
                     tracing::warn!(key = service.key, %error, "a service of the robot cannot be provided here");
-                    self.pending.push(service);
                 }
+                self.postpone(service);
             }
+        }
+    }
+
+    /// Tried again later, when there are not too many of the kind. Of a key only the newest is.
+    fn postpone(&mut self, service: Service) {
+        self.pending.retain(|other| other.key != service.key);
+        if self.pending.len() < usize::from(MAX_SERVICES) {
+            self.pending.push(service);
+        }
+    }
+
+    /// Said once, and then each time that their number has doubled.
+    fn refuse(&mut self, service: &Service) {
+        self.refused += 1;
+        if self.refused.is_power_of_two() {
+            let key: String = service.key.escape_debug().take(MAX_QUOTED).collect();
+            tracing::warn!(
+                key,
+                count = self.refused,
+                "a service is described that no robot has, or one too many"
+            );
         }
     }
 
     /// Tries again what another process provided here.
     pub fn retry(&mut self, ipc: &Ipc) {
         for service in std::mem::take(&mut self.pending) {
-            let (key, before) = (service.key.clone(), self.list.len());
-            let again = service.clone();
-            self.provide(service, ipc);
-            if self.list.len() == before && !self.pending.iter().any(|other| other.key == key) {
-                self.pending.push(again);
-            }
+            self.try_to_provide(service, ipc, false);
         }
     }
 

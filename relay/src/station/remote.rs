@@ -12,19 +12,30 @@ use super::link::Link;
 use super::mirror::{Mirrors, Taken, translate_report};
 use crate::Failure;
 use crate::config::{Config, RemoteRobot};
-use crate::message::{Ask, Command, NoMessage, Pong, SampleHeader, Service, Tell, decode, encode};
+use crate::message::{
+    Ask, Command, MAX_BYTES, NoMessage, Pong, SampleHeader, Service, Tell, decode, encode,
+};
 use crate::names;
-use crate::network::{Inbox, Network};
+use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
 use crate::orders::message::request_id;
 use crate::orders::station::{Config as OrderConfig, Origin, Output, Request, Station};
 use crate::orders::verdict::Verdict;
 use crate::random::{fresh, suspended_ns};
 
-/// Samples that may wait: 5 s of ten topics at 50 a second.
-const SAMPLES: usize = 2500;
+/// Samples that may wait: 5 s of ten topics at 50 a second, and not more bytes than a machine can spare for each robot. The longest
+/// sample is the longest that Zenoh puts together.
+const SAMPLES: Room = Room {
+    messages: 2500,
+    bytes: 32 * 1024 * 1024,
+    longest: MAX_MESSAGE_BYTES,
+};
 
-/// Answers that may wait.
-const ANSWERS: usize = 512;
+/// Answers that may wait: the descriptions of services are the long ones, of which one is asked for at a time.
+const ANSWERS: Room = Room {
+    messages: 512,
+    bytes: 4 * 1024 * 1024,
+    longest: MAX_BYTES,
+};
 
 /// How often state and link are published though nothing has changed, and services that another process provided here are tried
 /// again.

@@ -88,6 +88,7 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::RelayNotPermitted => {
             "this station may not command the robot, so nothing was sent: `ril relay status` shows the station's name; add it to \
              `[commands]` `stations` of relay.toml on the robot, and start the relay there again"
+        }
         Reason::StillOpen => {
             "a request with this id is under way and goes on: send a new request for something else"
         }

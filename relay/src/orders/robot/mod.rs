@@ -21,7 +21,7 @@ pub use io::{NotSent, Output, Repeat};
 use record::State;
 pub use records::ORPHANS;
 use records::{Known, Records};
-pub use sessions::SESSIONS;
+pub use sessions::{LIFE_KEPT, SESSIONS};
 
 /// How long the robot side waits before it passes a request on again that could not be sent.
 const SEND_AGAIN: Duration = Duration::from_millis(100);
@@ -83,7 +83,7 @@ impl Robot {
         let records = &self.records;
         let forgotten = self
             .sessions
-            .make_room(|session| records.has_open(session.token));
+            .make_room(now, |session| records.has_open(session.token));
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
             let is_news = limit.and_then(|limit| session.lost_at(limit)).is_some();

@@ -8,6 +8,9 @@ use ipc_types::MonotonicNs;
 /// that an outage takes. One more makes the robot side forget the one that was silent longest, which then gets another session.
 pub const SESSIONS: usize = 8;
 
+/// For how long a station counts as there after its last message: six pings.
+pub const LIFE_KEPT: Duration = Duration::from_secs(3);
+
 /// What the robot side knows of one life of a station.
 #[derive(Clone, Debug)]
 pub(super) struct Session {
@@ -85,15 +88,21 @@ impl Sessions {
         token
     }
 
-    /// Removes the session that must go before another one can begin: one without open orders if there is one, and of those
-    /// the one that was silent longest.
-    pub(super) fn make_room(&mut self, has_open: impl Fn(&Session) -> bool) -> Option<Session> {
+    /// Removes the session that must go before another one can begin: one that was silent for [`LIFE_KEPT`] if there is one, of those
+    /// one without open orders, and of those the one that was silent longest.
+    pub(super) fn make_room(
+        &mut self,
+        now: MonotonicNs,
+        has_open: impl Fn(&Session) -> bool,
+    ) -> Option<Session> {
         if self.sessions.len() < SESSIONS {
             return None;
         }
         let candidates = self.sessions.iter().enumerate();
-        let (index, _) =
-            candidates.min_by_key(|(_, session)| (has_open(session), session.heard))?;
+        let (index, _) = candidates.min_by_key(|(_, session)| {
+            let is_there = now.since(session.heard) < LIFE_KEPT;
+            (is_there, has_open(session), session.heard)
+        })?;
         Some(self.sessions.swap_remove(index))
     }
 

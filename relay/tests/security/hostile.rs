@@ -1,0 +1,277 @@
+//! Strangers: sessions of Zenoh that know our messages, and mean no good.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use ipc_types::MonotonicNs;
+use ipc_types::payload::{MovementData, SharedStruct};
+use relay::message::{Ask, Command, MAX_BYTES, Ping, Tell, decode, encode};
+use relay::orders::message::Order;
+use serde_json::json;
+use zenoh::Wait;
+use zenoh::qos::CongestionControl;
+
+/// Messages that are kept at most.
+const MAX_HEARD: usize = 10_000;
+
+/// A session in which there is no rule.
+pub struct Stranger {
+    session: zenoh::Session,
+}
+
+/// What a stranger hears under a key expression: keys and messages.
+pub struct Heard {
+    messages: Arc<Mutex<Vec<(String, Vec<u8>)>>>,
+    _subscriber: zenoh::pubsub::Subscriber<()>,
+}
+
+impl Heard {
+    /// What has been heard since the last time.
+    pub fn drain(&self) -> Vec<(String, Vec<u8>)> {
+        std::mem::take(&mut self.messages.lock().expect("no panic"))
+    }
+}
+
+impl Stranger {
+    /// Without a certificate.
+    pub fn plain(endpoint: &str) -> Stranger {
+        Stranger::open(endpoint, &[])
+    }
+
+    /// With the certificate `name` of the folder `pki`. It takes any robot for the right one.
+    pub fn certified(endpoint: &str, folder: &Path, pki: &str, name: &str) -> Stranger {
+        let file = |name: String| json!(folder.join(pki).join(name));
+        Stranger::open(
+            endpoint,
+            &[
+                ("root_ca_certificate", json!(folder.join("pki/ca.pem"))),
+                ("connect_certificate", file(format!("{name}.pem"))),
+                ("connect_private_key", file(format!("{name}-key.pem"))),
+                ("enable_mtls", json!(true)),
+            ],
+        )
+    }
+
+    /// One who knows the authority, and shows no certificate.
+    pub fn half_certified(endpoint: &str, folder: &Path) -> Stranger {
+        let authority = json!(folder.join("pki/ca.pem"));
+        Stranger::open(endpoint, &[("root_ca_certificate", authority)])
+    }
+
+    fn open(endpoint: &str, tls: &[(&str, serde_json::Value)]) -> Stranger {
+        let mut config = zenoh::Config::default();
+        let mut set = |key: &str, value: serde_json::Value| {
+            config
+                .insert_json5(key, &value.to_string())
+                .expect("a key of Zenoh");
+        };
+        set("mode", json!("peer"));
+        set("connect/endpoints", json!([endpoint]));
+        set("connect/timeout_ms", json!(2000));
+        set("connect/exit_on_failure", json!(false));
+        set("scouting/multicast/enabled", json!(false));
+        set("scouting/gossip/enabled", json!(false));
+        for (key, value) in tls {
+            set(&format!("transport/link/tls/{key}"), value.clone());
+        }
+        let session = zenoh::open(config).wait().expect("a session");
+        Stranger { session }
+    }
+
+    /// Hears what there is.
+    pub fn listen(&self, key: &str) -> Heard {
+        let messages = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&messages);
+        let subscriber = self
+            .session
+            .declare_subscriber(key.to_owned())
+            .allowed_origin(zenoh::sample::Locality::Remote)
+            .callback(move |sample| {
+                let mut heard = heard.lock().expect("no panic");
+                if heard.len() < MAX_HEARD {
+                    let key = sample.key_expr().as_str().to_owned();
+                    heard.push((key, sample.payload().to_bytes().into_owned()));
+                }
+            })
+            .wait()
+            .expect("a subscription");
+        Heard {
+            messages,
+            _subscriber: subscriber,
+        }
+    }
+
+    /// Sends it, and waits for room.
+    pub fn put(&self, key: &str, message: &[u8]) {
+        let put = self.session.put(key, message.to_vec());
+        put.congestion_control(CongestionControl::Block)
+            .wait()
+            .expect("a session");
+    }
+
+    /// Orders a movement under this name.
+    pub fn order(&self, name: &str) {
+        for session in 0..3 {
+            let order = Order {
+                session,
+                number: 1,
+                floor: 1,
+                topic: movement(),
+                expires: MonotonicNs(u64::MAX),
+                is_repeat: false,
+                is_given_up: false,
+                request: MovementData::take_off(4711, 99.0).bytes().to_vec(),
+            };
+            self.put(
+                &format!("hero/1/order/{name}"),
+                &encode(&Command::from(&order)),
+            );
+        }
+    }
+}
+
+/// What movements are called in orders.
+fn movement() -> u64 {
+    let schema = ipc_types::Schema::of::<MovementData>();
+    relay::names::service_id("movement", &schema)
+}
+
+/// Messages without end.
+pub struct Flood {
+    stranger: Stranger,
+    next: Box<dyn FnMut(u64) -> (String, Vec<u8>) + Send>,
+    sent: u64,
+}
+
+impl Flood {
+    fn new(
+        stranger: Stranger,
+        next: impl FnMut(u64) -> (String, Vec<u8>) + Send + 'static,
+    ) -> Flood {
+        Flood {
+            stranger,
+            next: Box::new(next),
+            sent: 0,
+        }
+    }
+
+    /// Bytes that are no messages, under all keys that a relay listens to.
+    pub fn garbage(stranger: Stranger) -> Flood {
+        let keys = [
+            "ask/gcs2",
+            "order/gcs2",
+            "order/gcs",
+            "tell/gcs",
+            "topic/movement",
+        ];
+        Flood::new(stranger, move |count| {
+            let bytes: Vec<u8> = (0..count % 200)
+                .map(|byte| mix(count + byte) as u8)
+                .collect();
+            (key(keys[count as usize % keys.len()]), bytes)
+        })
+    }
+
+    /// Messages that are longer than any.
+    pub fn long(stranger: Stranger) -> Flood {
+        let keys = ["ask/gcs", "order/gcs", "tell/gcs", "topic/hero_telemetry"];
+        let long = vec![1; MAX_BYTES * 3];
+        Flood::new(stranger, move |count| {
+            let most = if count % 2 == 0 {
+                long.len()
+            } else {
+                MAX_BYTES
+            };
+            (
+                key(keys[count as usize % keys.len()]),
+                long[..most].to_vec(),
+            )
+        })
+    }
+
+    /// Stations that nobody knows, each with a new name, that want all there is.
+    pub fn names(stranger: Stranger) -> Flood {
+        Flood::new(stranger, |count| {
+            (key(&format!("ask/x{count}")), ping(count))
+        })
+    }
+
+    /// New lives of a station, that want all there is.
+    pub fn lives(stranger: Stranger, name: &'static str) -> Flood {
+        Flood::new(stranger, move |count| {
+            (key(&format!("ask/{name}")), ping(mix(count)))
+        })
+    }
+
+    /// Names that are patterns.
+    pub fn patterns(stranger: Stranger) -> Flood {
+        let keys = [
+            "hero/1/ask/*",
+            "hero/*/ask/gcs",
+            "hero/1/**",
+            "hero/1/ask/**",
+            "hero/1/order/*",
+        ];
+        Flood::new(stranger, move |count| {
+            (keys[count as usize % keys.len()].to_owned(), ping(count))
+        })
+    }
+
+    /// Samples of topics that do not exist.
+    pub fn topics(stranger: Stranger) -> Flood {
+        Flood::new(stranger, |count| {
+            (key(&format!("topic/x/y{count}")), vec![0; 300])
+        })
+    }
+
+    /// The first order of the station, whose session was heard: as it was, of a former floor, and under numbers to come.
+    pub fn replay(stranger: Stranger, heard: &[(String, Vec<u8>)]) -> Flood {
+        let session = heard.iter().find_map(|(_, message)| match decode(message) {
+            Ok(Tell::Pong(pong)) if pong.session != 0 => Some(pong.session),
+            _ => None,
+        });
+        let session = session.expect("without certificates all that a robot says can be heard");
+        let order = |number| Order {
+            session,
+            number,
+            floor: 1,
+            topic: movement(),
+            expires: MonotonicNs(u64::MAX),
+            is_repeat: false,
+            is_given_up: false,
+            request: MovementData::take_off(1, 10.0).bytes().to_vec(),
+        };
+        let orders = [1, 0, u64::MAX].map(|number| encode(&Command::from(&order(number))));
+        Flood::new(stranger, move |count| {
+            (
+                key("order/gcs"),
+                orders[count as usize % orders.len()].clone(),
+            )
+        })
+    }
+
+    /// Sends the next one.
+    pub fn send(&mut self) {
+        let (key, message) = (self.next)(self.sent);
+        self.sent += 1;
+        self.stranger.put(&key, &message);
+    }
+}
+
+fn key(rest: &str) -> String {
+    format!("hero/1/{rest}")
+}
+
+fn ping(station_life: u64) -> Vec<u8> {
+    encode(&Ask::Ping(Ping {
+        station_life,
+        sent_ns: MonotonicNs::now().0,
+        suspended_ns: 0,
+        wants_latest: true,
+    }))
+}
+
+fn mix(number: u64) -> u64 {
+    let mixed = number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    mixed ^ (mixed >> 29)
+}

@@ -1,0 +1,306 @@
+//! Strangers on the network: what they can read and order with certificates and without, and what their floods cost.
+
+mod hostile;
+mod loopback;
+mod rig;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use relay::message::{Ask, Ping, Tell, decode, encode};
+
+use hostile::{Flood, Stranger};
+use rig::{RELAY, Rig, free_port};
+
+/// Memory that a relay may take under any flood, kB: its queues are full, and Zenoh's buffers.
+const MAX_RESIDENT_KB: u64 = 400_000;
+
+/// Lines that a relay may log under any flood.
+const MAX_LINES: usize = 400;
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).expect("a file in the test's folder");
+}
+
+/// A rig without certificates, and where the robot's relay listens.
+fn open_rig() -> (Rig, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    write(
+        folder.path(),
+        "robot.toml",
+        &format!("[robot]\nlisten = [{endpoint:?}]\n[commands]\nstations = [\"gcs\"]\n"),
+    );
+    write(
+        folder.path(),
+        "station.toml",
+        &format!("[station]\nname = \"gcs\"\nconnect = [{endpoint:?}]\n"),
+    );
+    (Rig::start(folder), endpoint)
+}
+
+/// Runs the flood in threads of its own while `work` is done, and says how many messages were sent.
+fn during(floods: Vec<Flood>, work: impl FnOnce()) -> u64 {
+    let is_over = Arc::new(AtomicBool::new(false));
+    let threads: Vec<_> = floods
+        .into_iter()
+        .map(|mut flood| {
+            let is_over = Arc::clone(&is_over);
+            thread::spawn(move || {
+                let mut sent = 0;
+                while !is_over.load(Ordering::Relaxed) {
+                    flood.send();
+                    sent += 1;
+                }
+                sent
+            })
+        })
+        .collect();
+    work();
+    is_over.store(true, Ordering::Relaxed);
+    threads
+        .into_iter()
+        .map(|thread| thread.join().expect("a flood"))
+        .sum()
+}
+
+#[test]
+fn a_flood_of_garbage_long_and_replayed_messages_stops_neither_telemetry_nor_requests() {
+    let (mut rig, endpoint) = open_rig();
+    let recorder = Stranger::plain(&endpoint);
+    let heard = recorder.listen("hero/1/**");
+    rig.request_done();
+    let recorded = heard.drain();
+    assert!(!recorded.is_empty(), "without certificates all can be read");
+    let kinds = [
+        Flood::garbage,
+        Flood::long,
+        Flood::names,
+        Flood::patterns,
+        Flood::topics,
+    ];
+    let mut floods: Vec<Flood> = kinds
+        .iter()
+        .map(|kind| kind(Stranger::plain(&endpoint)))
+        .collect();
+    floods.push(Flood::replay(Stranger::plain(&endpoint), &recorded));
+    let before = (rig.published(), rig.received, rig.processor_s());
+    let began = std::time::Instant::now();
+    let sent = during(floods, || {
+        for _ in 0..20 {
+            rig.request_done();
+        }
+        for _ in 0..200 {
+            rig.telemetry();
+        }
+    });
+    let elapsed_s = began.elapsed().as_secs_f64();
+    let published = (rig.published() - before.0) as u64;
+    let received = rig.received - before.1;
+    let after = rig.processor_s();
+    let processor = [0, 1].map(|side| (after[side] - before.2[side]) / elapsed_s);
+    let (resident, lines) = (rig.resident_kb(), rig.lines());
+    println!(
+        "{sent} hostile messages in {elapsed_s:.1} s; {received} of {published} samples; \
+         processor {processor:.2?}; kB {resident:?}; lines {lines:?}"
+    );
+    assert!(received * 2 >= published, "{received} of {published}");
+    assert!(
+        resident.iter().all(|kb| *kb < MAX_RESIDENT_KB),
+        "{resident:?}"
+    );
+    assert!(lines.iter().all(|lines| *lines < MAX_LINES), "{lines:?}");
+    rig.request_done();
+    rig.end();
+}
+
+#[test]
+fn a_stranger_who_takes_the_name_of_the_station_executes_nothing_twice_and_when_he_goes_all_is_well()
+ {
+    let (mut rig, endpoint) = open_rig();
+    let recorder = Stranger::plain(&endpoint);
+    let heard = recorder.listen("hero/1/**");
+    rig.request_done();
+    let recorded = heard.drain();
+    let floods = vec![
+        Flood::lives(Stranger::plain(&endpoint), "gcs"),
+        Flood::replay(Stranger::plain(&endpoint), &recorded),
+    ];
+    let mut outcomes = Vec::new();
+    let sent = during(floods, || {
+        for _ in 0..5 {
+            outcomes.push(rig.request());
+        }
+    });
+    println!(
+        "{sent} hostile messages; outcomes {:?}",
+        outcomes
+            .iter()
+            .map(|report| (report.stage(), report.reason()))
+            .collect::<Vec<_>>()
+    );
+    // What was executed was executed once: the bridge has had each request at most once.
+    let mut seen = std::collections::BTreeSet::new();
+    let mut executed = 0;
+    for outcome in &outcomes {
+        if outcome.stage() == Some(ipc_types::code::Stage::Done) {
+            executed += 1;
+            let ril_tests::Received::Movement(movement) = rig.bridge.next_request() else {
+                panic!("a stranger's request");
+            };
+            assert!(seen.insert(movement.request_id), "executed twice");
+        }
+    }
+    assert_eq!(seen.len(), executed);
+    // The link comes back by itself.
+    loop {
+        let report = rig.request();
+        if report.stage() == Some(ipc_types::code::Stage::Done) {
+            break;
+        }
+    }
+    rig.end();
+}
+
+/// Certificates of the robot, the station and a watcher in `pki`, and of a stranger with an authority of his own in `other`.
+fn certify(folder: &Path) {
+    for args in [
+        &["certify", "pki", "robot-1=127.0.0.1", "gcs", "viewer"][..],
+        &["certify", "other", "gcs", "robot-1=127.0.0.1"],
+    ] {
+        let made = std::process::Command::new(RELAY)
+            .args(args)
+            .current_dir(folder)
+            .output()
+            .expect("the relay's program");
+        assert!(made.status.success(), "{made:?}");
+    }
+}
+
+/// A rig with certificates over `protocol`.
+fn secured_rig(protocol: &str) -> (Rig, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    certify(folder.path());
+    let endpoint = format!("{protocol}/127.0.0.1:{}", free_port());
+    let security = |name: &str| {
+        format!(
+            "[security]\nauthority = \"pki/ca.pem\"\ncertificate = \"pki/{name}.pem\"\nkey = \"pki/{name}-key.pem\"\n\
+             robots = {{ robot-1 = 1 }}\nstations = [\"viewer\"]\n[commands]\nstations = [\"gcs\"]\n"
+        )
+    };
+    write(
+        folder.path(),
+        "robot.toml",
+        &format!("{}[robot]\nlisten = [{endpoint:?}]\n", security("robot-1")),
+    );
+    write(
+        folder.path(),
+        "station.toml",
+        &format!(
+            "{}[station]\nname = \"gcs\"\nconnect = [{endpoint:?}]\n",
+            security("gcs")
+        ),
+    );
+    (Rig::start(folder), endpoint)
+}
+
+fn strangers_read_and_order_nothing(protocol: &str) {
+    let (mut rig, endpoint) = secured_rig(protocol);
+    // As relays connect over QUIC.
+    let endpoint = match protocol {
+        "quic" => format!("{endpoint}?mixed_rel=1"),
+        _ => endpoint,
+    };
+    rig.request_done();
+    let folder = rig.folder.path().to_owned();
+    // Without a certificate of the authority there is no session.
+    let mut outside = vec![
+        Stranger::certified(&endpoint, &folder, "other", "gcs"),
+        Stranger::half_certified(&endpoint, &folder),
+    ];
+    if protocol == "tls" {
+        outside.push(Stranger::plain(&endpoint.replace("tls/", "tcp/")));
+    }
+    let outside: Vec<_> = outside
+        .into_iter()
+        .map(|stranger| (stranger.listen("**"), stranger))
+        .collect();
+    // One with a certificate that may only watch.
+    let viewer = Stranger::certified(&endpoint, &folder, "pki", "viewer");
+    let all = viewer.listen("**");
+    let others = viewer.listen("hero/1/tell/gcs");
+    let orders = viewer.listen("hero/1/order/*");
+    let told = viewer.listen("hero/1/tell/viewer");
+    let topics = viewer.listen("hero/1/topic/**");
+    let ping = Ask::Ping(Ping {
+        station_life: 77,
+        sent_ns: 1,
+        suspended_ns: 0,
+        wants_latest: true,
+    });
+    for stranger in outside
+        .iter()
+        .map(|(_, stranger)| stranger)
+        .chain([&viewer])
+    {
+        for name in ["gcs", "viewer", "*"] {
+            stranger.order(name);
+            stranger.put(&format!("hero/1/ask/{name}"), &encode(&ping));
+            stranger.put(
+                &format!("hero/1/tell/{name}"),
+                &encode(&Tell::UnknownSession(1)),
+            );
+        }
+        stranger.put("hero/1/topic/hero_telemetry", b"garbage");
+    }
+    // The watcher is answered under his own name: by then all that he has sent before was looked at.
+    let pong = loop {
+        rig.telemetry();
+        viewer.put("hero/1/ask/viewer", &encode(&ping));
+        if let Some((_, message)) = told.drain().pop() {
+            break decode::<Tell>(&message).expect("a message");
+        }
+    };
+    let Tell::Pong(pong) = pong else {
+        panic!("{pong:?}");
+    };
+    assert_eq!(pong.session, 0, "he may not command");
+    while topics.drain().is_empty() {
+        rig.telemetry();
+    }
+    for _ in 0..5 {
+        rig.request_done();
+    }
+    let flood = vec![Flood::lives(viewer, "gcs")];
+    let sent = during(flood, || {
+        for _ in 0..10 {
+            rig.request_done();
+        }
+    });
+    println!("{protocol}: {sent} hostile messages under the station's name");
+    assert_eq!(
+        all.drain(),
+        [],
+        "more than what is allowed was subscribed to"
+    );
+    assert_eq!(others.drain(), []);
+    assert_eq!(orders.drain(), []);
+    for (heard, _) in &outside {
+        assert_eq!(heard.drain(), []);
+    }
+    let lines = rig.lines();
+    assert!(lines.iter().all(|lines| *lines < MAX_LINES), "{lines:?}");
+    rig.end();
+}
+
+#[test]
+fn with_certificates_over_tls_strangers_read_and_order_nothing() {
+    strangers_read_and_order_nothing("tls");
+}
+
+#[test]
+fn with_certificates_over_quic_strangers_read_and_order_nothing() {
+    strangers_read_and_order_nothing("quic");
+}

@@ -1,0 +1,183 @@
+//! A robot and a station on this machine, each with a relay of its own and shared memory of its own, and strangers.
+
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
+use ipc_types::{Client, Ipc, Subscriber};
+use ril_tests::process::{Process, Signal, WAIT_LIMIT};
+use ril_tests::{Script, StandInBridge, StandInStatus, TestDomain};
+
+/// The relay's program.
+pub const RELAY: &str = env!("CARGO_BIN_EXE_ril-relay");
+
+/// Pause between two samples.
+const SAMPLE_PERIOD: Duration = Duration::from_millis(20);
+
+/// A port of this machine that is free now.
+pub fn free_port() -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    listener.local_addr().expect("its address").port()
+}
+
+/// Runs the relay's program in `folder`.
+pub fn relay(domain: &TestDomain, folder: &Path, args: &[&str]) -> Process {
+    let mut command = Command::new(RELAY);
+    command.args(args).current_dir(folder);
+    for variable in ["RIL_ROBOT", "RIL_CONFIG", "RIL_LOG"] {
+        command.env_remove(variable);
+    }
+    Process::spawn(domain, command)
+}
+
+/// What a test plays with. The domains are dropped last.
+pub struct Rig {
+    pub station: Process,
+    pub robot: Process,
+    pub bridge: StandInBridge,
+    status: StandInStatus,
+    client: Client<MovementData>,
+    telemetry: Subscriber<HeroTelemetry>,
+    samples: Vec<HeroTelemetry>,
+    published: usize,
+    pub received: u64,
+    next_id: u64,
+    _ground: Ipc,
+    pub folder: tempfile::TempDir,
+    _domains: [TestDomain; 2],
+}
+
+impl Rig {
+    /// Both relays with `relay.toml` of the folder, when the link is up and the robot's services are there at the station.
+    pub fn start(folder: tempfile::TempDir) -> Rig {
+        let (robot_domain, station_domain) = (TestDomain::new(), TestDomain::new());
+        let bridge = StandInBridge::start(&robot_domain);
+        let status = StandInStatus::start(&robot_domain);
+        let toml = |name: &str| -> PathBuf { folder.path().join(name) };
+        let (robot_toml, station_toml) = (toml("robot.toml"), toml("station.toml"));
+        let path = |path: &Path| path.to_str().expect("text").to_owned();
+        let robot = relay(
+            &robot_domain,
+            folder.path(),
+            &["robot", "--config", &path(&robot_toml)],
+        );
+        let mut station = relay(
+            &station_domain,
+            folder.path(),
+            &["station", "--config", &path(&station_toml)],
+        );
+        for key in ["movement", "hero_telemetry"] {
+            station.wait_for_line(|line| {
+                line.text.contains("provided here") && line.text.contains(&format!("{key:?}"))
+            });
+        }
+        let ground = station_domain.join("ground");
+        let client = ground.client().expect("a client");
+        let telemetry = ground.subscriber().expect("a subscriber");
+        let script = Script::at(37.4, -5.9, 10.0).take_off(5.0).land();
+        Rig {
+            station,
+            robot,
+            bridge,
+            status,
+            client,
+            telemetry,
+            samples: script.hero(),
+            published: 0,
+            received: 0,
+            next_id: 1,
+            _ground: ground,
+            folder,
+            _domains: [station_domain, robot_domain],
+        }
+    }
+
+    /// Publishes a sample on the robot, and takes what comes at the station within the pause between two.
+    pub fn telemetry(&mut self) {
+        let sample = &self.samples[self.published % self.samples.len()];
+        self.status.publish(&HeroTelemetry {
+            published_ns: 0,
+            ..*sample
+        });
+        self.published += 1;
+        if let Ok(Some(_)) = self.telemetry.recv_timeout(SAMPLE_PERIOD) {
+            self.received += 1;
+        }
+        let more = self.telemetry.drain(|_| {}).expect("samples");
+        self.received += more as u64;
+    }
+
+    /// How many samples were published.
+    pub fn published(&self) -> usize {
+        self.published
+    }
+
+    /// Sends a request from the station, and returns its final report, while telemetry goes on.
+    pub fn request(&mut self) -> RequestReport {
+        let id = self.next_id;
+        self.next_id += 1;
+        self.client
+            .send(&MovementData::take_off(id, 10.0))
+            .expect("a request");
+        let mut last = None;
+        for _ in 0..WAIT_LIMIT.as_millis() / SAMPLE_PERIOD.as_millis() {
+            self.telemetry();
+            self.client.drain(|report| last = Some(*report));
+            if let Some(report) = last.filter(RequestReport::is_final) {
+                return report;
+            }
+        }
+        panic!("request {id} has no final report: {last:?}");
+    }
+
+    /// Sends a request that must be done, and asserts that the bridge has had it, and no other.
+    pub fn request_done(&mut self) {
+        let id = self.next_id;
+        let report = self.request();
+        let outcome = (report.stage(), report.reason());
+        assert_eq!(outcome, (Some(Stage::Done), Some(Reason::None)), "{id}");
+        match self.bridge.next_request() {
+            ril_tests::Received::Movement(movement) => assert_eq!(movement.request_id, id),
+            other => panic!("{other:?} was ordered by a stranger"),
+        }
+    }
+
+    /// Memory of the robot's and the station's relay, kB.
+    pub fn resident_kb(&self) -> [u64; 2] {
+        [&self.robot, &self.station].map(|process| {
+            let status = std::fs::read_to_string(format!("/proc/{}/status", process.id()));
+            let status = status.expect("a running process");
+            let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+            let number = line.and_then(|line| line.split_whitespace().next());
+            number.and_then(|number| number.parse().ok()).expect("kB")
+        })
+    }
+
+    /// Processor time of the robot's and the station's relay so far, s.
+    pub fn processor_s(&self) -> [f64; 2] {
+        [&self.robot, &self.station].map(|process| {
+            let stat = std::fs::read_to_string(format!("/proc/{}/stat", process.id()));
+            let stat = stat.expect("a running process");
+            let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split(' ').collect();
+            let ticks = |index: usize| fields[index].parse::<f64>().expect("ticks");
+            (ticks(12) + ticks(13)) / 100.0
+        })
+    }
+
+    /// Lines that the robot's and the station's relay have logged.
+    pub fn lines(&mut self) -> [usize; 2] {
+        [self.robot.lines().len(), self.station.lines().len()]
+    }
+
+    /// Ends both relays as an operator does.
+    pub fn end(mut self) {
+        for process in [&mut self.station, &mut self.robot] {
+            process.signal(Signal::TERM);
+            let finished = process.wait_exit();
+            assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        }
+    }
+}
