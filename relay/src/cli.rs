@@ -1,5 +1,8 @@
 //! The command line of the relay.
 
+use std::io::Write;
+use std::path::PathBuf;
+
 use clap::{Args as ClapArgs, Subcommand};
 use ipc_types::{WaitError, Wake};
 use module_kit::SetUp;
@@ -10,6 +13,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use crate::config::{Config, DEFAULT_FILE, RemoteRobot, check_name};
 use crate::network::{Network, Side};
 use crate::robot::RobotSide;
+use crate::ros2_packages;
 use crate::station::StationSide;
 
 /// What the relay is for.
@@ -21,6 +25,8 @@ pub enum Command {
     Station(StationArgs),
     /// Runs where robots and stations reach it: the centre of a star
     Router(RouterArgs),
+    /// Writes the packages of ROS 2 with the messages of the robot's topics, and ends
+    Ros2Packages(Ros2PackagesArgs),
 }
 
 /// Options of the robot's side.
@@ -79,15 +85,28 @@ pub struct RouterArgs {
     pub connect: Vec<String>,
 }
 
-/// Runs the relay in the foreground until SIGINT or SIGTERM.
+/// Options of the packages of ROS 2.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct Ros2PackagesArgs {
+    /// What every process takes. Of a robot or a station on this machine, the topics of its other modules are there too.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Where to put them, such as the folder `src` of a workspace; files of the same names are replaced
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+}
+
+/// Runs the relay in the foreground until SIGINT or SIGTERM, or writes the packages.
 ///
 /// # Errors
-/// Exit code 78 when the configuration is wrong, 1 when shared memory or the network cannot be used.
+/// Exit code 78 when the configuration is wrong, 1 when shared memory, the network or the folder cannot be used.
 pub fn run(command: Command) -> Result<(), Failure> {
     match command {
         Command::Robot(args) => robot(args),
         Command::Station(args) => station(args),
         Command::Router(args) => router(args),
+        Command::Ros2Packages(args) => ros2_packages(&args),
     }
 }
 
@@ -135,6 +154,21 @@ fn router(args: RouterArgs) -> Result<(), Failure> {
     check(config)?;
     let network = Network::open(config, Side::Router).or_fail(ExitCode::Internal)?;
     go(Router { network }, &set_up)
+}
+
+fn ros2_packages(args: &Ros2PackagesArgs) -> Result<(), Failure> {
+    let Some(set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {
+        return Ok(());
+    };
+    let ipc = set_up.join("ros2-packages")?;
+    let packages = ros2_packages::write(&args.folder, &ipc, &set_up.config.topics)
+        .or_fail(ExitCode::Internal)?;
+    let mut out = std::io::stdout().lock();
+    for (package, messages) in packages {
+        let path = args.folder.join(package);
+        writeln!(out, "{} ({messages} .msg)", path.display()).map_err(Failure::output)?;
+    }
+    Ok(())
 }
 
 /// Zenoh does all the work of a router in threads of its own.

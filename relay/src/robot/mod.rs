@@ -4,6 +4,7 @@
 //! [`Services`] and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
 mod reaction;
+pub mod ros2_outlet;
 pub mod services;
 pub mod stations;
 
@@ -28,6 +29,7 @@ use crate::orders::robot::{NotSent, Output};
 use crate::random::{fresh, suspended_ns};
 use crate::{Failure, names::last};
 use reaction::Reaction;
+use ros2_outlet::Ros2Outlet;
 use services::{LOOK_PERIOD, Services};
 use stations::Stations;
 
@@ -77,13 +79,14 @@ impl RobotSide {
             link_loss: config.commands.lost_after(),
             ..orders::Config::default()
         };
+        let ros2 = Ros2Outlet::open(&network, &config.ros2, ipc.robot())?;
         let now = MonotonicNs::now();
         Ok(RobotSide {
             robot,
             life,
             asks: network.receive(&names::ask(robot, "*"), INBOX)?,
             commands: network.receive(&names::order(robot, "*"), INBOX)?,
-            services: Services::new(life, robot)?,
+            services: Services::new(life, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
             orders: orders::Robot::new(order_config, fresh()),
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
