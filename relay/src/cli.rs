@@ -15,6 +15,7 @@ use crate::certify::{Machine, Order, certify};
 use crate::config::{Config, DEFAULT_FILE, RemoteRobot, check_name};
 use crate::network::{Network, Side};
 use crate::robot::RobotSide;
+use crate::ros2_packages;
 use crate::station::StationSide;
 
 /// What the relay is for.
@@ -28,6 +29,8 @@ pub enum Command {
     Router(RouterArgs),
     /// Makes certificates, so that no stranger on the network reads or orders anything
     Certify(CertifyArgs),
+    /// Writes the packages of ROS 2 with the messages of the robot's topics, and ends
+    Ros2Packages(Ros2PackagesArgs),
 }
 
 /// Options of the robot's side.
@@ -114,16 +117,29 @@ pub struct CertifyArgs {
     pub authority_days: u32,
 }
 
-/// Runs the relay in the foreground until SIGINT or SIGTERM.
+/// Options of the packages of ROS 2.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct Ros2PackagesArgs {
+    /// What every process takes. Of a robot or a station on this machine, the topics of its other modules are there too.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Where to put them, such as the folder `src` of a workspace; files of the same names are replaced
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+}
+
+/// Runs the relay in the foreground until SIGINT or SIGTERM, or makes files and ends.
 ///
 /// # Errors
-/// Exit code 78 when the configuration is wrong, 1 when shared memory or the network cannot be used.
+/// Exit code 78 when the configuration is wrong, 1 when shared memory, the network or the folder cannot be used.
 pub fn run(command: Command) -> Result<(), Failure> {
     match command {
         Command::Robot(args) => robot(args),
         Command::Station(args) => station(args),
         Command::Router(args) => router(args),
         Command::Certify(args) => make_certificates(args),
+        Command::Ros2Packages(args) => ros2_packages(&args),
     }
 }
 
@@ -185,6 +201,21 @@ fn router(args: RouterArgs) -> Result<(), Failure> {
     check(config, Side::Router)?;
     let network = Network::open(config, Side::Router).or_fail(ExitCode::Internal)?;
     go(Router { network }, &set_up)
+}
+
+fn ros2_packages(args: &Ros2PackagesArgs) -> Result<(), Failure> {
+    let Some(set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {
+        return Ok(());
+    };
+    let ipc = set_up.join("ros2-packages")?;
+    let packages = ros2_packages::write(&args.folder, &ipc, &set_up.config.topics)
+        .or_fail(ExitCode::Internal)?;
+    let mut out = std::io::stdout().lock();
+    for (package, messages) in packages {
+        let path = args.folder.join(package);
+        writeln!(out, "{} ({messages} .msg)", path.display()).map_err(Failure::output)?;
+    }
+    Ok(())
 }
 
 /// Zenoh does all the work of a router in threads of its own.

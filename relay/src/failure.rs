@@ -3,6 +3,7 @@
 use ipc_types::{JoinError, OpenError, WaitError};
 
 use crate::network::NetworkError;
+use crate::ros2::NameError;
 
 /// Why a relay cannot run.
 #[derive(Debug, thiserror::Error)]
@@ -16,9 +17,15 @@ pub enum Failure {
     /// The network cannot be used.
     #[error(transparent)]
     Network(#[from] NetworkError),
+    /// The robot cannot be a node of ROS 2.
+    #[error("the robot cannot be a node of ROS 2: {0}")]
+    Ros2(#[from] NameError),
     /// The operating system cannot wait.
     #[error(transparent)]
     Wait(#[from] WaitError),
+    /// The operating system gives no thread.
+    #[error("the operating system gives no thread")]
+    Thread(#[from] std::io::Error),
     /// The process has too many descriptors.
     #[error("the operating system gives no descriptor ({0})")]
     Descriptors(#[from] rustix::io::Errno),

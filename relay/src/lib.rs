@@ -33,6 +33,7 @@ mod random;
 pub mod request;
 pub mod robot;
 pub mod ros2;
+mod ros2_packages;
 pub mod station;
 pub mod telemetry;
 

@@ -20,6 +20,7 @@ use crate::access::access_control;
 use crate::config::{Config, Priority, Through};
 use crate::queue::Queue;
 pub use crate::queue::Room;
+use crate::ros2;
 
 /// Longest message that is put together of fragments, bytes: the longest sample, and eight times the longest message of a relay.
 pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
@@ -59,6 +60,16 @@ pub struct Inbox {
 /// A way out, for samples of one topic.
 pub struct Outbox {
     publisher: zenoh::pubsub::Publisher<'static>,
+}
+
+/// Declares ways out in another thread. The network stays open as long as there is one.
+pub struct Declarer {
+    session: zenoh::Session,
+}
+
+/// A liveliness token: others see it as long as this exists.
+pub struct Token {
+    _token: zenoh::liveliness::LivelinessToken,
 }
 
 /// A sample, and when it came.
@@ -147,16 +158,19 @@ impl Network {
     ///
     /// When Zenoh refuses the key expression.
     pub fn outbox(&self, key: &str, priority: Priority) -> Result<Outbox, NetworkError> {
-        let publisher = self
-            .session
-            .declare_publisher(key.to_owned())
-            .congestion_control(CongestionControl::Drop)
-            .reliability(Reliability::BestEffort)
-            .priority(zenoh_priority(priority))
-            .express(true)
-            .wait()
-            .map_err(|error| NetworkError::new(format!("nothing can be sent to {key}"), error))?;
-        Ok(Outbox { publisher })
+        outbox(&self.session, key, priority, Reliability::BestEffort)
+    }
+
+    /// The id of this relay in the network.
+    pub fn id(&self) -> String {
+        self.session.zid().to_string()
+    }
+
+    /// For another thread.
+    pub fn declarer(&self) -> Declarer {
+        Declarer {
+            session: self.session.clone(),
+        }
     }
 
     /// Sends a message. It may be lost.
@@ -171,6 +185,39 @@ impl Network {
         if let Err(error) = sent {
             tracing::debug!(key, %error, "a message was not sent");
         }
+    }
+}
+
+impl Declarer {
+    /// A way out for samples for ROS 2. It may take as long as a peer that reads nothing is borne with.
+    ///
+    /// # Errors
+    ///
+    /// When Zenoh refuses the key expression.
+    pub fn outbox(
+        &self,
+        key: &str,
+        priority: Priority,
+        reliability: ros2::Reliability,
+    ) -> Result<Outbox, NetworkError> {
+        let reliability = match reliability {
+            ros2::Reliability::BestEffort => Reliability::BestEffort,
+            ros2::Reliability::Reliable => Reliability::Reliable,
+        };
+        outbox(&self.session, key, priority, reliability)
+    }
+
+    /// Declares a liveliness token. It may take as long.
+    ///
+    /// # Errors
+    ///
+    /// When Zenoh refuses the key expression.
+    pub fn token(&self, key: &str) -> Result<Token, NetworkError> {
+        let token = self.session.liveliness().declare_token(key.to_owned());
+        let token = token
+            .wait()
+            .map_err(|error| NetworkError::new(format!("{key} cannot be declared"), error))?;
+        Ok(Token { _token: token })
     }
 }
 
@@ -198,6 +245,23 @@ impl Outbox {
             tracing::debug!(%error, "a sample was not sent");
         }
     }
+}
+
+fn outbox(
+    session: &zenoh::Session,
+    key: &str,
+    priority: Priority,
+    reliability: Reliability,
+) -> Result<Outbox, NetworkError> {
+    let publisher = session
+        .declare_publisher(key.to_owned())
+        .congestion_control(CongestionControl::Drop)
+        .reliability(reliability)
+        .priority(zenoh_priority(priority))
+        .express(true)
+        .wait()
+        .map_err(|error| NetworkError::new(format!("nothing can be sent to {key}"), error))?;
+    Ok(Outbox { publisher })
 }
 
 fn zenoh_priority(priority: Priority) -> ZenohPriority {

@@ -5,6 +5,7 @@
 
 pub mod admission;
 mod reaction;
+pub mod ros2_outlet;
 pub mod services;
 pub mod stations;
 
@@ -33,6 +34,7 @@ use crate::orders::robot::{NotSent, Output};
 use crate::random::{fresh, suspended_ns};
 use admission::Admission;
 use reaction::Reaction;
+use ros2_outlet::Ros2Outlet;
 use services::{LOOK_PERIOD, Services};
 use stations::{Lives, Stations};
 
@@ -107,13 +109,14 @@ impl RobotSide {
             link_loss: config.commands.lost_after(),
             ..orders::Config::default()
         };
+        let ros2 = Ros2Outlet::open(&network, &config.ros2, ipc.robot())?;
         let now = MonotonicNs::now();
         Ok(RobotSide {
             robot,
             life,
             asks: network.receive(&names::ask(robot, "*"), ASK_ROOM)?,
             commands: network.receive(&names::order(robot, "*"), ORDER_ROOM)?,
-            services: Services::new(life, robot)?,
+            services: Services::new(life, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
             lives: Lives::default(),
             admission: Admission::new(

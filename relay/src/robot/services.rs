@@ -19,6 +19,8 @@ use crate::request::RequestFields;
 use crate::station::link::MAX_SERVICES;
 use crate::telemetry::Outlet;
 
+use super::ros2_outlet::Ros2Outlet;
+
 /// A service that is carried.
 struct Carried {
     key: String,
@@ -59,20 +61,26 @@ pub struct Services {
     robot: NonZeroU32,
     carried: Vec<Carried>,
     ports: PortSet,
+    ros2: Option<Ros2Outlet>,
 }
 
 impl Services {
-    /// None yet.
+    /// None yet. With `ros2` the topics are published for ROS 2 too.
     ///
     /// # Errors
     ///
     /// When the process has too many descriptors.
-    pub fn new(life: u64, robot: NonZeroU32) -> Result<Services, rustix::io::Errno> {
+    pub fn new(
+        life: u64,
+        robot: NonZeroU32,
+        ros2: Option<Ros2Outlet>,
+    ) -> Result<Services, rustix::io::Errno> {
         Ok(Services {
             life,
             robot,
             carried: Vec::new(),
             ports: PortSet::new()?,
+            ros2,
         })
     }
 
@@ -102,6 +110,9 @@ impl Services {
                             is_failing: false,
                         })))
                     });
+                if let (Ok(_), Some(ros2)) = (&topic, &mut self.ros2) {
+                    ros2.add(&facts.key, &facts.schema, plan.priority);
+                }
                 self.carry(facts, topic);
             }
         }
@@ -200,7 +211,10 @@ impl Services {
     /// Reads what has been published, and sends what is due. Says how many samples went out.
     pub fn send_samples(&mut self, now: MonotonicNs) -> u64 {
         let topics = self.carried.iter_mut().filter_map(Carried::topic);
-        topics.map(|topic| topic.send(now)).sum()
+        let mut ros2 = self.ros2.as_mut();
+        topics
+            .map(|topic| topic.send(now, ros2.as_deref_mut()))
+            .sum()
     }
 
     /// Sends the latest sample of each topic again.
@@ -243,7 +257,7 @@ impl Carried {
 }
 
 impl Topic {
-    fn send(&mut self, now: MonotonicNs) -> u64 {
+    fn send(&mut self, now: MonotonicNs, mut ros2: Option<&mut Ros2Outlet>) -> u64 {
         let outlet = &mut self.outlet;
         let drained = self.subscriber.drain(|sample| outlet.take(sample));
         let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
@@ -254,9 +268,12 @@ impl Topic {
         }
         let lost = self.subscriber.losses().lost;
         let before = self.outlet.sent();
-        let outbox = &self.outbox;
+        let (key, outbox) = (self.subscriber.key(), &self.outbox);
         self.outlet.send(now, lost, |header, sample| {
             outbox.send(with_cdr_header(sample), encode(header));
+            if let Some(ros2) = &mut ros2 {
+                ros2.send(key, sample);
+            }
         });
         self.outlet.sent() - before
     }

@@ -10,6 +10,7 @@
 //! | hash of a type, which is part of the key expression | [`type_hash`] |
 //! | a sample of ours as a message | [`message`] |
 //! | `sensor_msgs` and `geometry_msgs` made of a `HeroTelemetry` | [`StandardMessage`] |
+//! | which publications a robot has, and what goes out over them | [`Topics`] |
 //! | the package of `.msg` files | [`write_packages`] |
 //!
 //! Requests are not offered to ROS 2: they go through [`orders`](crate::orders) alone.
@@ -31,7 +32,9 @@
 mod cdr;
 mod graph;
 mod package;
+mod source_time;
 mod standard;
+mod topics;
 mod type_hash;
 
 pub use cdr::message;
@@ -39,5 +42,7 @@ pub use graph::{
     ATTACHMENT_LEN, Gid, NameError, Node, Publication, Qos, Reliability, Session, attachment,
 };
 pub use package::{ConflictingTypes, own_schemas, write_packages};
+pub use source_time::SourceTime;
 pub use standard::{StandardMessage, UnixOffset};
+pub use topics::{Change, Topics, Way};
 pub use type_hash::type_hash;

@@ -119,6 +119,12 @@ impl StandardMessage {
         }
     }
 
+    /// The message whose topic has this name within the robot's namespace.
+    pub fn of_key(key: &str) -> Option<StandardMessage> {
+        let mut all = StandardMessage::ALL.into_iter();
+        all.find(|message| message.key() == key)
+    }
+
     /// The groups without which there is no message.
     pub const fn needs(self) -> &'static [TelemetryGroup] {
         match self {

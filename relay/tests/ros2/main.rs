@@ -4,7 +4,9 @@
 //! `RIL_TEST_ROS2_PYTHON` names an interpreter that has the packages; else a virtual environment is made in the target folder, for
 //! which they come from PyPI. What is missing is said, and the test is skipped visibly.
 
+mod packages;
 mod python;
+mod relay_process;
 mod samples;
 
 use std::collections::BTreeMap;
@@ -96,6 +98,11 @@ fn zenoh_ros2_sdk_lists_and_echoes_the_topics() {
     fs::write(&plan, publisher_plan(&endpoint, &samples).to_string()).expect("a file");
     let _publisher = Publisher::start(python, &plan);
 
+    check_topics(python, &endpoint, &samples, folder.path());
+}
+
+/// Runs `check_topics.py`, which ends well when it gets `samples` from a publisher at `endpoint`. The folder has the packages.
+fn check_topics(python: &Path, endpoint: &str, samples: &[Sample], folder: &Path) {
     let topics: Vec<Value> = samples
         .iter()
         .map(|sample| {
@@ -109,12 +116,12 @@ fn zenoh_ros2_sdk_lists_and_echoes_the_topics() {
             })
         })
         .collect();
-    let expected = folder.path().join("expected.json");
+    let expected = folder.join("expected.json");
     fs::write(&expected, json!({ "topics": topics }).to_string()).expect("a file");
     let mut command = script(python, "check_topics.py");
     command
-        .args(["--endpoint", &endpoint, "--packages"])
-        .arg(folder.path())
+        .args(["--endpoint", endpoint, "--packages"])
+        .arg(folder)
         .arg("--expected")
         .arg(expected);
     run(&mut command).unwrap();

@@ -39,11 +39,7 @@ pub fn samples() -> Vec<Sample> {
     let values = serde_json::to_value(telemetry).expect("JSON");
     let schema = Schema::of::<HeroTelemetry>();
     own("hero_telemetry", schema, telemetry.bytes(), values);
-    let dsp = DspTelemetry {
-        sequence: 9,
-        flying: 1,
-        ..DspTelemetry::ZERO
-    };
+    let dsp = dsp();
     let values = serde_json::to_value(dsp).expect("JSON");
     own(
         "dsp_telemetry",
@@ -51,11 +47,7 @@ pub fn samples() -> Vec<Sample> {
         dsp.bytes(),
         values,
     );
-    let state = ModuleState {
-        sequence: 11,
-        module_id: 1,
-        ..ModuleState::ZERO
-    };
+    let state = state();
     let values = serde_json::to_value(state).expect("JSON");
     own(
         "module_state",
@@ -77,7 +69,7 @@ pub fn samples() -> Vec<Sample> {
 }
 
 /// A sample with all groups valid: level, to the north.
-fn telemetry() -> HeroTelemetry {
+pub fn telemetry() -> HeroTelemetry {
     HeroTelemetry {
         sequence: 42,
         epoch_ns: u64::MAX,
@@ -111,6 +103,24 @@ fn telemetry() -> HeroTelemetry {
             ..HeroSupply::ZERO
         },
         ..HeroTelemetry::ZERO
+    }
+}
+
+/// A sample of the DSP that flies.
+pub fn dsp() -> DspTelemetry {
+    DspTelemetry {
+        sequence: 9,
+        flying: 1,
+        ..DspTelemetry::ZERO
+    }
+}
+
+/// The state of the module 1.
+pub fn state() -> ModuleState {
+    ModuleState {
+        sequence: 11,
+        module_id: 1,
+        ..ModuleState::ZERO
     }
 }
 
