@@ -156,7 +156,9 @@ impl Declarations {
 
     fn give(&self, job: Job) {
         // It fails when the thread has ended, which it does after this value alone.
-        let _ = self.jobs.as_ref().map(|jobs| jobs.send(job));
+        if let Some(jobs) = &self.jobs {
+            let _ = jobs.send(job);
+        }
     }
 }
 
