@@ -187,7 +187,7 @@ fn station(args: StationArgs) -> Result<(), Failure> {
     }
     let side =
         StationSide::open(&set_up.domain, &robots, &name, config).or_fail(ExitCode::Internal)?;
-    tracing::info!(station = name, "ready");
+    tracing::info!(station = name, "for the robots of this station");
     go(side, &set_up)
 }
 
@@ -238,6 +238,7 @@ impl Process for Router {
 }
 
 fn go<S: Process<Error = WaitError>>(mut side: S, set_up: &SetUp<Config>) -> Result<(), Failure> {
+    tracing::info!("ready");
     process::run(&mut side, &set_up.termination, &set_up.supervisor).or_fail(ExitCode::Internal)
 }
 

@@ -38,6 +38,11 @@ impl Ros2Outlet {
         let session = Session::new(config.domain_id, &network.id())?;
         let topics = Topics::new(session, robot, config.standard_messages);
         let declarations = Declarations::start(network.declarer(), topics.node().token())?;
+        tracing::info!(
+            domain_id = config.domain_id,
+            namespace = topics.node().namespace(),
+            "a node of ROS 2"
+        );
         Ok(Some(Ros2Outlet {
             topics,
             declarations,
@@ -182,7 +187,7 @@ fn carry_out(declarer: &Declarer, node_token: &str, jobs: &Receiver<Job>) {
                 priority,
                 declared: place,
             } => match declare(declarer, &publication, priority) {
-                // Nobody else fills this place.
+                // Only this thread fills the place, and once.
                 Ok(declared) => drop(place.set(declared)),
                 Err(error) => {
                     let topic = publication.topic;

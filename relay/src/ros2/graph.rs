@@ -276,6 +276,7 @@ fn mangled(name: &str) -> String {
     name.replace('/', "%")
 }
 
+/// Version 1 of the crate, which Zenoh has through `lz4_flex`, computes an early draft of XXH3: other numbers than ROS 2.
 fn gid(token: &str) -> Gid {
     XxHash3_128::oneshot(token.as_bytes()).to_le_bytes()
 }

@@ -21,7 +21,7 @@ use crate::{check_topics, folder_with_packages, free_port};
 
 ipc_types::shared_struct! {
     /// A topic of a module, with a name that a standard message has too.
-    pub struct ImuData("imu.Data.v1") = 24 {
+    pub struct ImuData("imu.ImuData.v1") = 24 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publisher began, host monotonic ns.
@@ -178,7 +178,7 @@ fn a_module_s_topic_keeps_its_name_and_the_standard_message_is_left_out_with_one
     let expected = BTreeSet::from([
         "NN/%/%hero1/ril_relay".to_owned(),
         of("hero_telemetry", "hero_msgs::msg::dds_::HeroTelemetry_"),
-        of("imu%data", "imu_msgs::msg::dds_::Data_"),
+        of("imu%data", "imu_msgs::msg::dds_::ImuData_"),
         of("fix", "sensor_msgs::msg::dds_::NavSatFix_"),
         of("battery_state", "sensor_msgs::msg::dds_::BatteryState_"),
         of("velocity", "geometry_msgs::msg::dds_::TwistStamped_"),

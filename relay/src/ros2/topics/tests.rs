@@ -114,7 +114,7 @@ fn each_publication_counts_what_it_sent_and_says_when_the_sample_was_published()
     let time = OFFSET.0 + 3_000_000_000;
     let own = "/hero1/hero_telemetry".to_owned();
     assert_eq!(without_groups, [(own.clone(), 1, time)]);
-    telemetry.valid_groups = TelemetryGroup::Supply.bit().into();
+    telemetry.valid_groups = u32::from(TelemetryGroup::Supply.bit());
     let with_supply = harness.send("hero_telemetry", telemetry.bytes());
     let battery = "/hero1/battery_state".to_owned();
     assert_eq!(with_supply, [(own, 2, time), (battery, 1, time)]);
