@@ -9,7 +9,7 @@ use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
 use ipc_types::{Client, Ipc, Subscriber};
 use ril_tests::process::{Process, Signal, WAIT_LIMIT};
-use ril_tests::{Script, StandInBridge, StandInStatus, TestDomain};
+use ril_tests::{Received, Script, StandInBridge, StandInStatus, TestDomain};
 
 use crate::hostile::Flood;
 
@@ -146,6 +146,11 @@ impl Rig {
         panic!("request {id} has no final report: {last:?}");
     }
 
+    /// Id of the request that was sent last.
+    pub fn last_id(&self) -> u64 {
+        self.next_id - 1
+    }
+
     /// Sends a request that must be done, and asserts that the bridge has had it, and no other.
     pub fn request_done(&mut self) {
         let id = self.next_id;
@@ -153,7 +158,7 @@ impl Rig {
         let outcome = (report.stage(), report.reason());
         assert_eq!(outcome, (Some(Stage::Done), Some(Reason::None)), "{id}");
         match self.bridge.next_request() {
-            ril_tests::Received::Movement(movement) => assert_eq!(movement.request_id, id),
+            Received::Movement(movement) => assert_eq!(movement.request_id, id),
             other => panic!("{other:?} was ordered by a stranger"),
         }
     }
