@@ -53,7 +53,7 @@ pub struct Network {
 
 /// What arrives under a key expression.
 pub struct Inbox {
-    queue: Arc<Queue<Arrival>>,
+    queues: Arc<Queues>,
     _subscriber: zenoh::pubsub::Subscriber<()>,
 }
 
@@ -123,17 +123,21 @@ impl Network {
         let _ = rustix::io::read(&*self.arrivals, &mut [0; 8]);
     }
 
-    /// Receives what is sent to `key`, of which the newest wait as there is room.
+    /// Receives what is sent to `key`, of which the newest wait as there is room. What comes under a key of `own` has room of its own,
+    /// which nothing that comes under other keys takes.
     ///
     /// # Errors
     ///
     /// When Zenoh refuses the key expression.
-    pub fn receive(&self, key: &str, room: Room) -> Result<Inbox, NetworkError> {
-        let queue = Arc::new(Queue::new(room));
-        let (arriving, arrivals) = (Arc::clone(&queue), Arc::clone(&self.arrivals));
+    pub fn receive(&self, key: &str, own: Vec<String>, room: Room) -> Result<Inbox, NetworkError> {
+        let queues = Arc::new(Queues {
+            own_keys: own,
+            own: Queue::new(room),
+            others: Queue::new(room),
+        });
+        let (arriving, arrivals) = (Arc::clone(&queues), Arc::clone(&self.arrivals));
         let callback = move |sample: Sample| {
-            let bytes = sample.payload().len() + sample.attachment().map_or(0, ZBytes::len);
-            if arriving.push(bytes, (MonotonicNs::now(), sample)) {
+            if arriving.push(sample) {
                 // It fails when it has been written 2⁶⁴ − 2 times, and can be read then.
                 let _ = rustix::io::write(&*arrivals, &1_u64.to_ne_bytes());
             }
@@ -147,7 +151,7 @@ impl Network {
                 NetworkError::new(format!("nothing can be received at {key}"), error)
             })?;
         Ok(Inbox {
-            queue,
+            queues,
             _subscriber: subscriber,
         })
     }
@@ -221,10 +225,30 @@ impl Declarer {
     }
 }
 
+/// What has arrived: under keys that were named, and under others.
+struct Queues {
+    own_keys: Vec<String>,
+    own: Queue<Arrival>,
+    others: Queue<Arrival>,
+}
+
+impl Queues {
+    fn push(&self, sample: Sample) -> bool {
+        let bytes = sample.payload().len() + sample.attachment().map_or(0, ZBytes::len);
+        let key = sample.key_expr().as_str();
+        let queue = match self.own_keys.iter().any(|own| own == key) {
+            true => &self.own,
+            false => &self.others,
+        };
+        queue.push(bytes, (MonotonicNs::now(), sample))
+    }
+}
+
 impl Inbox {
-    /// Hands on every message that is there, in the order of arrival, and none that comes meanwhile.
+    /// Hands on every message that is there, those under named keys first, each kind in the order of arrival, and none that comes
+    /// meanwhile.
     pub fn drain(&self, mut take: impl FnMut(&Incoming<'_>)) {
-        for (at, sample) in self.queue.take() {
+        for (at, sample) in self.queues.own.take().chain(self.queues.others.take()) {
             let payload = sample.payload().to_bytes();
             let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
             take(&Incoming {

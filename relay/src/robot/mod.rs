@@ -110,12 +110,20 @@ impl RobotSide {
             ..orders::Config::default()
         };
         let ros2 = Ros2Outlet::open(&network, &config.ros2, ipc.robot())?;
+        let named = |key: fn(NonZeroU32, &str) -> String| {
+            let stations = config.commands.stations.iter();
+            let stations = stations.chain(&config.security.stations);
+            stations.map(|name| key(robot, name)).collect()
+        };
+        let asks = network.receive(&names::ask(robot, "*"), named(names::ask), ASK_ROOM)?;
+        let commands =
+            network.receive(&names::order(robot, "*"), named(names::order), ORDER_ROOM)?;
         let now = MonotonicNs::now();
         Ok(RobotSide {
             robot,
             life,
-            asks: network.receive(&names::ask(robot, "*"), ASK_ROOM)?,
-            commands: network.receive(&names::order(robot, "*"), ORDER_ROOM)?,
+            asks,
+            commands,
             services: Services::new(life, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
             lives: Lives::default(),

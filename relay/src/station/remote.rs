@@ -92,8 +92,8 @@ impl Remote {
             endpoints: [&config.station.connect[..], &config.station.listen[..]]
                 .concat()
                 .join(" "),
-            tells: network.receive(&names::tell(robot.number, station), ANSWERS)?,
-            samples: network.receive(&names::topics(robot.number), SAMPLES)?,
+            tells: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
+            samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
             state: ipc.publisher()?,
             link_out: ipc.publisher()?,
             counts: Counts::default(),

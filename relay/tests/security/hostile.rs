@@ -29,6 +29,15 @@ pub struct Heard {
 }
 
 impl Heard {
+    /// The session of a station, if one was heard: without certificates all that a robot says can be.
+    pub fn session(&self) -> Option<u64> {
+        let heard = self.drain();
+        heard.iter().find_map(|(_, message)| match decode(message) {
+            Ok(Tell::Pong(pong)) if pong.session != 0 => Some(pong.session),
+            _ => None,
+        })
+    }
+
     /// What has been heard since the last time.
     pub fn drain(&self) -> Vec<(String, Vec<u8>)> {
         std::mem::take(&mut self.messages.lock().expect("no panic"))
@@ -228,12 +237,7 @@ impl Flood {
     }
 
     /// The first order of the station, whose session was heard: as it was, of a former floor, and under numbers to come.
-    pub fn replay(stranger: Stranger, heard: &[(String, Vec<u8>)]) -> Flood {
-        let session = heard.iter().find_map(|(_, message)| match decode(message) {
-            Ok(Tell::Pong(pong)) if pong.session != 0 => Some(pong.session),
-            _ => None,
-        });
-        let session = session.expect("without certificates all that a robot says can be heard");
+    pub fn replay(stranger: Stranger, session: u64) -> Flood {
         let order = |number| Order {
             session,
             number,

@@ -55,15 +55,15 @@ fn by_default_a_relay_is_reached_from_its_own_machine_alone_and_by_no_multicast(
         command.env_remove("RIL_CONFIG").env_remove("RIL_LOG");
         command.env_remove("RIL_ROBOT").current_dir("/");
         let mut process = Process::spawn(&domain, command);
-        process.wait_for_line(|line| line.text.contains("ready"));
+        process.wait_for_text("the network is open");
         // 127.0.0.1:7447, least significant byte first.
-        let listening = ["0100007F:1D17".to_owned()];
+        let listening = "0100007F:1D17".to_owned();
         let tcp = addresses(&process, "tcp");
         assert!(
             tcp.iter().all(|address| address.starts_with("0100007F:")),
             "{side}: {tcp:?}"
         );
-        assert_eq!(tcp.contains(&listening[0]), listens, "{side}: {tcp:?}");
+        assert_eq!(tcp.contains(&listening), listens, "{side}: {tcp:?}");
         for table in ["tcp6", "udp", "udp6", "raw"] {
             assert_eq!(
                 addresses(&process, table),

@@ -9,7 +9,9 @@ use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
 use ipc_types::{Client, Ipc, Subscriber};
 use ril_tests::process::{Process, Signal, WAIT_LIMIT};
-use ril_tests::{Script, StandInBridge, StandInStatus, TestDomain};
+use ril_tests::{Received, Script, StandInBridge, StandInStatus, TestDomain};
+
+use crate::hostile::Flood;
 
 /// The relay's program.
 pub const RELAY: &str = env!("CARGO_BIN_EXE_ril-relay");
@@ -44,6 +46,9 @@ pub struct Rig {
     samples: Vec<HeroTelemetry>,
     published: usize,
     pub received: u64,
+    /// What strangers send with each sample: so many messages of each.
+    pub floods: Vec<(usize, Flood)>,
+    pub hostile: u64,
     next_id: u64,
     _ground: Ipc,
     pub folder: tempfile::TempDir,
@@ -88,6 +93,8 @@ impl Rig {
             samples: script.hero(),
             published: 0,
             received: 0,
+            floods: Vec::new(),
+            hostile: 0,
             next_id: 1,
             _ground: ground,
             folder,
@@ -103,6 +110,12 @@ impl Rig {
             ..*sample
         });
         self.published += 1;
+        for (count, flood) in &mut self.floods {
+            for _ in 0..*count {
+                flood.send();
+            }
+            self.hostile += *count as u64;
+        }
         if let Ok(Some(_)) = self.telemetry.recv_timeout(SAMPLE_PERIOD) {
             self.received += 1;
         }
@@ -133,6 +146,11 @@ impl Rig {
         panic!("request {id} has no final report: {last:?}");
     }
 
+    /// Id of the request that was sent last.
+    pub fn last_id(&self) -> u64 {
+        self.next_id - 1
+    }
+
     /// Sends a request that must be done, and asserts that the bridge has had it, and no other.
     pub fn request_done(&mut self) {
         let id = self.next_id;
@@ -140,7 +158,7 @@ impl Rig {
         let outcome = (report.stage(), report.reason());
         assert_eq!(outcome, (Some(Stage::Done), Some(Reason::None)), "{id}");
         match self.bridge.next_request() {
-            ril_tests::Received::Movement(movement) => assert_eq!(movement.request_id, id),
+            Received::Movement(movement) => assert_eq!(movement.request_id, id),
             other => panic!("{other:?} was ordered by a stranger"),
         }
     }
