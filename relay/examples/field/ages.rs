@@ -91,20 +91,21 @@ impl Observer {
 }
 
 /// Writes down when the robot received each sample.
-pub struct Truth {
+pub struct Truth<'a> {
+    robot: &'a Machine,
     echo: Process,
 }
 
-impl Truth {
-    pub fn start(robot: &Machine) -> Truth {
+impl Truth<'_> {
+    pub fn start(robot: &Machine) -> Truth<'_> {
         let mut echo = robot.start("echo dsp --json --field sequence --field received_ns");
         echo.wait_for_line(|line| line.stream == Stream::Stdout);
-        Truth { echo }
+        Truth { robot, echo }
     }
 
     /// When each sample was received, in the station's clock.
     pub fn end(self) -> HashMap<u64, MonotonicNs> {
-        let lines = kill(self.echo).stdout;
+        let lines = kill(self.robot, self.echo).stdout;
         let mut truth = HashMap::new();
         for line in lines {
             let Ok(sample) = serde_json::from_str::<serde_json::Value>(&line) else {

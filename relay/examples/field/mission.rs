@@ -53,7 +53,7 @@ impl std::fmt::Display for Outcome {
 ///
 /// Why this machine cannot do it.
 pub fn run(plan: &Plan, loss: f64) -> Result<Outcome, String> {
-    let site = Site::start(plan)?;
+    let mut site = Site::start(plan)?;
     site.air.set(Weather::loss(loss));
     let place = site.station.subscribe::<DspTelemetry>(1).next().geographic;
     let point = |north_deg: f64, east_deg: f64, up_m: f64| {

@@ -67,7 +67,7 @@ pub fn run(
     loss: f64,
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Outcome, String> {
-    let site = Site::start(plan)?;
+    let mut site = Site::start(plan)?;
     site.air.set(Weather::loss(loss));
     let truth = Truth::start(&site.robot);
     let mut observer = Observer::new(&site.station);

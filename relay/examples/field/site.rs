@@ -114,26 +114,30 @@ impl Site {
 
     /// Kills the robot's relay and starts another one.
     pub fn restart_robot_relay(&mut self) {
-        self.robot_relay.take().map(kill);
+        if let Some(relay) = self.robot_relay.take() {
+            kill(&self.robot, relay);
+        }
         self.start_robot_relay();
     }
 
     /// Kills the station's relay and starts another one.
     pub fn restart_station_relay(&mut self) {
-        self.station_relay.take().map(kill);
+        if let Some(relay) = self.station_relay.take() {
+            kill(&self.station, relay);
+        }
         self.start_station_relay();
     }
 
-    /// Ends everything in order, in fine weather. Returns the log of the bridge and that of the simulator.
-    pub fn end(self) -> [ril_tests::process::Finished; 2] {
+    /// Ends all processes in order, in fine weather; the machines look whether anything is left when they are dropped. Returns the log of the bridge and that of the simulator.
+    pub fn end(&mut self) -> [ril_tests::process::Finished; 2] {
         self.air.set(Weather::default());
-        for relay in [self.station_relay, self.robot_relay].into_iter().flatten() {
+        for relay in [self.station_relay.take(), self.robot_relay.take()]
+            .into_iter()
+            .flatten()
+        {
             end(relay);
         }
-        let logs = self.crew.expect("it runs").end();
-        self.station.sweep();
-        self.robot.sweep();
-        logs
+        self.crew.take().expect("it runs").end()
     }
 }
 

@@ -88,7 +88,7 @@ impl std::fmt::Display for Outcome {
 ///
 /// Why this machine cannot do it.
 pub fn run(plan: &Plan, rate_bps: u64, duration: Duration) -> Result<Outcome, String> {
-    let site = Site::start(plan)?;
+    let mut site = Site::start(plan)?;
     let mut hero = site.station.subscribe::<HeroTelemetry>(1);
     let mut dsp = site.station.subscribe::<DspTelemetry>(1);
     site.air.set(Weather {

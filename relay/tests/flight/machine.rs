@@ -6,10 +6,12 @@
 // The tests and the examples each use a part of it.
 #![allow(dead_code)]
 
+use std::cell::Cell;
 use std::fs;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread;
 use std::time::Duration;
 
 use ipc_types::code::{LinkState, RelayLinkState};
@@ -40,6 +42,7 @@ pub struct Machine {
     /// The words before each command, such as those that enter a network namespace.
     starter: Vec<String>,
     folder: PtyFolder,
+    is_swept: Cell<bool>,
     /// Last, because it looks whether anything is left.
     pub domain: TestDomain,
 }
@@ -56,6 +59,7 @@ impl Machine {
             ril: ril.to_owned(),
             starter,
             folder: PtyFolder::new(),
+            is_swept: Cell::new(false),
             domain: TestDomain::watched_by(Watchdog::with_limit(name, limit)),
         }
     }
@@ -116,9 +120,17 @@ impl Machine {
             .until("the bridge's link is up", is_ready);
     }
 
-    /// Removes what killed processes left in shared memory.
-    pub fn sweep(&self) {
-        self.domain.sweep();
+    /// A process of this machine is killed: what it leaves in shared memory is removed at the end, as the next start would do.
+    pub fn has_kills(&self) {
+        self.is_swept.set(true);
+    }
+}
+
+impl Drop for Machine {
+    fn drop(&mut self) {
+        if self.is_swept.get() && !thread::panicking() {
+            self.domain.sweep();
+        }
     }
 }
 
@@ -158,6 +170,7 @@ impl Crew {
     /// Kills the bridge, starts another one, and returns what the former had logged.
     #[track_caller]
     pub fn restart_bridge(&mut self, machine: &Machine) -> Finished {
+        machine.has_kills();
         self.bridge.signal(Signal::KILL);
         let killed = self.bridge.wait_exit();
         self.bridge = bridge(machine, self.robot);
@@ -186,9 +199,10 @@ pub fn end(mut process: Process) -> Finished {
     finished
 }
 
-/// Kills a process, and returns what it had logged.
+/// Kills a process of `machine`, and returns what it had logged.
 #[track_caller]
-pub fn kill(mut process: Process) -> Finished {
+pub fn kill(machine: &Machine, mut process: Process) -> Finished {
+    machine.has_kills();
     process.signal(Signal::KILL);
     process.wait_exit()
 }

@@ -22,7 +22,7 @@ fn assert_ends_with(mut process: Process, words: &str) {
 
 #[test]
 fn a_station_that_may_not_command_sees_everything_and_is_told_who_may() {
-    let Some(rig) = Rig::start("may not command", "") else {
+    let Some(mut rig) = Rig::start("may not command", "") else {
         return;
     };
     let ril = beside_or_skip(Path::new(RELAY)).expect("it was there");
@@ -47,7 +47,7 @@ fn a_station_that_may_not_command_sees_everything_and_is_told_who_may() {
 
 #[test]
 fn a_second_relay_of_a_robot_or_a_station_ends_at_once_and_says_why() {
-    let Some(rig) = Rig::start("second relay", "") else {
+    let Some(mut rig) = Rig::start("second relay", "") else {
         return;
     };
     let elsewhere = free_endpoint();

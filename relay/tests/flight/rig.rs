@@ -15,10 +15,11 @@ pub const RELAY: &str = env!("CARGO_BIN_EXE_ril-relay");
 /// Robot 1 with its crew and its relay, and a station that may command it. The machines come last, because they look
 /// whether anything is left.
 pub struct Rig {
-    pub crew: Crew,
-    /// Nothing while it is killed.
+    /// Nothing after the end.
+    pub crew: Option<Crew>,
+    /// Nothing while it is killed, and after the end.
     pub robot_relay: Option<Process>,
-    /// Nothing while it is killed.
+    /// Nothing while it is killed, and after the end.
     pub station_relay: Option<Process>,
     pub robot: Machine,
     pub station: Machine,
@@ -40,7 +41,7 @@ impl Rig {
         let station_relay = start_station(&station, &endpoint);
         station.await_link(1);
         Some(Rig {
-            crew,
+            crew: Some(crew),
             robot_relay: Some(robot_relay),
             station_relay: Some(station_relay),
             robot,
@@ -52,13 +53,13 @@ impl Rig {
     /// Kills the robot's relay.
     #[track_caller]
     pub fn kill_robot_relay(&mut self) -> Finished {
-        kill(self.robot_relay.take().expect("it runs"))
+        kill(&self.robot, self.robot_relay.take().expect("it runs"))
     }
 
     /// Kills the station's relay.
     #[track_caller]
     pub fn kill_station_relay(&mut self) -> Finished {
-        kill(self.station_relay.take().expect("it runs"))
+        kill(&self.station, self.station_relay.take().expect("it runs"))
     }
 
     /// Starts another relay of the robot in the place of one that was killed.
@@ -109,17 +110,16 @@ impl Rig {
         path
     }
 
-    /// Ends everything in order. Returns the logs of bridge and simulator.
+    /// Ends all processes in order; the machines look whether anything is left when they are dropped. Returns the logs of bridge and simulator.
     #[track_caller]
-    pub fn end(self) -> [Finished; 2] {
-        for relay in [self.station_relay, self.robot_relay].into_iter().flatten() {
+    pub fn end(&mut self) -> [Finished; 2] {
+        for relay in [self.station_relay.take(), self.robot_relay.take()]
+            .into_iter()
+            .flatten()
+        {
             end(relay);
         }
-        let logs = self.crew.end();
-        // Whatever was killed is gone with the last process of its machine.
-        self.station.sweep();
-        self.robot.sweep();
-        logs
+        self.crew.take().expect("it runs").end()
     }
 }
 
