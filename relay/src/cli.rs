@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use std::os::fd::AsFd;
+
 use clap::{Args as ClapArgs, Subcommand};
 use ipc_types::{WaitError, Wake};
 use module_kit::SetUp;
@@ -13,7 +15,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use crate::access;
 use crate::certify::{Machine, Order, certify};
 use crate::config::{Config, DEFAULT_FILE, RemoteRobot, check_name};
-use crate::network::{Network, Side};
+use crate::network::{Network, NetworkError, Side};
 use crate::robot::RobotSide;
 use crate::ros2_packages;
 use crate::station::StationSide;
@@ -167,7 +169,7 @@ fn robot(args: RobotArgs) -> Result<(), Failure> {
     config.security.insecure |= args.insecure;
     check(config, Side::Robot)?;
     let ipc = set_up.join("relay")?;
-    let side = RobotSide::open(ipc, set_up.config.clone()).or_fail(ExitCode::Internal)?;
+    let side = RobotSide::open(ipc, set_up.config.clone(), set_up.termination.as_fd());
     go(side, &set_up)
 }
 
@@ -185,9 +187,9 @@ fn station(args: StationArgs) -> Result<(), Failure> {
     if robots.is_empty() {
         robots.push(RemoteRobot::of(args.common.robot));
     }
-    let side =
-        StationSide::open(&set_up.domain, &robots, &name, config).or_fail(ExitCode::Internal)?;
     tracing::info!(station = name, "for the robots of this station");
+    let end = set_up.termination.as_fd();
+    let side = StationSide::open(&set_up.domain, &robots, &name, config, end);
     go(side, &set_up)
 }
 
@@ -199,8 +201,9 @@ fn router(args: RouterArgs) -> Result<(), Failure> {
     replace(&mut config.router.listen, args.listen);
     replace(&mut config.router.connect, args.connect);
     check(config, Side::Router)?;
-    let network = Network::open(config, Side::Router).or_fail(ExitCode::Internal)?;
-    go(Router { network }, &set_up)
+    let network = Network::open(config, Side::Router, set_up.termination.as_fd());
+    let router = network.map(|network| Router { network });
+    go(router.map_err(crate::Failure::from), &set_up)
 }
 
 fn ros2_packages(args: &Ros2PackagesArgs) -> Result<(), Failure> {
@@ -237,7 +240,15 @@ impl Process for Router {
     }
 }
 
-fn go<S: Process<Error = WaitError>>(mut side: S, set_up: &SetUp<Config>) -> Result<(), Failure> {
+/// Runs what was opened, if the process was not asked to end before.
+fn go<S: Process<Error = WaitError>>(
+    side: Result<S, crate::Failure>,
+    set_up: &SetUp<Config>,
+) -> Result<(), Failure> {
+    let mut side = match side {
+        Err(crate::Failure::Network(NetworkError::Ended)) => return Ok(()),
+        side => side.or_fail(ExitCode::Internal)?,
+    };
     tracing::info!("ready");
     process::run(&mut side, &set_up.termination, &set_up.supervisor).or_fail(ExitCode::Internal)
 }

@@ -8,7 +8,8 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
 
 use ipc_types::MonotonicNs;
-use rustix::event::{EventfdFlags, eventfd};
+use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
+use rustix::io::Errno;
 use serde_json::{Value, json};
 use zenoh::Wait;
 use zenoh::bytes::ZBytes;
@@ -30,15 +31,23 @@ const QUEUE_BATCHES: usize = 4;
 
 /// The network does not work.
 #[derive(Debug, thiserror::Error)]
-#[error("{what}: {reason}")]
-pub struct NetworkError {
-    what: String,
-    reason: String,
+pub enum NetworkError {
+    /// Zenoh, or the operating system, refuses.
+    #[error("{what}: {reason}")]
+    Failed {
+        /// What was wanted.
+        what: String,
+        /// What it says.
+        reason: String,
+    },
+    /// The process was asked to end before a router was reached.
+    #[error("it was ended before a router was reached")]
+    Ended,
 }
 
 impl NetworkError {
     fn new(what: impl Into<String>, reason: impl std::fmt::Display) -> NetworkError {
-        NetworkError {
+        NetworkError::Failed {
             what: what.into(),
             reason: reason.to_string(),
         }
@@ -88,16 +97,17 @@ pub struct Incoming<'a> {
 }
 
 impl Network {
-    /// Takes part in the network. Connections are made, and made again, in the background.
+    /// Takes part in the network. Connections are made, and made again, in the background; only a side that goes through a
+    /// router waits here for the first one, or until `end` can be read.
     ///
     /// # Errors
     ///
     /// When the configuration's endpoints or certificates cannot be used, or an address is taken.
-    pub fn open(config: &Config, side: Side) -> Result<Network, NetworkError> {
+    pub fn open(config: &Config, side: Side, end: BorrowedFd<'_>) -> Result<Network, NetworkError> {
         let zenoh_config = zenoh_config(config, side).map_err(|error| {
             NetworkError::new("the configuration of the network is refused", error)
         })?;
-        let session = zenoh::open(zenoh_config).wait().map_err(|error| {
+        let session = open_session(zenoh_config, end)?.map_err(|error| {
             NetworkError::new(
                 "the network cannot be opened; is an address taken or a certificate missing?",
                 error,
@@ -295,6 +305,40 @@ fn zenoh_priority(priority: Priority) -> ZenohPriority {
         Priority::Data => ZenohPriority::Data,
         Priority::Low => ZenohPriority::DataLow,
         Priority::Background => ZenohPriority::Background,
+    }
+}
+
+/// Opens a session in a thread of its own, because nothing can interrupt Zenoh while it looks for a router.
+fn open_session(
+    config: zenoh::Config,
+    end: BorrowedFd<'_>,
+) -> Result<zenoh::Result<zenoh::Session>, NetworkError> {
+    let failed = |error| NetworkError::new("the network cannot be waited for", error);
+    let opened = eventfd(0, EventfdFlags::CLOEXEC).map_err(failed)?;
+    let opener = opened
+        .try_clone()
+        .map_err(|error| NetworkError::new("no descriptor", error))?;
+    let thread = std::thread::spawn(move || {
+        let session = zenoh::open(config).wait();
+        let _ = rustix::io::write(&opener, &1_u64.to_ne_bytes());
+        session
+    });
+    loop {
+        let mut ready = [
+            PollFd::new(&opened, PollFlags::IN),
+            PollFd::new(&end, PollFlags::IN),
+        ];
+        match poll(&mut ready, None) {
+            Err(Errno::INTR) => {}
+            Err(error) => return Err(failed(error)),
+            // The thread ends with the process.
+            Ok(_) if ready[0].revents().is_empty() => return Err(NetworkError::Ended),
+            Ok(_) => {
+                let session = thread.join();
+                return session
+                    .map_err(|_| NetworkError::new("the network", "its thread has failed"));
+            }
+        }
     }
 }
 

@@ -10,6 +10,7 @@ pub mod services;
 pub mod stations;
 
 use std::num::NonZeroU32;
+use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use ipc_types::code::ModuleStatus;
@@ -98,12 +99,12 @@ impl RobotSide {
     /// # Errors
     ///
     /// Another relay of this robot runs, or shared memory or the network cannot be used.
-    pub fn open(ipc: Ipc, config: Config) -> Result<RobotSide, Failure> {
+    pub fn open(ipc: Ipc, config: Config, end: BorrowedFd<'_>) -> Result<RobotSide, Failure> {
         let robot = NonZeroU32::new(ipc.robot().get()).unwrap_or(NonZeroU32::MIN);
         // First, so that a second relay of the robot ends before it takes the network's address.
         let state = ipc.publisher()?;
         let stations_out = ipc.publisher()?;
-        let network = Network::open(&config, Side::Robot)?;
+        let network = Network::open(&config, Side::Robot, end)?;
         let life = fresh();
         let order_config = orders::Config {
             link_loss: config.commands.lost_after(),

@@ -8,6 +8,8 @@ pub mod link;
 mod mirror;
 mod remote;
 
+use std::os::fd::BorrowedFd;
+
 use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
@@ -38,6 +40,7 @@ impl StationSide {
         robots: &[RemoteRobot],
         name: &str,
         config: &Config,
+        end: BorrowedFd<'_>,
     ) -> Result<StationSide, Failure> {
         let mut joined = Vec::new();
         for robot in robots {
@@ -46,7 +49,7 @@ impl StationSide {
                 Ipc::join(domain, RobotId::from(robot.here()), "relay")?,
             ));
         }
-        let network = Network::open(config, Side::Station)?;
+        let network = Network::open(config, Side::Station, end)?;
         let ports = PortSet::new()?;
         let mut remotes = Vec::new();
         for (robot, ipc) in joined {

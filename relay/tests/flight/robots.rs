@@ -50,7 +50,8 @@ fn fly_a_star(order: [Part; 3]) {
                 }
             }
             Part::Station => relays.push(
-                station.start_ready(&format!("relay station --name gcs --connect {endpoint}")),
+                // It is ready when it has reached the router.
+                station.start(&format!("relay station --name gcs --connect {endpoint}")),
             ),
         }
     }
