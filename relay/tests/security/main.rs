@@ -172,7 +172,14 @@ fn a_stranger_who_takes_the_name_of_the_station_executes_nothing_twice_and_when_
 /// Certificates of the robot, the station and a watcher in `pki`, and of a stranger with an authority of his own in `other`.
 fn certify(folder: &Path) {
     for args in [
-        &["certify", "pki", "robot-1=127.0.0.1", "gcs", "viewer"][..],
+        &[
+            "certify",
+            "pki",
+            "robot-1=127.0.0.1",
+            "gcs",
+            "viewer",
+            "router=127.0.0.1",
+        ][..],
         &["certify", "other", "gcs", "robot-1=127.0.0.1"],
     ] {
         let made = std::process::Command::new(RELAY)
@@ -308,4 +315,63 @@ fn with_certificates_over_tls_strangers_read_and_order_nothing() {
 #[test]
 fn with_certificates_over_quic_strangers_read_and_order_nothing() {
     strangers_read_and_order_nothing("quic");
+}
+
+#[test]
+fn through_a_router_with_certificates_a_watcher_reads_and_orders_nothing_in_another_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    certify(folder.path());
+    let endpoint = format!("tls/127.0.0.1:{}", free_port());
+    for (file, name) in [
+        ("robot", "robot-1"),
+        ("station", "gcs"),
+        ("router", "router"),
+    ] {
+        let (listen, connect) = match file {
+            "router" => (vec![&endpoint], Vec::new()),
+            _ => (Vec::new(), vec![&endpoint]),
+        };
+        let text = format!(
+            "[network]\nthrough = \"router\"\n[security]\nauthority = \"pki/ca.pem\"\ncertificate = \"pki/{name}.pem\"\n\
+             key = \"pki/{name}-key.pem\"\nrobots = {{ robot-1 = 1 }}\nrouters = [\"router\"]\nstations = [\"viewer\"]\n\
+             [commands]\nstations = [\"gcs\"]\n[{file}]\nlisten = {listen:?}\nconnect = {connect:?}\n{}",
+            if file == "station" {
+                "name = \"gcs\"\n"
+            } else {
+                ""
+            }
+        );
+        write(folder.path(), &format!("{file}.toml"), &text);
+    }
+    let mut rig = Rig::start(folder);
+    rig.request_done();
+    let viewer = Stranger::certified(&endpoint, rig.folder.path(), "pki", "viewer");
+    let others = viewer.listen("hero/1/tell/gcs");
+    let orders = viewer.listen("hero/1/order/*");
+    let topics = viewer.listen("hero/1/topic/**");
+    viewer.order("gcs");
+    viewer.order("viewer");
+    while topics.drain().is_empty() {
+        rig.telemetry();
+    }
+    for _ in 0..5 {
+        viewer.order("gcs");
+        rig.request_done();
+    }
+    assert_eq!(others.drain(), []);
+    assert_eq!(orders.drain(), []);
+    rig.end();
+}
+
+#[test]
+fn orders_from_other_machines_without_certificates_are_refused_at_the_start() {
+    let refused = std::process::Command::new(RELAY)
+        .args(["robot", "--may-command", "gcs", "--listen", "tcp/0.0.0.0:0"])
+        .env_remove("RIL_CONFIG")
+        .current_dir("/")
+        .output()
+        .expect("the relay's program");
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(78), "{told}");
+    assert!(told.contains("ril relay certify"), "{told}");
 }

@@ -39,6 +39,7 @@ pub fn relay(domain: &TestDomain, folder: &Path, args: &[&str]) -> Process {
 pub struct Rig {
     pub station: Process,
     pub robot: Process,
+    router: Option<Process>,
     pub bridge: StandInBridge,
     status: StandInStatus,
     client: Client<MovementData>,
@@ -56,12 +57,17 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Both relays with `relay.toml` of the folder, when the link is up and the robot's services are there at the station.
+    /// Both relays with `robot.toml` and `station.toml` of the folder, and a router if there is `router.toml`, when the link is up and the robot's services are there at the station.
     pub fn start(folder: tempfile::TempDir) -> Rig {
         let (robot_domain, station_domain) = (TestDomain::new(), TestDomain::new());
         let bridge = StandInBridge::start(&robot_domain);
         let status = StandInStatus::start(&robot_domain);
         let toml = |name: &str| -> PathBuf { folder.path().join(name) };
+        let router_toml = toml("router.toml");
+        let router = router_toml.is_file().then(|| {
+            let args = ["router", "--config", router_toml.to_str().expect("text")];
+            relay(&robot_domain, folder.path(), &args)
+        });
         let (robot_toml, station_toml) = (toml("robot.toml"), toml("station.toml"));
         let path = |path: &Path| path.to_str().expect("text").to_owned();
         let robot = relay(
@@ -86,6 +92,7 @@ impl Rig {
         Rig {
             station,
             robot,
+            router,
             bridge,
             status,
             client,
@@ -192,7 +199,11 @@ impl Rig {
 
     /// Ends both relays as an operator does.
     pub fn end(mut self) {
-        for process in [&mut self.station, &mut self.robot] {
+        let router = self.router.iter_mut();
+        for process in [&mut self.station, &mut self.robot]
+            .into_iter()
+            .chain(router)
+        {
             process.signal(Signal::TERM);
             let finished = process.wait_exit();
             assert_eq!(finished.code(), Some(0), "{finished:#?}");
