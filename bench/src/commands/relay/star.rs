@@ -1,6 +1,7 @@
 //! Many robots, one router, some stations that each have all robots.
 
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Result;
@@ -79,25 +80,30 @@ impl Running {
         arguments.extend(roots.iter().map(|root| root as &dyn Argument));
         let robots = Child::start(&common, &arguments)?;
 
-        let start = |site: &Site, side: &str, robots: &[u32], more: &[&dyn Argument]| {
-            let name = format!("{side}-{}.toml", robots.first().unwrap_or(&0));
-            let path = common.path().join(name);
+        let configure = |robots: &[u32]| -> Result<PathBuf> {
+            let path = common
+                .path()
+                .join(format!("{}.toml", robots.first().unwrap_or(&0)));
             std::fs::write(&path, config(port, robots))?;
-            let path = path.as_path();
-            let arguments: [&dyn Argument; 4] = [&"relay", &side, &"--config", &path];
+            Ok(path)
+        };
+        let start = |site: &Site, side: &str, config: &Path, more: &[&dyn Argument]| {
+            let arguments: [&dyn Argument; 4] = [&"relay", &side, &"--config", &config];
             Child::spawn(site, &[&arguments[..], more].concat())
         };
-        let router = start(&common, "router", &[], &[])?;
+        let config = configure(&[])?;
+        let router = start(&common, "router", &config, &[])?;
         let mut robot_sides = Vec::new();
         for (number, site) in (1_u32..).zip(&robot_sites) {
-            robot_sides.push(start(site, "robot", &[], &[&"--robot", &number])?);
+            robot_sides.push(start(site, "robot", &config, &[&"--robot", &number])?);
         }
         let all: Vec<u32> = (1..=size.robots).collect();
         let mut station_sides = Vec::new();
-        for (index, site) in station_sites.iter().enumerate() {
-            let name = format!("bench-{index}");
-            for some in all.chunks(MAX_ROBOTS) {
-                station_sides.push(start(site, "station", some, &[&"--name", &name])?);
+        for some in all.chunks(MAX_ROBOTS) {
+            let config = configure(some)?;
+            for (index, site) in station_sites.iter().enumerate() {
+                let name = format!("bench-{index}");
+                station_sides.push(start(site, "station", &config, &[&"--name", &name])?);
             }
         }
         let mut consumers = Vec::new();
