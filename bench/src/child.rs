@@ -20,6 +20,10 @@ use crate::dsp::{Dsp, Rate};
 use crate::latency::Recorder;
 use crate::pace::Pace;
 use crate::peers::Peer;
+#[cfg(feature = "relay")]
+use crate::plain_zenoh;
+#[cfg(feature = "relay")]
+use crate::relayed;
 use crate::requests;
 use crate::stream::telemetry;
 
@@ -79,6 +83,24 @@ enum Role {
     ServeRaw,
     /// Sends requests over iceoryx2 alone
     AskRaw { count: usize, rate_hz: u32 },
+    /// Is robots, one in each domain, until it is ended
+    #[cfg(feature = "relay")]
+    Robots { rate_hz: u32, roots: Vec<PathBuf> },
+    /// Reads the telemetry of robots
+    #[cfg(feature = "relay")]
+    ConsumeRobots { robots: u32, samples: usize },
+    /// Is a robot over plain Zenoh until it is ended
+    #[cfg(feature = "relay")]
+    ZenohRobot { endpoint: String, rate_hz: u32 },
+    /// Reads its telemetry
+    #[cfg(feature = "relay")]
+    ConsumeZenoh { endpoint: String, samples: usize },
+    /// The relay
+    #[cfg(feature = "relay")]
+    Relay {
+        #[command(subcommand)]
+        command: relay::cli::Command,
+    },
     /// The bridge
     Bridge(bridge::cli::Args),
     /// Status
@@ -101,6 +123,8 @@ pub fn run(args: Args) -> ExitCode {
     match args.role {
         Role::Bridge(args) => runtime::exit::main_with(|| bridge::cli::run(args)),
         Role::Status(args) => runtime::exit::main_with(|| status::cli::run(args)),
+        #[cfg(feature = "relay")]
+        Role::Relay { command } => runtime::exit::main_with(|| relay::cli::run(command)),
         role => match play(role) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
@@ -144,8 +168,25 @@ fn play(role: Role) -> Result<()> {
         Role::AskRaw { count, rate_hz } => {
             tell_result(&requests::ask_raw(count, rate_hz, tell_ready)?)
         }
+        #[cfg(feature = "relay")]
+        Role::Robots { rate_hz, roots } => relayed::be_robots(rate_hz, &roots, tell_ready),
+        #[cfg(feature = "relay")]
+        Role::ConsumeRobots { robots, samples } => {
+            tell_alive();
+            tell_result(&relayed::consume(robots, samples, tell_ready)?)
+        }
+        #[cfg(feature = "relay")]
+        Role::ZenohRobot { endpoint, rate_hz } => {
+            plain_zenoh::publish(&endpoint, rate_hz, tell_ready)
+        }
+        #[cfg(feature = "relay")]
+        Role::ConsumeZenoh { endpoint, samples } => {
+            tell_result(&plain_zenoh::consume(&endpoint, samples, tell_ready)?)
+        }
         // They have exit codes of their own.
         Role::Bridge(_) | Role::Status(_) => Ok(()),
+        #[cfg(feature = "relay")]
+        Role::Relay { .. } => Ok(()),
     }
 }
 

@@ -1,12 +1,13 @@
 //! Measures the RIL side by side with what its users would use otherwise.
 //!
-//! Five commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
+//! Six commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
 //!
 //! * `hop`: one sample of telemetry from one process to another;
 //! * `anticipate`: a consumer that is awake when a sample comes, against one that is woken for it;
 //! * `codec`: the decoder of the serial line;
 //! * `end-to-end`: from a byte on the serial line to a consumer, and a request and its answer;
-//! * `cost`: processor time, wake-ups, system calls, highest rate, losses.
+//! * `cost`: processor time, wake-ups, system calls, highest rate, losses;
+//! * `relay`: telemetry on another machine, beside plain Zenoh, and a star of many robots.
 //!
 //! What is compared is always measured in the same run, in rounds that take turns, so that whatever else the machine
 //! does falls upon all alike. A ratio is that of one round; the median over the rounds is told. Every process that is
@@ -23,14 +24,20 @@ mod mavlink_message;
 mod pace;
 mod peers;
 mod plain;
+#[cfg(feature = "relay")]
+mod plain_zenoh;
 mod plot;
 mod process;
+#[cfg(feature = "relay")]
+mod relayed;
 mod report;
 mod requests;
 mod rounds;
 mod site;
 mod statistics;
 mod stream;
+#[cfg(feature = "relay")]
+mod traffic;
 mod usage;
 
 use std::process::ExitCode;
@@ -57,6 +64,9 @@ enum Command {
     EndToEnd(commands::end_to_end::Args),
     /// Processor time, wake-ups, system calls, highest rate, losses
     Cost(commands::cost::Args),
+    /// Telemetry on another machine, beside plain Zenoh, and a star of many robots
+    #[cfg(feature = "relay")]
+    Relay(commands::relay::Args),
     /// A process that another command measures
     #[command(hide = true)]
     Child(child::Args),
@@ -69,6 +79,8 @@ fn main() -> ExitCode {
         Command::Codec(args) => commands::codec::run(&args),
         Command::EndToEnd(args) => commands::end_to_end::run(&args),
         Command::Cost(args) => commands::cost::run(&args),
+        #[cfg(feature = "relay")]
+        Command::Relay(args) => commands::relay::run(&args),
         Command::Child(args) => return child::run(args),
     };
     match result {

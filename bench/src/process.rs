@@ -23,7 +23,8 @@ impl Child {
         Ok(Child(process))
     }
 
-    fn spawn(site: &Site, arguments: &[&dyn Argument]) -> Result<Child> {
+    /// Starts a child with these arguments in the domain of `site`, and does not wait.
+    pub fn spawn(site: &Site, arguments: &[&dyn Argument]) -> Result<Child> {
         let program = std::env::current_exe()?;
         let arguments = arguments.iter().map(|argument| argument.text());
         let arguments = std::iter::once(OsString::from("child")).chain(arguments);
@@ -67,6 +68,12 @@ pub trait Argument {
 }
 
 impl Argument for &str {
+    fn text(&self) -> OsString {
+        self.into()
+    }
+}
+
+impl Argument for String {
     fn text(&self) -> OsString {
         self.into()
     }

@@ -5,6 +5,8 @@ pub mod codec;
 pub mod cost;
 pub mod end_to_end;
 pub mod hop;
+#[cfg(feature = "relay")]
+pub mod relay;
 
 use std::path::{Path, PathBuf};
 
