@@ -11,7 +11,7 @@
 //! * [`telemetry`]: what is sent of a topic, and what was lost where;
 //! * [`message`], [`names`], [`request`]: what relays say to one another, and where;
 //! * [`ros2`]: the same topics for nodes of ROS 2, without ROS on the robot;
-//! * [`config`] is `relay.toml`;
+//! * [`config`]: the file `relay.toml`;
 //! * [`access`]: which certificate may do what; [`certify`] makes certificates.
 //!
 //! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh, [`ports`] the wait on shared memory.

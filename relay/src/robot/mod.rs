@@ -423,6 +423,12 @@ impl Process for RobotSide {
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         let mut out = Vec::new();
         let now = MonotonicNs::now();
+        // Before the first question of a station is answered.
+        if now >= self.next_look {
+            self.services
+                .look(&self.ipc, &self.network, &self.config.topics);
+            self.next_look = now + LOOK_PERIOD;
+        }
         self.samples_sent += self.services.send_samples(now);
         self.take_messages(&mut out);
         self.carry_out(&mut out);
@@ -442,11 +448,6 @@ impl Process for RobotSide {
             self.services.send_latest();
             self.is_latest_wanted = false;
             self.next_latest = now + LATEST_PERIOD;
-        }
-        if now >= self.next_look {
-            self.services
-                .look(&self.ipc, &self.network, &self.config.topics);
-            self.next_look = now + LOOK_PERIOD;
         }
         if now >= self.next_publish {
             self.publish(now);

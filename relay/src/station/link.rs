@@ -45,6 +45,8 @@ pub struct Link {
     services: u16,
     described: Vec<bool>,
     next_describe: MonotonicNs,
+    /// Whether all services that the robot had at first were described once.
+    is_complete: bool,
     wants_latest: bool,
 }
 
@@ -74,6 +76,7 @@ impl Link {
             services: 0,
             described: Vec::new(),
             next_describe: now,
+            is_complete: false,
             wants_latest: true,
         }
     }
@@ -168,6 +171,19 @@ impl Link {
             .position(|is_described| !is_described)?;
         self.next_describe = now + DESCRIBE_TIMEOUT;
         Some((self.robot_life?, u16::try_from(missing).ok()?))
+    }
+
+    /// Takes note whether all that the robot has is described.
+    pub fn note_complete(&mut self) {
+        self.is_complete |= self.is_up() && !self.described.contains(&false);
+    }
+
+    /// State of the link as operators see it: up when they can use what the robot has.
+    pub fn shown_state(&self) -> RelayLinkState {
+        match self.state {
+            RelayLinkState::Up if !self.is_complete => RelayLinkState::Connecting,
+            state => state,
+        }
     }
 
     /// A description has come. Says whether it is one that was missing.

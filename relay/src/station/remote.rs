@@ -117,6 +117,11 @@ impl Remote {
         let mut out = Vec::new();
         self.take_samples();
         self.take_tells(&mut out);
+        let was_shown = self.link.shown_state();
+        self.link.note_complete();
+        if self.link.shown_state() != was_shown {
+            self.next_publish = now;
+        }
         if self.link.pass(now) {
             tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
             self.next_publish = now;
@@ -323,7 +328,7 @@ impl Remote {
             orders_sent: self.counts.orders_sent,
             orders_repeated: self.counts.orders_repeated,
             orders_unknown: self.counts.orders_unknown,
-            state: self.link.state().code(),
+            state: self.link.shown_state().code(),
             robot: self.robot.number.get(),
             clock_resets: u32::try_from(clock.resets()).unwrap_or(u32::MAX),
             outages: self.link.outages(),

@@ -14,6 +14,9 @@ use zenoh::qos::CongestionControl;
 /// Messages that are kept at most.
 const MAX_HEARD: usize = 10_000;
 
+/// Key and bytes of a message.
+pub type Message = (String, Vec<u8>);
+
 /// A session in which there is no rule.
 pub struct Stranger {
     session: zenoh::Session,
@@ -24,7 +27,7 @@ type Messages = Vec<(String, Vec<u8>)>;
 
 /// What a stranger hears under a key expression: keys and messages.
 pub struct Heard {
-    messages: Arc<Mutex<Messages>>,
+    messages: Arc<Mutex<Vec<Message>>>,
     _subscriber: zenoh::pubsub::Subscriber<()>,
 }
 
@@ -39,7 +42,7 @@ impl Heard {
     }
 
     /// What has been heard since the last time.
-    pub fn drain(&self) -> Vec<(String, Vec<u8>)> {
+    pub fn drain(&self) -> Vec<Message> {
         std::mem::take(&mut self.messages.lock().expect("no panic"))
     }
 }
