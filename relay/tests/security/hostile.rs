@@ -22,9 +22,6 @@ pub struct Stranger {
     session: zenoh::Session,
 }
 
-/// Keys and what came under them.
-type Messages = Vec<(String, Vec<u8>)>;
-
 /// What a stranger hears under a key expression: keys and messages.
 pub struct Heard {
     messages: Arc<Mutex<Vec<Message>>>,
