@@ -38,6 +38,7 @@ fn plan(name: &'static str) -> Option<Plan> {
         relay_toml: String::new(),
         limit: Duration::from_secs(300),
         seed: 1,
+        log: None,
     })
 }
 

@@ -47,19 +47,6 @@ struct UnderWay {
     bytes: Vec<u8>,
 }
 
-/// What was counted, in both directions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Packets that came.
-    pub packets: u64,
-    /// Those that were lost.
-    pub lost: u64,
-    /// Those that were dropped because too many waited.
-    pub overflowed: u64,
-    /// Bytes that came.
-    pub bytes: u64,
-}
-
 /// The air between machine 0 and machine 1.
 #[derive(Debug)]
 pub struct Air {
@@ -69,7 +56,6 @@ pub struct Air {
     busy_until: [MonotonicNs; 2],
     waiting: [usize; 2],
     number: u64,
-    counts: Counts,
 }
 
 impl Air {
@@ -81,20 +67,12 @@ impl Air {
             busy_until: [MonotonicNs(0); 2],
             waiting: [0; 2],
             number: 0,
-            counts: Counts::default(),
         }
     }
 
     /// A packet is sent to machine `to`.
     pub fn send(&mut self, to: usize, bytes: &[u8], weather: &Weather, now: MonotonicNs) {
-        self.counts.packets += 1;
-        self.counts.bytes += bytes.len() as u64;
-        if self.share() < weather.loss {
-            self.counts.lost += 1;
-            return;
-        }
-        if self.waiting[to] >= QUEUE_PACKETS {
-            self.counts.overflowed += 1;
+        if self.share() < weather.loss || self.waiting[to] >= QUEUE_PACKETS {
             return;
         }
         let mut sent = now;
@@ -126,11 +104,6 @@ impl Air {
     /// When the next packet arrives.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         self.under_way.peek().map(|packet| packet.due.0.0)
-    }
-
-    /// What was counted.
-    pub fn counts(&self) -> Counts {
-        self.counts
     }
 
     /// 0 … 1, by SplitMix64.

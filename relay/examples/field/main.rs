@@ -75,6 +75,9 @@ struct Args {
     /// Seed of all chances
     #[arg(long, default_value = "1")]
     seed: u64,
+    /// Filter of the log such as relay=debug; the logs of the relays are printed at the end
+    #[arg(long)]
+    log: Option<String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -107,6 +110,7 @@ fn main() -> ExitCode {
         },
         limit: TIME_LIMIT,
         seed: args.seed,
+        log: args.log.clone(),
     };
     let loss = |usual: u8| f64::from(args.loss.unwrap_or(usual)) / 100.0;
     let row = match args.what {

@@ -26,6 +26,9 @@ const PORT: u16 = 7447;
 /// Makes a child end with this program, however that ends.
 const WITH_THIS: &str = "setpriv --pdeathsig KILL";
 
+/// Nothing but this program reaches these networks.
+const OPEN: &str = "[security]\ninsecure = true\n";
+
 /// The name of the station, and the one that may command.
 const STATION: &str = "gcs";
 
@@ -43,6 +46,8 @@ pub struct Plan {
     pub limit: Duration,
     /// Of the air's chances.
     pub seed: u64,
+    /// What all processes log; the logs of the relays are printed at the end.
+    pub log: Option<String>,
 }
 
 /// Both machines with everything that runs on them.
@@ -75,8 +80,9 @@ impl Site {
             place.run(&format!("ip link set {INTERFACE} up"))?;
         }
         let machine = |place: &Place| {
-            let machine = Machine::within(&plan.ril, plan.name, place.starter(), plan.limit);
-            machine.write("relay.toml", &plan.relay_toml);
+            let mut machine = Machine::within(&plan.ril, plan.name, place.starter(), plan.limit);
+            machine.log.clone_from(&plan.log);
+            machine.write("relay.toml", &format!("{OPEN}{}", plan.relay_toml));
             machine
         };
         let (robot_machine, station_machine) = (machine(&robot), machine(&station));
@@ -103,13 +109,13 @@ impl Site {
             "relay robot --listen {} --may-command {STATION}",
             self.endpoint
         );
-        self.robot_relay = Some(self.robot.start(&args));
+        self.robot_relay = Some(self.robot.start_ready(&args));
     }
 
     /// Starts the station's relay in the place of one that was killed.
     pub fn start_station_relay(&mut self) {
         let args = format!("relay station --name {STATION} --connect {}", self.endpoint);
-        self.station_relay = Some(self.station.start(&args));
+        self.station_relay = Some(self.station.start_ready(&args));
     }
 
     /// Kills the robot's relay and starts another one.
@@ -135,7 +141,10 @@ impl Site {
             .into_iter()
             .flatten()
         {
-            end(relay);
+            let log = end(relay).stderr;
+            if self.robot.log.is_some() {
+                eprintln!("{}", log.join("\n"));
+            }
         }
         self.crew.take().expect("it runs").end()
     }

@@ -16,7 +16,7 @@ use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::ioctl::{Opcode, Setter, ioctl};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
-use crate::air::{Air, Counts, Weather};
+use crate::air::{Air, Weather};
 
 /// Name of the interface in each namespace.
 pub const INTERFACE: &str = "air";
@@ -40,12 +40,7 @@ struct InterfaceRequest {
 /// The air between two namespaces.
 #[derive(Clone)]
 pub struct Tunnel {
-    shared: Arc<Mutex<Shared>>,
-}
-
-struct Shared {
-    weather: Weather,
-    counts: Counts,
+    weather: Arc<Mutex<Weather>>,
 }
 
 impl Tunnel {
@@ -54,15 +49,12 @@ impl Tunnel {
         let ends = namespaces.map(open_in);
         let [first, second] = ends;
         let ends = [first?, second?];
-        let shared = Arc::new(Mutex::new(Shared {
-            weather: Weather::default(),
-            counts: Counts::default(),
-        }));
+        let weather = Arc::new(Mutex::new(Weather::default()));
         let tunnel = Tunnel {
-            shared: Arc::clone(&shared),
+            weather: Arc::clone(&weather),
         };
         thread::spawn(move || {
-            if let Err(error) = carry(ends, &shared, seed) {
+            if let Err(error) = carry(ends, &weather, seed) {
                 eprintln!("the air has ended: {error}");
             }
         });
@@ -71,18 +63,7 @@ impl Tunnel {
 
     /// Changes the weather for all packets that come from now on.
     pub fn set(&self, weather: Weather) {
-        self.shared
-            .lock()
-            .expect("no panic while it is held")
-            .weather = weather;
-    }
-
-    /// What was counted so far.
-    pub fn counts(&self) -> Counts {
-        self.shared
-            .lock()
-            .expect("no panic while it is held")
-            .counts
+        *self.weather.lock().expect("no panic while it is held") = weather;
     }
 }
 
@@ -115,21 +96,20 @@ fn attach(tun: &File) -> std::io::Result<()> {
     Ok(())
 }
 
-fn carry(mut ends: [File; 2], shared: &Mutex<Shared>, seed: u64) -> std::io::Result<()> {
+fn carry(mut ends: [File; 2], weather: &Mutex<Weather>, seed: u64) -> std::io::Result<()> {
     let mut air = Air::new(seed);
     let mut packet = [0; PACKET];
     loop {
         for from in 0..2 {
             while let Ok(length) = ends[from].read(&mut packet) {
-                let weather = shared.lock().expect("no panic while it is held").weather;
-                air.send(1 - from, &packet[..length], &weather, MonotonicNs::now());
+                let present = *weather.lock().expect("no panic while it is held");
+                air.send(1 - from, &packet[..length], &present, MonotonicNs::now());
             }
         }
         while let Some((to, bytes)) = air.arrived(MonotonicNs::now()) {
             // An interface that is down, or full, loses it.
             let _ = ends[to].write(&bytes);
         }
-        shared.lock().expect("no panic while it is held").counts = air.counts();
         let timeout = air.deadline().map(|deadline| {
             let left = deadline.since(MonotonicNs::now());
             Timespec {

@@ -41,6 +41,8 @@ pub struct Machine {
     ril: PathBuf,
     /// The words before each command, such as those that enter a network namespace.
     starter: Vec<String>,
+    /// What the processes log; the usual when there is nothing.
+    pub log: Option<String>,
     folder: PtyFolder,
     is_swept: Cell<bool>,
     /// Last, because it looks whether anything is left.
@@ -58,6 +60,7 @@ impl Machine {
         Machine {
             ril: ril.to_owned(),
             starter,
+            log: None,
             folder: PtyFolder::new(),
             is_swept: Cell::new(false),
             domain: TestDomain::watched_by(Watchdog::with_limit(name, limit)),
@@ -78,6 +81,9 @@ impl Machine {
         command.current_dir(self.folder.path());
         for variable in VARIABLES {
             command.env_remove(variable);
+        }
+        if let Some(log) = &self.log {
+            command.env("RIL_LOG", log);
         }
         Process::spawn(&self.domain, command)
     }

@@ -73,7 +73,7 @@ fn a_robot_whose_number_is_taken_on_the_station_waits_for_its_place() {
     let station = Machine::new(&ril, "number is taken");
     let (crew, here) = (Crew::start(&robot, 1), Crew::start(&station, 1));
     let endpoint = free_endpoint();
-    let robot_relay = robot.start(&format!(
+    let robot_relay = robot.start_ready(&format!(
         "relay robot --listen {endpoint} --may-command gcs"
     ));
     let mut relay = station.start_ready(&format!("relay station --name gcs --connect {endpoint}"));

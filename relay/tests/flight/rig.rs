@@ -125,8 +125,7 @@ impl Rig {
 
 #[track_caller]
 fn start_robot(machine: &Machine, endpoint: &str) -> Process {
-    // Its relay says nothing when it is ready: the station does.
-    machine.start(&format!(
+    machine.start_ready(&format!(
         "relay robot --listen {endpoint} --may-command gcs"
     ))
 }

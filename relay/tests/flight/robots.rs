@@ -40,11 +40,11 @@ fn fly_a_star(order: [Part; 3]) {
     for part in order {
         match part {
             Part::Router => {
-                relays.push(station.start(&format!("relay router --listen {endpoint}")));
+                relays.push(station.start_ready(&format!("relay router --listen {endpoint}")));
             }
             Part::Robots => {
                 for (machine, number, _) in &machines {
-                    relays.push(machine.start(&format!(
+                    relays.push(machine.start_ready(&format!(
                         "relay robot --robot {number} --connect {endpoint} --may-command gcs"
                     )));
                 }
