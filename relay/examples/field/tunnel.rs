@@ -100,8 +100,8 @@ fn carry(mut ends: [File; 2], weather: &Mutex<Weather>, seed: u64) -> std::io::R
     let mut air = Air::new(seed);
     let mut packet = [0; PACKET];
     loop {
-        for from in 0..2 {
-            while let Ok(length) = ends[from].read(&mut packet) {
+        for (from, end) in ends.iter_mut().enumerate() {
+            while let Ok(length) = end.read(&mut packet) {
                 let present = *weather.lock().expect("no panic while it is held");
                 air.send(1 - from, &packet[..length], &present, MonotonicNs::now());
             }
