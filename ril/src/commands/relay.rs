@@ -1,7 +1,7 @@
 //! `ril relay`: starts the program `ril-relay` in its place, and shows how the links of a relay are.
 //!
 //! The relay is a program of its own, because its network library takes longer to build than all of the rest.
-//! [`LinkWatch`] tells other commands whether what they show comes from another machine.
+//! `LinkWatch` tells other commands whether what they show comes from another machine.
 
 use std::io::{self, Write};
 use std::os::unix::process::CommandExt;
@@ -24,7 +24,7 @@ const PROGRAM: &str = "ril-relay";
 ///
 /// # Errors
 ///
-/// Code 1 when the program cannot be started; of `ril relay status` those of [`status`]. It does not return when the program
+/// Code 1 when the program cannot be started; of `ril relay status` those of [`status()`]. It does not return when the program
 /// was started: this process is then the relay.
 pub fn relay(args: &RelayArgs) -> Result<(), Failure> {
     match &args.command {
