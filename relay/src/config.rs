@@ -85,10 +85,10 @@ impl Default for NetworkConfig {
             through: Through::Peers,
             discovery: false,
             multicast: SocketAddrV4::new([224, 0, 0, 224].into(), 7446),
-            open_timeout_ms: 1000,
-            retry_ms: 250,
+            open_timeout_ms: 700,
+            retry_ms: 100,
             lease_ms: 3000,
-            send_buffer_bytes: 65_536,
+            send_buffer_bytes: 8192,
             silent_after_ms: 2500,
         }
     }

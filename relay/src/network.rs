@@ -26,8 +26,17 @@ use crate::ros2;
 /// Longest message that is put together of fragments, bytes: the longest sample, and eight times the longest message of a relay.
 pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
-/// Batches that may wait to be sent, for each priority: a burst of one sample of each of some topics.
-const QUEUE_BATCHES: usize = 4;
+/// Bytes that are sent together at most. While a link takes nothing, messages gather in batches of this size, and what is in them
+/// grows old: Zenoh's own 64 KiB are five seconds of a link of 100 kbit/s.
+const BATCH_BYTES: u16 = 4352;
+
+/// Batches of samples that may wait to be sent, for each priority: a burst of one sample of each of some topics. What finds no room is
+/// dropped. 2 · 4,352 bytes are 0.7 s of a link of 100 kbit/s.
+const SAMPLE_BATCHES: usize = 2;
+
+/// Batches of other messages that may wait to be sent, the most that Zenoh takes: 16 · 4,352 = 69,632 bytes are room for the longest
+/// message, the description of a service, which has at most 66,560.
+const MESSAGE_BATCHES: usize = 16;
 
 /// The network does not work.
 #[derive(Debug, thiserror::Error)]
@@ -382,7 +391,20 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
         ),
         ("transport/link/tx/lease", json!(network.lease_ms)),
         ("transport/link/tx/threads", json!(1)),
-        ("transport/link/tx/queue/size/data", json!(QUEUE_BATCHES)),
+        ("transport/link/tx/batch_size", json!(BATCH_BYTES)),
+        (
+            "transport/link/tx/queue/size",
+            json!({
+                "control": 2,
+                "interactive_high": MESSAGE_BATCHES,
+                "interactive_low": SAMPLE_BATCHES,
+                "real_time": SAMPLE_BATCHES,
+                "data_high": SAMPLE_BATCHES,
+                "data": SAMPLE_BATCHES,
+                "data_low": SAMPLE_BATCHES,
+                "background": SAMPLE_BATCHES,
+            }),
+        ),
         (
             "transport/link/rx/max_message_size",
             json!(MAX_MESSAGE_BYTES),

@@ -72,13 +72,15 @@ pub fn run(
     let truth = Truth::start(&site.robot);
     let mut observer = Observer::new(&site.station);
     let mut fresh_after = Vec::new();
-    for _ in 0..count {
+    for number in 0..count {
         if !goes_on() {
             break;
         }
         observer.watch_until(MonotonicNs::now() + BETWEEN);
         site.air.set(Weather::OUTAGE);
-        observer.watch_until(MonotonicNs::now() + outage);
+        // Ends in the middle of another attempt to connect each time.
+        let longer = Duration::from_millis(u64::from(number) * 230 % 1500);
+        observer.watch_until(MonotonicNs::now() + outage + longer);
         site.air.set(Weather::loss(loss));
         let back = MonotonicNs::now();
         let fresh = observer.watch_for_fresh(back);

@@ -82,6 +82,7 @@ impl Site {
         let machine = |place: &Place| {
             let mut machine = Machine::within(&plan.ril, plan.name, place.starter(), plan.limit);
             machine.log.clone_from(&plan.log);
+            machine.speed = 1;
             machine.write("relay.toml", &format!("{OPEN}{}", plan.relay_toml));
             machine
         };

@@ -34,7 +34,7 @@ const VARIABLES: [&str; 6] = [
 ];
 
 /// Twice the real clock: the relay's times are real ones, and a machine that is busy keeps up.
-const SPEED: &str = "2";
+const SPEED: u32 = 2;
 
 /// The processes of one machine.
 pub struct Machine {
@@ -43,6 +43,8 @@ pub struct Machine {
     starter: Vec<String>,
     /// What the processes log; the usual when there is nothing.
     pub log: Option<String>,
+    /// How fast the simulator's clock is.
+    pub speed: u32,
     folder: PtyFolder,
     is_swept: Cell<bool>,
     /// Last, because it looks whether anything is left.
@@ -61,6 +63,7 @@ impl Machine {
             ril: ril.to_owned(),
             starter,
             log: None,
+            speed: SPEED,
             folder: PtyFolder::new(),
             is_swept: Cell::new(false),
             domain: TestDomain::watched_by(Watchdog::with_limit(name, limit)),
@@ -158,7 +161,8 @@ impl Crew {
     pub fn start(machine: &Machine, robot: u32) -> Crew {
         // A machine that stalls for seconds must end no flight.
         machine.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
-        let sim = format!("sim --robot {robot} --link dsp --seed 1 --speed {SPEED}");
+        let speed = machine.speed;
+        let sim = format!("sim --robot {robot} --link dsp --seed 1 --speed {speed}");
         let crew = Crew {
             sim: machine.start_ready(&sim),
             bridge: bridge(machine, robot),

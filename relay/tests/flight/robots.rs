@@ -44,13 +44,14 @@ fn fly_a_star(order: [Part; 3]) {
             }
             Part::Robots => {
                 for (machine, number, _) in &machines {
-                    relays.push(machine.start_ready(&format!(
+                    // It is ready when it has reached the router.
+                    relays.push(machine.start(&format!(
                         "relay robot --robot {number} --connect {endpoint} --may-command gcs"
                     )));
                 }
             }
             Part::Station => relays.push(
-                // It is ready when it has reached the router.
+                // And so is this one.
                 station.start(&format!("relay station --name gcs --connect {endpoint}")),
             ),
         }
