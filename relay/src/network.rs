@@ -7,7 +7,7 @@
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
 
-use ipc_types::MonotonicNs;
+use ipc_types::{MonotonicNs, SchedulingRole, request_short_slice};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 use rustix::io::Errno;
 use serde_json::{Value, json};
@@ -37,6 +37,28 @@ const SAMPLE_BATCHES: usize = 2;
 /// Batches of other messages that may wait to be sent, the most that Zenoh takes: 16 · 4,352 = 69,632 bytes are room for the longest
 /// message, the description of a service, which has at most 66,560.
 const MESSAGE_BATCHES: usize = 16;
+
+/// What Zenoh reads about its threads when the first one of them is started.
+const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
+
+/// One thread does what five to six do by default.
+const ONE_THREAD: &str =
+    "(app: (handover: net), acc: (handover: net), tx: (handover: net), rx: (handover: net))";
+
+/// Lets one thread of Zenoh wait for the sockets, receive and send. By default one thread waits and wakes another one that receives,
+/// which makes each message later by a wake-up and costs a third of the processor time of a relay; only a router has so much to do
+/// that several threads help. To be called first of all: it changes nothing when the process has threads already, or when
+/// `ZENOH_RUNTIME` is set.
+pub fn share_one_thread() {
+    let is_alone = std::fs::read_dir("/proc/self/task").is_ok_and(|threads| threads.count() == 1);
+    if is_alone && std::env::var_os(RUNTIME_VARIABLE).is_none() {
+        // SAFETY: no other thread reads or writes the environment meanwhile, because there is none.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::env::set_var(RUNTIME_VARIABLE, ONE_THREAD);
+        }
+    }
+}
 
 /// The network does not work.
 #[derive(Debug, thiserror::Error)]
@@ -116,6 +138,8 @@ impl Network {
         let zenoh_config = zenoh_config(config, side).map_err(|error| {
             NetworkError::new("the configuration of the network is refused", error)
         })?;
+        // Zenoh's threads inherit it.
+        request_short_slice(SchedulingRole::Provider);
         let session = open_session(zenoh_config, end)?.map_err(|error| {
             NetworkError::new(
                 "the network cannot be opened; is an address taken or a certificate missing?",
