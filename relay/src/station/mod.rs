@@ -8,6 +8,7 @@ pub mod link;
 mod mirror;
 mod remote;
 
+use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
@@ -19,12 +20,24 @@ pub use link::Link;
 pub use mirror::Mirrors;
 use remote::Remote;
 
+/// What wakes the station's side.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// A port of a robot's services on this machine.
+    #[default]
+    Port,
+    /// Something from a robot.
+    Network,
+}
+
 /// The station's side of the relay.
 pub struct StationSide {
     network: Network,
     remotes: Vec<Remote>,
     /// The ports of all robots.
     ports: PortSet,
+    /// When all ports are looked at though none has woken the process, because a wake-up can be lost.
+    next_look: MonotonicNs,
 }
 
 impl StationSide {
@@ -60,23 +73,30 @@ impl StationSide {
             network,
             remotes,
             ports,
+            next_look: MonotonicNs(0),
         })
     }
 }
 
 impl Process for StationSide {
     type Error = WaitError;
-    type Key = ();
+    type Key = Source;
 
-    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
-        sources.descriptor((), self.network.descriptor());
-        sources.descriptor((), self.ports.descriptor());
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a, Source>) {
+        sources.descriptor(Source::Network, self.network.descriptor());
+        sources.descriptor(Source::Port, self.ports.descriptor());
     }
 
-    fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+    fn drain(&mut self, wake: Wake<Source>) -> Result<(), WaitError> {
         self.network.drained();
+        // A look at a port takes two system calls, and a sample of one robot would pay for the ports of all.
+        let now = MonotonicNs::now();
+        let looks = !wake.is_only(Source::Network) || now >= self.next_look;
+        if looks {
+            self.next_look = now + SAFETY_BOUND;
+        }
         for remote in &mut self.remotes {
-            remote.step(&self.network, MonotonicNs::now());
+            remote.step(&self.network, MonotonicNs::now(), looks);
         }
         Ok(())
     }

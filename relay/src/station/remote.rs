@@ -99,8 +99,8 @@ impl Remote {
         ]
     }
 
-    /// Takes what has come, and does what is due.
-    pub fn step(&mut self, network: &Network, now: MonotonicNs) {
+    /// Takes what has come, and does what is due. Ports are looked at when one may have woken the process (`looks`).
+    pub fn step(&mut self, network: &Network, now: MonotonicNs, looks: bool) {
         let mut out = Vec::new();
         self.take_samples();
         self.take_tells(&mut out);
@@ -108,7 +108,11 @@ impl Remote {
             tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
             self.next_publish = now;
         }
-        self.take_requests(now, &mut out);
+        if looks {
+            self.take_requests(now, &mut out);
+            self.state.tend();
+            self.link_out.tend();
+        }
         self.orders.tick(now, &mut out);
         self.carry_out(&out, network, now);
         if let Some(ping) = self.link.ping(MonotonicNs::now(), suspended_ns()) {
@@ -117,8 +121,6 @@ impl Remote {
         if let Some((robot_life, index)) = self.link.describe(now) {
             self.ask(network, &Ask::Describe { robot_life, index });
         }
-        self.state.tend();
-        self.link_out.tend();
         if now >= self.next_publish {
             self.mirrors.retry(&self.ipc);
             self.publish(now);
