@@ -6,9 +6,10 @@ use module_kit::SetUp;
 use module_kit::process::{self, Process, Sources};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use crate::config::{Config, DEFAULT_FILE, RemoteRobot, check_name};
-use crate::network::{Network, Side};
+use crate::network::{self, Network, Side};
 use crate::robot::RobotSide;
 use crate::station::StationSide;
 
@@ -84,6 +85,10 @@ pub struct RouterArgs {
 /// # Errors
 /// Exit code 78 when the configuration is wrong, 1 when shared memory or the network cannot be used.
 pub fn run(command: Command) -> Result<(), Failure> {
+    if matches!(command, Command::Robot(_) | Command::Station(_)) {
+        network::share_one_thread();
+    }
+    allow_many_files();
     match command {
         Command::Robot(args) => robot(args),
         Command::Station(args) => station(args),
@@ -158,6 +163,18 @@ impl Process for Router {
 
 fn go<S: Process<Error = WaitError>>(mut side: S, set_up: &SetUp<Config>) -> Result<(), Failure> {
     process::run(&mut side, &set_up.termination, &set_up.supervisor).or_fail(ExitCode::Internal)
+}
+
+/// Raises the limit of open files, usually 1,024, to what the system allows: each service takes some 22.
+fn allow_many_files() {
+    let maximum = getrlimit(Resource::Nofile).maximum;
+    let limit = Rlimit {
+        current: maximum,
+        maximum,
+    };
+    if let Err(error) = setrlimit(Resource::Nofile, limit) {
+        tracing::debug!(%error, "the limit of open files stays as it is");
+    }
 }
 
 /// What the command line says rules.

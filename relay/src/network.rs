@@ -7,7 +7,7 @@
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
 
-use ipc_types::MonotonicNs;
+use ipc_types::{MonotonicNs, SchedulingRole, request_short_slice};
 use rustix::event::{EventfdFlags, eventfd};
 use serde_json::{Value, json};
 use zenoh::Wait;
@@ -22,6 +22,32 @@ const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
 /// Batches that may wait to be sent, for each priority: a burst of one sample of each of some topics.
 const QUEUE_BATCHES: usize = 4;
+
+/// The same in a router, where samples of many robots go to one station: as many as Zenoh allows. Samples that find no room are dropped;
+/// with 20 robots at 50 samples a second of two topics, 16 batches are full after 8 ms in which the router's sender does not run.
+const ROUTER_QUEUE_BATCHES: usize = 16;
+
+/// What Zenoh reads about its threads when the first one of them is started.
+const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
+
+/// One thread does what five to six do by default.
+const ONE_THREAD: &str =
+    "(app: (handover: net), acc: (handover: net), tx: (handover: net), rx: (handover: net))";
+
+/// Lets one thread of Zenoh wait for the sockets, receive and send. By default one thread waits and wakes another one that receives:
+/// each message comes later by a wake-up, of which a station then has a third more. Only a router has so much to do that several
+/// threads help. To be called first of all: it changes nothing when the process has threads already, or when `ZENOH_RUNTIME` is
+/// set.
+pub fn share_one_thread() {
+    let is_alone = std::fs::read_dir("/proc/self/task").is_ok_and(|threads| threads.count() == 1);
+    if is_alone && std::env::var_os(RUNTIME_VARIABLE).is_none() {
+        // SAFETY: no other thread reads or writes the environment meanwhile, because there is none.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::env::set_var(RUNTIME_VARIABLE, ONE_THREAD);
+        }
+    }
+}
 
 /// Which side a relay is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,6 +118,8 @@ impl Network {
         let zenoh_config = zenoh_config(config, side).map_err(|error| {
             NetworkError::new("the configuration of the network is refused", error)
         })?;
+        // Zenoh's threads inherit it.
+        request_short_slice(SchedulingRole::Provider);
         let session = zenoh::open(zenoh_config).wait().map_err(|error| {
             NetworkError::new(
                 "the network cannot be opened; is an address taken or a certificate missing?",
@@ -222,6 +250,10 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
         (Side::Robot | Side::Station, Through::Peers) => "peer",
         (Side::Robot | Side::Station, Through::Router) => "client",
     };
+    let queue_batches = match side {
+        Side::Robot | Side::Station => QUEUE_BATCHES,
+        Side::Router => ROUTER_QUEUE_BATCHES,
+    };
     let is_secured = config.security.authority.is_some();
     let mut settings = vec![
         ("mode", json!(mode)),
@@ -254,7 +286,7 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
         ),
         ("transport/link/tx/lease", json!(network.lease_ms)),
         ("transport/link/tx/threads", json!(1)),
-        ("transport/link/tx/queue/size/data", json!(QUEUE_BATCHES)),
+        ("transport/link/tx/queue/size/data", json!(queue_batches)),
         (
             "transport/link/rx/max_message_size",
             json!(MAX_MESSAGE_BYTES),
