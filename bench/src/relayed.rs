@@ -10,11 +10,12 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{
-    Domain, Ipc, MonotonicNs, Publisher, RobotId, SchedulingRole, request_short_slice,
+    Domain, Ipc, MonotonicNs, Publisher, RobotId, SchedulingRole, Subscriber, request_short_slice,
 };
 use runtime::signal::Termination;
+use serde::{Deserialize, Serialize};
 
 use crate::latency::{Recorder, Series};
 use crate::pace::{Pace, sleep_until};
@@ -62,6 +63,17 @@ pub fn publish(
         }
     }
     Ok(())
+}
+
+/// What a consumer has read of one robot.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Reading {
+    /// From publishing to reading.
+    pub series: Series,
+    /// Meanwhile, and of all topics: what the robot's relay has sent and the station's relay did not get.
+    pub lost_on_air: u64,
+    /// Meanwhile, and of all topics: what the robot's relay did not read in time.
+    pub lost_in_relay: u64,
 }
 
 /// The mark of a sample that may have been relayed.
@@ -135,7 +147,7 @@ pub fn consume(
     robots: u32,
     samples: usize,
     ready: impl FnOnce() -> Result<()> + Send,
-) -> Result<Vec<Series>> {
+) -> Result<Vec<Reading>> {
     let missing = AtomicU32::new(robots);
     let (first, all_are_here) = std::sync::mpsc::channel();
     thread::scope(|scope| {
@@ -162,10 +174,11 @@ pub fn consume(
     })
 }
 
-fn read(number: NonZeroU32, samples: usize, first: impl FnOnce()) -> Result<Series> {
+fn read(number: NonZeroU32, samples: usize, first: impl FnOnce()) -> Result<Reading> {
     let domain = Domain::from_environment()?;
     let ipc = Ipc::join(&domain, RobotId::from(number), "bench-consumer")?;
     let mut subscriber = ipc.subscriber::<HeroTelemetry>()?;
+    let mut link = LinkCounts::new(&ipc)?;
     request_short_slice(SchedulingRole::Consumer);
     let mut recorder = Recorder::new(samples);
     let mut first = Some(first);
@@ -182,8 +195,52 @@ fn read(number: NonZeroU32, samples: usize, first: impl FnOnce()) -> Result<Seri
             MonotonicNs::now().since(last) < PATIENCE,
             "nothing comes of robot {number}"
         );
+        if !recorder.has_begun() {
+            link.begin()?;
+        }
     }
-    Ok(recorder.finish())
+    let (lost_on_air, lost_in_relay) = link.end()?;
+    Ok(Reading {
+        series: recorder.finish(),
+        lost_on_air,
+        lost_in_relay,
+    })
+}
+
+/// How often a relay publishes its counts at least.
+const COUNTS_PERIOD: Duration = Duration::from_secs(1);
+
+/// What the station's relay counts of the link to a robot. All zero where there is no relay.
+struct LinkCounts {
+    subscriber: Subscriber<RelayLink>,
+    first: RelayLink,
+}
+
+impl LinkCounts {
+    fn new(ipc: &Ipc) -> Result<LinkCounts> {
+        Ok(LinkCounts {
+            subscriber: ipc.subscriber()?,
+            first: RelayLink::default(),
+        })
+    }
+
+    /// What has been lost up to now does not count.
+    fn begin(&mut self) -> Result<()> {
+        self.subscriber.drain(|counts| self.first = *counts)?;
+        Ok(())
+    }
+
+    /// What was lost on the air and in the robot's relay since the beginning.
+    fn end(mut self) -> Result<(u64, u64)> {
+        sleep_until(MonotonicNs::now() + COUNTS_PERIOD)?;
+        let (first, mut last) = (self.first, self.first);
+        self.subscriber.drain(|counts| last = *counts)?;
+        let since = |of: fn(&RelayLink) -> u64| of(&last).saturating_sub(of(&first));
+        Ok((
+            since(|counts| counts.samples_lost_on_air),
+            since(|counts| counts.samples_lost_in_relay),
+        ))
+    }
 }
 
 /// 1, 2, 3 …

@@ -10,6 +10,7 @@ use super::load::{Load, Watch};
 use crate::latency::Series;
 use crate::pace::sleep_until;
 use crate::process::Child;
+use crate::relayed::Reading;
 use crate::site::Site;
 use crate::traffic::{Traffic, free_port};
 use crate::usage::{Calls, count_calls};
@@ -181,13 +182,16 @@ pub fn measure(way: Way, rate_hz: u32, seconds: f64) -> Result<Round> {
     let (loads, elapsed_s) = watch.end()?;
     let after = Traffic::of_port(running.port)?.unwrap_or_default();
     let passed = after.since(before);
-    let all_series: Vec<Series> = match way {
-        Way::Zenoh => vec![running.consumer.result()?],
-        Way::Relay | Way::OneMachine => running.consumer.result()?,
+    let series = match way {
+        Way::Zenoh => running.consumer.result()?,
+        Way::Relay | Way::OneMachine => {
+            let readings: Vec<Reading> = running.consumer.result()?;
+            readings.into_iter().next().unwrap_or_default().series
+        }
     };
     running.end();
     Ok(Round {
-        series: all_series.into_iter().next().unwrap_or_default(),
+        series,
         loads,
         link_bps: (passed.sent + passed.received) as f64 / elapsed_s,
     })

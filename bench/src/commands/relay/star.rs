@@ -9,9 +9,10 @@ use ipc_types::MonotonicNs;
 use relay::config::MAX_ROBOTS;
 
 use super::load::{Load, Watch};
-use crate::latency::{Series, WARM_UP};
+use crate::latency::WARM_UP;
 use crate::pace::sleep_until;
 use crate::process::{Argument, Child};
+use crate::relayed::Reading;
 use crate::site::Site;
 use crate::statistics::Times;
 use crate::traffic::{Traffic, free_port};
@@ -53,6 +54,10 @@ pub struct Round {
     pub times: Times,
     /// Samples of `HeroTelemetry` that a consumer did not get.
     pub lost: u64,
+    /// Samples of all topics that got lost between two relays.
+    pub lost_on_air: u64,
+    /// Samples of all topics that the robots' relays did not read in time.
+    pub lost_in_relay: u64,
 }
 
 /// The processes. Dropped in this order.
@@ -180,11 +185,15 @@ pub fn measure(size: Size, rate_hz: u32, seconds: f64) -> Result<Round> {
             .map(|(before, after)| after.since(before).per(seconds)),
         times: Times::new(),
         lost: 0,
+        lost_on_air: 0,
+        lost_in_relay: 0,
     };
     for consumer in &mut running.consumers {
-        for series in consumer.result::<Vec<Series>>()? {
-            round.times.merge(&series.times());
-            round.lost += series.lost;
+        for reading in consumer.result::<Vec<Reading>>()? {
+            round.times.merge(&reading.series.times());
+            round.lost += reading.series.lost;
+            round.lost_on_air += reading.lost_on_air;
+            round.lost_in_relay += reading.lost_in_relay;
         }
     }
     Ok(round)
