@@ -9,8 +9,8 @@
 //! cargo run -p relay --example field -- slow [--rate-kbps 100] [--duration-s 60]
 //! ```
 //!
-//! `--over quic` takes another protocol than TCP, and `--relay-toml FILE` a configuration for both sides, such as one with
-//! certificates.
+//! `--over quic` and `--over tls` take these protocols, with certificates that are made for it, and `--relay-toml FILE` a configuration
+//! for both sides, without `[security]`.
 //!
 //! The networks are namespaces with an interface each, between which this program carries the packets as `tc netem` would: it loses,
 //! delays and paces them, by a seed. That needs root, `/dev/net/tun`, and the programs `ip`, `setpriv`, `unshare` and `nsenter`.
@@ -69,7 +69,7 @@ struct Args {
     /// Protocol of the link: tcp, udp, tls or quic
     #[arg(long, default_value = "tcp")]
     over: String,
-    /// Configuration of both relays
+    /// Configuration of both relays, without `[security]`
     #[arg(long)]
     relay_toml: Option<PathBuf>,
     /// Seed of all chances
