@@ -6,7 +6,7 @@
 //! cargo run -p relay --example field -- mission [--loss 10]
 //! cargo run -p relay --example field -- requests [--count 1000] [--loss 20] [--seed 1]
 //! cargo run -p relay --example field -- outages [--count 20] [--outage-s 10] [--loss 0]
-//! cargo run -p relay --example field -- slow [--rate-kbps 100] [--duration-s 60]
+//! cargo run -p relay --example field -- slow [--rate-kbps 100] [--queue 1000] [--duration-s 60]
 //! ```
 //!
 //! `--over quic` and `--over tls` take these protocols, with certificates that are made for it, and `--relay-toml FILE` a configuration
@@ -63,6 +63,9 @@ struct Args {
     /// Speed of the slow link, kbit/s
     #[arg(long, default_value = "100")]
     rate_kbps: u64,
+    /// Packets that may wait for the slow link; more are dropped
+    #[arg(long, default_value = "1000")]
+    queue: usize,
     /// How long the slow link is watched, s
     #[arg(long, default_value = "60")]
     duration_s: u64,
@@ -134,6 +137,7 @@ fn main() -> ExitCode {
         What::Slow => slow::run(
             &plan("slow", slow::RELAY_TOML),
             args.rate_kbps * 1000,
+            args.queue,
             Duration::from_secs(args.duration_s),
         )
         .map(|outcome| (outcome.to_string(), true)),
