@@ -5,11 +5,8 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-/// Packets that may wait for a slow link in one direction, as `tc netem` has it by default. One more is dropped.
-const QUEUE_PACKETS: usize = 1000;
-
 /// What the air does to packets.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weather {
     /// Share of the packets that is lost, 0 … 1, each by itself.
     pub loss: f64,
@@ -19,6 +16,21 @@ pub struct Weather {
     pub jitter: Duration,
     /// Bits per second in each direction; nothing is without a limit.
     pub rate_bps: Option<u64>,
+    /// Packets that may be under way in each direction; one more is dropped.
+    pub packets: usize,
+}
+
+impl Default for Weather {
+    /// Everything passes at once; the queue is as long as that of `tc netem`.
+    fn default() -> Weather {
+        Weather {
+            loss: 0.0,
+            delay: Duration::ZERO,
+            jitter: Duration::ZERO,
+            rate_bps: None,
+            packets: 1000,
+        }
+    }
 }
 
 impl Weather {
@@ -28,6 +40,7 @@ impl Weather {
         delay: Duration::ZERO,
         jitter: Duration::ZERO,
         rate_bps: None,
+        packets: 0,
     };
 
     /// Everything passes at once, but for a share that is lost.
@@ -72,7 +85,7 @@ impl Air {
 
     /// A packet is sent to machine `to`.
     pub fn send(&mut self, to: usize, bytes: &[u8], weather: &Weather, now: MonotonicNs) {
-        if self.share() < weather.loss || self.waiting[to] >= QUEUE_PACKETS {
+        if self.share() < weather.loss || self.waiting[to] >= weather.packets {
             return;
         }
         let mut sent = now;

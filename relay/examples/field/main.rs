@@ -6,11 +6,11 @@
 //! cargo run -p relay --example field -- mission [--loss 10]
 //! cargo run -p relay --example field -- requests [--count 1000] [--loss 20] [--seed 1]
 //! cargo run -p relay --example field -- outages [--count 20] [--outage-s 10] [--loss 0]
-//! cargo run -p relay --example field -- slow [--rate-kbps 100] [--duration-s 60]
+//! cargo run -p relay --example field -- slow [--rate-kbps 100] [--queue 1000] [--duration-s 60]
 //! ```
 //!
-//! `--over quic` takes another protocol than TCP, and `--relay-toml FILE` a configuration for both sides, such as one with
-//! certificates.
+//! `--over quic` and `--over tls` take these protocols, with certificates that are made for it, and `--relay-toml FILE` a configuration
+//! for both sides, without `[security]`.
 //!
 //! The networks are namespaces with an interface each, between which this program carries the packets as `tc netem` would: it loses,
 //! delays and paces them, by a seed. That needs root, `/dev/net/tun`, and the programs `ip`, `setpriv`, `unshare` and `nsenter`.
@@ -63,13 +63,16 @@ struct Args {
     /// Speed of the slow link, kbit/s
     #[arg(long, default_value = "100")]
     rate_kbps: u64,
+    /// Packets that may wait for the slow link; more are dropped
+    #[arg(long, default_value = "1000")]
+    queue: usize,
     /// How long the slow link is watched, s
     #[arg(long, default_value = "60")]
     duration_s: u64,
     /// Protocol of the link: tcp, udp, tls or quic
     #[arg(long, default_value = "tcp")]
     over: String,
-    /// Configuration of both relays
+    /// Configuration of both relays, without `[security]`
     #[arg(long)]
     relay_toml: Option<PathBuf>,
     /// Seed of all chances
@@ -134,6 +137,7 @@ fn main() -> ExitCode {
         What::Slow => slow::run(
             &plan("slow", slow::RELAY_TOML),
             args.rate_kbps * 1000,
+            args.queue,
             Duration::from_secs(args.duration_s),
         )
         .map(|outcome| (outcome.to_string(), true)),

@@ -85,6 +85,9 @@ pub fn run(
         let back = MonotonicNs::now();
         let fresh = observer.watch_for_fresh(back);
         fresh_after.push(fresh.came.since(back));
+        if plan.log.is_some() {
+            eprintln!("{:?} after outage {number}", fresh.came.since(back));
+        }
     }
     let truth = truth.end();
     site.end();

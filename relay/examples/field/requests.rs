@@ -108,7 +108,6 @@ impl Operator {
     /// Sends the next request: mostly a waypoint that takes the place of the one before, sometimes a start.
     fn send(&mut self) {
         let id = fresh_request_id();
-        self.count += 1;
         let sent = match self.count % 5 {
             0 => self
                 .controls
@@ -124,6 +123,7 @@ impl Operator {
         };
         match sent {
             Ok(()) => {
+                self.count += 1;
                 self.open.insert(id);
             }
             // It was not sent, and the program knows.

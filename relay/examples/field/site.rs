@@ -32,6 +32,23 @@ const OPEN: &str = "[security]\ninsecure = true\n";
 /// The name of the station, and the one that may command.
 const STATION: &str = "gcs";
 
+/// The name of the robot's certificate.
+const ROBOT: &str = "robot-1";
+
+/// Whether the protocol wants certificates.
+fn is_encrypted(protocol: &str) -> bool {
+    ["tls", "quic"].contains(&protocol)
+}
+
+/// The configuration of a machine with certificates in this folder.
+fn certificates(folder: &Path, name: &str) -> String {
+    let folder = folder.display();
+    format!(
+        "[security]\nauthority = \"{folder}/ca.pem\"\ncertificate = \"{folder}/{name}.pem\"\nkey = \"{folder}/{name}-key.pem\"\n\
+         robots = {{ {ROBOT} = 1 }}\n"
+    )
+}
+
 /// What a site is made of.
 pub struct Plan {
     /// What is measured.
@@ -40,7 +57,7 @@ pub struct Plan {
     pub ril: PathBuf,
     /// Protocol of the link, such as `tcp`.
     pub protocol: String,
-    /// Part of `relay.toml` for both sides.
+    /// Part of `relay.toml` for both sides, without `[security]`.
     pub relay_toml: String,
     /// A measurement that takes longer hangs.
     pub limit: Duration,
@@ -83,10 +100,20 @@ impl Site {
             let mut machine = Machine::within(&plan.ril, plan.name, place.starter(), plan.limit);
             machine.log.clone_from(&plan.log);
             machine.speed = 1;
-            machine.write("relay.toml", &format!("{OPEN}{}", plan.relay_toml));
             machine
         };
         let (robot_machine, station_machine) = (machine(&robot), machine(&station));
+        if is_encrypted(&plan.protocol) {
+            let names = format!("{ROBOT}={} {STATION}", ADDRESSES[0]);
+            robot_machine.run(&format!("relay certify pki {names}"), 0);
+        }
+        for (machine, name) in [(&robot_machine, ROBOT), (&station_machine, STATION)] {
+            let security = match is_encrypted(&plan.protocol) {
+                true => certificates(&robot_machine.path("pki"), name),
+                false => OPEN.to_owned(),
+            };
+            machine.write("relay.toml", &format!("{security}{}", plan.relay_toml));
+        }
         let crew = Crew::start(&robot_machine, 1);
         let mut site = Site {
             air,

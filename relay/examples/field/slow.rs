@@ -61,16 +61,19 @@ pub struct Outcome {
     high: Ages,
     low: Ages,
     link: RelayLink,
+    packets: usize,
     verb_ms: f64,
+    verb_code: Option<i32>,
 }
 
 impl std::fmt::Display for Outcome {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "link of {} kbit/s, {:?}; age when they come, median / 99 % / worst | high priority: {}; low priority: {}; {} samples lost on the \
-             air; round trip {:.0} ms, outages {}; a verb took {:.0} ms",
+            "link of {} kbit/s with a queue of {} packets, {:?}; age when they come, median / 99 % / worst | high priority: {}; low priority: {}; {} samples lost on the \
+             air; round trip {:.0} ms, outages {}; a verb took {:.0} ms (exit code {})",
             self.rate_bps / 1000,
+            self.packets,
             self.duration,
             self.high.text(),
             self.low.text(),
@@ -78,6 +81,7 @@ impl std::fmt::Display for Outcome {
             self.link.round_trip_s * 1e3,
             self.link.outages,
             self.verb_ms,
+            self.verb_code.unwrap_or(-1),
         )
     }
 }
@@ -87,12 +91,18 @@ impl std::fmt::Display for Outcome {
 /// # Errors
 ///
 /// Why this machine cannot do it.
-pub fn run(plan: &Plan, rate_bps: u64, duration: Duration) -> Result<Outcome, String> {
+pub fn run(
+    plan: &Plan,
+    rate_bps: u64,
+    packets: usize,
+    duration: Duration,
+) -> Result<Outcome, String> {
     let mut site = Site::start(plan)?;
     let mut hero = site.station.subscribe::<HeroTelemetry>(1);
     let mut dsp = site.station.subscribe::<DspTelemetry>(1);
     site.air.set(Weather {
         rate_bps: Some(rate_bps),
+        packets,
         ..Weather::default()
     });
     let begin = MonotonicNs::now() + SETTLE;
@@ -109,7 +119,7 @@ pub fn run(plan: &Plan, rate_bps: u64, duration: Duration) -> Result<Outcome, St
     watch_until(end);
     // A verb on the same link.
     let asked = MonotonicNs::now();
-    site.station.run("start", 0);
+    let verb = site.station.start("start").wait_exit();
     let verb_ms = MonotonicNs::now().since(asked).as_secs_f64() * 1e3;
     let link = site.station.subscribe::<RelayLink>(1).next();
     site.end();
@@ -118,7 +128,9 @@ pub fn run(plan: &Plan, rate_bps: u64, duration: Duration) -> Result<Outcome, St
         duration,
         high,
         low,
+        packets,
         link,
         verb_ms,
+        verb_code: verb.code(),
     })
 }

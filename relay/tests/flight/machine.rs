@@ -70,9 +70,14 @@ impl Machine {
         }
     }
 
+    /// Where something of this name is in the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.link(name)
+    }
+
     /// Writes a file into the folder in which all commands run: `bridge.toml` and `relay.toml` are found there.
     pub fn write(&self, name: &str, text: &str) {
-        fs::write(self.folder.link(name), text).expect("a file in a temporary folder");
+        fs::write(self.path(name), text).expect("a file in a temporary folder");
     }
 
     /// Starts `ril`; the words of `args` are separated by spaces.

@@ -11,7 +11,7 @@ use ipc_types::{Schema, Topic};
 use ril_tests::process::Signal;
 
 use crate::bridge_log::BridgeLog;
-use crate::machine::Machine;
+use crate::machine::{Machine, says};
 use crate::rig::Rig;
 
 /// How long a collector waits before it looks whether it is to end.
@@ -111,16 +111,18 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
         point(0.0, 0.0, 0.0),
     ];
     let flown = rig.station.run(&format!("goto {}", square.join(" ")), 0);
-    assert!(
-        crate::machine::says(&flown.stdout, "goto: done"),
-        "{flown:#?}"
-    );
+    assert!(says(&flown.stdout, "goto: done"), "{flown:#?}");
     rig.station.run("land", 0);
     rig.station.run("stop", 0);
     // A verb that the robot refuses has the same exit code as on the robot.
     rig.station.run("takeoff --altitude 5", 5);
     rig.station.run("relay status", 0);
-    rig.station.run("doctor", 0);
+    // On a machine that is busy some samples find no room on their way, which is a warning.
+    let checked = rig.station.start("doctor").wait_exit();
+    assert!(
+        says(&checked.stderr, "0 errors") || checked.code() == Some(0),
+        "{checked:#?}"
+    );
     rig.robot.run("relay status", 0);
 
     let (dsp, hero, state) = (station.0.end(), station.1.end(), station.2.end());
@@ -132,11 +134,7 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     let begun = ["start", "takeoff", "goto", "land", "stop"].map(|command| log.begun(command));
     assert_eq!(begun, [1, 2, 4, 1, 1], "{:#?}", log.lines);
     assert_eq!(log.executed_twice(), Vec::<u64>::new());
-    assert!(
-        crate::machine::says(&sim.stderr, "waypoints=4"),
-        "{:#?}",
-        sim.stderr
-    );
+    assert!(says(&sim.stderr, "waypoints=4"), "{:#?}", sim.stderr);
 }
 
 #[test]

@@ -60,11 +60,11 @@ fn fly_a_star(order: [Part; 3]) {
     station.await_link(2);
     // Only the robot that is meant starts.
     station.run("start --robot 2", 0);
-    let is_running = |number| {
-        let state = station.subscribe::<ModuleState>(number).next();
-        state.status == ModuleStatus::Running.code()
-    };
-    assert!(is_running(2) && !is_running(1));
+    let is_running = |state: &ModuleState| state.status == ModuleStatus::Running.code();
+    station
+        .subscribe::<ModuleState>(2)
+        .until("robot 2 runs", is_running);
+    assert!(!is_running(&station.subscribe::<ModuleState>(1).next()));
     for number in [2, 1] {
         station.run(
             &format!("start --robot {number}"),
