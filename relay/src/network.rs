@@ -42,6 +42,9 @@ const ROUTER_SAMPLE_BATCHES: usize = 16;
 /// on a busy machine is no slow link.
 const WAIT_FOR_ROOM_US: u32 = 20_000;
 
+/// The same in a router, whose receiving thread would wait: one station that is stalled must not hold up all robots.
+const ROUTER_WAIT_FOR_ROOM_US: u32 = 1000;
+
 /// Batches of other messages that may wait to be sent, the most that Zenoh takes: 16 · 4,352 = 69,632 bytes are room for the longest
 /// message, the description of a service, which has at most 66,560.
 const MESSAGE_BATCHES: usize = 16;
@@ -392,9 +395,9 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
         (Side::Robot | Side::Station, Through::Peers) => "peer",
         (Side::Robot | Side::Station, Through::Router) => "client",
     };
-    let sample_batches = match side {
-        Side::Robot | Side::Station => SAMPLE_BATCHES,
-        Side::Router => ROUTER_SAMPLE_BATCHES,
+    let (sample_batches, wait_us) = match side {
+        Side::Robot | Side::Station => (SAMPLE_BATCHES, WAIT_FOR_ROOM_US),
+        Side::Router => (ROUTER_SAMPLE_BATCHES, ROUTER_WAIT_FOR_ROOM_US),
     };
     let mut settings = vec![
         ("mode", json!(mode)),
@@ -430,7 +433,7 @@ fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
         ("transport/link/tx/batch_size", json!(BATCH_BYTES)),
         (
             "transport/link/tx/queue/congestion_control/drop/wait_before_drop",
-            json!(WAIT_FOR_ROOM_US),
+            json!(wait_us),
         ),
         (
             "transport/link/tx/queue/size",
