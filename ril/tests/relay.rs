@@ -243,16 +243,22 @@ fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
     );
 }
 
-/// A folder with `ril` alone, which is deleted in the end. A link, because a file that was just written may still be open for
-/// writing in a process that another test forks, and then cannot be executed.
+/// A folder with `ril` alone, which is deleted in the end.
+///
+/// `cp` makes the copy: a file that this process has written may still be open for writing in a process that another test
+/// forks, and then cannot be executed. A link would not do: `ril` would look beside its target, and a hard link ends at the
+/// border of a file system.
 struct Install(PathBuf);
 
 impl Install {
     fn new(name: &str) -> Install {
         let name = format!("{name}-{}", std::process::id());
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let folder = std::env::temp_dir().join(format!("ril-test-install-{name}"));
         fs::create_dir_all(&folder).unwrap();
-        fs::hard_link(env!("CARGO_BIN_EXE_ril"), folder.join("ril")).unwrap();
+        let copied = Command::new("cp")
+            .args([Path::new(env!("CARGO_BIN_EXE_ril")), &folder])
+            .status();
+        assert!(copied.unwrap().success());
         Install(folder)
     }
 
