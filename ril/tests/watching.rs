@@ -173,12 +173,14 @@ fn a_duration_ends_it_and_so_does_a_signal() {
     }
 }
 
+/// No second sample: the end of a reader is noticed on a silent topic, too. It may take a moment, because a process that another
+/// test is starting has a copy of the pipe for as long.
 #[test]
 fn a_reader_that_has_gone_is_a_quiet_end() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(0.0));
-    let mut command = rig.command(["echo", "dsp", "--json"]);
+    let mut command = rig.command(["echo", "dsp", "--json", "--timeout", "600"]);
     command.envs(rig.domain.environment());
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut echo = files::while_no_port_opens(|| command.spawn()).unwrap();
@@ -187,8 +189,6 @@ fn a_reader_that_has_gone_is_a_quiet_end() {
         .read_line(&mut line)
         .unwrap();
     assert!(line.starts_with("{\"schema\":"), "{line}");
-    // The pipe is closed; the next sample cannot be written.
-    bridge.publish(&position(1.0));
     let code = echo.wait().unwrap().code();
     let mut errors = String::new();
     echo.stderr

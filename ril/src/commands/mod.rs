@@ -5,6 +5,7 @@ pub mod doctor;
 pub mod echo;
 pub mod exchange;
 pub mod measure;
+mod output_pipe;
 pub mod param;
 pub mod relay;
 pub mod relay_report;
@@ -65,16 +66,16 @@ impl Session {
         })
     }
 
-    /// Sleeps until a port has something, a signal comes or it is `until`; nothing stands for no limit.
+    /// Sleeps until a source has something, a signal comes or it is `until`; nothing stands for no limit.
     fn wait<'a>(
         &self,
-        ports: impl IntoIterator<Item = &'a mut dyn Source>,
+        others: impl IntoIterator<Item = &'a mut dyn Source>,
         until: Option<MonotonicNs>,
     ) -> Result<(), Failure> {
         let mut signals = Descriptor::new(self.termination.as_fd());
         let mut sources: Vec<((), &mut dyn Source)> = vec![((), &mut signals)];
-        for port in ports {
-            sources.push(((), port));
+        for other in others {
+            sources.push(((), other));
         }
         let timeout = until.map(|until| until.since(MonotonicNs::now()));
         self.waiter

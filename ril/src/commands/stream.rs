@@ -4,16 +4,19 @@
 //! Samples are bytes here, which their schema describes: what is done with them is the same whether this program was
 //! built with their struct or not.
 
+use std::io;
+use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::service::own;
 use ipc_types::{
-    DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source, Subscriber, Topic,
-    dynamic,
+    Descriptor, DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source, Subscriber,
+    Topic, dynamic,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::Session;
+use super::output_pipe::OutputPipe;
 use super::watch_timeout::{Limits, Next, WatchTimeout};
 
 /// A topic that a command watches.
@@ -132,6 +135,10 @@ pub(super) trait Watcher {
 }
 
 /// Hands samples on until it is enough, nothing comes any more, or a signal comes; the latter is enough, too.
+///
+/// # Errors
+///
+/// What `watcher` fails with; the quiet end when the reader of standard output has gone.
 pub(super) fn watch<S: Samples>(
     session: &Session,
     watched: &Watched,
@@ -140,6 +147,8 @@ pub(super) fn watch<S: Samples>(
     watcher: &mut impl Watcher,
 ) -> Result<Next, Failure> {
     let mut timeout = WatchTimeout::new(limits, MonotonicNs::now());
+    let pipe = OutputPipe::of_this_process();
+    let mut reader = pipe.as_ref().map(|pipe| Descriptor::new(pipe.as_fd()));
     while !session.termination.requested() {
         let count = take(samples, timeout.wanted(), watcher)?;
         let now = MonotonicNs::now();
@@ -148,7 +157,11 @@ pub(super) fn watch<S: Samples>(
         match timeout.next(now) {
             Next::Wait(until) => {
                 let until = watcher.wake_at().map_or(until, |at| until.min(at));
-                session.wait([samples as _], Some(until))?;
+                let reader = reader.as_mut().map(|reader| reader as _);
+                session.wait([samples as _].into_iter().chain(reader), Some(until))?;
+                if pipe.as_ref().is_some_and(OutputPipe::is_closed) {
+                    return Err(Failure::output(io::ErrorKind::BrokenPipe.into()));
+                }
             }
             Next::Look => {
                 timeout.provider(watched.is_provided(session)?, now);
