@@ -1,4 +1,4 @@
-//! The bridge as a process of its own; `ril bridge` is the same.
+//! The bridge as a process of its own; `ril run bridge` is the same.
 
 use clap::Parser;
 

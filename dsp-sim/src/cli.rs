@@ -1,4 +1,4 @@
-//! The command line, for the binary `dsp-sim` and for the command `ril sim`.
+//! The command line, for the binary `dsp-sim` and for the command `ril run sim`.
 
 use std::io::Write;
 use std::num::NonZeroU32;

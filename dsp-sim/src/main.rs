@@ -1,4 +1,4 @@
-//! The simulator as a process of its own; `ril sim` is the same.
+//! The simulator as a process of its own; `ril run sim` is the same.
 
 use clap::Parser;
 

@@ -74,7 +74,7 @@ int main(int argc, char **argv) {
     HeroTelemetry here;
     int result = hero_ril_receive(telemetry, &here, sizeof here, 5000);
     if (result != HERO_RIL_OK) {
-        fprintf(stderr, "no telemetry: %s\n", result < 0 ? hero_ril_last_error() : "start `ril status`");
+        fprintf(stderr, "no telemetry: %s\n", result < 0 ? hero_ril_last_error() : "start `ril run status`");
         return 1;
     }
 

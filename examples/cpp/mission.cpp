@@ -13,7 +13,7 @@ int main(int argc, char **argv) try {
     auto client = robot.client();
     const auto here = telemetry.receive(5s);
     if (!here) {
-        std::cerr << "no telemetry: start `ril status`\n";
+        std::cerr << "no telemetry: start `ril run status`\n";
         return 1;
     }
 

@@ -19,7 +19,7 @@ def main(altitude_m=10.0):
         telemetry = robot.telemetry()
         here = telemetry.receive(timeout=5)
         if here is None:
-            sys.exit("no telemetry: start `ril status`")
+            sys.exit("no telemetry: start `ril run status`")
         latitude_deg = math.degrees(here.geodetic.latitude_rad)
         longitude_deg = math.degrees(here.geodetic.longitude_rad)
         north = (latitude_deg + 1e-4, longitude_deg, here.geodetic.altitude_m + altitude_m)

@@ -5,11 +5,12 @@
 //! * [`commands`]: the operator's commands, thin shells around pure values;
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
+//! * `habit`: what was called otherwise in earlier versions;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
-//! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines; `ril relay` is a program of its own,
+//! `ril run bridge`, `ril run status` and `ril run sim` are those crates' own command lines; `ril relay` is a program of its own,
 //! `ril-relay`, which it starts. Nothing here decides what the helicopter
 //! does: that is the bridge's.
 //!
@@ -31,6 +32,7 @@ pub mod commands;
 pub mod config;
 pub mod demo;
 pub mod fields;
+mod habit;
 pub mod live;
 pub mod measure;
 pub mod messages;
@@ -38,7 +40,7 @@ pub mod messages;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use cli::RobotChoice;
+use cli::{RobotChoice, RunCommand};
 use commands::{doctor, echo, param, relay, request, state, topic};
 use runtime::exit::{self, Failure};
 
@@ -57,8 +59,12 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
     use cli::Command;
     match command {
         Command::Demo(args) => demo::run(&args),
+        Command::Run(args) => match args.command {
+            RunCommand::Bridge(args) => bridge::cli::run(args),
+            RunCommand::Status(args) => status::cli::run(args),
+            RunCommand::Sim(args) => dsp_sim::cli::run(args),
+        },
         Command::Bridge(args) => bridge::cli::run(args),
-        Command::Status(args) => status::cli::run(args),
         Command::Sim(args) => dsp_sim::cli::run(args),
         Command::Relay(args) => relay::relay(&args),
         Command::Start(args) => request::start(&args, choice),
@@ -69,7 +75,10 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Goto(args) => request::go_to(&args, choice),
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
-        Command::State(args) => state::state(&args),
+        Command::Status(args) => {
+            habit::refuse_the_configuration_of_a_process(&args.common)?;
+            state::state(&args)
+        }
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),

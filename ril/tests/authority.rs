@@ -125,7 +125,7 @@ fn a_take_off_prints_the_height_that_was_reached() {
 fn the_geofence_is_read_again() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
-    rig.run("fence reload --deadline 70", 0);
+    rig.run("fence reload --deadline 70ms", 0);
     let Received::Control(request) = bridge.next_request() else {
         panic!("no control");
     };
@@ -217,7 +217,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     rig.run("land", 5);
     rig.run("hold", 0);
     was_replaced(path);
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(state["link"]["dsp_path"], "empty");
 
     let path = flight.far_away(&rig);
@@ -230,7 +230,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     let path = flight.far_away(&rig);
     rig.run("land --preempt", 0);
     was_replaced(path);
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(state["movement"]["kind"], "land");
     assert_eq!(state["link"]["dsp_path"], "empty");
     flight.end();

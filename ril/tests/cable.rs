@@ -1,4 +1,4 @@
-//! The simulator at a real serial port (`ril sim --port`): a cable between two terminals, with `ril bridge` at its other end.
+//! The simulator at a real serial port (`ril run sim --port`): a cable between two terminals, with `ril run bridge` at its other end.
 
 mod common;
 

@@ -241,8 +241,8 @@ fn a_wrong_configuration_is_told_in_the_words_of_its_process() {
     rig.write("other.toml", "\n[[log]]\nname = '../x'\n");
     let finished = rig.run("doctor --status other.toml", 78);
     for expected in [
-        "the configuration of `ril bridge` is refused: bridge.toml:2: unknown field `prot`",
-        "the configuration of `ril status` is refused: other.toml:3: ",
+        "the configuration of `ril run bridge` is refused: bridge.toml:2: unknown field `prot`",
+        "the configuration of `ril run status` is refused: other.toml:3: ",
         "no dsp-sim.toml here",
     ] {
         assert!(

@@ -108,7 +108,7 @@ fn a_whole_mission_by_hand() {
         (&word["request"], &word["stage"]),
         (&"stop".into(), &"done".into())
     );
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(state["module"]["status"], "ended");
     assert_eq!(state["module"]["blocked"], true);
     assert_eq!(state["link"]["waypoints_sent"], 2);
@@ -140,7 +140,7 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
     refused("takeoff --altitude 150", "busy");
     refused("stop", "unable-to-abort");
     refused(&here, "busy");
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(state["module"]["functionality"], "taking-off");
     assert_eq!(state["module"]["unable_to_abort"], true);
     assert_eq!(state["module"]["error"], "impossible-to-stop-module");
@@ -217,7 +217,7 @@ fn two_robots_do_not_see_each_other() {
     }
     rig.run("start --robot 2", 0);
     rig.run("takeoff --robot 2 --altitude 5", 0);
-    let state = |robot: u32| json(&rig.run(&format!("state --json --robot {robot}"), 0).stdout[0]);
+    let state = |robot: u32| json(&rig.run(&format!("status --json --robot {robot}"), 0).stdout[0]);
     assert_eq!(state(2)["module"]["status"], "ended");
     assert_eq!(state(2)["movement"]["kind"], "takeoff");
     assert_eq!(state(1)["module"]["status"], "waiting-data-to-start");
@@ -238,7 +238,7 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     let rig = Rig::new();
     let mut processes = Processes::start(&rig, "--speed 1");
     rig.run("start", 0);
-    let mut echo = rig.start("echo hero --json --field source_epoch_ns --timeout 80");
+    let mut echo = rig.start("echo hero --json --field source_epoch_ns --timeout 80s");
     let first = json(&echo.wait_for_text("source_epoch_ns").text);
     let mut take_off = rig.start("takeoff --altitude 100");
     take_off.wait_for_text("takeoff: begun");
@@ -248,7 +248,7 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     let finished = take_off.wait_exit();
     assert_eq!(finished.code(), Some(7), "{finished:#?}");
     assert!(says(&finished.stderr, "bridge-gone"), "{finished:#?}");
-    rig.run("state --timeout 0.1", 3);
+    rig.run("status --timeout 100ms", 3);
 
     processes.bridge = rig.bridge(1);
     echo.wait_for_line(|line| {

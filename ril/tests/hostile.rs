@@ -166,7 +166,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
     // What can be watched is shown; the last one is as it should be, so that each watcher knows when it has all.
     let mut echoes = BTreeMap::new();
     for topic in ["dsp", "hero", "state"] {
-        let echo = rig.start(&format!("echo {topic} --json --timeout 80"));
+        let echo = rig.start(&format!("echo {topic} --json --timeout 80s"));
         echoes.insert(topic, echo);
     }
     for number in 1..=SAMPLES {
@@ -175,9 +175,9 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         let state: ModuleState = garbage.payload();
         bridge.publish_state(&state);
         if number % 100 == 0 {
-            let shown = json(&rig.run("state --json --timeout 10", 0).stdout[0]);
+            let shown = json(&rig.run("status --json --timeout 10s", 0).stdout[0]);
             assert_eq!(shown["schema"], "ril.State.v2");
-            rig.run("state", 0);
+            rig.run("status", 0);
         }
     }
     let mut good = DspTelemetry {
@@ -306,7 +306,7 @@ fn a_status_of_garbage_is_shown_as_what_it_is() {
     let bridge = StandInBridge::start(&rig.domain);
     let status = StandInStatus::start(&rig.domain);
     let mut garbage = Garbage::new(3);
-    let mut echo = rig.start("echo hero --count 200 --json --timeout 80");
+    let mut echo = rig.start("echo hero --count 200 --json --timeout 80s");
     // A late subscriber gets the newest; so it is published until the command has had enough.
     for _ in 0..200 {
         status.publish(&garbage.payload());
@@ -317,10 +317,10 @@ fn a_status_of_garbage_is_shown_as_what_it_is() {
     assert_eq!(finished.stdout.len(), 200);
     finished.stdout.iter().for_each(|line| check_text(3, line));
     bridge.publish_state(&StandInBridge::idle_state());
-    rig.run("state", 0);
+    rig.run("status", 0);
     for command in ["hz", "delay", "bw"] {
         rig.run(
-            &format!("{command} hero --duration 0.2 --json --timeout 10"),
+            &format!("{command} hero --duration 200ms --json --timeout 10s"),
             0,
         );
     }

@@ -9,7 +9,12 @@ use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 #[test]
 fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
     let rig = Rig::new();
-    for args in ["bridge --port absent", "status", "state", "echo dsp"] {
+    for args in [
+        "run bridge --port absent",
+        "run status",
+        "status",
+        "echo dsp",
+    ] {
         let line = format!("ulimit -c 0 && ulimit -f 0 && exec \"$0\" {args}");
         let finished = Process::spawn(&rig.domain, rig.shell(&line)).wait_exit();
         assert_eq!(finished.code(), Some(1), "{args}: {finished:#?}");

@@ -103,10 +103,10 @@ fn what_was_published_before_is_not_measured() {
     let status = StandInStatus::start(&rig.domain);
     status.publish(&hero(MonotonicNs(0), 1));
     // The latest sample comes at once, and alone is nothing to measure.
-    let finished = rig.run("delay hero --timeout 0.2 --duration 0.05 --json", 4);
+    let finished = rig.run("delay hero --timeout 200ms --duration 50ms --json", 4);
     assert!(finished.stdout.is_empty(), "{finished:#?}");
     assert!(
-        says(&finished.stderr, "although `ril status` is running"),
+        says(&finished.stderr, "although `ril run status` is running"),
         "{finished:#?}"
     );
     let hz = start(&rig, "hz hero --count 2 --json");
@@ -184,7 +184,7 @@ fn bytes_are_those_of_the_struct() {
 fn a_publisher_that_goes_ends_it_with_what_was_measured() {
     let rig = Rig::new();
     let status = StandInStatus::start(&rig.domain);
-    let mut hz = start(&rig, "hz hero --timeout 0.2 --count 1000 --json");
+    let mut hz = start(&rig, "hz hero --timeout 200ms --count 1000 --json");
     status.publish(&HeroTelemetry::default());
     hz.wait_for_text("first sample");
     drop(status);

@@ -85,7 +85,7 @@ fn a_parameter_is_read_and_written_by_name_and_by_number() {
         ("20013", "0.8", port::YAW_GAIN),
         ("trim_tail_us", "-40", port::TRIM_TAIL_US),
     ] {
-        let finished = rig.run(&format!("param set {name} {value} --deadline 70"), 0);
+        let finished = rig.run(&format!("param set {name} {value} --deadline 70ms"), 0);
         let request = written_or_read(&bridge);
         assert_eq!(request.operation(), Some(ParameterOperation::Write));
         assert_eq!((request.port, request.deadline_ms), (number.into(), 70));
@@ -160,7 +160,7 @@ fn a_parameter_that_cannot_be_set_is_refused_with_the_reason() {
     bridge.answer_next(Answer::refuse(Reason::LinkDown));
     rig.run("param get 20013", 6);
     bridge.answer_next(Answer::Hang);
-    rig.run("param get 20013 --timeout 0.1", 4);
+    rig.run("param get 20013 --timeout 100ms", 4);
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn a_path_is_framed_and_shares_one_id() {
     for (args, frames) in [
         ("goto -37.1,-6.0,20 --no-wait", &[(1, 1)][..]),
         (
-            "goto -37.1,-6.0,20 37.2,6.1,21 -.5,0,-3 --timeout 60",
+            "goto -37.1,-6.0,20 37.2,6.1,21 -.5,0,-3 --timeout 60s",
             &[(1, 0), (0, 0), (0, 1)],
         ),
     ] {
@@ -197,14 +197,14 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
     rig.write("ril.toml", "[request]\ndeadline_ms = 300\n");
     rig.write("other.toml", "");
     for (args, variable, expected) in [
-        ("start --deadline 100", Some("200"), 100),
-        ("start", Some("200"), 200),
+        ("start --deadline 100ms", Some("200ms"), 100),
+        ("start", Some("200ms"), 200),
         ("start", None, 300),
         ("start --config other.toml", None, 0),
     ] {
         let mut command = rig.command(args.split(' '));
         if let Some(value) = variable {
-            command.env("RIL_DEADLINE_MS", value);
+            command.env("RIL_DEADLINE", value);
         }
         let finished = Process::spawn(&rig.domain, command).wait_exit();
         assert_eq!(finished.code(), Some(0), "{finished:#?}");
@@ -214,7 +214,7 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
             "{args} {variable:?}"
         );
     }
-    rig.run("land --deadline 50", 0);
+    rig.run("land --deadline 50ms", 0);
     assert_eq!(movement(bridge.next_request()).deadline_ms, 50);
 }
 
@@ -236,14 +236,14 @@ fn a_bridge_that_hangs_is_a_timeout() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(Answer::Hang);
-    let finished = rig.run("start --timeout 0.1", 4);
+    let finished = rig.run("start --timeout 100ms", 4);
     assert!(
         says(&finished.stderr, "did not answer to start in time"),
         "{finished:#?}"
     );
     bridge.answer_next(accepted());
     bridge.answer_next(Answer::Hang);
-    let finished = rig.run("goto 37,-6,20 37,-6,21 --timeout 0.1", 4);
+    let finished = rig.run("goto 37,-6,20 37,-6,21 --timeout 100ms", 4);
     assert!(
         says(&finished.stderr, "did not answer to waypoint 2 of 2"),
         "{finished:#?}"
@@ -300,7 +300,7 @@ fn an_interrupted_command_says_what_goes_on() {
     // The bridge flies no path that was not sent to its end.
     bridge.answer_next(accepted());
     bridge.answer_next(Answer::Hang);
-    let mut process = rig.start("goto 37,-6,20 37,-6,21 --timeout 80");
+    let mut process = rig.start("goto 37,-6,20 37,-6,21 --timeout 80s");
     bridge.next_request();
     bridge.next_request();
     process.signal(Signal::INT);
@@ -319,14 +319,14 @@ fn a_bridge_without_a_port_refuses_a_start_and_one_that_was_stopped_is_not_waite
     let finished = rig.run("start", 6);
     assert_eq!(finished.stdout, ["start: refused (link-down)"]);
     rig.run("goto -37,-6,20", 5);
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(state["link"]["state"], "gone");
     let mut watch = rig.watch(1);
     watch.until("both are counted", |state| state.refused.requests == 2);
 
     bridge.signal(Signal::STOP);
-    rig.run("start --timeout 0.2", 4);
-    rig.run("state --timeout 0.2", 4);
+    rig.run("start --timeout 200ms", 4);
+    rig.run("status --timeout 200ms", 4);
     bridge.signal(Signal::CONT);
     rig.run("start", 6);
     // What was withdrawn while it was stopped never happened.

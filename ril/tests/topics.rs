@@ -110,7 +110,7 @@ fn a_topic_that_is_not_there_is_told_with_those_that_are() {
     }
     let finished = rig.run("topic echo hero", 3);
     assert!(
-        says(&finished.stderr, "start `ril status --robot 1`"),
+        says(&finished.stderr, "start `ril run status --robot 1`"),
         "{finished:#?}"
     );
     let bridge = StandInBridge::start(&rig.domain);

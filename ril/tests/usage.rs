@@ -16,13 +16,14 @@ fn usage_errors_are_refused_before_a_request_is_sent() {
         ("start --robot 0", "a robot id is an integer from 1"),
         ("bridge --robot 0", "a robot id is an integer from 1"),
         ("sim --speed 0", "a speed is a factor"),
+        ("status --log barometer", "`ril run status`"),
         ("demo --speed 0", "--speed"),
         ("goto -91,0,10", "the latitude -91 is out of range"),
         ("goto 37,-6", "2 numbers, three are needed"),
         ("takeoff --altitude nan", "the altitude `nan` is not finite"),
         ("echo", "<TOPIC>"),
         ("hz gps", "[possible values: dsp, hero, state]"),
-        ("delay hero --json", "<--count <N>|--duration <S>>"),
+        ("delay hero --json", "<--count <N>|--duration <DURATION>>"),
         (
             "echo hero --field latitude_rad",
             "did you mean `geodetic.latitude_rad`?",
@@ -45,6 +46,7 @@ fn a_wrong_configuration_is_told_with_file_and_line() {
     rig.write("wrong.toml", "# a comment\n[request]\ntimeout = 3\n");
     rig.write("wild.toml", "[observe]\ntimeout_s = 0\n");
     rig.write("other.toml", "\n[serail]\n");
+    rig.write("status.toml", "[[log]]\ngroups = ['barometer']\n");
     for (command, file, expected) in [
         (
             "start",
@@ -55,16 +57,21 @@ fn a_wrong_configuration_is_told_with_file_and_line() {
         ("land", "absent.toml", "absent.toml: cannot be read"),
         ("takeoff --altitude 5", "wrong.toml", "wrong.toml:3"),
         ("goto 37,-6,20", "wrong.toml", "wrong.toml:3"),
-        ("state", "wild.toml", "wild.toml:2: 0 is out of range"),
+        ("status", "wild.toml", "wild.toml:2: 0 is out of range"),
         ("echo dsp", "wild.toml", "wild.toml:2: "),
         ("hz dsp", "wild.toml", "wild.toml:2: "),
         ("start --check-config", "wrong.toml", "wrong.toml:3"),
+        (
+            "status",
+            "status.toml",
+            "start the process with `ril run status --config status.toml`",
+        ),
         (
             "bridge",
             "other.toml",
             "other.toml:2: unknown field `serail`",
         ),
-        ("status", "other.toml", "other.toml:2: "),
+        ("run status", "other.toml", "other.toml:2: "),
         ("sim", "other.toml", "other.toml:2: "),
     ] {
         let finished = rig.run(&format!("{command} --config {file}"), 78);
@@ -87,7 +94,7 @@ fn what_is_no_file_is_no_configuration_and_is_not_waited_for() {
         (".", ".: is a folder, not a regular file"),
         ("endless", "endless: is longer than 1048576 bytes"),
     ] {
-        for command in ["bridge", "status", "sim", "start", "state", "doctor"] {
+        for command in ["bridge", "run status", "sim", "start", "status", "doctor"] {
             let finished = rig.run(&format!("{command} --config {file}"), 78);
             let told = [finished.stdout, finished.stderr].concat();
             assert!(says(&told, expected), "{command}: {told:#?}");
@@ -114,16 +121,16 @@ fn without_a_bridge_every_command_says_how_to_start_it() {
         ("takeoff --altitude 5", "bridge"),
         ("land --no-wait", "bridge"),
         ("goto -37,-6,20 37,6,20 --json", "bridge"),
-        ("state --timeout 0.05", "bridge"),
-        ("echo dsp --timeout 0.05", "bridge"),
-        ("echo hero --timeout 0.05 --count 1", "status"),
-        ("echo state --timeout 0.05 --json", "bridge"),
-        ("hz dsp --timeout 0.05", "bridge"),
-        ("delay hero --timeout 0.05 --count 2 --json", "status"),
-        ("bw state --timeout 0.05 --duration 1", "bridge"),
+        ("status --timeout 50ms", "bridge"),
+        ("echo dsp --timeout 50ms", "bridge"),
+        ("echo hero --timeout 50ms --count 1", "status"),
+        ("echo state --timeout 50ms --json", "bridge"),
+        ("hz dsp --timeout 50ms", "bridge"),
+        ("delay hero --timeout 50ms --count 2 --json", "status"),
+        ("bw state --timeout 50ms --duration 1s", "bridge"),
     ] {
         let finished = rig.run(&format!("{args} --robot 7"), 3);
-        let advice = format!("start `ril {process} --robot 7`");
+        let advice = format!("start `ril run {process} --robot 7`");
         assert!(says(&finished.stderr, &advice), "{args}: {finished:#?}");
         assert!(finished.stdout.is_empty(), "{args}: {finished:#?}");
         rig.domain.assert_empty();
@@ -137,7 +144,7 @@ fn help_documents_the_exit_codes() {
         "--help",
         "start --help",
         "echo --help",
-        "state --help",
+        "status --help",
         "delay --help",
     ] {
         let finished = rig.run(args, 0);

@@ -1,4 +1,4 @@
-//! `ril echo` and `ril state` against publishers that do as they are told.
+//! `ril echo` and `ril status` against publishers that do as they are told.
 
 mod common;
 
@@ -92,7 +92,7 @@ fn a_publisher_that_says_nothing_is_a_timeout() {
     let _bridge = StandInBridge::start(&rig.domain);
     let _status = StandInStatus::start(&rig.domain);
     for topic in ["dsp", "hero"] {
-        let finished = rig.run(&format!("echo {topic} --timeout 0.1"), 4);
+        let finished = rig.run(&format!("echo {topic} --timeout 100ms"), 4);
         assert!(says(&finished.stderr, "although `ril "), "{finished:#?}");
     }
 }
@@ -102,7 +102,7 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(1.0));
-    let mut echo = rig.start("echo dsp --timeout 80 --count 2 --field geographic.altitude_m");
+    let mut echo = rig.start("echo dsp --timeout 80s --count 2 --field geographic.altitude_m");
     echo.wait_for_text("geographic.altitude_m=1");
     bridge.die();
     let bridge = StandInBridge::start(&rig.domain);
@@ -115,13 +115,13 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
         "{finished:#?}"
     );
 
-    let mut echo = rig.start("echo dsp --timeout 0.2 --field geographic.altitude_m");
+    let mut echo = rig.start("echo dsp --timeout 200ms --field geographic.altitude_m");
     echo.wait_for_text("geographic.altitude_m=2");
     bridge.die();
     let finished = echo.wait_exit();
     assert_eq!(finished.code(), Some(3), "{finished:#?}");
     assert!(
-        says(&finished.stderr, "start `ril bridge --robot 1`"),
+        says(&finished.stderr, "start `ril run bridge --robot 1`"),
         "{finished:#?}"
     );
     assert!(says(&finished.stderr, "1 samples, 0 lost"), "{finished:#?}");
@@ -164,7 +164,7 @@ fn a_duration_ends_it_and_so_does_a_signal() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(0.0));
-    let finished = rig.run("echo dsp --duration 0.1 --field sequence", 0);
+    let finished = rig.run("echo dsp --duration 100ms --field sequence", 0);
     assert_eq!(finished.stdout, ["sequence=1"]);
     for signal in [Signal::INT, Signal::TERM] {
         let mut echo = rig.start("echo state --json");
@@ -214,7 +214,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
         received_ns: old,
         ..position(1.0)
     });
-    let shown = json(&rig.run("state --json", 0).stdout[0]);
+    let shown = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(shown["schema"], "ril.State.v2");
     assert_eq!(shown["robot"], 1);
     assert_eq!(shown["module"]["status"], "running");
@@ -224,7 +224,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
     assert!(shown["dsp"]["age_s"].as_f64().unwrap() >= 5.0, "{shown}");
     assert!(shown["hero"].is_null(), "there is no status");
 
-    let text = rig.run("state", 0).stdout;
+    let text = rig.run("status", 0).stdout;
     assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
     assert!(says(&text, "s old, STALE"), "{text:#?}");
     assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
@@ -238,6 +238,6 @@ fn the_state_shows_names_ages_and_what_is_stale() {
 
     let status = StandInStatus::start(&rig.domain);
     status.publish(&HeroTelemetry::default());
-    let shown = json(&rig.run("state --json", 0).stdout[0]);
+    let shown = json(&rig.run("status --json", 0).stdout[0]);
     assert_eq!(shown["hero"]["sequence"], 1);
 }

@@ -2,6 +2,7 @@
 //!
 //! * [`args`]: the options that every process takes: robot, configuration, verbosity;
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
+//! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is told once;
 //! * [`logging`]: diagnostics on standard error;
 //! * [`notify`]: readiness and watchdog for a supervisor;
@@ -60,6 +61,7 @@
 
 pub mod args;
 pub mod config;
+pub mod duration;
 pub mod exit;
 pub mod logging;
 pub mod notify;

@@ -1,4 +1,4 @@
-//! The command line, for the binary `status` and for the command `ril status`.
+//! The command line, for the binary `status` and for the command `ril run status`.
 
 use module_kit::SetUp;
 use runtime::args::CommonArgs;

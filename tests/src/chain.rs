@@ -21,11 +21,11 @@ pub const BINARY_VARIABLE: &str = "RIL_BINARY";
 pub struct Chain {
     /// Where the pseudo-terminal's link lies, and files that the test wants there; dropped last.
     pub folder: PtyFolder,
-    /// `ril sim`
+    /// `ril run sim`
     pub sim: Process,
-    /// `ril bridge`
+    /// `ril run bridge`
     pub bridge: Process,
-    /// `ril status`
+    /// `ril run status`
     pub status: Process,
     binary: PathBuf,
 }
@@ -90,7 +90,7 @@ impl Chain {
             domain,
             binary,
             &folder,
-            &["sim", "--link", "dsp", "--seed", "1", "--speed", &speed],
+            &["run", "sim", "--link", "dsp", "--seed", "1", "--speed", &speed],
         );
         // A machine that stalls for seconds must end no flight.
         std::fs::write(
@@ -98,8 +98,8 @@ impl Chain {
             "[link]\npc_timeout_ms = 60000\n",
         )
         .expect("a file in the test's folder");
-        let bridge = spawn(domain, binary, &folder, &["bridge", "--port", "dsp"]);
-        let status = spawn(domain, binary, &folder, &["status"]);
+        let bridge = spawn(domain, binary, &folder, &["run", "bridge", "--port", "dsp"]);
+        let status = spawn(domain, binary, &folder, &["run", "status"]);
         wait_for_telemetry(domain);
         Chain {
             folder,
@@ -117,7 +117,7 @@ impl Chain {
             domain,
             &self.binary,
             &self.folder,
-            &["bridge", "--port", "dsp"],
+            &["run", "bridge", "--port", "dsp"],
         );
         wait_for_telemetry(domain);
     }
@@ -125,7 +125,7 @@ impl Chain {
     /// Starts another status in the place of one that was killed, and returns when it is ready.
     #[track_caller]
     pub fn restart_status(&mut self, domain: &Domain) {
-        self.status = spawn(domain, &self.binary, &self.folder, &["status"]);
+        self.status = spawn(domain, &self.binary, &self.folder, &["run", "status"]);
     }
 
     /// Runs an operator's command of `ril` to its end, such as `["takeoff", "--altitude", "5"]`.

@@ -73,7 +73,7 @@ fn a_program_in_c_flies_a_mission() {
         command.arg("5");
         command
     });
-    says_that_nothing_runs(Command::new(&program), "start `ril status`");
+    says_that_nothing_runs(Command::new(&program), "start `ril run status`");
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn a_program_in_cpp_flies_a_mission() {
         command.arg("5");
         command
     });
-    says_that_nothing_runs(Command::new(&program), "start `ril status`");
+    says_that_nothing_runs(Command::new(&program), "start `ril run status`");
 }
 
 /// A module's own topic and request, as `examples/c/voltages.c` and `examples/c/gripper.c` have them too.
@@ -314,7 +314,7 @@ fn a_program_in_python_flies_a_mission() {
         command.arg("5");
         command
     });
-    says_that_nothing_runs(python_example(python, "mission.py"), "start `ril status`");
+    says_that_nothing_runs(python_example(python, "mission.py"), "start `ril run status`");
 }
 
 #[test]

@@ -141,7 +141,7 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     let mut section = Section::new("cost", "What it costs, and how much it carries");
     section.text(format!(
-        "`ril bridge` and `ril status` as processes, one consumer of `HeroTelemetry` that blocks, full status frames on a \
+        "`ril run bridge` and `ril run status` as processes, one consumer of `HeroTelemetry` that blocks, full status frames on a \
          pseudo-terminal that is not paced. Processor time is that of `/proc/PID/task/*/schedstat`, wake-ups are voluntary \
          context switches, of all threads. Medians of {} rounds of {} s.",
         args.common.rounds, args.seconds,

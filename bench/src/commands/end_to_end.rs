@@ -221,7 +221,7 @@ pub fn run(args: &Args) -> Result<()> {
     );
     section.text(format!(
         "Real processes on a pseudo-terminal that is not paced: a DSP that writes full status frames (128 bytes) and answers \
-         every command at once, `ril bridge`, `ril status`, a consumer that blocks. Times begin just before the frame is \
+         every command at once, `ril run bridge`, `ril run status`, a consumer that blocks. Times begin just before the frame is \
          written to the terminal, or the request is sent; µs. {} rounds of {} s each, which take turns. The request is a \
          landing: it takes one command to the DSP and its acknowledgement.",
         args.common.rounds, args.seconds,

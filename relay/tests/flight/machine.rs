@@ -29,8 +29,8 @@ const VARIABLES: [&str; 6] = [
     "RIL_CONFIG",
     "RIL_PORT",
     "RIL_LOG",
-    "RIL_TIMEOUT_S",
-    "RIL_DEADLINE_MS",
+    "RIL_TIMEOUT",
+    "RIL_DEADLINE",
 ];
 
 /// Twice the real clock: the relay's times are real ones, and a machine that is busy keeps up.
@@ -167,16 +167,16 @@ impl Crew {
         // A machine that stalls for seconds must end no flight.
         machine.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
         let speed = machine.speed;
-        let sim = format!("sim --robot {robot} --link dsp --seed 1 --speed {speed}");
+        let sim = format!("run sim --robot {robot} --link dsp --seed 1 --speed {speed}");
         let crew = Crew {
             sim: machine.start_ready(&sim),
             bridge: bridge(machine, robot),
-            status: machine.start_ready(&format!("status --robot {robot}")),
+            status: machine.start_ready(&format!("run status --robot {robot}")),
             robot,
         };
         // Not by a subscriber of this process: the machine's clock may be another one.
         machine.run(
-            &format!("echo hero --robot {robot} --count 1 --timeout 80"),
+            &format!("echo hero --robot {robot} --count 1 --timeout 80s"),
             0,
         );
         crew
@@ -202,7 +202,7 @@ impl Crew {
 
 #[track_caller]
 fn bridge(machine: &Machine, robot: u32) -> Process {
-    machine.start_ready(&format!("bridge --robot {robot} --port dsp"))
+    machine.start_ready(&format!("run bridge --robot {robot} --port dsp"))
 }
 
 /// Ends a process in order.

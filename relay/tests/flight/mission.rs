@@ -92,7 +92,7 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     );
     rig.robot.subscribe::<DspTelemetry>(1).next();
     rig.robot.subscribe::<HeroTelemetry>(1).next();
-    rig.station.run("state", 0);
+    rig.station.run("status", 0);
     let station = (
         Collector::<DspTelemetry>::start(&rig.station),
         Collector::<HeroTelemetry>::start(&rig.station),

@@ -33,7 +33,7 @@ fn a_station_that_may_not_command_sees_everything_and_is_told_who_may() {
     ));
     relay.wait_for_text("this station may not command");
     other.await_link(1);
-    other.run("state", 0);
+    other.run("status", 0);
     let refused = other.run("takeoff --altitude 5", REFUSED);
     assert!(says(&refused.stderr, "relay-not-permitted"), "{refused:#?}");
     // The robot's own log names it, too.

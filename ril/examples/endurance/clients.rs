@@ -156,7 +156,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             break now;
         }
         // Whatever it says: a second of telemetry is the occasion, the bridge cleans up by itself.
-        site.run("echo dsp --duration 1");
+        site.run("echo dsp --duration 1s");
     };
     outcome.holdings = Some((before, after));
     // A path, or nothing, is under way: what the last client that was heard wanted.
@@ -166,7 +166,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         ask(site, "land --preempt");
     }
     let again = [
-        "state",
+        "status",
         "stop",
         "start",
         "takeoff --altitude 5",

@@ -18,12 +18,12 @@ use crate::healthy::{Healthy, Heard};
 const STARTS: [Start; 9] = [
     Start::Ril("goto 37.4300,-6.0010,25 --preempt"),
     Start::Ril("hold"),
-    Start::Ril("echo hero --json --field sequence --timeout 80"),
-    Start::Ril("echo dsp --json --field sequence --timeout 80"),
+    Start::Ril("echo hero --json --field sequence --timeout 80s"),
+    Start::Ril("echo dsp --json --field sequence --timeout 80s"),
     Start::InC("print_telemetry.c", ""),
     Start::InPython("print_telemetry.py"),
-    Start::Ril("bridge --port dsp"),
-    Start::Ril("status --robot 2"),
+    Start::Ril("run bridge --port dsp"),
+    Start::Ril("run status --robot 2"),
     Start::InC("voltages.c", "publish 1000"),
 ];
 
@@ -246,7 +246,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             break (now, things);
         }
         // Whatever it says: a second of telemetry is the occasion, the survivors clean up by themselves.
-        site.run("echo dsp --duration 1");
+        site.run("echo dsp --duration 1s");
     };
     // A path, a hold, or nothing is under way: what the last client that was heard wanted.
     let mut flies_on = site.run("land --preempt").code() == Some(0);

@@ -24,8 +24,8 @@ const VARIABLES: [&str; 6] = [
     "RIL_CONFIG",
     "RIL_PORT",
     "RIL_LOG",
-    "RIL_TIMEOUT_S",
-    "RIL_DEADLINE_MS",
+    "RIL_TIMEOUT",
+    "RIL_DEADLINE",
 ];
 
 /// Lets the children end when this process is killed, and so the domain go.
@@ -200,10 +200,10 @@ impl Site {
     /// Starts one of a kind, which is not ready yet.
     pub fn start_one(&self, kind: Kind) -> Process {
         match kind {
-            Kind::Sim => self.start("sim --link dsp --seed 1"),
-            Kind::Bridge => self.start("bridge --port dsp"),
-            Kind::Status => self.start("status"),
-            Kind::Consumer => self.start("echo hero --json --field sequence --timeout 80"),
+            Kind::Sim => self.start("run sim --link dsp --seed 1"),
+            Kind::Bridge => self.start("run bridge --port dsp"),
+            Kind::Status => self.start("run status"),
+            Kind::Consumer => self.start("echo hero --json --field sequence --timeout 80s"),
             Kind::ConsumerInC => self.start_c("print_telemetry.c", ""),
             Kind::ConsumerInPython => self.start_python("print_telemetry.py"),
         }
@@ -247,9 +247,9 @@ pub fn end(mut process: Process) {
 pub fn start_chain(site: &Site) -> [Process; 3] {
     site.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
     let chain = [
-        "sim --link dsp --seed 1 --speed 4",
-        "bridge --port dsp",
-        "status",
+        "run sim --link dsp --seed 1 --speed 4",
+        "run bridge --port dsp",
+        "run status",
     ];
     let mut chain = chain.map(|args| {
         let mut process = site.start(args);

@@ -24,7 +24,7 @@ const ORDERS: [&str; 8] = [
     "takeoff --altitude 5",
     "goto 37.4112,-6.0010,25 --no-wait",
     "hold",
-    "state",
+    "status",
     "land",
     "echo hero --count 50",
     "stop",

@@ -94,7 +94,7 @@ pub fn run(site: &Site, lack: Lack) -> Outcome {
     let [sim, bridge, status] = start_chain(site);
     ask(site, "start");
     ask(site, "takeoff --altitude 5");
-    let args = format!("--json --field sequence --timeout {SILENCE_S}");
+    let args = format!("--json --field sequence --timeout {SILENCE_S}s");
     let mut raw = site.start(&format!("echo dsp {args}"));
     let mut hero = site.start(&format!("echo hero {args}"));
     let mut stuck = site.start(&format!("echo dsp {args}"));

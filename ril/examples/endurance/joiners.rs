@@ -14,9 +14,9 @@ use crate::crew::{Site, ask, end, start_chain};
 /// What is stopped.
 const JOINERS: [&str; 5] = [
     "echo hero --json",
-    "state",
-    "bridge --port dsp",
     "status",
+    "run bridge --port dsp",
+    "run status",
     "takeoff --altitude 5",
 ];
 
@@ -78,7 +78,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         joiner.signal(Signal::STOP);
         stopped.push_back(joiner);
         outcome.joiners += 1;
-        for args in ["state", "echo hero --count 1"] {
+        for args in ["status", "echo hero --count 1"] {
             ask(site, args);
         }
         // Whatever it finds; it takes note of those that are stopped.
@@ -87,7 +87,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         outcome.done += 3;
         for (args, signal) in [
             ("echo hero", Signal::INT),
-            ("status --robot 2", Signal::TERM),
+            ("run status --robot 2", Signal::TERM),
         ] {
             let mut process = site.start(args);
             moment(2 * START_UP);

@@ -83,7 +83,7 @@ pub fn same_numbers(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Opt
     let [sim, bridge, status] = start_chain(site);
     let mut outcome = Outcome::default();
     while outcome.starts < plan.starts && goes_on() {
-        let consumer = |_| site.start_by(&starter, "echo hero --count 3 --timeout 20");
+        let consumer = |_| site.start_by(&starter, "echo hero --count 3 --timeout 20s");
         let mut consumers: Vec<Process> = (0..TOGETHER).map(consumer).collect();
         for consumer in &mut consumers {
             let finished = consumer.wait_exit();
@@ -124,14 +124,14 @@ pub fn other_mounts(site: &Site) -> Option<Outcome> {
         }
         outcome.starts += 1;
     };
-    expect(&starter, "echo hero --count 3 --timeout 20", 0, "");
+    expect(&starter, "echo hero --count 3 --timeout 20s", 0, "");
     let own = format!("{starter} sh mount.sh /dev/shm");
     let root = site.domain.root().display();
     let nobody = format!("no robot is alive in {root}");
-    expect(&own, "state --timeout 1", 3, &nobody);
+    expect(&own, "status --timeout 1s", 3, &nobody);
     expect(&own, "takeoff --altitude 5", 3, &nobody);
-    expect(&own, "echo hero --duration 1", 3, &nobody);
-    expect("", "echo hero --count 3 --timeout 20", 0, "");
+    expect(&own, "echo hero --duration 1s", 3, &nobody);
+    expect("", "echo hero --count 3 --timeout 20s", 0, "");
     [status, bridge, sim].into_iter().for_each(end);
     site.domain.assert_empty();
     Some(outcome)
@@ -154,7 +154,7 @@ pub fn other_users(site: &Site) -> Option<Outcome> {
         return None;
     }
     let mut outcome = Outcome::default();
-    for (args, code) in [("state --timeout 1", 3), ("land", 3), ("doctor", 0)] {
+    for (args, code) in [("status --timeout 1s", 3), ("land", 3), ("doctor", 0)] {
         let finished = site.run(args);
         let mut words = finished.stdout.join(" ");
         words += &finished.stderr.join(" ");
@@ -191,7 +191,7 @@ pub fn other_clocks(site: &Site) -> Option<Outcome> {
     let mut outcome = Outcome::default();
     for (offset_s, starter) in starters {
         let consumer = site
-            .start_by(&starter, "echo hero --count 3 --timeout 10")
+            .start_by(&starter, "echo hero --count 3 --timeout 10s")
             .wait_exit();
         if consumer.code() != Some(0) {
             let (code, words) = (consumer.code(), consumer.stderr.join(", "));

@@ -43,7 +43,7 @@ pub struct Outcome {
     pub among: Spread,
     /// From the start of another bridge until it was ready.
     pub restart: Duration,
-    /// From the start of `ril state` until it had answered.
+    /// From the start of `ril status` until it had answered.
     pub state: Duration,
 }
 
@@ -87,14 +87,14 @@ pub fn run(site: &Site, plan: &Plan) -> Outcome {
     among.extend(consumer.hear(SAMPLES));
 
     let started = Instant::now();
-    ask(site, "state");
+    ask(site, "status");
     let state = started.elapsed();
     ask(site, "land");
     ask(site, "stop");
     bridge.signal(Signal::KILL);
     drop(bridge);
     let started = Instant::now();
-    let mut bridge = site.start("bridge --port dsp");
+    let mut bridge = site.start("run bridge --port dsp");
     bridge.wait_for_text("ready");
     let restart = started.elapsed();
     consumer.hear(SAMPLES);
@@ -120,7 +120,7 @@ struct Consumer {
 
 impl Consumer {
     fn start(site: &Site) -> Consumer {
-        let mut process = site.start("echo hero --json --field sequence --timeout 80");
+        let mut process = site.start("echo hero --json --field sequence --timeout 80s");
         process.wait_for_line(|line| line.stream == Stream::Stdout);
         let id = process.id();
         let (sender, times) = mpsc::channel();

@@ -258,5 +258,5 @@ fn pair(ipc: &Ipc) -> Pair {
 
 /// A consumer in a process of its own.
 fn consumer(site: &Site) -> Process {
-    site.start("echo dsp --json --field sequence --timeout 80")
+    site.start("echo dsp --json --field sequence --timeout 80s")
 }

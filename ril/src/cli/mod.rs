@@ -15,6 +15,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use runtime::args::CommonArgs;
@@ -30,7 +31,7 @@ pub use topic::{
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
 };
 pub use value::waypoints;
-use value::{protect_coordinates, seconds};
+use value::{duration, protect_coordinates};
 
 /// What each exit code means, for the end of the help.
 pub const EXIT_CODES: &str = "\
@@ -92,10 +93,27 @@ impl Cli {
         args: impl IntoIterator<Item = OsString>,
     ) -> Result<(Cli, RobotChoice), clap::Error> {
         let mut command = Cli::command();
-        let matches = command.try_get_matches_from_mut(protect_coordinates(args))?;
+        let args = protect_coordinates(args);
+        let is_status = args.get(1).is_some_and(|verb| verb == "status");
+        let matches = command
+            .try_get_matches_from_mut(args)
+            .map_err(|error| match is_status {
+                true => name_the_process(error),
+                false => error,
+            })?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         Ok((cli, RobotChoice::of(&matches)))
     }
+}
+
+/// The usage error with how the process status is started: `ril status` was its name in earlier versions.
+fn name_the_process(mut error: clap::Error) -> clap::Error {
+    if error.kind() == ErrorKind::UnknownArgument {
+        let tip = "the process that writes logs is started with `ril run status`; `ril status` shows a robot's state";
+        let tips = ContextValue::StyledStrs(vec![tip.into()]);
+        error.insert(ContextKind::Suggested, tips);
+    }
+    error
 }
 
 /// What to do.
@@ -103,11 +121,11 @@ impl Cli {
 pub enum Command {
     /// Fly a whole simulated mission, with nothing else running, and check it
     Demo(demo::Args),
-    /// Run the bridge between shared memory and the DSP's serial port, in the foreground
+    /// Run a process of the RIL in the foreground: bridge, status or sim
+    Run(RunArgs),
+    /// Run the bridge: short for `ril run bridge`
     Bridge(bridge::cli::Args),
-    /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
-    Status(status::cli::Args),
-    /// Run the simulator of DSP and helicopter, in the foreground
+    /// Run the simulator: short for `ril run sim`
     Sim(dsp_sim::cli::Args),
     /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
     Relay(RelayArgs),
@@ -128,7 +146,8 @@ pub enum Command {
     /// Manage the geofence
     Fence(FenceArgs),
     /// Show the state of the module, the link, the DSP, the safety rules and telemetry
-    State(StateArgs),
+    #[command(visible_alias = "state")]
+    Status(StateArgs),
     /// Print samples as they come
     Echo(EchoArgs),
     /// Measure how often samples come and how often they are published, and count the lost ones
@@ -143,7 +162,26 @@ pub enum Command {
     Doctor(DoctorArgs),
 }
 
-/// `ril state`
+/// `ril run`
+#[derive(Args, Clone, Debug)]
+pub struct RunArgs {
+    /// Which process.
+    #[command(subcommand)]
+    pub command: RunCommand,
+}
+
+/// `ril run …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum RunCommand {
+    /// Run the bridge between shared memory and the DSP's serial port, in the foreground
+    Bridge(bridge::cli::Args),
+    /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
+    Status(status::cli::Args),
+    /// Run the simulator of DSP and helicopter, in the foreground
+    Sim(dsp_sim::cli::Args),
+}
+
+/// `ril status`
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct StateArgs {
@@ -151,8 +189,8 @@ pub struct StateArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// How long to wait for a sample, in seconds [default: 2, or ril.toml]
-    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
     /// Print one JSON object

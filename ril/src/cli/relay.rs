@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use runtime::args::CommonArgs;
 
 use super::EXIT_CODES;
-use super::value::seconds;
+use super::value::duration;
 
 /// `ril relay`
 ///
@@ -50,8 +50,8 @@ pub struct RelayStatusArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// How long to wait for a sample, in seconds [default: 2, or ril.toml]
-    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
     /// Print one JSON object

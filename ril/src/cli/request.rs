@@ -8,8 +8,7 @@ use ipc_types::payload::WaypointPosition;
 use runtime::args::CommonArgs;
 
 use super::EXIT_CODES;
-use super::value::{altitude, finite, module_name, port_key, seconds, waypoint};
-use crate::config::MAX_DEADLINE_MS;
+use super::value::{altitude, deadline_ms, duration, finite, module_name, port_key, waypoint};
 
 /// What every command takes that asks the bridge for something.
 #[derive(Args, Clone, Debug)]
@@ -19,13 +18,12 @@ pub struct AskArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// How long to wait for the bridge's first answer, in seconds [default: 2, or ril.toml]
-    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    /// How long to wait for the bridge's first answer, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
-    /// Within how many milliseconds the request must have reached the DSP; 0 leaves it to the bridge
-    #[arg(long, value_name = "MS", env = "RIL_DEADLINE_MS",
-        value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_DEADLINE_MS)))]
+    /// Within which time the request must have reached the DSP, such as 500ms; 0s leaves it to the bridge
+    #[arg(long, value_name = "DURATION", env = "RIL_DEADLINE", value_parser = deadline_ms)]
     pub deadline: Option<u32>,
 
     /// Print each report as a JSON object on a line

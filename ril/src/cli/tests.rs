@@ -38,7 +38,7 @@ fn negative_coordinates_and_options_after_them_are_both_understood() {
         "--robot",
         "7",
         "--deadline",
-        "50",
+        "50ms",
     ]);
     let Ok(Command::Goto(goto)) = command else {
         panic!("{command:?}");
@@ -174,22 +174,19 @@ fn a_usage_error_says_why() {
             &["takeoff", "--altitude", "high"],
             "the altitude `high` is not a number",
         ),
-        (&["start", "--timeout", "0"], "seconds from 0.01"),
-        (&["start", "--deadline=-1"], "-1 is not in 0..=86400000"),
+        (&["start", "--timeout", "0"], "`0` has no unit"),
+        (&["start", "--deadline=25h"], "it must be from 0s to 24h"),
         (&["echo", "gps"], "[possible values: dsp, hero, state]"),
         (&["echo", "dsp", "--count", "0"], "count"),
         (&["hz"], "<TOPIC>"),
         (&["delay", "gps"], "[possible values: dsp, hero, state]"),
         (&["hz", "hero", "--count", "1"], "1 is not in 2.."),
-        (&["bw", "hero", "--duration", "0"], "seconds from 0.01"),
+        (&["bw", "hero", "--duration", "0"], "`0` has no unit"),
         (
             &["bw", "hero", "--json"],
-            "not provided:\n  <--count <N>|--duration <S>>",
+            "not provided:\n  <--count <N>|--duration <DURATION>>",
         ),
-        (
-            &["strat"],
-            "some similar subcommands exist: 'status', 'state', 'start'",
-        ),
+        (&["strat"], "some similar subcommands exist:"),
     ];
     for (arguments, expected) in cases {
         let error = parse(arguments).unwrap_err();

@@ -8,7 +8,7 @@ use ipc_types::service::is_key;
 use runtime::args::CommonArgs;
 
 use super::EXIT_CODES;
-use super::value::seconds;
+use super::value::duration;
 
 /// `ril echo`
 #[derive(Args, Clone, Debug)]
@@ -34,12 +34,12 @@ pub struct EchoOptions {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
 
-    /// End after so many seconds
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    /// End after this time, such as 10s
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
     pub duration: Option<Duration>,
 
-    /// How long to wait for the first sample, and for a publisher that is gone, in seconds [default: 2, or ril.toml]
-    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    /// How long to wait for the first sample, and for a publisher that is gone, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
     /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated
@@ -159,12 +159,12 @@ pub struct MeasureOptions {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
     pub count: Option<u64>,
 
-    /// End after so many seconds
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    /// End after this time, such as 10s
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
     pub duration: Option<Duration>,
 
-    /// How long to wait for the first sample, and for a publisher that is gone, in seconds [default: 2, or ril.toml]
-    #[arg(long, value_name = "S", env = "RIL_TIMEOUT_S", value_parser = seconds)]
+    /// How long to wait for the first sample, and for a publisher that is gone, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
     /// Print one JSON object at the end; needs --count, --duration or both

@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use ipc_types::payload::WaypointPosition;
 use ipc_types::service::is_key;
+use runtime::duration::{self, Shown};
 
 use super::PortKey;
-use crate::config::{MAX_TIMEOUT_S, MIN_TIMEOUT_S};
+use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
 
 /// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
 ///
@@ -109,14 +110,31 @@ pub(super) fn altitude(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Reads a time in seconds.
-pub(super) fn seconds(text: &str) -> Result<Duration, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (MIN_TIMEOUT_S..=MAX_TIMEOUT_S).contains(&seconds) => {
-            Ok(Duration::from_secs_f64(seconds))
-        }
-        _ => Err(format!(
-            "a time is a number of seconds from {MIN_TIMEOUT_S} to {MAX_TIMEOUT_S}"
+/// Reads how long something may take or is to go on, such as `5s` or `1m30s`.
+pub(super) fn duration(text: &str) -> Result<Duration, String> {
+    let bounds = [MIN_TIMEOUT_S, MAX_TIMEOUT_S].map(Duration::from_secs_f64);
+    within(duration::parse(text)?, bounds)
+}
+
+/// Reads within which time a request must have reached the DSP, in whole ms; `0s` leaves it to the bridge.
+pub(super) fn deadline_ms(text: &str) -> Result<u32, String> {
+    let longest = Duration::from_millis(MAX_DEADLINE_MS.into());
+    let deadline = within(duration::parse(text)?, [Duration::ZERO, longest])?;
+    match u32::try_from(deadline.as_millis()) {
+        Ok(ms) if Duration::from_millis(ms.into()) == deadline => Ok(ms),
+        _ => Err("a deadline is a whole number of milliseconds".to_owned()),
+    }
+}
+
+/// `duration`, if it is from the first to the second bound.
+fn within(duration: Duration, [least, most]: [Duration; 2]) -> Result<Duration, String> {
+    match (least..=most).contains(&duration) {
+        true => Ok(duration),
+        false => Err(format!(
+            "{} is out of range: it must be from {} to {}",
+            Shown(duration),
+            Shown(least),
+            Shown(most)
         )),
     }
 }
@@ -130,6 +148,30 @@ mod tests {
         for text in ["-v", "--robot", "-1", "37,-6,2", "-x,1,2", "", "-"] {
             let protected = protect_coordinates([OsString::from(text)]);
             assert_eq!(protected, [text], "{text}");
+        }
+    }
+
+    #[test]
+    fn times_have_units_and_bounds() {
+        assert_eq!(duration("1m30s"), Ok(Duration::from_secs(90)));
+        assert_eq!(duration("10ms"), Ok(Duration::from_millis(10)));
+        for (text, expected) in [
+            ("5", "`5` has no unit: write 5s"),
+            ("9ms", "9ms is out of range: it must be from 10ms to 24h"),
+            ("24h1s", "24h1s is out of range"),
+        ] {
+            let error = duration(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+        assert_eq!(deadline_ms("0s"), Ok(0));
+        assert_eq!(deadline_ms("1.5s"), Ok(1_500));
+        for (text, expected) in [
+            ("50", "write 50s or 50ms"),
+            ("0.5ms", "whole number of milliseconds"),
+            ("25h", "from 0s to 24h"),
+        ] {
+            let error = deadline_ms(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
         }
     }
 

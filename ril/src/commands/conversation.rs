@@ -150,7 +150,7 @@ impl<'a, R: Request> Conversation<'a, R> {
                     total => format!("waypoint {} of {total}", index + 1),
                 };
                 let (process, look) = match self.key.split_once('/') {
-                    None => ("the bridge", "ril state".to_owned()),
+                    None => ("the bridge", "ril status".to_owned()),
                     Some((module, _)) => (module, format!("ril topic echo {module}/state")),
                 };
                 let text = format!(
@@ -176,7 +176,7 @@ impl<'a, R: Request> Conversation<'a, R> {
                 "the path was not complete, so nothing of it is flown"
             }
             Progress::Incomplete => {
-                "it was withdrawn before the bridge answered; `ril state` shows whether it took effect"
+                "it was withdrawn before the bridge answered; `ril status` shows whether it took effect"
             }
         };
         let name = self.verb.name();

@@ -29,6 +29,7 @@ use ipc_types::{
     Source, Waiter, request_short_slice,
 };
 use runtime::args::CommonArgs;
+use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use serde::Serialize;
@@ -97,20 +98,21 @@ impl Session {
     /// The failure that nothing of the topic `key` came in time: no process provides it, or its provider publishes nothing.
     fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
         let robot = self.ipc.robot();
+        let timeout = Shown(timeout);
         let Some(provider) = self.provider(key)? else {
             return Ok(absent(key, robot));
         };
         let text = match process_of(key) {
             _ if is_relayed(key, &provider) => format!(
-                "nothing came from {key} of robot {robot} in {timeout:?}, although the relay is running: \
+                "nothing came from {key} of robot {robot} in {timeout}, although the relay is running: \
                  `ril relay status --robot {robot}` shows its link to the robot"
             ),
             Some(process) => format!(
-                "nothing came from {key} of robot {robot} in {timeout:?}, although `ril {process}` is running: \
-                 `ril state --robot {robot}` shows the link to the DSP"
+                "nothing came from {key} of robot {robot} in {timeout}, although `ril run {process}` is running: \
+                 `ril status --robot {robot}` shows the link to the DSP"
             ),
             None => format!(
-                "nothing came from {key} of robot {robot} in {timeout:?}, although its module is running: wait longer \
+                "nothing came from {key} of robot {robot} in {timeout}, although its module is running: wait longer \
                  with --timeout"
             ),
         };
@@ -121,7 +123,7 @@ impl Session {
 /// The failure that no process provides the service `key`; other robots that are alive are named.
 fn absent(key: &str, robot: RobotId) -> Failure {
     let start = match process_of(key) {
-        Some(process) => format!("start `ril {process} --robot {robot}`"),
+        Some(process) => format!("start `ril run {process} --robot {robot}`"),
         None => "start the module that provides it".to_owned(),
     };
     let text = format!(
@@ -180,9 +182,9 @@ mod tests {
     #[test]
     fn a_missing_process_is_named_with_how_to_start_it() {
         for (key, process) in [
-            ("hero_telemetry", "ril status --robot 7"),
-            ("dsp_telemetry", "ril bridge --robot 7"),
-            ("movement", "ril bridge --robot 7"),
+            ("hero_telemetry", "ril run status --robot 7"),
+            ("dsp_telemetry", "ril run bridge --robot 7"),
+            ("movement", "ril run bridge --robot 7"),
         ] {
             let failure = absent(key, RobotId::new(7).unwrap());
             assert_eq!(failure.code(), ExitCode::ServiceAbsent);

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use ipc_types::payload::{RelayLink, RelayStations};
 use ipc_types::{MonotonicNs, Source, Subscriber, Topic};
+use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::relay_report::RelayReport;
@@ -80,9 +81,10 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     let (link, stations) = newest.samples();
     if link.is_none() && stations.is_none() {
         let text = format!(
-            "nothing came from the relay of robot {} in {timeout:?}, although it is running: is it stopped, or is the machine \
+            "nothing came from the relay of robot {} in {}, although it is running: is it stopped, or is the machine \
              overloaded?",
-            session.ipc.robot()
+            session.ipc.robot(),
+            Shown(timeout)
         );
         return Err(Failure::new(ExitCode::Timeout, text));
     }

@@ -1,6 +1,6 @@
 //! What `ril relay status` shows, as a value made of samples and the time: as text for people, as JSON for programs.
 //!
-//! It reads no clock and no port. [`LinkReport`] is also what `ril state` shows of a robot on another machine.
+//! It reads no clock and no port. [`LinkReport`] is also what `ril status` shows of a robot on another machine.
 
 #[cfg(test)]
 mod tests;

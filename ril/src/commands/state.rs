@@ -1,4 +1,4 @@
-//! `ril state`: the newest state and telemetry, each with its age, once.
+//! `ril status`: the newest state and telemetry, each with its age, once.
 
 use std::io::{self, Write};
 
@@ -14,7 +14,7 @@ use super::{Session, configuration, json_line};
 use crate::cli::StateArgs;
 use crate::measure::Measured;
 
-/// `ril state`
+/// `ril status`
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! What `ril state` shows, as a value made of samples and the time: as text for people, as JSON for programs.
+//! What `ril status` shows, as a value made of samples and the time: as text for people, as JSON for programs.
 //!
 //! It reads no clock and no port. What never happened is nothing, and what is too old is marked stale. The text is in
 //! `text`.
@@ -23,7 +23,7 @@ use crate::messages::details;
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v2";
 
-/// Everything that `ril state` shows.
+/// Everything that `ril status` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StateReport {
     schema: &'static str,

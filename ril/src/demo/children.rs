@@ -67,7 +67,7 @@ pub struct Spawner<'a> {
 }
 
 impl Spawner<'_> {
-    /// Starts `ril NAME …` with the configuration `config`. It says on [`Readiness`] when it is ready.
+    /// Starts `ril run NAME …` with the configuration `config`. It says on [`Readiness`] when it is ready.
     pub fn start(&self, name: &'static str, config: &str, args: &[&str]) -> io::Result<Process> {
         let config_file = self.folder.join(format!("{name}.toml"));
         fs::write(&config_file, config)?;
@@ -75,7 +75,7 @@ impl Spawner<'_> {
         let out = File::create(&output)?;
         let mut command = Command::new(std::env::current_exe()?);
         command
-            .arg(name)
+            .args(["run", name])
             .args(["--robot", &self.robot.to_string(), "--config"])
             .arg(&config_file)
             .args(args)
@@ -102,7 +102,7 @@ impl Spawner<'_> {
 }
 
 impl Process {
-    /// Its name, as in `ril NAME`.
+    /// Its name, as in `ril run NAME`.
     pub fn name(&self) -> &'static str {
         self.name
     }

@@ -265,7 +265,7 @@ impl<'a> Stage<'a> {
     ) -> Result<(), Failure> {
         let process = spawner.start(name, config, args).or_fail_with(
             ExitCode::Internal,
-            format!("`ril {name}` cannot be started"),
+            format!("`ril run {name}` cannot be started"),
         )?;
         self.processes.push(process);
         let expected = self.processes.len();
@@ -308,7 +308,7 @@ impl<'a> Stage<'a> {
             {
                 let (name, code) = (process.name(), process.end());
                 return Err(Failure::internal(format!(
-                    "`ril {name}` ended by itself with code {code:?}; its last words:\n{}",
+                    "`ril run {name}` ended by itself with code {code:?}; its last words:\n{}",
                     process.last_words()
                 )));
             }

@@ -28,7 +28,7 @@ pub const fn explain(reason: Reason) -> &'static str {
             "another movement or stop is under way: wait for its end, or replace a path with --preempt or `ril hold`"
         }
         Reason::LinkDown => {
-            "the DSP cannot be reached: `ril state` shows the link, the bridge's log says why"
+            "the DSP cannot be reached: `ril status` shows the link, the bridge's log says why"
         }
         Reason::NotFlying => "the helicopter is on the ground: `ril takeoff` comes first",
         Reason::AlreadyFlying => "the helicopter is in the air already",
@@ -45,18 +45,18 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the movement took longer than `time_limit_s` in bridge.toml allows"
         }
         Reason::Stopped => "the module was stopped",
-        Reason::DspFatalError => "the DSP reported a fatal error: `ril state` shows which",
+        Reason::DspFatalError => "the DSP reported a fatal error: `ril status` shows which",
         Reason::CommunicationFatalError => {
-            "the DSP did not acknowledge, or the link broke: `ril state` shows the link"
+            "the DSP did not acknowledge, or the link broke: `ril status` shows the link"
         }
         Reason::DspRebooted => "the DSP rebooted",
         Reason::BridgeEnding => "the bridge was ended meanwhile",
-        Reason::BridgeGone => "the bridge vanished: start it again and look at `ril state`",
+        Reason::BridgeGone => "the bridge vanished: start it again and look at `ril status`",
         Reason::DeliveryFailed => {
-            "waypoints did not reach the DSP although they were sent again: `ril state` shows the link"
+            "waypoints did not reach the DSP although they were sent again: `ril status` shows the link"
         }
         Reason::RefusedByDsp => {
-            "the DSP received the request and does not carry it out: `ril state` shows its errors"
+            "the DSP received the request and does not carry it out: `ril status` shows its errors"
         }
         Reason::Replaced => "another movement or `ril hold` took its place",
         Reason::PilotHasControl => {
@@ -69,7 +69,7 @@ pub const fn explain(reason: Reason) -> &'static str {
             "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is always taken"
         }
         Reason::LinkLost => {
-            "the link to the DSP was lost in flight: `ril state` shows whether the DSP stops by itself"
+            "the link to the DSP was lost in flight: `ril status` shows whether the DSP stops by itself"
         }
         Reason::NoSuchPort => {
             "the port does not exist, or may not be written by request: `ril param list` shows all ports"
@@ -83,7 +83,7 @@ pub const fn explain(reason: Reason) -> &'static str {
         }
         Reason::RelayLinkLost => {
             "the link to the robot was lost before the outcome came, so the robot may be carrying it out: watch the helicopter, \
-             and look at `ril state` when `ril relay status` shows the link up"
+             and look at `ril status` when `ril relay status` shows the link up"
         }
         Reason::RelayNotPermitted => {
             "this station may not command the robot, so nothing was sent: `ril relay status` shows the station's name; add it to \

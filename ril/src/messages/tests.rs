@@ -93,7 +93,7 @@ fn an_ending_says_what_why_and_what_to_do() {
         (
             Verb::Land,
             report(Stage::Unknown, Reason::BridgeGone),
-            "land has an unknown outcome (bridge-gone): the bridge vanished: start it again and look at `ril state`",
+            "land has an unknown outcome (bridge-gone): the bridge vanished: start it again and look at `ril status`",
         ),
         (
             Verb::Land,

@@ -60,16 +60,16 @@ impl Verb {
     pub const fn goes_on(self) -> &'static str {
         match self {
             Verb::Start | Verb::Stop | Verb::ReloadFence => {
-                "the bridge goes on with it; `ril state` shows how it ends"
+                "the bridge goes on with it; `ril status` shows how it ends"
             }
             Verb::TakeOff => {
-                "the take-off goes on and cannot be aborted; `ril state` shows how it ends"
+                "the take-off goes on and cannot be aborted; `ril status` shows how it ends"
             }
             Verb::Land => {
-                "the landing goes on and cannot be aborted; `ril state` shows how it ends"
+                "the landing goes on and cannot be aborted; `ril status` shows how it ends"
             }
             Verb::Hold => {
-                "the bridge goes on stopping the helicopter; `ril state` shows how it ends"
+                "the bridge goes on stopping the helicopter; `ril status` shows how it ends"
             }
             Verb::GoTo => {
                 "the path is flown to its end; `ril hold` makes the helicopter hover at once"

@@ -22,8 +22,8 @@ const VARIABLES: [&str; 6] = [
     "RIL_CONFIG",
     "RIL_PORT",
     "RIL_LOG",
-    "RIL_TIMEOUT_S",
-    "RIL_DEADLINE_MS",
+    "RIL_TIMEOUT",
+    "RIL_DEADLINE",
 ];
 
 /// A domain, a folder, and `ril` in both. The domain's guard checks at the end that nothing is left.
@@ -91,7 +91,7 @@ impl Rig {
     /// Starts a simulator with its link `dsp-N`; it is there when this returns.
     pub fn sim(&self, robot: u32, options: &str) -> Process {
         let mut sim = self.start(&format!(
-            "sim --robot {robot} --link dsp-{robot} --seed 1 {options}"
+            "run sim --robot {robot} --link dsp-{robot} --seed 1 {options}"
         ));
         sim.wait_for_text("ready");
         sim
@@ -108,7 +108,7 @@ impl Rig {
             "--config patient.toml"
         };
         let mut bridge = self.start(&format!(
-            "bridge --robot {robot} --port dsp-{robot} {options}"
+            "run bridge --robot {robot} --port dsp-{robot} {options}"
         ));
         bridge.wait_for_text("ready");
         bridge
@@ -116,7 +116,7 @@ impl Rig {
 
     /// Starts a status; it is ready when this returns.
     pub fn status(&self, robot: u32) -> Process {
-        let mut status = self.start(&format!("status --robot {robot}"));
+        let mut status = self.start(&format!("run status --robot {robot}"));
         status.wait_for_text("ready");
         status
     }

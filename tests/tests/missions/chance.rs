@@ -163,7 +163,7 @@ pub fn be_reckless(seed: u64) -> Seen {
     seen(world)
 }
 
-/// A mission under a script of faults, as `ril sim --faults` takes it; half of the bridges are killed or ended on the way.
+/// A mission under a script of faults, as `ril run sim --faults` takes it; half of the bridges are killed or ended on the way.
 pub fn fly_through_faults(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);

@@ -9,6 +9,7 @@ use bridge::shell::serial::holders::Holders;
 use ipc_types::inspect::{Entry, Inspection};
 use ipc_types::payload::RelayLink;
 use ipc_types::{MonotonicNs, Provider, Repair, RobotId, ServiceId};
+use runtime::duration::Shown;
 
 /// What a look found, or why it found nothing.
 pub type Look<T> = Result<T, Trouble>;
@@ -26,7 +27,7 @@ impl fmt::Display for Trouble {
     /// The end of a sentence that begins with what was looked at.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Trouble::TookTooLong(limit) => write!(f, "was given up after {limit:?}"),
+            Trouble::TookTooLong(limit) => write!(f, "was given up after {}", Shown(*limit)),
             Trouble::Failed(reason) => write!(f, "failed: {reason}"),
         }
     }
@@ -113,7 +114,7 @@ pub struct FreeMemory {
 /// A configuration file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileFacts {
-    /// Whose, as in `ril bridge`; nothing stands for the operator's commands.
+    /// Whose, such as `bridge`; nothing stands for the operator's commands.
     pub command: Option<&'static str>,
     /// Which.
     pub path: PathBuf,

@@ -137,8 +137,8 @@ mod tests {
         let report = Report::of_files(7, &files()[..2]);
         let expected = "\
 robot 7
-ok      bridge.toml of `ril bridge` is right
-ERROR   the configuration of `ril status` is refused: status.toml:3: no
+ok      bridge.toml of `ril run bridge` is right
+ERROR   the configuration of `ril run status` is refused: status.toml:3: no
         → correct it: its process does not start with this file
 ";
         assert_eq!(report.to_string(), expected);

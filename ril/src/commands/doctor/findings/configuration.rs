@@ -9,7 +9,7 @@ const ABOUT: About = About(Subject::Configuration);
 pub(super) fn diagnose(file: &FileFacts) -> Finding {
     let path = file.path.display();
     let whose = match file.command {
-        Some(command) => format!("of `ril {command}`"),
+        Some(command) => format!("of `ril run {command}`"),
         None => "of the operator's commands".to_owned(),
     };
     match &file.content {
@@ -56,24 +56,24 @@ mod tests {
             (
                 Ok(FileContent::Right),
                 Severity::Note,
-                "bridge.toml of `ril bridge` is right",
+                "bridge.toml of `ril run bridge` is right",
             ),
             (
                 Ok(FileContent::Absent),
                 Severity::Note,
-                "no bridge.toml here: the configuration of `ril bridge` is the built-in one",
+                "no bridge.toml here: the configuration of `ril run bridge` is the built-in one",
             ),
             (
                 Ok(FileContent::Wrong(
                     "bridge.toml:2: unknown field".to_owned(),
                 )),
                 Severity::Error,
-                "the configuration of `ril bridge` is refused: bridge.toml:2: unknown field",
+                "the configuration of `ril run bridge` is refused: bridge.toml:2: unknown field",
             ),
             (
                 Err(Trouble::TookTooLong(Duration::from_secs(5))),
                 Severity::Error,
-                "reading bridge.toml of `ril bridge` was given up after 5s",
+                "reading bridge.toml of `ril run bridge` was given up after 5s",
             ),
         ] {
             let finding = diagnose(&FileFacts {

@@ -240,7 +240,7 @@ fn commands(members: &[&Member], robot: RobotId) -> String {
     let commands: BTreeSet<String> = concerned
         .into_iter()
         .map(|key| match process_of(key) {
-            Some(process) => format!("`ril {process} --robot {robot}`"),
+            Some(process) => format!("`ril run {process} --robot {robot}`"),
             None => format!("the module that provides {key}"),
         })
         .collect();

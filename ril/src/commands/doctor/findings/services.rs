@@ -65,7 +65,7 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
         [] => {
             let text = format!("no {command} of robot {robot} is running");
             let finding = ABOUT.note("service-absent", text);
-            finding.with_next_step(format!("`ril {command} --robot {robot}` starts one"))
+            finding.with_next_step(format!("`ril run {command} --robot {robot}` starts one"))
         }
         [name] if absent.is_empty() => {
             let text = format!("{name} provides {} of robot {robot}", keys(true));
@@ -215,7 +215,10 @@ mod tests {
         assert_eq!(said(&all(), 3), [absent, absent]);
         let findings = diagnose(&domain(Vec::new()), 3);
         let next_step = findings[0].next_step.as_ref().unwrap();
-        assert!(next_step.contains("ril bridge --robot 3"), "{next_step}");
+        assert!(
+            next_step.contains("ril run bridge --robot 3"),
+            "{next_step}"
+        );
 
         let mut half = all();
         half.retain(|one| one.service != ServiceId::Movement);

@@ -205,7 +205,10 @@ fn what_the_dead_left_is_trouble_only_when_it_is_not_removed() {
         "left by dead processes of robot 1: ril (process 8)"
     );
     let next_step = finding.next_step.as_ref().unwrap();
-    assert!(next_step.contains("`ril bridge --robot 1`"), "{next_step}");
+    assert!(
+        next_step.contains("`ril run bridge --robot 1`"),
+        "{next_step}"
+    );
     // Its generation has lost its provider.
     assert!(findings.iter().any(|one| one.id == "former-generations"));
 }
