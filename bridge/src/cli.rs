@@ -5,6 +5,7 @@ use std::path::Path;
 use clap::Args as ClapArgs;
 use module_kit::SetUp;
 use runtime::args::CommonArgs;
+use runtime::config::resulting::{Resulting, given, value_of};
 use runtime::exit::{ExitCode, Failure};
 
 use crate::config::BridgeConfig;
@@ -25,11 +26,30 @@ pub struct Args {
     pub port: Option<std::path::PathBuf>,
 }
 
+/// What the bridge would run with.
+///
+/// # Errors
+///
+/// Exit code 78 when the configuration is wrong.
+pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
+    let (file, default) = (
+        args.common.config.as_deref(),
+        Path::new(DEFAULT_CONFIG_FILE),
+    );
+    let resulting = Resulting::load::<BridgeConfig>(file, default, include_str!("../bridge.toml"))?;
+    let port = given("--port", "RIL_PORT").filter(|_| args.port.is_some());
+    let port = port.map(|(text, origin)| (value_of(&text), origin));
+    Ok(resulting.with("serial.port", port))
+}
+
 /// Runs the bridge in the foreground until SIGINT or SIGTERM.
 ///
 /// # Errors
 /// Exit code 78 when the configuration is wrong, 1 when shared memory cannot be used or another bridge of the robot runs.
 pub fn run(args: Args) -> Result<(), Failure> {
+    if args.common.check_config {
+        return check_config(&args)?.print();
+    }
     let Some(mut set_up) = SetUp::<BridgeConfig>::begin(&args.common, DEFAULT_CONFIG_FILE)? else {
         return Ok(());
     };

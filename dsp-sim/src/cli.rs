@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use dsp_protocol::Profile;
 use runtime::args::CommonArgs;
+use runtime::config::resulting::{Resulting, given, value_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -77,12 +78,37 @@ impl Args {
     }
 }
 
+/// What the simulator would run with. A script of faults is read too, and must be right.
+///
+/// # Errors
+///
+/// Exit code 78 when the configuration or the script is wrong.
+pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
+    let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let mut resulting = Resulting::load::<Config>(file, default, include_str!("../dsp-sim.toml"))?;
+    if let Some(faults) = &args.faults {
+        config::load::<Script>(Some(faults), faults)?;
+    }
+    for (option, key) in [
+        ("--seed", "noise.seed"),
+        ("--profile", "serial.profile"),
+        ("--baud-rate", "serial.baud_rate"),
+    ] {
+        let given = given(option, "").map(|(text, origin)| (value_of(&text), origin));
+        resulting = resulting.with(key, given);
+    }
+    Ok(resulting)
+}
+
 /// Runs the simulator in the foreground until SIGINT or SIGTERM; then the link is removed.
 ///
 /// # Errors
 /// The configuration or the script of faults is wrong (exit code 78), the link cannot be made (2), or there is no
 /// pseudo-terminal (1); the failure names the next step.
 pub fn run(args: Args) -> Result<(), Failure> {
+    if args.common.check_config {
+        return check_config(&args)?.print();
+    }
     logging::init(args.common.verbosity())?;
     let file = args.common.config.as_deref();
     let loaded = config::load::<Config>(file, Path::new(DEFAULT_FILE))?;
@@ -102,9 +128,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
         pace_for_a_real_port(&mut setup);
     }
     setup.faults = args.faults.as_deref().map(load_faults).transpose()?;
-    if args.common.check_config {
-        return Ok(());
-    }
     // Before anything that must be left in order.
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let (path, mut port) = open_port(&args, config.serial.baud_rate)?;

@@ -38,34 +38,73 @@ pub mod measure;
 pub mod messages;
 
 use std::ffi::OsString;
+use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
 use commands::{doctor, echo, param, relay, request, state, topic};
+use messages::ErrorObject;
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
 /// Programs that start the processes of the RIL may be one of them themselves with this.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let (cli, choice) = cli::Cli::read(args).unwrap_or_else(|error| error.exit());
-    exit::main_with(|| {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let json = cli::wants_json(&args);
+    let (cli, choice) = match cli::Cli::read(args) {
+        Ok(read) => read,
+        Err(error) => {
+            if json && error.use_stderr() {
+                print_error(&ErrorObject::of_usage(&error.render().to_string()));
+            }
+            error.exit()
+        }
+    };
+    let run = || {
         demo::end_with_parent().map_err(Failure::internal)?;
         run(cli.command, choice)
+    };
+    exit::main_and_report(run, |failure| {
+        if json {
+            print_error(&ErrorObject::of(failure));
+        }
     })
+}
+
+/// Runs a process of the RIL, or prints its configuration.
+fn process(command: RunCommand) -> Result<(), Failure> {
+    use commands::resulting::print;
+    match command {
+        RunCommand::Bridge(args) if args.prints_config(&args.process.common) => {
+            print("bridge", &bridge::cli::check_config(&args.process)?)
+        }
+        RunCommand::Status(args) if args.prints_config(&args.process.common) => {
+            print("status", &status::cli::check_config(&args.process)?)
+        }
+        RunCommand::Sim(args) if args.prints_config(&args.process.common) => {
+            print("sim", &dsp_sim::cli::check_config(&args.process)?)
+        }
+        RunCommand::Bridge(args) => bridge::cli::run(args.process),
+        RunCommand::Status(args) => status::cli::run(args.process),
+        RunCommand::Sim(args) => dsp_sim::cli::run(args.process),
+    }
+}
+
+/// Prints a failure for programs. Standard output may be closed; the exit code still says enough.
+fn print_error(error: &ErrorObject) {
+    let mut out = std::io::stdout().lock();
+    let _ = commands::json_line(&mut out, error);
+    let _ = out.flush();
 }
 
 fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
     use cli::Command;
     match command {
         Command::Demo(args) => demo::run(&args),
-        Command::Run(args) => match args.command {
-            RunCommand::Bridge(args) => bridge::cli::run(args),
-            RunCommand::Status(args) => status::cli::run(args),
-            RunCommand::Sim(args) => dsp_sim::cli::run(args),
-        },
-        Command::Bridge(args) => bridge::cli::run(args),
-        Command::Sim(args) => dsp_sim::cli::run(args),
+        Command::Run(args) => process(args.command),
+        Command::Bridge(args) => process(RunCommand::Bridge(args)),
+        Command::Sim(args) => process(RunCommand::Sim(args)),
         Command::Relay(args) => relay::relay(&args),
         Command::Start(args) => request::start(&args, choice),
         Command::Stop(args) => request::stop(&args, choice),

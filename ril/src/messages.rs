@@ -4,8 +4,10 @@
 //! is about, `reason` what each reason means, [`object`] is the form for programs.
 
 pub mod details;
+mod error_object;
 mod final_report;
 pub mod object;
+mod plural;
 mod reason;
 #[cfg(test)]
 mod tests;
@@ -15,14 +17,16 @@ use ipc_types::code::Stage;
 use ipc_types::payload::RequestReport;
 
 use details::{details, port_label, port_value};
+pub use error_object::ErrorObject;
 pub use final_report::{FinalReport, exit_code};
 pub use object::ReportObject;
+pub use plural::count;
 pub use reason::explain;
 use reason::explain_for_port;
 pub use verb::Verb;
 
-/// How a request ended, as the end of an error: what happened, why, and what to do next.
-pub fn ending(verb: Verb, end: &FinalReport) -> String {
+/// How a request ended: what happened and why, and apart from that what to do next, where there is something to do.
+pub fn ending(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
     let what = match end.stage {
         Stage::Refused => "was refused",
         Stage::Aborted => "was begun and ended early",
@@ -34,7 +38,13 @@ pub fn ending(verb: Verb, end: &FinalReport) -> String {
         .flatten();
     let explanation = of_port.unwrap_or_else(|| explain(end.reason).to_owned());
     let why = with_details(end.reason.name(), &end.report);
-    format!("{} {what} ({why}): {explanation}", verb.name())
+    // An explanation is what the reason means, and what to do behind a colon.
+    let (meaning, next_step) = match explanation.split_once(": ") {
+        Some((meaning, next_step)) => (meaning, Some(next_step.to_owned())),
+        None => (explanation.as_str(), None),
+    };
+    let text = format!("{} {what} ({why}): {meaning}", verb.name());
+    (text, next_step)
 }
 
 /// One report as a line for people, or nothing when it only repeats what another one says better.

@@ -3,6 +3,7 @@
 mod common;
 
 use std::fs;
+use std::os::unix::process::ExitStatusExt;
 
 use common::Rig;
 use ril_tests::process::{Process, Signal};
@@ -58,7 +59,7 @@ fn it_flies_and_every_check_passes() {
     let finished = demo.wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
     let report: serde_json::Value = serde_json::from_str(&finished.stdout.join("\n")).unwrap();
-    assert_eq!(report["schema"], "hero.Demo.v1");
+    assert_eq!(report["schema"], "ril.Demo.v1");
     assert_eq!(report["passed"], true);
     let checks = report["checks"].as_array().unwrap();
     assert_eq!(checks.len(), 9);
@@ -94,10 +95,33 @@ fn a_signal_at_any_moment_leaves_nothing() {
         demo.wait_for_text(moment);
         demo.signal_group(signal);
         let finished = demo.wait_exit();
-        assert_eq!(finished.code(), Some(1), "{moment}: {finished:#?}");
+        let ended_by = finished.status.signal();
+        assert_eq!(ended_by, Some(signal.as_raw()), "{moment}: {finished:#?}");
         let told = finished.stderr.join("\n");
-        assert!(told.contains("ended by a signal"), "{moment}: {told}");
+        assert!(
+            told.contains("interrupted; nothing is left"),
+            "{moment}: {told}"
+        );
         assert_eq!(left_of(pid), Vec::<String>::new(), "{moment}");
+    }
+}
+
+#[test]
+fn a_folder_that_was_not_chosen_is_gone_at_the_end() {
+    for signal in [None, Some(Signal::INT)] {
+        let rig = Rig::new();
+        let mut command = rig.command(["demo", "--speed", "2"]);
+        command.env("TMPDIR", rig.folder());
+        let mut demo = Process::spawn(&rig.domain, command);
+        demo.wait_for_text("start: done");
+        if let Some(signal) = signal {
+            demo.signal_group(signal);
+        }
+        let finished = demo.wait_exit();
+        let expected = if signal.is_some() { None } else { Some(0) };
+        assert_eq!(finished.code(), expected, "{finished:#?}");
+        let left: Vec<_> = fs::read_dir(rig.folder()).unwrap().collect();
+        assert!(left.is_empty(), "{left:?}");
     }
 }
 

@@ -4,7 +4,6 @@
 mod common;
 
 use std::collections::BTreeMap;
-use std::fmt::Display;
 
 use common::{Rig, end, json};
 use ipc_types::code::Stage;
@@ -20,7 +19,7 @@ use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 use ril::measure::bandwidth::BandwidthMeter;
 use ril::measure::delay::DelayMeter;
 use ril::measure::rate::RateMeter;
-use ril::measure::{Measured, Meter, Of};
+use ril::measure::{Detail, Measured, Meter, Of, Report};
 use ril::messages::{self, FinalReport, ReportObject, Verb};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge, StandInStatus};
@@ -109,8 +108,8 @@ fn samples_of_any_bits_are_measured() {
     fn check<T: Measured>(seed: u64) {
         let mut garbage = Garbage::new(seed);
         let samples: Vec<T> = (0..20).map(|_| garbage.payload()).collect();
-        fn tell(seed: u64, report: &(impl Display + serde::Serialize)) {
-            check_text(seed, &report.to_string());
+        fn tell(seed: u64, report: &impl Report) {
+            check_text(seed, &report.text(Detail::Histograms).to_string());
             serde_json::to_string(report).unwrap();
         }
         tell(seed, &measure::<RateMeter, T>(&samples));
@@ -140,7 +139,7 @@ fn reports_of_any_bits_are_shown_and_end_nothing_before_its_time() {
                 }
                 serde_json::to_string(&ReportObject::new(verb, &report)).unwrap();
                 if let Some(end) = FinalReport::of(&report) {
-                    check_text(seed, &messages::ending(verb, &end));
+                    check_text(seed, &messages::ending(verb, &end).0);
                 }
             }
             is_answered |= exchange.take(&report, NOW).is_some();

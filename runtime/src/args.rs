@@ -20,15 +20,15 @@ pub struct CommonArgs {
     #[arg(long, value_name = "FILE", env = "RIL_CONFIG")]
     pub config: Option<PathBuf>,
 
-    /// Says more: -v debug, -vv trace
+    /// Log more: -v debug, -vv trace
     #[arg(short, long, action = ArgAction::Count)]
     pub verbose: u8,
 
-    /// Says less: -q warnings, -qq errors, -qqq nothing
+    /// Log less: -q warnings, -qq errors, -qqq nothing
     #[arg(short, long, action = ArgAction::Count, conflicts_with = "verbose")]
     pub quiet: u8,
 
-    /// Checks the configuration and ends: exit code 0, or 78 with file, line and reason
+    /// Check the configuration, print each value with its origin and end: exit code 0, or 78 with line and reason
     #[arg(long)]
     pub check_config: bool,
 }

@@ -3,7 +3,11 @@
 //! A file becomes a typed value once, here; inside a process nothing is checked again. Structures say
 //! `#[serde(default, deny_unknown_fields)]`, and [`ranged!`](crate::ranged) bounds their numbers.
 //!
+//! [`resulting`] says for `--check-config` what a process runs with, and where each value comes from.
+//!
 //! Reading a configuration never waits for another process: the bridge does it in flight.
+
+pub mod resulting;
 
 use std::fmt;
 use std::fs::{self, File, FileType, OpenOptions};
@@ -82,22 +86,32 @@ pub fn load<T: DeserializeOwned + Default>(
     default_file: &Path,
 ) -> Result<Loaded<T>, ConfigError> {
     let file = explicit.unwrap_or(default_file);
-    let text = match read(file) {
-        Ok(text) => text,
+    Ok(match read_or_default(explicit, default_file)? {
+        Some(text) => Loaded {
+            value: parse(&text, file)?,
+            file: Some(file.to_owned()),
+        },
+        None => Loaded {
+            value: T::default(),
+            file: None,
+        },
+    })
+}
+
+/// The text of the file; nothing when none was named and the default one is not there.
+fn read_or_default(
+    explicit: Option<&Path>,
+    default_file: &Path,
+) -> Result<Option<String>, ConfigError> {
+    match read(explicit.unwrap_or(default_file)) {
+        Ok(text) => Ok(Some(text)),
         Err(ConfigError::Unreadable { source, .. })
             if explicit.is_none() && source.kind() == io::ErrorKind::NotFound =>
         {
-            return Ok(Loaded {
-                value: T::default(),
-                file: None,
-            });
+            Ok(None)
         }
-        Err(error) => return Err(error),
-    };
-    Ok(Loaded {
-        value: parse(&text, file)?,
-        file: Some(file.to_owned()),
-    })
+        Err(error) => Err(error),
+    }
 }
 
 /// Reads the configuration from `text`; errors call it `file_name`.

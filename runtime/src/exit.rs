@@ -54,6 +54,40 @@ impl ExitCode {
     pub const fn code(self) -> u8 {
         self as u8
     }
+
+    /// Its name in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ExitCode::Ok => "ok",
+            ExitCode::Internal => "internal",
+            ExitCode::Usage => "usage",
+            ExitCode::ServiceAbsent => "service-absent",
+            ExitCode::Timeout => "timeout",
+            ExitCode::Refused => "refused",
+            ExitCode::LinkDown => "link-down",
+            ExitCode::OutcomeUnknown => "outcome-unknown",
+            ExitCode::NotInOrder => "not-in-order",
+            ExitCode::Configuration => "configuration",
+        }
+    }
+
+    /// What to do about it when the failure itself does not say more.
+    pub const fn next_step(self) -> &'static str {
+        match self {
+            ExitCode::Ok => "nothing",
+            ExitCode::Internal => {
+                "read the last lines on standard error; `ril doctor` looks at what is around"
+            }
+            ExitCode::Usage => "look at the command's --help",
+            ExitCode::ServiceAbsent => "start the process that should answer; is --robot right?",
+            ExitCode::Timeout => "look at `ril status`: is the link silent?",
+            ExitCode::Refused => "remove the cause that the message names, then try again",
+            ExitCode::LinkDown => "look at `ril status` for the state of the link",
+            ExitCode::OutcomeUnknown => "look at the helicopter, then at `ril status`",
+            ExitCode::NotInOrder => "follow the next step of each finding",
+            ExitCode::Configuration => "correct the reported line; a restart alone does not help",
+        }
+    }
 }
 
 /// Why a process ends early: an exit code, and an error with its causes.
@@ -62,6 +96,10 @@ pub struct Failure {
     code: ExitCode,
     /// Nothing to tell: whoever read our standard output has gone, which is how pipelines end.
     error: Option<Box<dyn Error + Send + Sync>>,
+    /// What to do about it, where that is not a part of the error's own text.
+    next_step: Option<String>,
+    /// The signal by which the process ends after everything was cleaned up.
+    signal: Option<i32>,
 }
 
 impl Failure {
@@ -70,7 +108,36 @@ impl Failure {
         Failure {
             code,
             error: Some(error.into()),
+            next_step: None,
+            signal: None,
         }
+    }
+
+    /// Ends the process by the signal that interrupted it, after all destructors: a shell then says 130 for Ctrl+C.
+    pub fn interrupted(signal: i32, error: impl Into<Box<dyn Error + Send + Sync>>) -> Failure {
+        Failure {
+            signal: Some(signal),
+            ..Failure::new(ExitCode::Internal, error)
+        }
+    }
+
+    /// The signal by which the process ends; nothing when it ends with an exit code.
+    pub fn signal(&self) -> Option<i32> {
+        self.signal
+    }
+
+    /// The same failure with what to do about it, which is printed on a line of its own.
+    #[must_use]
+    pub fn with_next_step(self, next_step: impl Into<String>) -> Failure {
+        Failure {
+            next_step: Some(next_step.into()),
+            ..self
+        }
+    }
+
+    /// What to do about it; that of the exit code when the failure has none of its own.
+    pub fn next_step(&self) -> &str {
+        self.next_step.as_deref().unwrap_or(self.code.next_step())
     }
 
     /// Ends the process with code 1.
@@ -92,6 +159,8 @@ impl Failure {
             Failure {
                 code: ExitCode::Ok,
                 error: None,
+                next_step: None,
+                signal: None,
             }
         } else {
             Failure::internal(Explained {
@@ -113,6 +182,8 @@ impl Failure {
                 }
                 .into()
             }),
+            next_step: self.next_step,
+            signal: self.signal,
         }
     }
 
@@ -136,13 +207,16 @@ impl Failure {
         chain
     }
 
-    /// Tells the error on `to`: one line `error: …`, one line for each cause.
+    /// Tells the error on `to`: one line `error: …`, one line for each cause, one for the next step.
     fn tell(&self, to: &mut impl Write) -> io::Result<()> {
         for (depth, text) in self.chain().iter().enumerate() {
             match depth {
                 0 => writeln!(to, "error: {text}")?,
                 _ => writeln!(to, "  caused by: {text}")?,
             }
+        }
+        if let Some(next_step) = &self.next_step {
+            writeln!(to, "  next step: {next_step}")?;
         }
         Ok(())
     }
@@ -188,6 +262,14 @@ struct Explained {
 ///
 /// A panic has been told by the panic hook; it ends with code 1 after the destructors.
 pub fn main_with(run: impl FnOnce() -> Result<(), Failure>) -> std::process::ExitCode {
+    main_and_report(run, |_| {})
+}
+
+/// As [`main_with`]; `report` gets the failure as well, to give it to programs. A quiet end is none.
+pub fn main_and_report(
+    run: impl FnOnce() -> Result<(), Failure>,
+    report: impl FnOnce(&Failure),
+) -> std::process::ExitCode {
     let run = || {
         signal::survive_file_size_limits()
             .or_fail_with(ExitCode::Internal, "a signal handler cannot be installed")?;
@@ -198,9 +280,20 @@ pub fn main_with(run: impl FnOnce() -> Result<(), Failure>) -> std::process::Exi
         Ok(Err(failure)) => {
             // Standard error may be closed; the exit code still says enough.
             let _ = failure.tell(&mut io::stderr().lock());
+            if failure.code != ExitCode::Ok {
+                report(&failure);
+            }
+            if let Some(signal) = failure.signal {
+                signal::end_by(signal);
+            }
             failure.code
         }
-        Err(_panic) => ExitCode::Internal,
+        Err(_panic) => {
+            report(&Failure::internal(
+                "a defect ended the process; the panic is on standard error",
+            ));
+            ExitCode::Internal
+        }
     };
     code.code().into()
 }
@@ -232,6 +325,18 @@ mod tests {
         assert_eq!(
             told(&failure),
             "error: the bridge cannot start\n  caused by: /dev/ttyUSB0 cannot be opened\n  caused by: permission denied\n"
+        );
+    }
+
+    #[test]
+    fn the_next_step_is_a_line_of_its_own_and_every_code_has_one() {
+        let failure = Failure::new(ExitCode::ServiceAbsent, "there is no bridge");
+        assert_eq!(failure.next_step(), ExitCode::ServiceAbsent.next_step());
+        let failure = failure.with_next_step("start it").context("land");
+        assert_eq!(failure.next_step(), "start it");
+        assert_eq!(
+            told(&failure),
+            "error: land\n  caused by: there is no bridge\n  next step: start it\n"
         );
     }
 

@@ -8,7 +8,7 @@ use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
@@ -26,6 +26,8 @@ pub struct Termination {
     /// Set for good, and before the descriptor becomes readable. A process asks it at every wake, so it costs no system
     /// call.
     requested: Arc<AtomicBool>,
+    /// Which signal came; 0 is none.
+    signal: Arc<AtomicUsize>,
     is_owner: bool,
     handlers: Vec<SigId>,
 }
@@ -52,11 +54,15 @@ impl Termination {
         let mut termination = Termination {
             receiver,
             requested: Arc::default(),
+            signal: Arc::default(),
             is_owner: true,
             handlers: Vec::new(),
         };
         // The handlers of a signal run in the order of their registration.
         for signal in [SIGINT, SIGTERM] {
+            let which = Arc::clone(&termination.signal);
+            let handler = flag::register_usize(signal, which, signal as usize)?;
+            termination.handlers.push(handler);
             let requested = Arc::clone(&termination.requested);
             termination
                 .handlers
@@ -79,10 +85,17 @@ impl Termination {
         let termination = Termination {
             receiver,
             requested,
+            signal: Arc::default(),
             is_owner: false,
             handlers: Vec::new(),
         };
         Ok((termination, request))
+    }
+
+    /// The signal that came last; nothing when none did.
+    pub fn signal(&self) -> Option<i32> {
+        let signal = self.signal.load(Ordering::Acquire);
+        i32::try_from(signal).ok().filter(|signal| *signal != 0)
     }
 
     /// Whether the process should end. Never blocks; empties the descriptor, so that it wakes nobody again until the
@@ -96,6 +109,12 @@ impl Termination {
         }
         requested
     }
+}
+
+/// Ends this process by `signal`, as if nothing had ever handled it: whoever waits for the process, such as a shell or a loop
+/// in a script, then sees that it was interrupted. It returns only when the operating system refuses.
+pub fn end_by(signal: i32) {
+    let _ = signal_hook::low_level::emulate_default_handler(signal);
 }
 
 /// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be the error `EFBIG` of the write or of the segment that
@@ -166,6 +185,9 @@ mod tests {
     #[test]
     fn both_signals_request_the_end_and_have_one_owner() {
         for signal in [SIGINT, SIGTERM] {
+            let which = Arc::clone(&termination.signal);
+            let handler = flag::register_usize(signal, which, signal as usize)?;
+            termination.handlers.push(handler);
             let termination = Termination::install().unwrap();
             assert!(matches!(
                 Termination::install(),

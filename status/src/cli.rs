@@ -1,7 +1,10 @@
 //! The command line, for the binary `status` and for the command `ril run status`.
 
+use std::path::Path;
+
 use module_kit::SetUp;
 use runtime::args::CommonArgs;
+use runtime::config::resulting::Resulting;
 use runtime::exit::Failure;
 
 use crate::config::{Config, DEFAULT_FILE};
@@ -9,7 +12,7 @@ use crate::core::Summary;
 use crate::log::event::{LogSummary, WriterEnd, Written};
 use crate::shell::Shell;
 
-/// Translates the DSP's raw telemetry into SI units, publishes it, and writes logs.
+/// Translate the DSP's raw telemetry into SI units, publish it, and write logs
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = "status", version)]
 pub struct Args {
@@ -18,11 +21,25 @@ pub struct Args {
     pub common: CommonArgs,
 }
 
+/// What the process would run with.
+///
+/// # Errors
+///
+/// Exit code 78 when the configuration is wrong.
+pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
+    let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let example = include_str!("../status.toml");
+    Ok(Resulting::load::<Config>(file, default, example)?)
+}
+
 /// Runs the process until SIGINT or SIGTERM.
 ///
 /// # Errors
 /// The configuration is wrong (exit code 78), or the process cannot start (1); the failure says what to do.
 pub fn run(args: Args) -> Result<(), Failure> {
+    if args.common.check_config {
+        return check_config(&args)?.print();
+    }
     let Some(set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {
         return Ok(());
     };

@@ -4,6 +4,7 @@
 //! for something, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
 //! another process.
 
+mod global;
 mod relay;
 mod request;
 #[cfg(test)]
@@ -21,6 +22,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use runtime::args::CommonArgs;
 
 use crate::demo;
+pub use global::{GlobalArgs, wants_json};
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
@@ -49,10 +51,15 @@ Exit codes:
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///
-/// Data goes to standard output, everything else to standard error. With --json, data is one JSON object a line.
+/// Data goes to standard output, everything else to standard error. With --json, data is one JSON object a line, and so is
+/// a failure.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "ril", version, after_help = EXIT_CODES)]
 pub struct Cli {
+    /// What may stand before the verb too.
+    #[command(flatten)]
+    pub global: GlobalArgs,
+
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -93,7 +100,7 @@ impl Cli {
         args: impl IntoIterator<Item = OsString>,
     ) -> Result<(Cli, RobotChoice), clap::Error> {
         let mut command = Cli::command();
-        let args = protect_coordinates(args);
+        let args = global::behind_the_verb(protect_coordinates(args), &command);
         let is_status = args.get(1).is_some_and(|verb| verb == "status");
         let matches = command
             .try_get_matches_from_mut(args)
@@ -124,9 +131,9 @@ pub enum Command {
     /// Run a process of the RIL in the foreground: bridge, status or sim
     Run(RunArgs),
     /// Run the bridge: short for `ril run bridge`
-    Bridge(bridge::cli::Args),
+    Bridge(ProcessArgs<bridge::cli::Args>),
     /// Run the simulator: short for `ril run sim`
-    Sim(dsp_sim::cli::Args),
+    Sim(ProcessArgs<dsp_sim::cli::Args>),
     /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
     Relay(RelayArgs),
     /// Start the bridge's module, so that it takes movements; or another module
@@ -170,15 +177,35 @@ pub struct RunArgs {
     pub command: RunCommand,
 }
 
+/// A process of the RIL, with what `ril` adds.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct ProcessArgs<A: Args> {
+    /// The process's own arguments.
+    #[command(flatten)]
+    pub process: A,
+
+    /// Print a failure, or with --check-config the configuration, as one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl<A: Args> ProcessArgs<A> {
+    /// Whether only the configuration is to be printed, as JSON.
+    pub fn prints_config(&self, common: &CommonArgs) -> bool {
+        self.json && common.check_config
+    }
+}
+
 /// `ril run …`
 #[derive(Clone, Debug, Subcommand)]
 pub enum RunCommand {
     /// Run the bridge between shared memory and the DSP's serial port, in the foreground
-    Bridge(bridge::cli::Args),
+    Bridge(ProcessArgs<bridge::cli::Args>),
     /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
-    Status(status::cli::Args),
+    Status(ProcessArgs<status::cli::Args>),
     /// Run the simulator of DSP and helicopter, in the foreground
-    Sim(dsp_sim::cli::Args),
+    Sim(ProcessArgs<dsp_sim::cli::Args>),
 }
 
 /// `ril status`

@@ -167,6 +167,10 @@ pub struct MeasureOptions {
     #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
+    /// Show the histograms too, which takes more than 24 lines; JSON always has them
+    #[arg(long)]
+    pub histogram: bool,
+
     /// Print one JSON object at the end; needs --count, --duration or both
     #[arg(long, requires = "end")]
     pub json: bool,

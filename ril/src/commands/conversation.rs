@@ -11,6 +11,11 @@ use super::exchange::{Exchange, Next, Outcome, Progress, Until};
 use super::{Session, absent, json_line};
 use crate::messages::{self, FinalReport, ReportObject, Verb};
 
+/// Whether a report ends its request otherwise than done.
+fn is_failure(report: &RequestReport) -> bool {
+    FinalReport::of(report).is_some_and(|end| end.exit_code() != ExitCode::Ok)
+}
+
 /// How reports are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
@@ -117,6 +122,8 @@ impl<'a, R: Request> Conversation<'a, R> {
             match format {
                 Format::Silent => {}
                 Format::Json => json_line(&mut out, &ReportObject::new(self.verb, &report))?,
+                // It is the error that the command ends with, and is printed as that.
+                Format::Text if is_failure(&report) => {}
                 Format::Text => {
                     if let Some(line) = messages::line(self.verb, index, total, &report) {
                         writeln!(out, "{line}").map_err(Failure::output)?;
@@ -154,10 +161,11 @@ impl<'a, R: Request> Conversation<'a, R> {
                     Some((module, _)) => (module, format!("ril topic echo {module}/state")),
                 };
                 let text = format!(
-                    "{process} of robot {robot} did not answer to {which} in time: it may hang. The request was \
-                     withdrawn; `{look} --robot {robot}` shows whether it took effect all the same"
+                    "{process} of robot {robot} did not answer to {which} in time: it may hang. The request was withdrawn"
                 );
-                Err(Failure::new(ExitCode::Timeout, text))
+                let next_step =
+                    format!("`{look} --robot {robot}` shows whether it took effect all the same");
+                Err(Failure::new(ExitCode::Timeout, text).with_next_step(next_step))
             }
         }
     }
@@ -165,7 +173,14 @@ impl<'a, R: Request> Conversation<'a, R> {
     fn judge_final(&self, end: &FinalReport) -> Result<Option<RequestReport>, Failure> {
         match end.exit_code() {
             ExitCode::Ok => Ok(Some(end.report)),
-            code => Err(Failure::new(code, messages::ending(self.verb, end))),
+            code => {
+                let (text, next_step) = messages::ending(self.verb, end);
+                let failure = Failure::new(code, text);
+                Err(match next_step {
+                    Some(next_step) => failure.with_next_step(next_step),
+                    None => failure,
+                })
+            }
         }
     }
 

@@ -2,11 +2,13 @@
 
 use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};
+use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Losses, MonotonicNs, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use super::sample_age::STALE_AFTER;
 use super::stream::{self, Samples, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
 use super::{Session, configuration, json_line};
@@ -14,6 +16,7 @@ use crate::cli::{self, EchoArgs, EchoOptions};
 use crate::config::Config;
 use crate::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
 use crate::measure::StampReader;
+use crate::messages::count as plural;
 
 /// `ril echo`
 ///
@@ -116,9 +119,19 @@ struct Printer<'a, W> {
 
 impl<W: Write> Watcher for Printer<'_, W> {
     fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
-        let stamps = self.stamps.read(payload, MonotonicNs::now());
+        let now = MonotonicNs::now();
+        let stamps = self.stamps.read(payload, now);
+        let note = match self.seen.samples {
+            0 => note_of_age(now.since(stamps.sent), &self.watched.key),
+            _ => None,
+        };
         self.seen.take(stamps.sent.0);
         self.print(payload)?;
+        if let Some(note) = note {
+            self.out.flush().map_err(Failure::output)?;
+            // Standard error may be closed; that does no harm.
+            let _ = writeln!(io::stderr(), "{note}");
+        }
         Ok(true)
     }
 
@@ -145,6 +158,18 @@ impl<W: Write> Printer<'_, W> {
         };
         self.out.write_all(text.as_bytes()).map_err(Failure::output)
     }
+}
+
+/// What is said of a first sample that is so old that it does not show how things are now. It is the last one that was
+/// published, which every subscriber gets at once: newer ones do not come because nothing of the kind happens or because
+/// the link is down.
+fn note_of_age(age: Duration, key: &str) -> Option<String> {
+    let age_ms = age.as_millis();
+    (age > STALE_AFTER).then(|| {
+        format!(
+            "note: this is the last sample of {key}, {age_ms} ms old; `ril status` shows whether the link is down"
+        )
+    })
 }
 
 /// A whole sample: a line for each field, and one that ends it.
@@ -193,7 +218,11 @@ impl Seen {
             String::new()
         };
         let (lost, changes) = (losses.lost, losses.publisher_restarts);
-        format!("{count} samples{rate}, {lost} lost, {changes} publisher restarts")
+        let (samples, changes) = (
+            plural(count, "sample"),
+            plural(changes, "publisher restart"),
+        );
+        format!("{samples}{rate}, {lost} lost, {changes}")
     }
 }
 
@@ -249,6 +278,16 @@ mod tests {
         assert!(text.starts_with("sequence: 3\nepoch_ns: 0\n"), "{text}");
         assert!(text.contains("\nattitude.yaw_deg: -\n"), "{text}");
         assert!(text.ends_with("\n---\n"), "{text}");
+    }
+
+    #[test]
+    fn a_first_sample_that_is_old_is_said_to_be_so() {
+        assert_eq!(note_of_age(STALE_AFTER, "dsp_telemetry"), None);
+        let note = note_of_age(Duration::from_secs(12), "dsp_telemetry").unwrap();
+        assert!(
+            note.contains("last sample of dsp_telemetry, 12000 ms old"),
+            "{note}"
+        );
     }
 
     #[test]

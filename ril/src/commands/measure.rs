@@ -21,7 +21,7 @@ use crate::live::{Block, Size};
 use crate::measure::bandwidth::BandwidthMeter;
 use crate::measure::delay::DelayMeter;
 use crate::measure::rate::RateMeter;
-use crate::measure::{Meter, Of, RelayedTimes, StampReader};
+use crate::measure::{Detail, Meter, Of, RelayedTimes, Report, StampReader};
 
 /// From one drawing to the next: long enough to read.
 const REDRAW_PERIOD: Duration = Duration::from_secs(1);
@@ -123,6 +123,10 @@ fn run<M: Meter>(
         began,
         has_come: false,
         is_empty: true,
+        detail: match options.histogram {
+            true => Detail::Histograms,
+            false => Detail::Figures,
+        },
         block: Block::default(),
         redraw_at: is_live.then(|| began + REDRAW_PERIOD),
     };
@@ -177,6 +181,7 @@ struct Display<'a, M> {
     /// Whether a sample has come, measured or not.
     has_come: bool,
     is_empty: bool,
+    detail: Detail,
     block: Block,
     /// When to draw next; nothing when there is no terminal.
     redraw_at: Option<MonotonicNs>,
@@ -204,7 +209,8 @@ impl<M: Meter> Watcher for Display<'_, M> {
     fn woken(&mut self, losses: Losses, now: MonotonicNs) -> Result<(), Failure> {
         if !self.is_empty && self.redraw_at.is_some_and(|at| now >= at) {
             self.source.look::<M>()?;
-            let text = self.meter.report(self.source.of(), losses).to_string();
+            let report = self.meter.report(self.source.of(), losses);
+            let text = report.text(self.detail).to_string();
             self.block
                 .show(
                     &mut io::stdout().lock(),
@@ -239,6 +245,6 @@ impl<M: Meter> Display<'_, M> {
             return json_line(&mut out, &report);
         }
         self.block.clear(&mut out).map_err(Failure::output)?;
-        write!(out, "{report}").map_err(Failure::output)
+        write!(out, "{}", report.text(self.detail)).map_err(Failure::output)
     }
 }

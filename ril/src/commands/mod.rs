@@ -10,6 +10,7 @@ pub mod param;
 pub mod relay;
 pub mod relay_report;
 pub mod request;
+pub(crate) mod resulting;
 mod robot;
 pub mod sample_age;
 pub mod state;
@@ -36,13 +37,17 @@ use serde::Serialize;
 
 use crate::config::{Config, DEFAULT_FILE};
 
-/// Begins logging and reads the configuration. Nothing comes out when that was all that was asked for.
+/// Begins logging and reads the configuration. Nothing comes out when it was only to be checked; it is printed then.
 fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
     runtime::logging::init(common.verbosity())?;
+    if common.check_config {
+        resulting::print("ril", &resulting::of_commands(common)?)?;
+        return Ok(None);
+    }
     let loaded =
         runtime::config::load::<Config>(common.config.as_deref(), Path::new(DEFAULT_FILE))?;
     tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
-    Ok((!common.check_config).then_some(loaded.value))
+    Ok(Some(loaded.value))
 }
 
 /// The command's part in the robot's shared memory, and its one wait.
@@ -102,21 +107,24 @@ impl Session {
         let Some(provider) = self.provider(key)? else {
             return Ok(absent(key, robot));
         };
-        let text = match process_of(key) {
-            _ if is_relayed(key, &provider) => format!(
-                "nothing came from {key} of robot {robot} in {timeout}, although the relay is running: \
-                 `ril relay status --robot {robot}` shows its link to the robot"
+        let (running, next_step) = match process_of(key) {
+            _ if is_relayed(key, &provider) => (
+                "the relay".to_owned(),
+                format!("`ril relay status --robot {robot}` shows its link to the robot"),
             ),
-            Some(process) => format!(
-                "nothing came from {key} of robot {robot} in {timeout}, although `ril run {process}` is running: \
-                 `ril status --robot {robot}` shows the link to the DSP"
+            Some(process) => (
+                format!("`ril run {process}`"),
+                format!("`ril status --robot {robot}` shows the link to the DSP"),
             ),
-            None => format!(
-                "nothing came from {key} of robot {robot} in {timeout}, although its module is running: wait longer \
-                 with --timeout"
+            None => (
+                "its module".to_owned(),
+                "wait longer with --timeout".to_owned(),
             ),
         };
-        Ok(Failure::new(ExitCode::Timeout, text))
+        let text = format!(
+            "nothing came from {key} of robot {robot} in {timeout}, although {running} is running"
+        );
+        Ok(Failure::new(ExitCode::Timeout, text).with_next_step(next_step))
     }
 }
 
@@ -127,11 +135,11 @@ fn absent(key: &str, robot: RobotId) -> Failure {
         None => "start the module that provides it".to_owned(),
     };
     let text = format!(
-        "no process provides {key} of robot {robot}: {start} and try again{}{}",
+        "no process provides {key} of robot {robot}{}{}",
         robot::others_alive(robot),
         robot::other_domains()
     );
-    Failure::new(ExitCode::ServiceAbsent, text)
+    Failure::new(ExitCode::ServiceAbsent, text).with_next_step(format!("{start} and try again"))
 }
 
 /// Whether the service `key`, which `provider` provides, comes from another machine. The relay's own topics do not.
@@ -146,7 +154,7 @@ fn process_of(key: &str) -> Option<&'static str> {
 }
 
 /// Writes `value` as one line of JSON.
-fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
+pub(crate) fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value).or_fail(ExitCode::Internal)?;
     writeln!(to, "{text}").map_err(Failure::output)
 }
@@ -188,11 +196,7 @@ mod tests {
         ] {
             let failure = absent(key, RobotId::new(7).unwrap());
             assert_eq!(failure.code(), ExitCode::ServiceAbsent);
-            assert!(
-                failure.chain()[0].contains(process),
-                "{:?}",
-                failure.chain()
-            );
+            assert!(failure.next_step().contains(process), "{failure:?}");
         }
     }
 }

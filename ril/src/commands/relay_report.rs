@@ -14,10 +14,10 @@ use ipc_types::{MonotonicNs, RobotId};
 use runtime::exit::ExitCode;
 use serde::Serialize;
 
-use super::sample_age::{Sample, age_s, named};
+use super::sample_age::{Sample, age_ms, named};
 
 /// Name of the JSON object's layout.
-pub const SCHEMA: &str = "ril.Relay.v1";
+pub const SCHEMA: &str = "ril.Relay.v2";
 
 /// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
@@ -41,14 +41,14 @@ pub struct LinkReport {
     state: String,
     /// Whether the relay says that the link is up, and has said so lately.
     up: bool,
-    state_since_s: Option<f64>,
+    state_since_ms: Option<u64>,
     /// Endpoint; nothing when it is not readable.
     over: Option<String>,
     station: Option<String>,
     /// Number of the robot on its own machine.
     robot_there: u32,
     /// Nothing before the first message, and for a time of the future.
-    last_heard_age_s: Option<f64>,
+    last_heard_age_ms: Option<u64>,
     outages: u32,
     /// Nothing before the first exchange of time stamps.
     clock: Option<ClockReport>,
@@ -100,8 +100,8 @@ struct StationReport {
     /// Nothing when it is not readable.
     name: Option<String>,
     up: bool,
-    since_s: Option<f64>,
-    last_heard_age_s: Option<f64>,
+    since_ms: Option<u64>,
+    last_heard_age_ms: Option<u64>,
     may_command: bool,
     orders_executed: u64,
     orders_refused: u64,
@@ -197,11 +197,11 @@ impl LinkReport {
         LinkReport {
             state: named(RelayLinkState::from_code(state), state),
             up: link.is_up() && !sample.is_stale(),
-            state_since_s: since.and_then(|time| age_s(time, now)),
+            state_since_ms: since.and_then(|time| age_ms(time, now)),
             over: link.link().map(str::to_owned),
             station: link.station().map(str::to_owned),
             robot_there: robot,
-            last_heard_age_s: link.last_heard().and_then(|time| age_s(time, now)),
+            last_heard_age_ms: link.last_heard().and_then(|time| age_ms(time, now)),
             outages,
             clock: (clock_valid != 0).then(|| ClockReport {
                 offset_ns: clock_offset_ns,
@@ -266,8 +266,8 @@ impl StationReport {
         StationReport {
             name: station.name().map(str::to_owned),
             up: is_up != 0,
-            since_s: since.and_then(|time| age_s(time, now)),
-            last_heard_age_s: station.last_heard().and_then(|time| age_s(time, now)),
+            since_ms: since.and_then(|time| age_ms(time, now)),
+            last_heard_age_ms: station.last_heard().and_then(|time| age_ms(time, now)),
             may_command: may_command != 0,
             orders_executed,
             orders_refused,

@@ -14,7 +14,7 @@ pub const STALE_AFTER: Duration = Duration::from_secs(1);
 pub struct Sample {
     sequence: u64,
     /// Nothing when it claims to be of the future: it counts as stale, because its age is unknown.
-    age_s: Option<f64>,
+    age_ms: Option<u64>,
     stale: bool,
 }
 
@@ -33,7 +33,7 @@ impl Sample {
     ) -> Sample {
         Sample {
             sequence,
-            age_s: age_s(time, now),
+            age_ms: age_ms(time, now),
             stale: time > now || now.since(time) > limit,
         }
     }
@@ -46,8 +46,8 @@ impl Sample {
 
 impl fmt::Display for Sample {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.age_s {
-            Some(age) => write!(f, "sample {}, {age:.3} s old", self.sequence)?,
+        match self.age_ms {
+            Some(age) => write!(f, "sample {}, {age} ms old", self.sequence)?,
             None => write!(f, "sample {}, of unknown age", self.sequence)?,
         }
         if self.stale {
@@ -62,8 +62,9 @@ pub(super) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
 
-/// Seconds to the millisecond, which is what an operator can use. A time of the future, which only a faulty publisher
-/// gives, must not look like the present.
-pub(super) fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
-    (time <= now).then(|| now.since(time).as_millis() as f64 / 1000.0)
+/// How long ago `time` was, in milliseconds, the unit of all ages. A time of the future, which only a faulty publisher gives,
+/// must not look like the present.
+pub(super) fn age_ms(time: MonotonicNs, now: MonotonicNs) -> Option<u64> {
+    let age = (time <= now).then(|| now.since(time))?;
+    u64::try_from(age.as_millis()).ok()
 }

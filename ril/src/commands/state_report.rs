@@ -17,11 +17,11 @@ use ipc_types::{MonotonicNs, TelemetryGroup};
 use serde::Serialize;
 
 use super::relay_report::LinkReport;
-use super::sample_age::{Sample, age_s, named};
+use super::sample_age::{Sample, age_ms, named};
 use crate::messages::details;
 
 /// Name of the JSON object's layout.
-pub const SCHEMA: &str = "ril.State.v2";
+pub const SCHEMA: &str = "ril.State.v3";
 
 /// Everything that `ril status` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -81,11 +81,11 @@ struct Movement {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Link {
     state: String,
-    state_since_s: Option<f64>,
+    state_since_ms: Option<u64>,
     port_openings: u32,
     dsp_boots: u32,
-    last_message_age_s: Option<f64>,
-    last_telemetry_age_s: Option<f64>,
+    last_message_age_ms: Option<u64>,
+    last_telemetry_age_ms: Option<u64>,
     bytes_received: u64,
     messages_received: u64,
     telemetry_published: u32,
@@ -268,11 +268,11 @@ impl Link {
         Link {
             state: named(LinkState::from_code(state), state),
             // 0 stands for "never": it is no time of the host.
-            state_since_s: since.and_then(|time| age_s(time, now)),
+            state_since_ms: since.and_then(|time| age_ms(time, now)),
             port_openings,
             dsp_boots,
-            last_message_age_s: link.last_message().and_then(|time| age_s(time, now)),
-            last_telemetry_age_s: last_telemetry.and_then(|time| age_s(time, now)),
+            last_message_age_ms: link.last_message().and_then(|time| age_ms(time, now)),
+            last_telemetry_age_ms: last_telemetry.and_then(|time| age_ms(time, now)),
             bytes_received,
             messages_received,
             telemetry_published,

@@ -2,7 +2,8 @@
 //!
 //! It starts the simulator, status and the bridge as three processes in a shared-memory domain of their own, acts as the
 //! operator, and judges the flight by what a consumer saw in shared memory. Whatever happens, nothing that it started is
-//! left running and nothing of it is left in shared memory; the log stays and is named.
+//! left running and nothing of it is left in shared memory. Its folder is removed, unless the operator chose it or the
+//! demonstration failed.
 //!
 //! * `mission`: what the operator asks; `watch`: what a consumer sees; `verdict`: what is checked. All pure.
 //! * `children`: the processes; `screen`: what is shown; here: the one wait that joins them.
@@ -51,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
     pub robot: NonZeroU32,
 
-    /// Print one JSON document instead of lines
+    /// Print one JSON object on a line
     #[arg(long)]
     pub json: bool,
 
@@ -59,7 +60,8 @@ pub struct Args {
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
 
-    /// Where the log and the outputs of the processes go; made if it is not there
+    /// Where the log and the outputs of the processes go and stay; made if it is not there [default: a folder that is removed
+    /// at the end]
     #[arg(long, value_name = "FOLDER")]
     pub folder: Option<PathBuf>,
 }
@@ -77,28 +79,48 @@ struct Report<'a> {
     schema: &'static str,
     passed: bool,
     flight_s: f64,
-    telemetry_age_us_p50: Option<u32>,
-    telemetry_age_us_p99: Option<u32>,
+    telemetry_age_ms_p50: Option<f64>,
+    telemetry_age_ms_p99: Option<f64>,
     checks: &'a [Check],
     log: Option<&'a Path>,
-    folder: &'a Path,
+    folder: Option<&'a Path>,
 }
 
 /// Runs the demonstration.
 ///
 /// # Errors
-/// Exit code 1 when a check failed, a process could not be started or ended by itself, time ran out, or a signal came.
+/// Exit code 1 when a check failed, a process could not be started or ended by itself; 4 when time ran out. A signal ends it by
+/// itself, once everything is cleaned up.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let folder = folder(args)?;
+    let result = demonstrate(args, &folder, &termination);
+    match result {
+        // What the processes said shows the cause.
+        Err(failure) if failure.signal().is_none() && failure.code() != ExitCode::Ok => {
+            let next_step = format!("what the processes said is in {}", folder.display());
+            Err(failure.with_next_step(next_step))
+        }
+        result if args.folder.is_some() => result,
+        result => {
+            let removed = fs::remove_dir_all(&folder);
+            result?;
+            let text = || format!("the folder {} cannot be removed", folder.display());
+            removed.or_fail_with(ExitCode::Internal, text())
+        }
+    }
+}
+
+/// Flies, judges and prints, with everything but the folder cleaned up in any case.
+fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<(), Failure> {
     let domain = Domain::isolated();
     let mut screen = Screen::new(args.json);
-    let flown = fly(args, &domain, &folder, &termination, &mut screen);
+    let flown = fly(args, &domain, folder, termination, &mut screen);
     screen.end().map_err(Failure::output)?;
     // Every process and port is gone by now, also after an error.
     domain.remove_if_dead().map_err(Failure::internal)?;
     let flight = flown?;
-    let log = find_log(&folder);
+    let log = find_log(folder);
     let checks = verdict::judge(&Evidence {
         outcomes: flight.mission.outcomes(),
         watch: &flight.watch,
@@ -107,13 +129,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         exits: &flight.exits,
         residue: domain.residue().len(),
     });
-    tell(args, &flight, &checks, log.as_deref(), &folder).map_err(Failure::output)?;
+    tell(args, &flight, &checks, log.as_deref(), folder).map_err(Failure::output)?;
     match checks.iter().filter(|check| !check.passed).count() {
         0 => Ok(()),
         failed => Err(Failure::internal(format!(
-            "{failed} of {} checks failed; what the processes said is in {}",
-            checks.len(),
-            folder.display()
+            "{failed} of {} checks failed",
+            checks.len()
         ))),
     }
 }
@@ -297,9 +318,11 @@ impl<'a> Stage<'a> {
                 return Ok(());
             }
             if self.termination.requested() {
-                return Err(Failure::internal(
-                    "ended by a signal; nothing was left running",
-                ));
+                let text = "interrupted; nothing is left running";
+                return Err(match self.termination.signal() {
+                    Some(signal) => Failure::interrupted(signal, text),
+                    None => Failure::internal(text),
+                });
             }
             if let Some(process) = self
                 .processes
@@ -468,18 +491,19 @@ fn tell(
 ) -> io::Result<()> {
     let mut out = io::stdout().lock();
     let passed = checks.iter().all(|check| check.passed);
+    let age_ms = |percent| flight.watch.age_us(percent).map(|us| f64::from(us) / 1e3);
     if args.json {
         let report = Report {
-            schema: "hero.Demo.v1",
+            schema: "ril.Demo.v1",
             passed,
             flight_s: flight.took.as_secs_f64(),
-            telemetry_age_us_p50: flight.watch.age_us(50),
-            telemetry_age_us_p99: flight.watch.age_us(99),
+            telemetry_age_ms_p50: age_ms(50),
+            telemetry_age_ms_p99: age_ms(99),
             checks,
-            log,
-            folder,
+            log: log.filter(|_| args.folder.is_some()),
+            folder: args.folder.as_ref().map(|_| folder),
         };
-        serde_json::to_writer_pretty(&mut out, &report)?;
+        serde_json::to_writer(&mut out, &report)?;
         return writeln!(out);
     }
     writeln!(out)?;
@@ -489,14 +513,15 @@ fn tell(
     }
     writeln!(out)?;
     writeln!(out, "flight    {:.1} s", flight.took.as_secs_f64())?;
-    if let (Some(p50), Some(p99)) = (flight.watch.age_us(50), flight.watch.age_us(99)) {
+    if let (Some(p50), Some(p99)) = (age_ms(50), age_ms(99)) {
         writeln!(
             out,
-            "age       {p50} µs median, {p99} µs 99th percentile: serial byte to this consumer"
+            "age       {p50:.3} ms median, {p99:.3} ms 99th percentile: serial byte to this consumer"
         )?;
     }
-    if let Some(log) = log {
-        writeln!(out, "log       {}", log.display())?;
+    match log {
+        Some(log) if args.folder.is_some() => writeln!(out, "log       {}", log.display())?,
+        _ => writeln!(out, "log       removed; --folder FOLDER keeps it")?,
     }
     writeln!(
         out,

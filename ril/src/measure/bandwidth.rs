@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
 use super::rate::RateMeter;
-use super::{Counts, Meter, Of, Stamps, rounded};
+use super::{Counts, Detail, Meter, Of, Report, Stamps, rounded};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Bandwidth.v1";
@@ -92,22 +92,22 @@ impl Meter for BandwidthMeter {
     }
 }
 
-impl fmt::Display for BandwidthReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Report for BandwidthReport {
+    fn write(&self, detail: Detail, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rate = |bytes: Option<f64>| {
             bytes.map_or("-".to_owned(), |bytes| format!("{:.2} kB/s", bytes / 1e3))
         };
         write!(f, "{}", self.counts)?;
         writeln!(
             f,
-            "observed {}, published {}; {} B a sample, {} B in all",
+            "observed {}, published {}\n{} B a sample, {} B in all",
             rate(self.observed_bytes_per_s),
             rate(self.published_bytes_per_s),
             self.payload_bytes,
             self.bytes
         )?;
         match &self.bytes_in_a_second {
-            Some(seconds) => seconds.write("in each second", f),
+            Some(seconds) => seconds.write("in each second", detail, f),
             None => Ok(()),
         }
     }
@@ -132,7 +132,13 @@ mod tests {
         assert_eq!((report.payload_bytes, report.bytes), (272, 101 * 272));
         assert_eq!(report.observed_bytes_per_s, Some(50.0 * 272.0));
         assert_eq!(report.published_bytes_per_s, Some(50.0 * 272.0));
-        assert!(report.to_string().contains("13.60 kB/s"), "{report}");
+        assert!(
+            report
+                .text(Detail::Figures)
+                .to_string()
+                .contains("13.60 kB/s"),
+            "{report:?}"
+        );
     }
 
     #[test]

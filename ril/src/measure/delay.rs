@@ -12,10 +12,10 @@ use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
-use super::{Counts, DspClock, Meter, Of, Stamps, rounded};
+use super::{Counts, Detail, DspClock, Meter, Of, Report, Stamps, rounded};
 
 /// Name of the JSON object's layout.
-pub const SCHEMA: &str = "ril.Delay.v1";
+pub const SCHEMA: &str = "ril.Delay.v2";
 
 /// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this time,
 /// which is the step of the DSP's clock; a longer time would show the drift and not the delay.
@@ -52,9 +52,9 @@ pub struct DelayReport {
     #[serde(flatten)]
     pub counts: Counts,
     /// From the last byte that the bridge read to this consumer; nothing for the module's state.
-    pub since_received_us: Option<Summary>,
+    pub since_received_ms: Option<Summary>,
     /// From the publisher to this consumer; nothing for raw telemetry, which the bridge publishes as it reads it.
-    pub since_published_us: Option<Summary>,
+    pub since_published_ms: Option<Summary>,
     /// By the DSP's clock, how much later than the quickest sample of the same ten seconds; nothing without that clock.
     pub behind_quickest_ms: Option<Summary>,
     /// Whether the samples come from another machine, so that the first two ages are as true as the comparison of clocks.
@@ -109,8 +109,8 @@ impl Meter for DelayMeter {
             first: None,
             last: MonotonicNs(0),
             samples: 0,
-            since_received: Histogram::new(Unit::Microseconds),
-            since_published: Histogram::new(Unit::Microseconds),
+            since_received: Histogram::new(Unit::Milliseconds),
+            since_published: Histogram::new(Unit::Milliseconds),
             window: Window {
                 began: MonotonicNs(0),
                 clock: None,
@@ -145,8 +145,8 @@ impl Meter for DelayMeter {
         self.window.compare(&mut behind_quickest);
         DelayReport {
             counts: Counts::new(SCHEMA, of, self.samples, seconds, losses),
-            since_received_us: self.since_received.summary(),
-            since_published_us: self.since_published.summary(),
+            since_received_ms: self.since_received.summary(),
+            since_published_ms: self.since_published.summary(),
             behind_quickest_ms: behind_quickest.summary(),
             relayed: of.relayed.is_some(),
             age_uncertainty_ms: of
@@ -157,8 +157,8 @@ impl Meter for DelayMeter {
     }
 }
 
-impl fmt::Display for DelayReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Report for DelayReport {
+    fn write(&self, detail: Detail, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.counts)?;
         match self.age_uncertainty_ms {
             Some(ms) => writeln!(
@@ -174,15 +174,15 @@ impl fmt::Display for DelayReport {
             None => {}
         }
         for (summary, title) in [
-            (&self.since_received_us, "bridge's last byte to here"),
-            (&self.since_published_us, "publisher to here"),
+            (&self.since_received_ms, "bridge's last byte to here"),
+            (&self.since_published_ms, "publisher to here"),
             (
                 &self.behind_quickest_ms,
                 "DSP's clock to here, behind the quickest",
             ),
         ] {
             if let Some(summary) = summary {
-                summary.write(title, f)?;
+                summary.write(title, detail, f)?;
             }
         }
         Ok(())
@@ -228,12 +228,12 @@ mod tests {
             ..sample(1, 1, 0)
         };
         let report = measure([(both, 104)]);
-        assert!(about(report.since_received_us.unwrap().p50, 4000.0));
-        assert!(about(report.since_published_us.unwrap().p50, 1000.0));
+        assert!(about(report.since_received_ms.unwrap().p50, 4.0));
+        assert!(about(report.since_published_ms.unwrap().p50, 1.0));
         assert_eq!(report.behind_quickest_ms, None);
         let report = measure([(timed(0, 0), 1)]);
         assert_eq!(
-            (report.since_received_us, report.since_published_us),
+            (report.since_received_ms, report.since_published_ms),
             (None, None)
         );
     }
@@ -291,7 +291,7 @@ mod tests {
             ..sample(1, 1, 0)
         };
         let report = measure([(odd, 1), (timed(u32::MAX, 0), 2), (odd, 3)]);
-        assert_eq!(report.since_received_us.unwrap().max, 0.0);
+        assert_eq!(report.since_received_ms.unwrap().max, 0.0);
         assert!(report.behind_quickest_ms.is_some());
     }
 
@@ -306,30 +306,28 @@ mod tests {
         };
         let known = report(Some(0.0025));
         assert_eq!((known.relayed, known.age_uncertainty_ms), (true, Some(2.5)));
-        let text = known.to_string();
+        let text = known.text(Detail::Figures).to_string();
         assert!(text.contains("ages are true within ±2.500 ms\n"), "{text}");
         let unknown = report(None);
         assert_eq!((unknown.relayed, unknown.age_uncertainty_ms), (true, None));
-        let text = unknown.to_string();
+        let text = unknown.text(Detail::Figures).to_string();
         assert!(
             text.contains("how true the ages are is not known"),
             "{text}"
         );
         let here = DelayMeter::begin(0).report(OF, Losses::default());
         assert_eq!((here.relayed, here.age_uncertainty_ms), (false, None));
-        assert!(!here.to_string().contains("relayed"));
+        assert!(!here.text(Detail::Figures).to_string().contains("relayed"));
     }
 
     #[test]
     fn text_and_json_say_the_same() {
         let report = measure([(timed(0, 0), 0), (timed(0, 20), 23)]);
-        assert!(
-            report.to_string().contains("DSP's clock to here"),
-            "{report}"
-        );
+        let text = report.text(Detail::Figures).to_string();
+        assert!(text.contains("DSP's clock to here"), "{text}");
         let json = serde_json::to_value(&report).unwrap();
-        assert_eq!(json["schema"], "ril.Delay.v1");
-        assert!(json["since_received_us"].is_null());
+        assert_eq!(json["schema"], "ril.Delay.v2");
+        assert!(json["since_received_ms"].is_null());
         assert_eq!(json["behind_quickest_ms"]["count"], 2);
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::rounded;
+use super::{Detail, rounded};
 
 /// Largest value: a day in nanoseconds. What is greater counts as this.
 const MAX_VALUE: u64 = 86_400_000_000_000;
@@ -18,13 +18,11 @@ const DIGITS: u8 = 4;
 const BARS: u64 = 10;
 
 /// Longest bar, characters.
-const BAR_WIDTH: u64 = 40;
+const BAR_WIDTH: u64 = 36;
 
 /// What is measured, which says how it is shown. Values are recorded in the unit's smallest part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// Times that are recorded in nanoseconds and shown in microseconds.
-    Microseconds,
     /// Times that are recorded in nanoseconds and shown in milliseconds.
     Milliseconds,
     /// Bytes.
@@ -35,7 +33,6 @@ impl Unit {
     /// Recorded steps of one shown.
     const fn steps(self) -> f64 {
         match self {
-            Unit::Microseconds => 1e3,
             Unit::Milliseconds => 1e6,
             Unit::Bytes => 1.0,
         }
@@ -44,7 +41,6 @@ impl Unit {
     /// Decimals that are shown.
     const fn decimals(self) -> usize {
         match self {
-            Unit::Microseconds => 1,
             Unit::Milliseconds => 3,
             Unit::Bytes => 0,
         }
@@ -52,7 +48,6 @@ impl Unit {
 
     const fn name(self) -> &'static str {
         match self {
-            Unit::Microseconds => "µs",
             Unit::Milliseconds => "ms",
             Unit::Bytes => "B",
         }
@@ -216,27 +211,36 @@ pub struct Bin {
 }
 
 impl Summary {
-    /// Writes the summary under a title: a line of figures, and a bar for each part of the histogram.
+    /// Writes the summary under a title: two lines of figures, and a bar for each part of the histogram if `detail` wants it.
     ///
     /// # Errors
     ///
     /// Those of `f`.
-    pub fn write(&self, title: &str, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    pub fn write(&self, title: &str, detail: Detail, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (digits, unit) = (self.unit.decimals(), self.unit.name());
         writeln!(f, "{title}, {unit}")?;
-        write!(f, "  ")?;
-        for (name, value) in [
-            ("min", self.min),
-            ("mean", self.mean),
-            ("sd", self.stddev),
-            ("p50", self.p50),
-            ("p90", self.p90),
-            ("p99", self.p99),
-            ("p99.9", self.p99_9),
+        for figures in [
+            [
+                ("min", self.min),
+                ("mean", self.mean),
+                ("sd", self.stddev),
+                ("max", self.max),
+            ],
+            [
+                ("p50", self.p50),
+                ("p90", self.p90),
+                ("p99", self.p99),
+                ("p99.9", self.p99_9),
+            ],
         ] {
-            write!(f, "{name} {value:.digits$}  ")?;
+            for (name, value) in figures {
+                write!(f, "  {name} {value:.digits$}")?;
+            }
+            writeln!(f)?;
         }
-        writeln!(f, "max {:.digits$}", self.max)?;
+        if detail == Detail::Figures {
+            return Ok(());
+        }
         let most = self.histogram.iter().map(|bin| bin.count).max();
         let most = most.unwrap_or(0).max(1);
         for bin in &self.histogram {
@@ -261,7 +265,7 @@ mod tests {
 
     impl fmt::Display for Text<'_> {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            self.0.write("interval", f)
+            self.0.write("interval", Detail::Histograms, f)
         }
     }
 
@@ -278,7 +282,7 @@ mod tests {
 
     #[test]
     fn percentiles_are_right_within_a_ten_thousandth() {
-        let summary = histogram(Unit::Microseconds, (1..=1000).map(|us| us * 1000));
+        let summary = histogram(Unit::Milliseconds, (1..=1000).map(|ms| ms * 1_000_000));
         assert_eq!(summary.count, 1000);
         for (value, expected) in [
             (summary.min, 1.0),

@@ -22,6 +22,8 @@ use ipc_types::service::{EPOCH_OFFSET, SEQUENCE_OFFSET};
 use ipc_types::{Losses, MonotonicNs, Schema, TelemetryGroup, Topic};
 use serde::Serialize;
 
+use crate::messages::count;
+
 /// What a measurement wants to know of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamps {
@@ -159,10 +161,47 @@ fn own<T: Measured>(payload: &[u8]) -> Option<Stamps> {
     T::from_bytes(payload).map(|sample| sample.stamps())
 }
 
+/// How much of a report is shown to people. Programs get everything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// The figures, which fit a terminal of 80 columns and 24 rows.
+    Figures,
+    /// The histograms as well.
+    Histograms,
+}
+
+/// What a measurement says to people.
+pub trait Report: Serialize {
+    /// Writes it as lines of at most 80 characters.
+    ///
+    /// # Errors
+    ///
+    /// Those of `f`.
+    fn write(&self, detail: Detail, f: &mut fmt::Formatter<'_>) -> fmt::Result;
+
+    /// It as something to be printed.
+    fn text(&self, detail: Detail) -> Text<'_, Self>
+    where
+        Self: Sized,
+    {
+        Text(self, detail)
+    }
+}
+
+/// A report as it is shown to people.
+#[derive(Clone, Copy, Debug)]
+pub struct Text<'a, R>(&'a R, Detail);
+
+impl<R: Report> fmt::Display for Text<'_, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.write(self.1, f)
+    }
+}
+
 /// A measurement: samples go in, a report comes out at any time.
 pub trait Meter {
     /// What comes out: as text for people, as JSON for programs.
-    type Report: Serialize + fmt::Display;
+    type Report: Report;
 
     /// Whether it compares times of samples with the clock of this machine.
     const SHOWS_AGES: bool = false;
@@ -239,14 +278,18 @@ impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{} of robot {}: {} samples in {:.3} s, {} lost ({:.2} %), {} publisher restarts",
+            "{} of robot {}: {} in {:.3} s",
             self.service,
             self.robot,
-            self.samples,
-            self.seconds,
+            count(self.samples, "sample"),
+            self.seconds
+        )?;
+        writeln!(
+            f,
+            "{} lost ({:.2} %), {}",
             self.lost,
             self.lost_percent,
-            self.publisher_restarts
+            count(self.publisher_restarts, "publisher restart")
         )
     }
 }

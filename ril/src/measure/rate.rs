@@ -10,7 +10,7 @@ use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
-use super::{Counts, Meter, Of, Stamps, rounded};
+use super::{Counts, Detail, Meter, Of, Report, Stamps, rounded};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Rate.v1";
@@ -118,8 +118,8 @@ fn per_second(count: u64, seconds: f64) -> Option<f64> {
     (count > 0 && seconds > 0.0).then(|| count as f64 / seconds)
 }
 
-impl fmt::Display for RateReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Report for RateReport {
+    fn write(&self, detail: Detail, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hz = |rate: Option<f64>| rate.map_or("-".to_owned(), |rate| format!("{rate:.2} Hz"));
         write!(f, "{}", self.counts)?;
         writeln!(
@@ -129,10 +129,10 @@ impl fmt::Display for RateReport {
             hz(self.published_hz)
         )?;
         if let Some(interval) = &self.interval_ms {
-            interval.write("interval here", f)?;
+            interval.write("interval here", detail, f)?;
         }
         if let Some(interval) = &self.published_interval_ms {
-            interval.write("interval at the publisher", f)?;
+            interval.write("interval at the publisher", detail, f)?;
         }
         Ok(())
     }
@@ -177,7 +177,12 @@ pub(super) mod tests {
         let report = measure(&[(sample(1, 1, 0), 5)]);
         assert_eq!((report.observed_hz, report.published_hz), (None, None));
         assert_eq!(report.counts.samples, 1);
-        assert!(report.to_string().contains("observed -, published -"));
+        assert!(
+            report
+                .text(Detail::Figures)
+                .to_string()
+                .contains("observed -, published -")
+        );
     }
 
     #[test]

@@ -5,7 +5,7 @@ use ipc_types::code::{PortKind, Reason};
 use super::FinalReport;
 use super::details::{port_label, port_range};
 
-/// What the reason means, and what the operator can do.
+/// What the reason means, and what the operator can do: behind a colon, if there is something to do.
 pub const fn explain(reason: Reason) -> &'static str {
     match reason {
         Reason::None => "no reason was given",

@@ -107,7 +107,9 @@ fn an_ending_says_what_why_and_what_to_do() {
 }
 
 fn end(verb: Verb, report: RequestReport) -> String {
-    ending(verb, &FinalReport::of(&report).unwrap())
+    let (text, next_step) = ending(verb, &FinalReport::of(&report).unwrap());
+    let parts: Vec<String> = [text].into_iter().chain(next_step).collect();
+    parts.join(": ")
 }
 
 #[test]

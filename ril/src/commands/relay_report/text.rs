@@ -1,6 +1,11 @@
 //! The report as text: a title and a few lines for each part.
 
 use std::fmt;
+use std::time::Duration;
+
+use runtime::duration::Shown;
+
+use crate::messages::count;
 
 use super::{ClockReport, LinkReport, RelayReport, SamplesReport, StationReport};
 
@@ -54,16 +59,16 @@ impl LinkReport {
 impl fmt::Display for LinkReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "link        {}", self.state)?;
-        match self.state_since_s {
-            Some(age) => write!(f, " for {age:.3} s")?,
+        match self.state_since_ms {
+            Some(ms) => write!(f, " for {}", shown(ms))?,
             None => f.write_str(" since an unknown time")?,
         }
         writeln!(
             f,
-            " over {}, last message {}; {} outages",
+            " over {}, last message {}; {}",
             self.over.as_deref().unwrap_or(UNREADABLE),
-            ago(self.last_heard_age_s),
-            self.outages
+            ago(self.last_heard_age_ms),
+            count(self.outages.into(), "outage")
         )?;
         writeln!(
             f,
@@ -83,8 +88,11 @@ impl fmt::Display for LinkReport {
         )?;
         writeln!(
             f,
-            "orders      {} sent, {} messages repeated, {} open, {} of unknown outcome",
-            self.orders.sent, self.orders.repeated, self.orders.open, self.orders.unknown
+            "orders      {} sent, {} repeated, {} open, {} of unknown outcome",
+            self.orders.sent,
+            count(self.orders.repeated, "message"),
+            self.orders.open,
+            self.orders.unknown
         )?;
         writeln!(f, "relay       {}", self.sample)
     }
@@ -109,9 +117,9 @@ impl fmt::Display for ClockReport {
         }
         write!(
             f,
-            ", drift {:.3} ppm, {} resets",
+            ", drift {:.3} ppm, {}",
             f64::from(self.drift_ppb) / 1e3,
-            self.resets
+            count(self.resets.into(), "reset")
         )
     }
 }
@@ -139,21 +147,25 @@ impl fmt::Display for StationReport {
         let state = if self.up { "up" } else { "down" };
         let name = self.name.as_deref().unwrap_or(UNREADABLE);
         write!(f, "{name}: {state}")?;
-        if let Some(age) = self.since_s {
-            write!(f, " for {age:.3} s")?;
+        if let Some(ms) = self.since_ms {
+            write!(f, " for {}", shown(ms))?;
         }
         let may = if self.may_command { "may" } else { "may not" };
         write!(
             f,
             ", {may} command, last message {}\n            \
-             {} samples sent; {} orders executed, {} refused, {} open",
-            ago(self.last_heard_age_s),
-            self.samples_sent,
-            self.orders_executed,
+             {} sent; {} executed, {} refused, {} open",
+            ago(self.last_heard_age_ms),
+            count(self.samples_sent, "sample"),
+            count(self.orders_executed, "order"),
             self.orders_refused,
             self.orders_open
         )
     }
+}
+
+fn shown(ms: u64) -> Shown {
+    Shown(Duration::from_millis(ms))
 }
 
 /// Seconds as milliseconds, with the digits that mean something.
@@ -165,6 +177,6 @@ pub(in super::super) fn milliseconds(seconds: f64) -> String {
     }
 }
 
-fn ago(age: Option<f64>) -> String {
-    age.map_or_else(|| "never".to_owned(), |age| format!("{age:.3} s ago"))
+fn ago(age: Option<u64>) -> String {
+    age.map_or_else(|| "never".to_owned(), |age| format!("{age} ms ago"))
 }

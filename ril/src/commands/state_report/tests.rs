@@ -97,7 +97,7 @@ fn a_bridge_that_has_seen_nothing_says_so() {
     let text = StateReport::new(1, &state, None, None, None, NOW).to_string();
     let expected = "\
 robot       1
-module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
+module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0 ms old
 status      no sample
 movement    none yet
 link        gone since an unknown time; port opened 0 times, DSP boots seen 0
@@ -130,19 +130,19 @@ fn everything_that_happened_is_shown_with_its_age() {
     .to_string();
     for expected in [
         "robot       7\n",
-        "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
+        "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 120 ms old\n",
         "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
-        "up for 12.300 s; port opened 2 times",
-        "last message 0.015 s ago, last telemetry 2.500 s ago\n",
+        "up for 12.3s; port opened 2 times",
+        "last message 15 ms ago, last telemetry 2500 ms ago\n",
         "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",
         "safety      fence-ceiling by 4.2 m: hold; pilot's switch auto, 3 fence areas, 2 interventions\n",
         "refused     checksum 3, implausible groups 1 (groups: sonar)\n",
         "DSP errors  4, 1 of them fatal; last dsp-error-777 (unknown)\n",
         "3 × 102: checksum error from the PC\n",
         "1 × unknown codes\n",
-        "dsp         sample 30, 2.500 s old, STALE\n",
-        "hero        sample 29, 1.000 s old\n",
-        "status      hero-status running, translating telemetry; no-error; sample 4, 0.300 s old\n",
+        "dsp         sample 30, 2500 ms old, STALE\n",
+        "hero        sample 29, 1000 ms old\n",
+        "status      hero-status running, translating telemetry; no-error; sample 4, 300 ms old\n",
     ] {
         assert!(
             text.contains(expected),
@@ -187,12 +187,12 @@ fn a_time_of_the_future_never_looks_fresh() {
     let report = StateReport::new(7, &state, Some(dsp), None, None, NOW);
     let json = serde_json::to_value(&report).unwrap();
     for pointer in [
-        "/module/sample/age_s",
-        "/link/state_since_s",
-        "/link/last_message_age_s",
-        "/link/last_telemetry_age_s",
+        "/module/sample/age_ms",
+        "/link/state_since_ms",
+        "/link/last_message_age_ms",
+        "/link/last_telemetry_age_ms",
         "/movement/distance_to_go_m",
-        "/dsp/age_s",
+        "/dsp/age_ms",
     ] {
         assert_eq!(json.pointer(pointer), Some(&serde_json::Value::Null));
     }
@@ -224,13 +224,13 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
     ))
     .unwrap();
     for (pointer, expected) in [
-        ("/schema", serde_json::json!("ril.State.v2")),
+        ("/schema", serde_json::json!("ril.State.v3")),
         ("/module/status", "running".into()),
         ("/module/blocked", true.into()),
         ("/module/error", "impossible-to-stop-module".into()),
         ("/movement/kind", "goto".into()),
         ("/link/state", "up".into()),
-        ("/link/last_message_age_s", 0.015.into()),
+        ("/link/last_message_age_ms", 15.into()),
         ("/refused/checksum", 3.into()),
         ("/refused/implausible", vec!["sonar"].into()),
         ("/dsp_errors/by_code/0/code", 102.into()),
@@ -264,9 +264,9 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
     .unwrap();
     for pointer in [
         "/movement",
-        "/link/last_message_age_s",
-        "/link/last_telemetry_age_s",
-        "/link/state_since_s",
+        "/link/last_message_age_ms",
+        "/link/last_telemetry_age_ms",
+        "/link/state_since_ms",
         "/link/pc_timeout_supported",
         "/dsp_errors/last",
         "/dsp_errors/last_code",

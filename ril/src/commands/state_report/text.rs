@@ -1,6 +1,11 @@
 //! The report as text: a title and a few lines for each part.
 
 use std::fmt;
+use std::time::Duration;
+
+use runtime::duration::Shown;
+
+use crate::messages::count;
 
 use super::{
     DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, StateReport, StatusState,
@@ -106,8 +111,10 @@ impl fmt::Display for Movement {
         if self.waypoints_total > 0 {
             write!(
                 f,
-                ", {} waypoints, {} sent, {} reached",
-                self.waypoints_total, self.waypoints_sent, self.waypoints_reached
+                ", {}, {} sent, {} reached",
+                count(self.waypoints_total.into(), "waypoint"),
+                self.waypoints_sent,
+                self.waypoints_reached
             )?;
         }
         match self.distance_to_go_m {
@@ -119,42 +126,44 @@ impl fmt::Display for Movement {
 
 impl fmt::Display for Link {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ago = |age: Option<f64>, ever: bool| match age {
-            Some(age) => format!("{age:.3} s ago"),
+        let ago = |age: Option<u64>, ever: bool| match age {
+            Some(age) => format!("{age} ms ago"),
             None if ever => "of unknown age".to_owned(),
             None => "never".to_owned(),
         };
-        let since = match self.state_since_s {
-            Some(age) => format!("for {age:.3} s"),
+        let since = match self.state_since_ms {
+            Some(ms) => format!("for {}", Shown(Duration::from_millis(ms))),
             None => "since an unknown time".to_owned(),
         };
         writeln!(
             f,
-            "{} {since}; port opened {} times, DSP boots seen {}",
-            self.state, self.port_openings, self.dsp_boots
+            "{} {since}; port opened {}, DSP boots seen {}",
+            self.state,
+            count(self.port_openings.into(), "time"),
+            self.dsp_boots
         )?;
         writeln!(
             f,
             "            last message {}, last telemetry {}",
-            ago(self.last_message_age_s, self.messages_received > 0),
-            ago(self.last_telemetry_age_s, self.telemetry_published > 0)
+            ago(self.last_message_age_ms, self.messages_received > 0),
+            ago(self.last_telemetry_age_ms, self.telemetry_published > 0)
         )?;
         writeln!(
             f,
-            "            {} bytes, {} messages; {} samples published, {} incoherent",
-            self.bytes_received,
-            self.messages_received,
-            self.telemetry_published,
+            "            {}, {}; {} published, {} incoherent",
+            count(self.bytes_received, "byte"),
+            count(self.messages_received, "message"),
+            count(self.telemetry_published.into(), "sample"),
             self.telemetry_incoherent
         )?;
         write!(
             f,
-            "            {} commands acknowledged, {} repeated, {} failed, {} acks unmatched\n            {} waypoints sent, {} of them again, delivery {}",
-            self.commands_acknowledged,
+            "            {} acknowledged, {} repeated, {} failed, {} unmatched\n            {} sent, {} of them again, delivery {}",
+            count(self.commands_acknowledged.into(), "command"),
             self.commands_repeated,
             self.commands_failed,
-            self.acks_unmatched,
-            self.waypoints_sent,
+            count(self.acks_unmatched.into(), "ack"),
+            count(self.waypoints_sent.into(), "waypoint"),
             self.waypoints_repeated,
             if self.delivery_verified {
                 "verified"
