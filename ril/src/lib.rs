@@ -7,7 +7,8 @@
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
-//! * [`fields`]: the fields of samples by name, and which of them mean something.
+//! * [`fields`]: the fields of samples by name, and which of them mean something;
+//! * [`preflight`]: whether a robot is ready to take off.
 //!
 //! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines; `ril relay` is a program of its own,
 //! `ril-relay`, which it starts. Nothing here decides what the helicopter
@@ -34,12 +35,13 @@ pub mod fields;
 pub mod live;
 pub mod measure;
 pub mod messages;
+pub mod preflight;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use cli::RobotChoice;
-use commands::{doctor, echo, param, relay, request, state, topic};
+use commands::{doctor, echo, param, preflight as preflight_command, relay, request, state, topic};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -73,6 +75,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
+        Command::Preflight(args) => preflight_command::preflight(&args),
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),

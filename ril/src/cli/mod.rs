@@ -4,6 +4,7 @@
 //! for something, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
 //! another process.
 
+mod preflight;
 mod relay;
 mod request;
 #[cfg(test)]
@@ -20,6 +21,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use runtime::args::CommonArgs;
 
 use crate::demo;
+pub use preflight::PreflightArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
@@ -141,6 +143,8 @@ pub enum Command {
     Topic(TopicArgs),
     /// Find what is wrong with shared memory, configuration and serial port, and what to do
     Doctor(DoctorArgs),
+    /// Check whether the robot is ready to take off: each check with its value, its limit and what to do
+    Preflight(PreflightArgs),
 }
 
 /// `ril state`

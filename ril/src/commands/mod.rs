@@ -1,11 +1,13 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
 mod conversation;
+mod latest;
 pub mod doctor;
 pub mod echo;
 pub mod exchange;
 pub mod measure;
 pub mod param;
+pub mod preflight;
 pub mod relay;
 pub mod relay_report;
 pub mod request;
