@@ -127,10 +127,7 @@ mod tests {
                 "[preflight]\ngps_quality_pass = [4, 9]",
                 "9 is no quality of a GPS fix",
             ),
-            (
-                "[preflight]\nbattery = 1",
-                "did you mean `battery_v`?",
-            ),
+            ("[preflight]\nbattery = 1", "did you mean `battery_v`?"),
         ] {
             let error = parse::<Config>(text, "ril.toml").unwrap_err().to_string();
             assert!(error.contains(expected), "{text:?}: {error}");

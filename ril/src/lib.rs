@@ -33,6 +33,7 @@ pub mod config;
 pub mod demo;
 pub mod fields;
 pub mod live;
+pub mod log;
 pub mod measure;
 pub mod messages;
 pub mod preflight;

@@ -1,10 +1,10 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
 mod conversation;
-mod latest;
 pub mod doctor;
 pub mod echo;
 pub mod exchange;
+mod latest;
 pub mod measure;
 pub mod param;
 pub mod preflight;

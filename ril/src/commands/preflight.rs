@@ -16,8 +16,8 @@ use runtime::exit::{ExitCode, Failure};
 use rustix::fs::Access;
 use status::log::config::LogConfig;
 
-use super::doctor::facts::{FileContent, FileFacts, Namespace};
 use super::doctor;
+use super::doctor::facts::{FileContent, FileFacts, Namespace};
 use super::latest::Latest;
 use super::{Session, configuration, is_relayed, json_line};
 use crate::cli::{DoctorArgs, PreflightArgs};
@@ -78,11 +78,7 @@ pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
 }
 
 /// Says on standard error what is not in order, before a start that goes on whatever it is.
-pub(super) fn warn(
-    session: &Session,
-    common: &CommonArgs,
-    config: &Config,
-) -> Result<(), Failure> {
+pub(super) fn warn(session: &Session, common: &CommonArgs, config: &Config) -> Result<(), Failure> {
     // The start itself says that there is no bridge.
     if !session.is_provided(ModuleState::KEY)? {
         return Ok(());
@@ -118,7 +114,8 @@ fn report(args: &DoctorArgs, live: Live, config: &Config) -> Report {
         let status = providers
             .iter()
             .find(|one| one.robot.get() == robot && one.service.provider() == "status")?;
-        (status.pids == Namespace::Ours).then(|| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)))
+        (status.pids == Namespace::Ours)
+            .then(|| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)))
     });
     let facts = Facts {
         robot: machine.robot,
@@ -211,7 +208,10 @@ fn logs(explicit: Option<PathBuf>, folder: Option<PathBuf>) -> Logs {
         let logs = logs.filter(|log| !log.groups.is_empty());
         Some(logs.map(|log| log_place(&log, folder.as_deref())).collect())
     });
-    looked.ok().flatten().map_or(Logs::Unknown, Logs::Configured)
+    looked
+        .ok()
+        .flatten()
+        .map_or(Logs::Unknown, Logs::Configured)
 }
 
 fn log_place(log: &LogConfig, folder: Option<&Path>) -> LogPlace {
@@ -240,7 +240,10 @@ fn log_place(log: &LogConfig, folder: Option<&Path>) -> LogPlace {
 }
 
 fn clock() -> Clock {
-    let unix_s = |time: SystemTime| time.duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
+    let unix_s = |time: SystemTime| {
+        time.duration_since(UNIX_EPOCH)
+            .map_or(0, |time| time.as_secs())
+    };
     let program = std::env::current_exe().and_then(fs::metadata);
     let written = program.and_then(|metadata| metadata.modified());
     Clock {

@@ -130,7 +130,11 @@ fn gps_fix(facts: &Facts, limits: &Limits) -> Check {
         let next_step = "wait for a better fix, or widen `[arrival]` of bridge.toml: positions may be metres wrong";
         Check::warn(ID, value, next_step)
     } else {
-        Check::fail(ID, value, "wait for a fix with a free view of the sky; look at the antenna")
+        Check::fail(
+            ID,
+            value,
+            "wait for a fix with a free view of the sky; look at the antenna",
+        )
     };
     check.limit(format!(
         "quality {} (warn with {})",
@@ -168,7 +172,13 @@ fn battery(facts: &Facts, limits: &Limits) -> Check {
     match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
         Ok(dsp) => {
             let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
-            at_least(ID, volts, "V", limits.battery_v, "charge or replace the battery")
+            at_least(
+                ID,
+                volts,
+                "V",
+                limits.battery_v,
+                "charge or replace the battery",
+            )
         }
         Err(check) => check,
     }
@@ -258,7 +268,10 @@ fn safety_rules(facts: &Facts) -> Check {
     let by = rule.and_then(|rule| amount(rule, safety.amount));
     let by = by.map_or(String::new(), |by| format!(" {by}"));
     let action = SafetyAction::from_code(safety.action);
-    let does = action.map_or_else(|| "does something unknown".to_owned(), |action| action.to_string());
+    let does = action.map_or_else(
+        || "does something unknown".to_owned(),
+        |action| action.to_string(),
+    );
     let value = format!("{name} broken{by}; the bridge's action: {does}");
     let next_step = "remove the cause; docs/safety.md says what each rule does";
     let check = match action {

@@ -28,7 +28,10 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
 
 /// The doctor's findings about one subject as one check; nothing when there is none.
 fn of_findings(id: &'static str, subject: Subject, findings: &[Finding]) -> Option<Check> {
-    let about: Vec<&Finding> = findings.iter().filter(|one| one.subject == subject).collect();
+    let about: Vec<&Finding> = findings
+        .iter()
+        .filter(|one| one.subject == subject)
+        .collect();
     let worst = about.iter().map(|one| one.severity).max()?;
     let mut worst_ones = about.iter().filter(|one| one.severity == worst);
     let first = worst_ones.next()?;
@@ -81,7 +84,10 @@ fn clock(facts: &Facts) -> Check {
     } else if clock.is_synchronized {
         Check::pass(ID, format!("{now}, synchronized"))
     } else {
-        Check::pass(ID, format!("{now}; whether it is synchronized is not known"))
+        Check::pass(
+            ID,
+            format!("{now}; whether it is synchronized is not known"),
+        )
     };
     check.limit(format!("after {}", shown(clock.not_before_unix_s)))
 }
@@ -123,7 +129,11 @@ fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &Limits) -
         Ok(free) => *free,
         Err(reason) => {
             let next_step = "look at the disk that `directory` of status.toml names";
-            return Check::fail(id, format!("{place} cannot be looked at: {reason}"), next_step);
+            return Check::fail(
+                id,
+                format!("{place} cannot be looked at: {reason}"),
+                next_step,
+            );
         }
     };
     if !log.is_writable {

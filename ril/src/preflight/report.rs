@@ -49,7 +49,11 @@ impl Report {
 
     /// All of it in a few words.
     pub fn summary(&self) -> String {
-        let warnings = if self.warned == 1 { "warning" } else { "warnings" };
+        let warnings = if self.warned == 1 {
+            "warning"
+        } else {
+            "warnings"
+        };
         let mut text = format!(
             "{} failed, {} {warnings}, {} passed",
             self.failed, self.warned, self.passed

@@ -36,12 +36,17 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
 fn process(facts: &Facts, command: &'static str) -> Check {
     let robot = facts.robot;
     let start = format!("start it: `ril run {command} --robot {robot}`");
-    let providers = facts.machine.domain.as_ref().map(|domain| &domain.providers);
+    let providers = facts
+        .machine
+        .domain
+        .as_ref()
+        .map(|domain| &domain.providers);
     let providers = match providers {
         Ok(Ok(providers)) => providers,
         _ => return Check::impossible(command, "the shared memory cannot be read"),
     };
-    let of_command = |one: &&Provided| one.robot.get() == robot && one.service.provider() == command;
+    let of_command =
+        |one: &&Provided| one.robot.get() == robot && one.service.provider() == command;
     match providers.iter().find(of_command) {
         None => Check::fail(command, "not running", start),
         Some(one) if one.by.process == RelayModule::NAME => Check::pass(
@@ -109,10 +114,19 @@ fn rejected(counters: &RefusedCounters) -> u64 {
         other_profile,
         missed_messages,
     } = *counters;
-    [stray, unknown_header, truncated, checksum, padding, value, other_profile, missed_messages]
-        .into_iter()
-        .map(u64::from)
-        .sum()
+    [
+        stray,
+        unknown_header,
+        truncated,
+        checksum,
+        padding,
+        value,
+        other_profile,
+        missed_messages,
+    ]
+    .into_iter()
+    .map(u64::from)
+    .sum()
 }
 
 fn losses(facts: &Facts, limits: &Limits) -> Check {
@@ -180,7 +194,11 @@ fn telemetry(facts: &Facts, limits: &Limits) -> Check {
     if facts.live.state.is_none() && facts.live.dsp.is_none() {
         return Check::impossible(ID, "no state came from the bridge");
     }
-    let received = facts.live.dsp.as_ref().map(|dsp| MonotonicNs(dsp.received_ns));
+    let received = facts
+        .live
+        .dsp
+        .as_ref()
+        .map(|dsp| MonotonicNs(dsp.received_ns));
     let next_step = "see the check dsp-link; is the bridge stopped, or its machine overloaded?";
     fresh(ID, received, facts.now, limits, next_step)
 }
@@ -191,7 +209,11 @@ fn robot_telemetry(facts: &Facts, limits: &Limits) -> Check {
     if facts.live.dsp.is_none() && facts.live.hero.is_none() {
         return Check::impossible(ID, "no raw telemetry came");
     }
-    let received = facts.live.hero.as_ref().map(|hero| MonotonicNs(hero.received_ns));
+    let received = facts
+        .live
+        .hero
+        .as_ref()
+        .map(|hero| MonotonicNs(hero.received_ns));
     let next_step = "see the check status; is the process stopped, or its machine overloaded?";
     fresh(ID, received, facts.now, limits, next_step)
 }
@@ -207,9 +229,11 @@ fn fresh(
     let check = match age {
         None => Check::fail(id, "no sample came", next_step),
         Some(None) => Check::fail(id, "the newest sample has a time of the future", next_step),
-        Some(Some(age)) if age > limits.max_age_s => {
-            Check::fail(id, format!("the newest sample is {age:.3} s old"), next_step)
-        }
+        Some(Some(age)) if age > limits.max_age_s => Check::fail(
+            id,
+            format!("the newest sample is {age:.3} s old"),
+            next_step,
+        ),
         Some(Some(age)) => Check::pass(id, format!("{age:.3} s old")),
     };
     check.limit(format!("at most {} s old", limits.max_age_s))

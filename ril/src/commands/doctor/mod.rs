@@ -53,9 +53,7 @@ pub(super) fn facts(args: &DoctorArgs) -> (Facts, Option<BridgeConfig>) {
 }
 
 /// What `look` finds, given up like each look of the doctor when something keeps it waiting.
-pub(super) fn look<T: Send + 'static>(
-    look: impl FnOnce() -> T + Send + 'static,
-) -> facts::Look<T> {
+pub(super) fn look<T: Send + 'static>(look: impl FnOnce() -> T + Send + 'static) -> facts::Look<T> {
     gather::Looking::start(look).end(Instant::now(), gather::LOOK_PATIENCE)
 }
 
