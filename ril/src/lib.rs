@@ -8,7 +8,10 @@
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
-//! * [`preflight`]: whether a robot is ready to take off.
+//! * [`preflight`]: whether a robot is ready to take off;
+//! * [`log`]: logs of flights, read and summed up;
+//! * [`wait`]: conditions of a robot that a script waits for;
+//! * [`robots`]: the robots of a user, as a table.
 //!
 //! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines; `ril relay` is a program of its own,
 //! `ril-relay`, which it starts. Nothing here decides what the helicopter
@@ -37,12 +40,14 @@ pub mod log;
 pub mod measure;
 pub mod messages;
 pub mod preflight;
+pub mod robots;
+pub mod wait;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use cli::RobotChoice;
-use commands::{doctor, echo, param, preflight as preflight_command, relay, request, state, topic};
+use commands::{doctor, echo, param, relay, request, state, topic};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -76,7 +81,10 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
-        Command::Preflight(args) => preflight_command::preflight(&args),
+        Command::Preflight(args) => commands::preflight::preflight(&args),
+        Command::Wait(args) => commands::wait::wait(&args),
+        Command::Log(args) => commands::log::log(&args, choice),
+        Command::Robots(args) => commands::robots::robots(&args),
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),

@@ -110,8 +110,13 @@ pub enum DamageReason {
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: ", self.line)?;
-        match &self.reason {
+        write!(f, "line {}: {}", self.line, self.reason)
+    }
+}
+
+impl fmt::Display for DamageReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
             DamageReason::TooLong => write!(f, "longer than {MAX_LINE_BYTES} bytes"),
             DamageReason::NoText => f.write_str("no text"),
             DamageReason::Cells { found, expected } => {

@@ -52,6 +52,11 @@ pub(super) fn facts(args: &DoctorArgs) -> (Facts, Option<BridgeConfig>) {
     (examine(args, files, bridge.clone()), bridge)
 }
 
+/// What there is of a domain.
+pub(super) fn domain_facts(domain: &Domain) -> facts::DomainFacts {
+    gather::domain(domain)
+}
+
 /// What `look` finds, given up like each look of the doctor when something keeps it waiting.
 pub(super) fn look<T: Send + 'static>(look: impl FnOnce() -> T + Send + 'static) -> facts::Look<T> {
     gather::Looking::start(look).end(Instant::now(), gather::LOOK_PATIENCE)
