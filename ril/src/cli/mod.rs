@@ -31,7 +31,7 @@ pub use preflight::PreflightArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
-    ParamGetArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
+    ParamGetArgs, ParamListArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
 };
 pub use robots::RobotsArgs;
 pub use topic::{

@@ -1,4 +1,4 @@
-use super::recording::{Entry, Format, Recording};
+use super::recording::{Entry, Format};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
 use super::summary::{Summarizer, Summary, duration};
 
