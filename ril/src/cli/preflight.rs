@@ -28,6 +28,10 @@ pub struct PreflightArgs {
     #[arg(long, value_name = "FILE")]
     pub status: Option<PathBuf>,
 
+    /// Serial port, instead of `serial.port` of the bridge's configuration
+    #[arg(long, value_name = "PATH", env = "RIL_PORT")]
+    pub port: Option<PathBuf>,
+
     /// End with exit code 8 also when there are only warnings
     #[arg(long)]
     pub strict: bool,

@@ -13,8 +13,9 @@ use crate::wait::condition::Condition;
 ///
 /// A condition is `up` (the link to the DSP is up), `landed`, `flying`, `hovering` (in the air, without a movement and slower
 /// than 0.5 m/s), or a field of the robot's telemetry, an operator (>, >=, <, <=, =, !=) and a value with or without its unit,
-/// such as "altitude>20m" or "supply.battery_v<=22.5". Short names: altitude (m), speed (m/s over ground), climb (m/s), battery
-/// (V), fuel (%), heading (deg), fix (quality of the GPS fix), height (m, sonar). An angle may be named with _deg instead of _rad.
+/// such as "altitude>20m" or "supply.battery_v<=22.5". Short names: altitude (m, with the zero of telemetry and `ril goto`), speed
+/// (m/s over ground), climb (m/s), battery (V), fuel (%), heading (deg), fix (quality of the GPS fix), height (m over ground, by
+/// sonar). An angle may be named with _deg instead of _rad.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct WaitArgs {

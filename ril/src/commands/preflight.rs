@@ -48,6 +48,7 @@ pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
     let examined = DoctorArgs {
         bridge: args.bridge.clone(),
         status: args.status.clone(),
+        port: args.port.clone(),
         ..doctor_args(&args.common)
     };
     // A domain that cannot be joined is one of the findings.

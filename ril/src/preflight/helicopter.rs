@@ -105,6 +105,12 @@ fn home(facts: &Facts, limits: &Limits) -> Check {
         }
         Err(check) => return check,
     };
+    if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
+        return Check::impossible(
+            ID,
+            "the GPS has no fix, and without one a position means nothing",
+        );
+    }
     let place = &dsp.geographic;
     Check::pass(
         ID,

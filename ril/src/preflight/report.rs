@@ -85,7 +85,7 @@ impl Report {
         let failed = self.checks.iter();
         let failed = failed.filter(|check| check.verdict == Some(Verdict::Fail));
         let mut lines: Vec<String> = failed
-            .map(|check| format!("preflight: {}: {}", check.id, said(check)))
+            .map(|check| format!("not ready to take off: {}: {}", check.id, said(check)))
             .collect();
         let warned: Vec<&str> = self
             .checks
@@ -95,7 +95,11 @@ impl Report {
             .collect();
         if !warned.is_empty() {
             let names = warned.join(", ");
-            lines.push(format!("preflight: look at {names}: `ril preflight`"));
+            lines.push(format!("look at {names}"));
+        }
+        // The last line says where to read on.
+        if let Some(last) = lines.last_mut() {
+            *last += "; `ril preflight` says what to do";
         }
         lines
     }
@@ -117,7 +121,10 @@ fn lines(check: &Check, width: usize, text: &mut String) {
         None => ("-", true),
     };
     let mut value = said(check);
-    if let Some(limit) = &check.limit {
+    // A limit in words says of something that is in order what its value says already.
+    let is_number = |limit: &&String| limit.bytes().any(|byte| byte.is_ascii_digit());
+    let limit = check.limit.as_ref();
+    if let Some(limit) = limit.filter(|limit| !is_right || is_number(limit)) {
         // Writing to a string cannot fail.
         let _ = write!(value, "; limit: {limit}");
     }

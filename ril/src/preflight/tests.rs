@@ -378,6 +378,7 @@ fn each_trouble_is_found_by_its_own_check() {
         // Values of telemetry that is not of the present are not judged.
         let others: &[&str] = match *id {
             "telemetry" => &["ground", "home", "gps-fix", "battery", "fuel"],
+            "gps-fix" => &["home"],
             _ => &[],
         };
         let check = after(id, others, change);
@@ -479,8 +480,8 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     assert_eq!(
         report.warnings(),
         [
-            "preflight: battery: 22.0 V",
-            "preflight: look at mode-switch: `ril preflight`"
+            "not ready to take off: battery: 22.0 V",
+            "look at mode-switch; `ril preflight` says what to do"
         ]
     );
     let json = serde_json::to_value(&report).unwrap();

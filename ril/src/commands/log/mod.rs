@@ -82,7 +82,7 @@ fn list(args: &LogListArgs, choice: RobotChoice) -> Result<(), Failure> {
     } else if !args.json {
         writeln!(
             out,
-            "{:<20} {:>9} {:>9} {:>5} FILE",
+            "{:<20} {:>8} {:>9} {:>5} FILE",
             "START (UTC)", "DURATION", "SIZE", "ROBOT"
         )
         .map_err(Failure::output)?;
@@ -114,7 +114,7 @@ fn list(args: &LogListArgs, choice: RobotChoice) -> Result<(), Failure> {
         let (path, size) = (file.path.display(), size(file.size_bytes));
         writeln!(
             out,
-            "{:<20} {shown:>9} {size:>9} {:>5} {path}",
+            "{:<20} {shown:>8} {size:>9} {:>5} {path}",
             start(file),
             file.robot()
         )
