@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
+use crate::preflight::limits::Limits;
+
 /// The file that is read when none is named; it may be absent.
 pub const DEFAULT_FILE: &str = "ril.toml";
 
@@ -17,6 +19,8 @@ pub struct Config {
     pub request: RequestConfig,
     /// Samples.
     pub observe: ObserveConfig,
+    /// Limits of the checks before a flight.
+    pub preflight: Limits,
 }
 
 runtime::ranged! {
@@ -107,6 +111,23 @@ mod tests {
             ),
             ("[request]\ndeadline_ms = -1", "ril.toml:2: "),
             ("[observe]\ntimeout_s = 'long'", "invalid type: string"),
+            (
+                "[preflight]\nbattery_v = { warn = 22.0, fail = 23.0 }",
+                "ril.toml:2: fail must not be greater than warn",
+            ),
+            (
+                "[preflight]\nlink_loss_percent = { warn = 2.0, fail = 1.0 }",
+                "ril.toml:2: fail must not be less than warn",
+            ),
+            (
+                "[preflight]\nfuel_percent = { warn = 101, fail = 1 }",
+                "101 is out of range: 0 to 100",
+            ),
+            (
+                "[preflight]\ngps_quality_pass = [4, 9]",
+                "9 is no quality of a GPS fix",
+            ),
+            ("[preflight]\nbattery = 1", "did you mean `battery_v`?"),
         ] {
             let error = parse::<Config>(text, "ril.toml").unwrap_err().to_string();
             assert!(error.contains(expected), "{text:?}: {error}");

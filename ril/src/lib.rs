@@ -8,7 +8,11 @@
 //! * `habit`: what was called otherwise in earlier versions;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
-//! * [`fields`]: the fields of samples by name, and which of them mean something.
+//! * [`fields`]: the fields of samples by name, and which of them mean something;
+//! * [`preflight`]: whether a robot is ready to take off;
+//! * [`log`]: logs of flights, read and summed up;
+//! * [`wait`]: conditions of a robot that a script waits for;
+//! * [`robots`]: the robots of a user, as a table.
 //!
 //! `ril run bridge`, `ril run status` and `ril run sim` are those crates' own command lines; `ril relay` is a program of its own,
 //! `ril-relay`, which it starts. Nothing here decides what the helicopter
@@ -34,8 +38,12 @@ pub mod demo;
 pub mod fields;
 mod habit;
 pub mod live;
+pub mod log;
 pub mod measure;
 pub mod messages;
+pub mod preflight;
+pub mod robots;
+pub mod wait;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -121,6 +129,10 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
+        Command::Preflight(args) => commands::preflight::preflight(&args),
+        Command::Wait(args) => commands::wait::wait(&args),
+        Command::Log(args) => commands::log::log(&args, choice),
+        Command::Robots(args) => commands::robots::robots(&args),
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),

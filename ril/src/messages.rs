@@ -47,6 +47,14 @@ pub fn ending(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
     (text, next_step)
 }
 
+/// What a line about a parameter that was written adds: the value that it had before; nothing of other reports.
+pub fn previous(report: &RequestReport, value: Option<f64>) -> String {
+    let value = value.filter(|_| report.stage() == Some(Stage::Done));
+    value.map_or_else(String::new, |value| {
+        format!(" (was {})", port_value(&report.port, value))
+    })
+}
+
 /// One report as a line for people, or nothing when it only repeats what another one says better.
 ///
 /// `index` and `total` are the place of its request among those of the command.

@@ -40,16 +40,16 @@ fn parameters_are_listed_with_who_may_write_them() {
         let row = row.unwrap_or_else(|| panic!("{name}: {finished:#?}"));
         row.split_whitespace().collect::<Vec<_>>().join(" ")
     };
-    assert_eq!(row("NAME"), "NUMBER NAME KIND RANGE WRITABLE");
+    assert_eq!(row("NAME"), "NUMBER NAME VALUE UNIT KIND RANGE WRITABLE");
     assert_eq!(
         row("cruise_speed_mps"),
-        "20000 cruise_speed_mps f32 0.1 to 20 yes"
+        "20000 cruise_speed_mps 5 m/s f32 0.1 to 20 yes"
     );
     assert_eq!(
         row("trim_tail_us"),
-        "10203 trim_tail_us i16 -500 to 500 on the ground"
+        "10203 trim_tail_us 0 µs i16 -500 to 500 on the ground"
     );
-    assert_eq!(row("take_off "), "10121 take_off u16 1 to 1 no");
+    assert_eq!(row("take_off "), "10121 take_off 0 - u16 1 to 1 no");
     assert_eq!(
         finished.stdout.len(),
         1 + port::PORTS_16.len() + port::PORTS_32.len()
@@ -71,6 +71,9 @@ fn parameters_are_listed_with_who_may_write_them() {
         "writable": true, "writable_in_flight": false,
     });
     assert_eq!(gain["port"], expected);
+    assert_eq!(gain["value"], 1.0);
+    let without = rig.run("param list --no-values --json", 0).stdout;
+    assert!(json(&without[0]).get("value").is_none(), "{without:#?}");
     drop(bridge);
 }
 
@@ -80,19 +83,21 @@ fn a_parameter_is_read_and_written_by_name_and_by_number() {
     let bridge = StandInBridge::start(&rig.domain);
     assert_eq!(rig.run("param get yaw_gain", 0).stdout, ["yaw_gain = 1.5"]);
     assert_eq!(written_or_read(&bridge).port, u32::from(port::YAW_GAIN));
-    for (name, value, number) in [
-        ("yaw_gain", "0.7", port::YAW_GAIN),
-        ("20013", "0.8", port::YAW_GAIN),
-        ("trim_tail_us", "-40", port::TRIM_TAIL_US),
+    for (name, value, number, previous) in [
+        ("yaw_gain", "0.7", port::YAW_GAIN, "1.5"),
+        ("20013", "0.8", port::YAW_GAIN, "0.7"),
+        ("trim_tail_us", "-40", port::TRIM_TAIL_US, "0"),
     ] {
         let finished = rig.run(&format!("param set {name} {value} --deadline 70ms"), 0);
+        let request = written_or_read(&bridge);
+        assert_eq!(request.operation(), Some(ParameterOperation::Read));
         let request = written_or_read(&bridge);
         assert_eq!(request.operation(), Some(ParameterOperation::Write));
         assert_eq!((request.port, request.deadline_ms), (number.into(), 70));
         let written = bridge.port(number).unwrap();
         assert_eq!(
             finished.stdout,
-            [format!("{} = {value}", written.name)],
+            [format!("{} = {value} (was {previous})", written.name)],
             "{name}"
         );
         assert_eq!(written.value as f32, value.parse::<f32>().unwrap());
@@ -172,9 +177,9 @@ fn the_real_bridge_serves_the_dsp_s_parameters() {
     let list = rig.run("param list", 0);
     assert!(says(&list.stdout, "cruise_speed_mps"), "{list:#?}");
     for (args, expected) in [
-        ("set cruise_speed_mps 7.5", "cruise_speed_mps = 7.5"),
+        ("set cruise_speed_mps 7.5", "cruise_speed_mps = 7.5 (was 5)"),
         ("get cruise_speed_mps", "cruise_speed_mps = 7.5"),
-        ("set trim_tail_us -40", "trim_tail_us = -40"),
+        ("set trim_tail_us -40", "trim_tail_us = -40 (was 0)"),
         ("get 10203", "trim_tail_us = -40"),
     ] {
         assert_eq!(rig.run(&format!("param {args}"), 0).stdout, [expected]);

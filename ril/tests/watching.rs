@@ -180,7 +180,7 @@ fn a_reader_that_has_gone_is_a_quiet_end() {
     let rig = Rig::new();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(0.0));
-    let mut command = rig.command(["echo", "dsp", "--json", "--timeout", "600"]);
+    let mut command = rig.command(["echo", "dsp", "--json", "--timeout", "600s"]);
     command.envs(rig.domain.environment());
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut echo = files::while_no_port_opens(|| command.spawn()).unwrap();

@@ -5,12 +5,16 @@
 //! another process.
 
 mod global;
+mod log;
+mod preflight;
 mod relay;
 mod request;
+mod robots;
 #[cfg(test)]
 mod tests;
 mod topic;
 mod value;
+mod wait;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -23,17 +27,23 @@ use runtime::args::CommonArgs;
 
 use crate::demo;
 pub use global::{GlobalArgs, wants_json};
+pub use log::{
+    LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogTailArgs,
+};
+pub use preflight::PreflightArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
-    ParamGetArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
+    ParamGetArgs, ParamListArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
 };
+pub use robots::RobotsArgs;
 pub use topic::{
     EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
 };
 pub use value::waypoints;
 use value::{duration, protect_coordinates};
+pub use wait::WaitArgs;
 
 /// What each exit code means, for the end of the help.
 pub const EXIT_CODES: &str = "\
@@ -167,6 +177,14 @@ pub enum Command {
     Topic(TopicArgs),
     /// Find what is wrong with shared memory, configuration and serial port, and what to do
     Doctor(DoctorArgs),
+    /// Check whether the robot is ready to take off: each check with its value, its limit and what to do
+    Preflight(PreflightArgs),
+    /// Wait until the robot is up, flies, hovers or has landed, or a value of its telemetry is reached
+    Wait(WaitArgs),
+    /// List, sum up, print and convert the logs of flights
+    Log(LogArgs),
+    /// List all robots of this user, with processes, link and phase
+    Robots(RobotsArgs),
 }
 
 /// `ril run`

@@ -112,12 +112,27 @@ pub struct ParamArgs {
 /// `ril param …`
 #[derive(Clone, Debug, Subcommand)]
 pub enum ParamCommand {
-    /// List all parameters with number, kind, range and whether a request may write them
-    List(AskArgs),
+    /// List all parameters with value, unit, range and whether a request may write them
+    List(ParamListArgs),
     /// Read a parameter from the DSP
     Get(ParamGetArgs),
-    /// Write a parameter, and print the value that the DSP then has
+    /// Write a parameter, and print the value that the DSP then has and the one that it had
     Set(ParamSetArgs),
+}
+
+/// `ril param list`
+///
+/// The values are read from the DSP one after the other. When the DSP does not answer, the list has none, and the exit code says
+/// why.
+#[derive(Args, Clone, Debug)]
+pub struct ParamListArgs {
+    /// Do not read the values from the DSP
+    #[arg(long)]
+    pub no_values: bool,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
 }
 
 /// `ril param get`

@@ -44,6 +44,7 @@ pub(super) struct Conversation<'a, R: Request> {
     session: &'a Session,
     client: Client<R>,
     inbox: Vec<RequestReport>,
+    previous_value: Option<f64>,
 }
 
 impl<'a, R: Request> Conversation<'a, R> {
@@ -70,7 +71,13 @@ impl<'a, R: Request> Conversation<'a, R> {
             session,
             client: session.ipc.client_of(key).or_fail(ExitCode::Internal)?,
             inbox: Vec::new(),
+            previous_value: None,
         })
+    }
+
+    /// From here on final reports about a parameter show the value that it had before, if that is known.
+    pub fn show_previous(&mut self, value: Option<f64>) {
+        self.previous_value = value;
     }
 
     /// Sends `requests`, prints the reports about them and returns the final one; nothing when the last request was
@@ -121,12 +128,19 @@ impl<'a, R: Request> Conversation<'a, R> {
             };
             match format {
                 Format::Silent => {}
-                Format::Json => json_line(&mut out, &ReportObject::new(self.verb, &report))?,
+                Format::Json => {
+                    let object = ReportObject::new(self.verb, &report);
+                    json_line(
+                        &mut out,
+                        &object.with_previous(&report, self.previous_value),
+                    )?;
+                }
                 // It is the error that the command ends with, and is printed as that.
                 Format::Text if is_failure(&report) => {}
                 Format::Text => {
                     if let Some(line) = messages::line(self.verb, index, total, &report) {
-                        writeln!(out, "{line}").map_err(Failure::output)?;
+                        let was = messages::previous(&report, self.previous_value);
+                        writeln!(out, "{line}{was}").map_err(Failure::output)?;
                     }
                 }
             }

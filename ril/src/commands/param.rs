@@ -8,15 +8,15 @@ use std::io::{self, Write};
 use ipc_types::fresh_request_id;
 use ipc_types::payload::{ParameterRequest, RequestReport};
 use runtime::config::nearest;
-use runtime::exit::Failure;
+use runtime::exit::{ExitCode, Failure};
 
 use super::conversation::{Conversation, Format};
 use super::exchange::Until;
 use super::robot::refuse_to_guess;
-use super::{Session, configuration};
+use super::{Session, configuration, json_line};
 use crate::cli::{AskArgs, ParamCommand, PortKey, RobotChoice};
-use crate::messages::Verb;
 use crate::messages::details::{port_header, port_name, port_row};
+use crate::messages::{ReportObject, Verb};
 
 /// Longest list that is read: port numbers have 16 bits.
 const MAX_PORTS: u32 = 1 << 16;
@@ -28,15 +28,17 @@ const MAX_PORTS: u32 = 1 << 16;
 /// As all requests: see [`messages::exit_code`](crate::messages::exit_code); code 2 also for a name that no port has.
 pub fn param(command: &ParamCommand, choice: RobotChoice) -> Result<(), Failure> {
     match command {
-        ParamCommand::List(args) => {
-            run(Verb::ListParameters, args, None, |ports| ports.print_all())
-        }
+        ParamCommand::List(args) => run(Verb::ListParameters, &args.ask, None, |ports| {
+            ports.print_all(!args.no_values)
+        }),
         ParamCommand::Get(args) => run(Verb::GetParameter, &args.ask, None, |ports| {
             let number = ports.resolve(&args.port)?;
             ports.print(|id| ParameterRequest::read(id, number))
         }),
         ParamCommand::Set(args) => run(Verb::SetParameter, &args.ask, Some(choice), |ports| {
             let number = ports.resolve(&args.port)?;
+            let previous = ports.value(number)?.ok().flatten();
+            ports.conversation.show_previous(previous);
             ports.print(|id| ParameterRequest::write(id, number, args.value))
         }),
     }
@@ -102,18 +104,65 @@ impl Ports<'_> {
         Ok(list)
     }
 
-    fn print_all(&mut self) -> Result<(), Failure> {
-        if self.format == Format::Json {
-            return self.list(Format::Json).map(drop);
+    /// The value that the DSP has, or why it is not known; nothing of a port that gives none.
+    ///
+    /// # Errors
+    ///
+    /// Code 7 when a signal ends the command.
+    fn value(&mut self, number: u16) -> Result<Result<Option<f64>, Failure>, Failure> {
+        match self.ask(|id| ParameterRequest::read(id, number), Format::Silent) {
+            Ok(report) => Ok(Ok(report.value())),
+            Err(failure) => match failure.code() {
+                ExitCode::OutcomeUnknown => Err(failure),
+                ExitCode::Refused => Ok(Ok(None)),
+                _ => Ok(Err(failure)),
+            },
         }
-        // Nothing is printed before all is there: a list that breaks off must not look like a short one.
-        let list = self.list(Format::Silent)?;
-        let mut out = io::stdout().lock();
-        writeln!(out, "{}", port_header()).map_err(Failure::output)?;
+    }
+
+    /// Writes the values into the reports of `list`. What keeps the DSP from answering for one port keeps it for all: then the
+    /// rest has none, and the failure comes out.
+    fn read_values(&mut self, list: &mut [RequestReport]) -> Result<Option<Failure>, Failure> {
         for report in list {
-            writeln!(out, "{}", port_row(&report.port)).map_err(Failure::output)?;
+            let Ok(number) = u16::try_from(report.port.number) else {
+                continue;
+            };
+            match self.value(number)? {
+                Ok(value) => {
+                    report.value = value.unwrap_or_default();
+                    report.value_valid = u16::from(value.is_some());
+                }
+                Err(failure) => return Ok(Some(failure)),
+            }
         }
-        Ok(())
+        Ok(None)
+    }
+
+    fn print_all(&mut self, with_values: bool) -> Result<(), Failure> {
+        // Nothing is printed before all is there: a list that breaks off must not look like a short one.
+        let mut list = self.list(Format::Silent)?;
+        let trouble = match with_values {
+            true => self.read_values(&mut list)?,
+            false => None,
+        };
+        let mut out = io::stdout().lock();
+        if self.format == Format::Text {
+            writeln!(out, "{}", port_header()).map_err(Failure::output)?;
+        }
+        for report in list {
+            match self.format {
+                Format::Text => writeln!(out, "{}", port_row(&report.port, report.value()))
+                    .map_err(Failure::output)?,
+                Format::Json => {
+                    json_line(&mut out, &ReportObject::new(Verb::ListParameters, &report))?;
+                }
+                Format::Silent => {}
+            }
+        }
+        match trouble {
+            None => Ok(()),
+            Some(failure) => Err(failure.context("the values could not be read")),
+        }
     }
 
     /// The number of the port that is meant.

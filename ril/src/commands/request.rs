@@ -14,7 +14,7 @@ use runtime::exit::Failure;
 use super::conversation::{Conversation, Format};
 use super::exchange::Until;
 use super::robot::refuse_to_guess;
-use super::{Session, configuration};
+use super::{Session, configuration, preflight};
 use crate::cli::{
     self, ControlArgs, FenceCommand, GotoArgs, LandArgs, RequestArgs, RobotChoice, TakeoffArgs,
 };
@@ -23,7 +23,7 @@ use crate::messages::Verb;
 /// Longest file of waypoints: more than twenty times the bytes of the longest path that the bridge takes.
 const MAX_FILE_BYTES: u64 = 1024 * 1024;
 
-/// `ril start`
+/// `ril start`; standard error says before what [`preflight`] finds, which never keeps the module from starting.
 ///
 /// # Errors
 ///
@@ -194,6 +194,9 @@ fn run<R: Request>(
     };
     refuse_to_guess(choice)?;
     let session = Session::join(&ask.common)?;
+    if key == ModuleControl::KEY && verb == Verb::Start {
+        preflight::warn(&session, &ask.common, &config)?;
+    }
     let requests = with_deadline(ask.deadline.unwrap_or(config.request.deadline_ms));
     let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
     let until = match args.no_wait {

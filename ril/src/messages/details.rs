@@ -93,16 +93,24 @@ pub fn port_range(port: &PortInfo) -> String {
 
 /// The line over the rows of [`port_row`].
 pub fn port_header() -> String {
-    row("NUMBER", "NAME", "KIND", "RANGE", "WRITABLE")
+    row([
+        "NUMBER", "NAME", "VALUE", "UNIT", "KIND", "RANGE", "WRITABLE",
+    ])
 }
 
-/// One port of the list as a line for people.
-pub fn port_row(port: &PortInfo) -> String {
+/// One port of the list as a line for people, with the value that the DSP has.
+pub fn port_row(port: &PortInfo, value: Option<f64>) -> String {
     let writable = port.access & PortInfo::WRITABLE != 0;
     let in_flight = port.access & PortInfo::WRITABLE_IN_FLIGHT != 0;
-    row(
+    let value = value.map_or_else(
+        || "-".to_owned(),
+        |value| port_value(port, value).to_string(),
+    );
+    row([
         &port.number.to_string(),
         port_name(port).unwrap_or("-"),
+        &value,
+        port_unit(port),
         port.kind().map_or("-", PortKind::name),
         &port_range(port),
         match (writable, in_flight) {
@@ -110,12 +118,28 @@ pub fn port_row(port: &PortInfo) -> String {
             (true, false) => "on the ground",
             (true, true) => "yes",
         },
-    )
+    ])
 }
 
-/// The longest name of a port has 32 bytes; those of today have up to 22.
-fn row(number: &str, name: &str, kind: &str, range: &str, writable: &str) -> String {
-    format!("{number:<7} {name:<23} {kind:<5} {range:<14} {writable}")
+/// The unit that the name of a port ends with; a dash when there is none.
+pub fn port_unit(port: &PortInfo) -> &'static str {
+    const UNITS: [(&str, &str); 7] = [
+        ("_mps", "m/s"),
+        ("_rpm", "rpm"),
+        ("_deg", "deg"),
+        ("_ms", "ms"),
+        ("_us", "µs"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    let name = port_name(port).unwrap_or_default();
+    let unit = UNITS.iter().find(|(end, _)| name.ends_with(end));
+    unit.map_or("-", |(_, unit)| unit)
+}
+
+/// The longest name of a port has 32 bytes; those of today have up to 22. With those a line has 79 characters.
+fn row([number, name, value, unit, kind, range, writable]: [&str; 7]) -> String {
+    format!("{number:<6} {name:<22} {value:<9} {unit:<5} {kind:<4} {range:<14} {writable}")
 }
 
 #[cfg(test)]
@@ -230,11 +254,16 @@ mod tests {
             (PortInfo::WRITABLE | PortInfo::WRITABLE_IN_FLIGHT, "yes"),
             (PortInfo::WRITABLE_IN_FLIGHT, "no"),
         ] {
-            let row = port_row(&port(access));
+            let row = port_row(&port(access), Some(-40.0));
             let words: Vec<&str> = row.split_whitespace().collect();
-            assert_eq!(words[..5], ["10203", "trim_tail_us", "i16", "-500", "to"]);
+            assert_eq!(
+                words[..7],
+                ["10203", "trim_tail_us", "-40", "µs", "i16", "-500", "to"]
+            );
+            assert!(row.chars().count() <= 80, "{row}");
             assert!(row.ends_with(&format!(" {expected}")), "{row}");
-            assert_eq!(row.find(expected), port_header().find("WRITABLE"), "{row}");
+            let column = row.find(expected).map(|byte| row[..byte].chars().count());
+            assert_eq!(column, port_header().find("WRITABLE"), "{row}");
         }
     }
 }

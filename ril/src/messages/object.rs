@@ -1,6 +1,6 @@
 //! A report as one JSON object; codes have their names, and what a report does not say is left out.
 
-use ipc_types::code::{PortKind, SafetyRule};
+use ipc_types::code::{PortKind, SafetyRule, Stage};
 use ipc_types::payload::{PortInfo, RequestReport, SharedStruct};
 use serde::Serialize;
 
@@ -29,6 +29,9 @@ pub struct ReportObject {
     dsp_error_code: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     value: Option<f64>,
+    /// What a parameter was before it was written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    previous_value: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     port: Option<PortObject>,
 }
@@ -79,6 +82,17 @@ enum Code {
 }
 
 impl ReportObject {
+    /// The same with the value that the parameter had before, where the report says that it was written.
+    #[must_use]
+    pub fn with_previous(self, report: &RequestReport, value: Option<f64>) -> ReportObject {
+        ReportObject {
+            previous_value: value
+                .filter(|_| report.stage() == Some(Stage::Done))
+                .map(|value| port_value(&report.port, value)),
+            ..self
+        }
+    }
+
     /// The report as it answers `verb`.
     pub fn new(verb: Verb, report: &RequestReport) -> ReportObject {
         // Without `..`: a field that is added must be thought of here.
@@ -123,6 +137,7 @@ impl ReportObject {
                 .value()
                 .filter(|value| value.is_finite())
                 .map(|value| port_value(port, value)),
+            previous_value: None,
             port: PortObject::new(port),
         }
     }

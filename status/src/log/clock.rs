@@ -6,6 +6,9 @@ use ipc_types::MonotonicNs;
 
 const NS_PER_S: u64 = 1_000_000_000;
 
+/// From 0000-03-01 to 1970-01-01.
+const DAYS_TO_1970: u64 = 719_468;
+
 /// What wall clock and monotonic clock showed at the same moment.
 ///
 /// A file takes one anchor when it is created, and all its rows count from that. So a wall clock that is set meanwhile
@@ -38,6 +41,45 @@ impl ClockAnchor {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IsoTime {
     unix_ns: u64,
+}
+
+impl IsoTime {
+    /// The moment `unix_ns` nanoseconds after the beginning of 1970.
+    pub const fn from_unix_ns(unix_ns: u64) -> IsoTime {
+        IsoTime { unix_ns }
+    }
+
+    /// Nanoseconds since the beginning of 1970.
+    pub const fn unix_ns(self) -> u64 {
+        self.unix_ns
+    }
+
+    /// Reads a time as it is shown; nothing when it is written otherwise.
+    pub fn parse(text: &str) -> Option<IsoTime> {
+        let (date, time) = text.strip_suffix('Z')?.split_once('T')?;
+        let (time, us) = time.split_once('.')?;
+        let mut numbers = date
+            .split('-')
+            .chain(time.split(':'))
+            .map(|digits| digits.parse().ok());
+        let mut next = || numbers.next().flatten();
+        let at = Utc {
+            year: next()?,
+            month: next()?,
+            day: next()?,
+            hour: next()?,
+            minute: next()?,
+            second: next()?,
+        };
+        let us: u64 = us.parse().ok()?;
+        let unix_ns = at
+            .unix_s()?
+            .checked_mul(NS_PER_S)?
+            .checked_add(us.checked_mul(1000)?)?;
+        // Written again it must be the same: numbers without their leading zeros, or out of range, are no time.
+        let read = IsoTime { unix_ns };
+        (read.to_string() == text).then_some(read)
+    }
 }
 
 impl fmt::Display for IsoTime {
@@ -90,6 +132,22 @@ impl Utc {
         }
     }
 
+    /// Seconds since the beginning of 1970; nothing for a time before that, or one that no clock shows.
+    pub fn unix_s(self) -> Option<u64> {
+        if !self.is_plausible() || !(1970..=9999).contains(&self.year) {
+            return None;
+        }
+        // Years are counted from March, as in `date`: January and February belong to the one before.
+        let (year, month) = match self.month {
+            1 | 2 => (self.year - 1, self.month + 9),
+            month => (self.year, month - 3),
+        };
+        let leap_days = year / 4 - year / 100 + year / 400;
+        let days = year * 365 + leap_days + (153 * month + 2) / 5 + self.day - 1;
+        let seconds = self.hour * 3600 + self.minute * 60 + self.second;
+        Some((days.checked_sub(DAYS_TO_1970)?) * 86_400 + seconds)
+    }
+
     /// Whether each number is one that a clock shows.
     pub fn is_plausible(self) -> bool {
         (1..=12).contains(&self.month)
@@ -108,9 +166,6 @@ fn date(days: u64) -> (u64, u64, u64) {
     const DAYS_OF_400_YEARS: u64 = 146_097;
     const DAYS_OF_100_YEARS: u64 = 36_524;
     const DAYS_OF_4_YEARS: u64 = 1_461;
-    /// From 0000-03-01 to 1970-01-01.
-    const DAYS_TO_1970: u64 = 719_468;
-
     let days = days + DAYS_TO_1970;
     let (cycle, day) = (days / DAYS_OF_400_YEARS, days % DAYS_OF_400_YEARS);
     // The last day of a cycle, and of four years, is a leap day: it still belongs to the century and year before it.
@@ -175,6 +230,29 @@ mod tests {
             let at = Utc::from_unix(unix_s);
             let fields = (at.year, at.month, at.day, at.hour, at.minute, at.second);
             assert_eq!(fields, expected, "{unix_s}");
+            assert_eq!(at.unix_s(), Some(unix_s));
+        }
+    }
+
+    #[test]
+    fn a_time_is_read_as_it_is_shown_and_in_no_other_way() {
+        for unix_ns in [0, 1_156_797_566_000_250_000, 4_107_542_400_999_999_000] {
+            let shown = IsoTime::from_unix_ns(unix_ns).to_string();
+            let read = IsoTime::parse(&shown).map(IsoTime::unix_ns);
+            assert_eq!(read, Some(unix_ns), "{shown}");
+        }
+        for text in [
+            "",
+            "2006-08-28T20:39:26Z",
+            "2006-08-28T20:39:26.25Z",
+            "2006-8-28T20:39:26.000250Z",
+            "2006-02-30T20:39:26.000250Z",
+            "2006-08-28T24:39:26.000250Z",
+            "1969-08-28T20:39:26.000250Z",
+            "9999999-08-28T20:39:26.000250Z",
+            "2006-08-28T20:39:26.18446744073709551615Z",
+        ] {
+            assert_eq!(IsoTime::parse(text), None, "{text}");
         }
     }
 

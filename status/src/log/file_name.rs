@@ -73,6 +73,16 @@ impl Series {
         })
     }
 
+    /// The robot whose files these are.
+    pub fn robot(&self) -> RobotId {
+        self.robot
+    }
+
+    /// The log's name; empty when it has none.
+    pub fn name(&self) -> &str {
+        self.name.as_str()
+    }
+
     fn with_time(&self, time: &str) -> String {
         let mut stem = format!("hero({})_{time}", self.robot);
         if !self.name.as_str().is_empty() {
@@ -81,6 +91,27 @@ impl Series {
         }
         stem
     }
+}
+
+/// The series that a file of this name belongs to, and when it was created; nothing if no log gives such a name.
+///
+/// A name can be read in two ways only if a log's own name looks like a time; the shortest name of a log is then taken.
+pub fn recognize(name: &str) -> Option<(Series, Stamp)> {
+    let (robot, rest) = name.strip_prefix("hero(")?.split_once(")_")?;
+    let robot = RobotId::new(robot.parse().ok()?)?;
+    let (stem, _) = rest
+        .strip_suffix(EXTENSION)
+        .map(|stem| stem.split_once('.').unwrap_or((stem, "")))?;
+    FileNameFormat::ALL.into_iter().find_map(|format| {
+        let (_, log) = stem.split_at_checked(time_chars(format))?;
+        let series = Series {
+            robot,
+            name: log.strip_prefix('_').unwrap_or(log).parse().ok()?,
+            format,
+        };
+        let stamp = series.stamp(name)?;
+        Some((series, stamp))
+    })
 }
 
 /// The time in a file's name.
@@ -169,6 +200,39 @@ mod tests {
         assert_eq!(series(12, "imu").stem(at), "hero(12)_28_08_06-20_39_26_imu");
         let label = series(12, "imu").label(Path::new("log"));
         assert_eq!(label, "log/hero(12)_*_imu.tsv");
+    }
+
+    #[test]
+    fn a_file_tells_robot_log_and_time_by_its_name() {
+        let at = Utc::from_unix(1_156_797_566);
+        for owner in [
+            series(1, ""),
+            series(12, "imu_2"),
+            sortable(7, ""),
+            sortable(7, "imu"),
+        ] {
+            for number in [1, 2, 10] {
+                let name = file_name(&owner.stem(at), number);
+                assert_eq!(
+                    recognize(&name),
+                    Some((owner.clone(), Stamp { at, number })),
+                    "{name}"
+                );
+            }
+        }
+        for name in [
+            "",
+            "hero(1).tsv",
+            "hero(0)_28_08_06-20_39_26.tsv",
+            "hero(1)_28_13_06-20_39_26.tsv",
+            "hero(1)_28_08_06-20_39_26.txt",
+            "hero(1)_28_08_06-20_39_26.1.tsv",
+            "hero(1)_28_08_06-20_39_26imu.tsv",
+            "hero(1)_28_08_06-20_39_26_a b.tsv",
+            "hero(1)_\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}.tsv",
+        ] {
+            assert_eq!(recognize(name), None, "{name}");
+        }
     }
 
     #[test]

@@ -28,6 +28,7 @@ pub mod file_name;
 pub mod groups;
 pub mod open_file;
 pub mod queue;
+pub mod read;
 pub mod retention;
 pub mod store;
 pub mod tsv;

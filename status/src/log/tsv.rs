@@ -14,7 +14,7 @@ use crate::fields::{self, Field};
 use crate::group::GroupSet;
 
 /// The name of the column with the time in UTC.
-const UTC: &str = "utc";
+pub const UTC: &str = "utc";
 
 /// The columns of a log of some groups.
 pub struct Table {

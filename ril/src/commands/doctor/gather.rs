@@ -48,10 +48,10 @@ const PROC: &str = "/proc";
 const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A look that goes on in the background.
-struct Looking<T>(Receiver<T>);
+pub(super) struct Looking<T>(Receiver<T>);
 
 impl<T: Send + 'static> Looking<T> {
-    fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
+    pub(super) fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
         let (sender, receiver) = mpsc::sync_channel(1);
         // When there is no thread the sender is gone at once, and `end` says so. A look that is given up keeps its
         // thread; it ends with the process.
@@ -62,7 +62,7 @@ impl<T: Send + 'static> Looking<T> {
     }
 
     /// What it found by the time that `timeout` is over, counted from `began`.
-    fn end(self, began: Instant, timeout: Duration) -> Look<T> {
+    pub(super) fn end(self, began: Instant, timeout: Duration) -> Look<T> {
         let left = timeout.saturating_sub(began.elapsed());
         self.0.recv_timeout(left).map_err(|error| match error {
             RecvTimeoutError::Timeout => Trouble::TookTooLong(timeout),

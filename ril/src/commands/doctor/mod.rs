@@ -11,6 +11,7 @@ pub mod report;
 
 use std::io::{self, Write};
 use std::path::PathBuf;
+use std::time::Instant;
 
 use bridge::BridgeConfig;
 use ipc_types::{Domain, DomainError, RobotId};
@@ -43,6 +44,22 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
         ExitCode::Ok => Ok(()),
         code => Err(Failure::new(code, report.verdict())),
     }
+}
+
+/// Everything that the doctor knows, for a command that judges more than that, with the bridge's configuration.
+pub(super) fn facts(args: &DoctorArgs) -> (Facts, Option<BridgeConfig>) {
+    let (files, bridge) = gather::files(args);
+    (examine(args, files, bridge.clone()), bridge)
+}
+
+/// What there is of a domain.
+pub(super) fn domain_facts(domain: &Domain) -> facts::DomainFacts {
+    gather::domain(domain)
+}
+
+/// What `look` finds, given up like each look of the doctor when something keeps it waiting.
+pub(super) fn look<T: Send + 'static>(look: impl FnOnce() -> T + Send + 'static) -> facts::Look<T> {
+    gather::Looking::start(look).end(Instant::now(), gather::LOOK_PATIENCE)
 }
 
 /// Gathers all facts, after the repair if one is asked for.

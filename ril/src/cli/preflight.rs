@@ -1,0 +1,46 @@
+//! The arguments of `ril preflight`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use runtime::args::CommonArgs;
+
+use super::EXIT_CODES;
+use super::value::duration;
+
+/// `ril preflight`
+///
+/// It changes nothing. It ends with exit code 0 when no check failed, and with 8 when one did; --strict counts a warning as a
+/// failure. `[preflight]` of ril.toml has the limits.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct PreflightArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Configuration of the bridge [default: bridge.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub bridge: Option<PathBuf>,
+
+    /// Configuration of status [default: status.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub status: Option<PathBuf>,
+
+    /// Serial port, instead of `serial.port` of the bridge's configuration
+    #[arg(long, value_name = "PATH", env = "RIL_PORT")]
+    pub port: Option<PathBuf>,
+
+    /// End with exit code 8 also when there are only warnings
+    #[arg(long)]
+    pub strict: bool,
+
+    /// How long to wait for samples, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,37 @@
+//! [`Latest`]: the newest sample of a topic.
+
+use ipc_types::{Ipc, Subscriber, Topic};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+/// The newest sample of a topic, and the port it comes from.
+pub(super) struct Latest<T: Topic> {
+    /// What to wait for.
+    pub port: Subscriber<T>,
+    /// Nothing before the first one.
+    pub sample: Option<T>,
+}
+
+impl<T: Topic> Latest<T> {
+    /// Subscribes to the topic.
+    pub fn open(ipc: &Ipc) -> Result<Latest<T>, Failure> {
+        Ok(Latest {
+            port: ipc.subscriber().or_fail(ExitCode::Internal)?,
+            sample: None,
+        })
+    }
+
+    /// Takes what came, and says whether something did.
+    pub fn drain(&mut self) -> bool {
+        match self.port.latest() {
+            Ok(Some(sample)) => {
+                self.sample = Some(sample);
+                true
+            }
+            Ok(None) => false,
+            Err(error) => {
+                tracing::warn!(%error, "samples could not be received");
+                false
+            }
+        }
+    }
+}

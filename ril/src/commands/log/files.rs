@@ -1,0 +1,266 @@
+//! Finds and opens the files of logs.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use runtime::config::load;
+use runtime::exit::{Failure, OrFail};
+use status::log::config::LogConfig;
+use status::log::file_name::{Series, Stamp, recognize};
+use status::log::read::MAX_LINE_BYTES;
+
+use crate::cli::LogPlaceArgs;
+use crate::log::recording::{Entry, Format, ReadError, Recording};
+
+/// How much of a file says of which format it is, bytes.
+const BEGINNING_BYTES: usize = 16;
+
+/// A file whose name is that of a log.
+pub(super) struct Found {
+    /// Where.
+    pub path: PathBuf,
+    /// Of which robot and log.
+    pub series: Series,
+    /// When it was created.
+    pub stamp: Stamp,
+    /// Its length.
+    pub size_bytes: u64,
+}
+
+impl Found {
+    /// The robot.
+    pub fn robot(&self) -> u32 {
+        self.series.robot().get()
+    }
+
+    /// When the file was created, s since 1970.
+    pub fn created_unix_s(&self) -> u64 {
+        self.stamp.at.unix_s().unwrap_or(0)
+    }
+
+    /// From the first row to the last, s; nothing when there is no row. Reads the two ends of the file only.
+    pub fn duration_s(&self) -> Result<Option<f64>, Failure> {
+        let mut file = LogFile::open(&self.path)?;
+        let name = file.name();
+        let Some(first) =
+            next_row(file.recording.as_mut()).map_err(|error| unreadable(&name, error))?
+        else {
+            return Ok(None);
+        };
+        let mut end = last_rows(&self.path, 1)?;
+        let mut last = first;
+        while let Some(row) = next_row(end.as_mut()).map_err(|error| unreadable(&name, error))? {
+            last = row;
+        }
+        Ok(Some(last.saturating_sub(first) as f64 / 1e9))
+    }
+}
+
+/// When the next row was received, ns; damaged lines are passed over.
+fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, ReadError> {
+    loop {
+        match recording.next()? {
+            Some(Entry::Row(row)) => return Ok(Some(row.received_ns)),
+            Some(Entry::Damaged(_)) => {}
+            None => return Ok(None),
+        }
+    }
+}
+
+/// The folders in which logs are looked for.
+pub(super) fn folders(place: &LogPlaceArgs) -> Result<Vec<PathBuf>, Failure> {
+    if !place.dir.is_empty() {
+        return Ok(place.dir.clone());
+    }
+    let default = Path::new(status::config::DEFAULT_FILE);
+    let loaded = load::<status::config::Config>(place.status.as_deref(), default)?;
+    let logs = loaded.value.log.into_iter();
+    let mut folders: Vec<PathBuf> = logs.map(|log| log.directory).collect();
+    folders.sort();
+    folders.dedup();
+    if folders.is_empty() {
+        folders.push(LogConfig::default().directory);
+    }
+    Ok(folders)
+}
+
+/// The files of logs in `folders`, the oldest first. A folder that is not there has none.
+///
+/// # Errors
+///
+/// Code 2 when a folder cannot be read.
+pub(super) fn find(folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
+    let mut found = Vec::new();
+    for folder in folders {
+        let entries = match fs::read_dir(folder) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            entries => entries.or_fail_usage(folder)?,
+        };
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            let Some((series, stamp)) = name.to_str().and_then(recognize) else {
+                continue;
+            };
+            // A file that was just removed is none.
+            let Ok(metadata) = entry.metadata() else {
+                continue;
+            };
+            if metadata.is_file() {
+                found.push(Found {
+                    path: entry.path(),
+                    series,
+                    stamp,
+                    size_bytes: metadata.len(),
+                });
+            }
+        }
+    }
+    found.sort_by(|one, other| (one.stamp, &one.path).cmp(&(other.stamp, &other.path)));
+    Ok(found)
+}
+
+/// The file of the same log in the same folder that follows the one at `path`; nothing when there is none (yet).
+pub(super) fn successor(path: &Path) -> Result<Option<PathBuf>, Failure> {
+    let Some((series, stamp)) = path.file_name().and_then(|name| recognize(name.to_str()?)) else {
+        return Ok(None);
+    };
+    let folder = folder_of(path);
+    let mut later = find(&[folder])?;
+    // The format of the names may have been changed since.
+    let is_later = |file: &Found| {
+        (file.series.robot(), file.series.name()) == (series.robot(), series.name())
+            && file.stamp > stamp
+    };
+    later.retain(is_later);
+    Ok(later.into_iter().next().map(|file| file.path))
+}
+
+/// The folder that a file lies in.
+pub(super) fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// A file of a log that is open.
+pub(super) struct LogFile {
+    path: PathBuf,
+    /// What is in it.
+    pub recording: Box<dyn Recording>,
+}
+
+impl LogFile {
+    /// Opens the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when it is no regular file, cannot be read, or is of a format that cannot be read.
+    pub fn open(path: &Path) -> Result<LogFile, Failure> {
+        let mut input = BufReader::new(open(path)?);
+        let beginning = input.fill_buf().or_fail_usage(path)?;
+        let beginning = &beginning[..beginning.len().min(BEGINNING_BYTES)];
+        let format = Format::of(beginning)
+            .map_err(|reason| Failure::usage(format!("{}: {reason}", path.display())))?;
+        Ok(LogFile {
+            path: path.to_owned(),
+            recording: format.read(input),
+        })
+    }
+
+    /// Reads what stands before the first row.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when the file is no log, or nothing of one.
+    pub fn begin(&mut self) -> Result<(), Failure> {
+        let name = self.name();
+        match self.recording.begin() {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(Failure::usage(format!(
+                "{name}: it has no first line with the names of columns; nothing was written to it yet, or it was cut off"
+            ))),
+            Err(error) => Err(unreadable(&name, error)),
+        }
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The path, for messages.
+    pub fn name(&self) -> String {
+        self.path.display().to_string()
+    }
+
+    /// The robot, as the file's name says.
+    pub fn robot(&self) -> Option<u32> {
+        self.recognized().map(|(series, _)| series.robot().get())
+    }
+
+    /// When the file was created, s since 1970, as its name says.
+    pub fn created_unix_s(&self) -> Option<u64> {
+        self.recognized().and_then(|(_, stamp)| stamp.at.unix_s())
+    }
+
+    fn recognized(&self) -> Option<(Series, Stamp)> {
+        recognize(self.path.file_name()?.to_str()?)
+    }
+}
+
+/// Opens a regular file: a pipe or a device would keep this process waiting.
+pub(super) fn open(path: &Path) -> Result<File, Failure> {
+    let metadata = fs::metadata(path).or_fail_usage(path)?;
+    if !metadata.is_file() {
+        let name = path.display();
+        return Err(Failure::usage(format!("{name}: it is no regular file")));
+    }
+    File::open(path).or_fail_usage(path)
+}
+
+/// A reader of the end of the log at `path`: of at least `rows` rows, if it has so many. It goes on when the file grows. The
+/// numbers of its lines mean nothing.
+pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
+    let mut header = Vec::new();
+    let mut file = open(path)?;
+    let limit = MAX_LINE_BYTES as u64 + 1;
+    let mut beginning = BufReader::new((&mut file).take(limit));
+    beginning
+        .read_until(b'\n', &mut header)
+        .or_fail_usage(path)?;
+    drop(beginning);
+    let length = file.metadata().or_fail_usage(path)?.len();
+    // The reader passes over a line that is longer; it is no row.
+    let room = (u64::from(rows) + 2) * (MAX_LINE_BYTES as u64);
+    let start = length.saturating_sub(room).max(header.len() as u64);
+    file.seek(SeekFrom::Start(start)).or_fail_usage(path)?;
+    let mut rest = BufReader::new(file);
+    if start > header.len() as u64 {
+        // From the middle of a line to its end.
+        let mut cut = Vec::new();
+        (&mut rest)
+            .take(limit)
+            .read_until(b'\n', &mut cut)
+            .or_fail_usage(path)?;
+    }
+    Ok(Format::Tsv.read(io::Cursor::new(header).chain(rest)))
+}
+
+/// The failure that the file `name` cannot be read.
+pub(super) fn unreadable(name: &str, error: ReadError) -> Failure {
+    Failure::usage(error).context(name.to_owned())
+}
+
+/// What goes wrong with a path that the operator named is a usage error.
+trait OrFailUsage<T> {
+    fn or_fail_usage(self, path: &Path) -> Result<T, Failure>;
+}
+
+impl<T> OrFailUsage<T> for io::Result<T> {
+    fn or_fail_usage(self, path: &Path) -> Result<T, Failure> {
+        self.or_fail(runtime::exit::ExitCode::Usage)
+            .map_err(|failure| failure.context(path.display().to_string()))
+    }
+}

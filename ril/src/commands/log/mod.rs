@@ -1,0 +1,296 @@
+//! `ril log list | summary | tail | csv`: what status wrote. It needs no process and joins no shared memory.
+//!
+//! [`files`] finds and opens files, [`tail`] follows one; [`log`](crate::log) reads and sums up.
+
+mod files;
+mod tail;
+
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
+
+use runtime::exit::{ExitCode, Failure};
+use serde::Serialize;
+use status::log::clock::IsoTime;
+
+use self::files::{Found, LogFile, folders};
+use super::{configuration, json_line};
+use crate::cli::{
+    LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, RobotChoice,
+};
+use crate::log::recording::{Damage, Entry, ReadError};
+use crate::log::row::{Chosen, UTC, UtcSource, UtcTimes};
+use crate::log::summary::{Summarizer, duration};
+
+/// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
+const MAX_NAMED: u64 = 5;
+
+/// Name of the layout of a file in a list.
+const FILE_SCHEMA: &str = "ril.LogFile.v1";
+
+/// `ril log …`
+///
+/// # Errors
+///
+/// Code 2 when a file or folder cannot be read or is no log, 8 when a part of a log is damaged, after all that could be read.
+pub fn log(args: &LogArgs, choice: RobotChoice) -> Result<(), Failure> {
+    match &args.command {
+        LogCommand::List(args) => list(args, choice),
+        LogCommand::Summary(args) => summary(args),
+        LogCommand::Tail(args) => tail::tail(args),
+        LogCommand::Csv(args) => csv(args),
+    }
+}
+
+/// One file of a list, for programs.
+#[derive(Serialize)]
+struct FileObject<'a> {
+    schema: &'static str,
+    file: String,
+    robot: u32,
+    /// Name of the log; empty when it has none.
+    log: &'a str,
+    /// When the file was created, UTC, as its name says.
+    start_utc: String,
+    /// From the first row to the last; nothing when there is no row, or the file cannot be read.
+    duration_s: Option<f64>,
+    size_bytes: u64,
+    /// Why its rows cannot be read.
+    trouble: Option<String>,
+}
+
+fn list(args: &LogListArgs, choice: RobotChoice) -> Result<(), Failure> {
+    if configuration(&args.place.common)?.is_none() {
+        return Ok(());
+    }
+    let folders = folders(&args.place)?;
+    let mut found = files::find(&folders)?;
+    if choice == RobotChoice::Explicit {
+        found.retain(|file| file.robot() == args.place.common.robot.get());
+    }
+    let mut out = BufWriter::new(io::stdout().lock());
+    if found.is_empty() {
+        let names: Vec<String> = folders
+            .iter()
+            .map(|folder| folder.display().to_string())
+            .collect();
+        // Standard error may be closed; that does no harm.
+        let _ = writeln!(
+            io::stderr(),
+            "no log in {}: `[[log]]` of status.toml makes some, and --dir names another folder",
+            names.join(", ")
+        );
+    } else if !args.json {
+        writeln!(
+            out,
+            "{:<20} {:>8} {:>9} {:>5} FILE",
+            "START (UTC)", "DURATION", "SIZE", "ROBOT"
+        )
+        .map_err(Failure::output)?;
+    }
+    for file in &found {
+        let seconds = file.duration_s();
+        if args.json {
+            let object = FileObject {
+                schema: FILE_SCHEMA,
+                file: file.path.display().to_string(),
+                robot: file.robot(),
+                log: file.series.name(),
+                start_utc: start(file),
+                duration_s: seconds.as_ref().ok().copied().flatten(),
+                size_bytes: file.size_bytes,
+                trouble: seconds
+                    .as_ref()
+                    .err()
+                    .map(|failure| failure.chain().join(": ")),
+            };
+            json_line(&mut out, &object)?;
+            continue;
+        }
+        let shown = match &seconds {
+            Ok(Some(seconds)) => duration(*seconds),
+            Ok(None) => "no row".to_owned(),
+            Err(_) => "damaged".to_owned(),
+        };
+        let (path, size) = (file.path.display(), size(file.size_bytes));
+        writeln!(
+            out,
+            "{:<20} {shown:>8} {size:>9} {:>5} {path}",
+            start(file),
+            file.robot()
+        )
+        .map_err(Failure::output)?;
+    }
+    out.flush().map_err(Failure::output)
+}
+
+/// When the file was created, to the second.
+fn start(file: &Found) -> String {
+    let unix_ns = file.created_unix_s().saturating_mul(1_000_000_000);
+    let time = IsoTime::from_unix_ns(unix_ns).to_string();
+    time.split('.').next().unwrap_or_default().to_owned() + "Z"
+}
+
+fn size(bytes: u64) -> String {
+    const KIB: f64 = 1024.0;
+    let bytes = bytes as f64;
+    if bytes < KIB {
+        format!("{bytes} B")
+    } else if bytes < KIB * KIB {
+        format!("{:.1} KiB", bytes / KIB)
+    } else {
+        format!("{:.1} MiB", bytes / KIB / KIB)
+    }
+}
+
+/// The file that is meant: the one that was named, or the newest one of the robot.
+fn chosen_file(named: Option<&PathBuf>, place: &LogPlaceArgs) -> Result<LogFile, Failure> {
+    match named {
+        Some(path) => LogFile::open(path),
+        None => {
+            let robot = place.common.robot.get();
+            let folders = folders(place)?;
+            let mut found = files::find(&folders)?;
+            found.retain(|file| file.robot() == robot);
+            let newest = found.last().ok_or_else(|| {
+                let names: Vec<String> = folders
+                    .iter()
+                    .map(|folder| folder.display().to_string())
+                    .collect();
+                let names = names.join(", ");
+                Failure::usage(format!(
+                    "no log of robot {robot} in {names}: name a file, or the folder with --dir"
+                ))
+            })?;
+            LogFile::open(&newest.path)
+        }
+    }
+}
+
+fn summary(args: &LogFileArgs) -> Result<(), Failure> {
+    if configuration(&args.place.common)?.is_none() {
+        return Ok(());
+    }
+    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
+    let mut summarizer: Option<Summarizer> = None;
+    let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
+    file.begin()?;
+    let columns = file.recording.columns().to_vec();
+    let trouble = loop {
+        let summarizer = summarizer.get_or_insert_with(|| {
+            let source = UtcSource::of(&columns, created);
+            Summarizer::new(name.clone(), robot, &columns, source)
+        });
+        match file.recording.next() {
+            Ok(Some(Entry::Row(row))) => summarizer.row(&row),
+            Ok(Some(Entry::Damaged(damage))) => summarizer.damage(&damage),
+            Ok(None) => break None,
+            Err(error) => break Some(error),
+        }
+    };
+    let unfinished = file.recording.unfinished_bytes();
+    let Some(summary) = summarizer.map(|summarizer| summarizer.finish(unfinished)) else {
+        return Ok(());
+    };
+    let mut out = io::stdout().lock();
+    if args.json {
+        json_line(&mut out, &summary)?;
+    } else {
+        write!(out, "{summary}").map_err(Failure::output)?;
+    }
+    let lines = (summary.damaged_lines, summary.unfinished_bytes);
+    ending(&name, trouble, lines.0, lines.1)
+}
+
+fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
+    if configuration(&args.place.common)?.is_none() {
+        return Ok(());
+    }
+    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
+    let (name, created) = (file.name(), file.created_unix_s());
+    file.begin()?;
+    let columns = file.recording.columns().to_vec();
+    let chosen = match args.fields.is_empty() {
+        true => Chosen::all(&columns),
+        false => Chosen::named(&columns, &args.fields)
+            .map_err(|reason| Failure::usage(format!("{name}: {reason}")))?,
+    };
+    let source = UtcSource::of(&columns, created);
+    note(source);
+    let mut times = UtcTimes::new(source);
+    let mut out = ::csv::Writer::from_writer(BufWriter::new(io::stdout().lock()));
+    let header = [UTC].into_iter().chain(chosen.names());
+    out.write_record(header).map_err(written)?;
+    let mut damaged = 0;
+    let trouble = loop {
+        match file.recording.next() {
+            Ok(Some(Entry::Row(row))) => {
+                let time = times
+                    .of(&row)
+                    .map_or_else(String::new, |time| time.to_string());
+                let cells = chosen.cells(&row);
+                let record = [time.as_str()].into_iter().chain(cells);
+                out.write_record(record).map_err(written)?;
+            }
+            Ok(Some(Entry::Damaged(damage))) => {
+                damaged += 1;
+                report(&name, damaged, &damage);
+            }
+            Ok(None) => break None,
+            Err(error) => break Some(error),
+        }
+    };
+    out.flush().map_err(Failure::output)?;
+    ending(&name, trouble, damaged, file.recording.unfinished_bytes())
+}
+
+/// Says where times come from when they do not come from the log.
+fn note(source: UtcSource) {
+    match source {
+        UtcSource::Column => {}
+        UtcSource::FileName(_) => tracing::warn!(
+            "the log has no column `utc`: times count from the file's name, and may be early by as long as status waited for \
+             telemetry; set `utc = true` in status.toml"
+        ),
+        UtcSource::Nowhere => tracing::warn!(
+            "times in UTC are not known: the log has no column `utc`, and its file has another name than status gave it"
+        ),
+    }
+}
+
+/// Names one of the first damaged lines.
+fn report(name: &str, number: u64, damage: &Damage) {
+    if number <= MAX_NAMED {
+        tracing::warn!("{name}: {damage}");
+    }
+}
+
+fn written(error: ::csv::Error) -> Failure {
+    match error.into_kind() {
+        ::csv::ErrorKind::Io(error) => Failure::output(error),
+        other => Failure::internal(format!("CSV cannot be written: {other:?}")),
+    }
+}
+
+/// How a command ends that has read the file `name` as far as it could.
+fn ending(
+    name: &str,
+    trouble: Option<ReadError>,
+    damaged: u64,
+    unfinished_bytes: usize,
+) -> Result<(), Failure> {
+    if let Some(error) = trouble {
+        return Err(files::unreadable(name, error));
+    }
+    let text = match (damaged, unfinished_bytes) {
+        (0, 0) => return Ok(()),
+        (0, bytes) => format!("{name} ends with {bytes} bytes of a row that is cut off"),
+        (lines, 0) => format!("{name} has {lines} damaged lines"),
+        (lines, bytes) => {
+            format!(
+                "{name} has {lines} damaged lines and ends with {bytes} bytes of a row that is cut off"
+            )
+        }
+    };
+    let text = format!("{text}: everything else was read");
+    Err(Failure::new(ExitCode::NotInOrder, text))
+}

@@ -1,0 +1,188 @@
+//! `ril robots`: all robots of this user, and how each of them is.
+//!
+//! What lives comes from the doctor's look at the domain; how a robot is, from its newest samples. A robot in which no process is
+//! is not joined.
+
+use std::collections::BTreeSet;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use ipc_types::code::{Functionality, LinkState, ModuleStatus};
+use ipc_types::payload::{HeroTelemetry, ModuleState};
+use ipc_types::{
+    Descriptor, Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic, Waiter,
+};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+
+use super::doctor::facts::{DomainFacts, Provided};
+use super::latest::Latest;
+use super::sample_age::{STALE_AFTER, age_ms, named};
+use super::{configuration, doctor, json_line, robot};
+use crate::cli::RobotsArgs;
+use crate::robots::{Robot, SCHEMA, Table};
+
+/// `ril robots`
+///
+/// # Errors
+///
+/// Code 1 when the user's shared memory cannot be read.
+pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    let facts = doctor::domain_facts(&domain);
+    let unreadable = |trouble| {
+        let text = format!(
+            "looking at {} {trouble}; `ril doctor` says more",
+            domain.root().display()
+        );
+        Failure::internal(text)
+    };
+    let inspection = facts.inspection.as_ref().map_err(unreadable)?;
+    let providers = facts.providers.as_ref().map_err(unreadable)?;
+    let mut found: BTreeSet<RobotId> = providers.iter().map(|one| one.robot).collect();
+    found.extend(inspection.robots.iter().map(|one| one.robot));
+    let mut live: Vec<Watched> = Vec::new();
+    for id in providers
+        .iter()
+        .map(|one| one.robot)
+        .collect::<BTreeSet<_>>()
+    {
+        live.push(Watched::open(&domain, id)?);
+    }
+    wait(&mut live, providers, timeout)?;
+    let now = MonotonicNs::now();
+    let robots: Vec<Robot> = found
+        .into_iter()
+        .map(|id| {
+            let watched = live.iter().find(|one| one.ipc.robot() == id);
+            describe(id, watched, &facts, providers, now)
+        })
+        .collect();
+    let mut out = io::stdout().lock();
+    if robots.is_empty() {
+        // Standard error may be closed; that does no harm.
+        let _ = writeln!(
+            io::stderr(),
+            "no robot: `ril run bridge` and `ril run status` start the processes of one{}",
+            robot::other_domains()
+        );
+    } else if !args.json {
+        return write!(out, "{}", Table(&robots)).map_err(Failure::output);
+    }
+    robots
+        .iter()
+        .try_for_each(|robot| json_line(&mut out, robot))
+}
+
+/// A live robot whose samples are waited for.
+struct Watched {
+    ipc: Ipc,
+    state: Latest<ModuleState>,
+    hero: Latest<HeroTelemetry>,
+}
+
+impl Watched {
+    fn open(domain: &Domain, id: RobotId) -> Result<Watched, Failure> {
+        let ipc = Ipc::join(domain, id, "ril").or_fail(ExitCode::Internal)?;
+        Ok(Watched {
+            state: Latest::open(&ipc)?,
+            hero: Latest::open(&ipc)?,
+            ipc,
+        })
+    }
+
+    fn drain(&mut self) {
+        self.state.drain();
+        self.hero.drain();
+    }
+
+    /// Whether everything is there that can be expected.
+    fn is_complete(&self, providers: &[Provided]) -> bool {
+        let provides = |key: &str| {
+            let mut providers = providers.iter();
+            providers.any(|one| one.robot == self.ipc.robot() && one.service.key() == key)
+        };
+        // A status whose DSP never sent anything publishes nothing.
+        let is_silent = self.state.sample.as_ref();
+        let is_silent = is_silent.is_some_and(|state| state.link.telemetry_published == 0);
+        (self.state.sample.is_some() || !provides(ModuleState::KEY))
+            && (self.hero.sample.is_some() || is_silent || !provides(HeroTelemetry::KEY))
+    }
+}
+
+/// Waits for the newest samples of all robots, at most for `timeout`.
+fn wait(live: &mut [Watched], providers: &[Provided], timeout: Duration) -> Result<(), Failure> {
+    let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    let waiter = Waiter::new();
+    let give_up = MonotonicNs::now() + timeout;
+    while !termination.requested() && !live.iter().all(|one| one.is_complete(providers)) {
+        let left = give_up.since(MonotonicNs::now());
+        if left.is_zero() {
+            break;
+        }
+        let mut signals = Descriptor::new(termination.as_fd());
+        let mut sources: Vec<((), &mut dyn Source)> = vec![((), &mut signals)];
+        for one in live.iter_mut() {
+            sources.push(((), &mut one.state.port));
+            sources.push(((), &mut one.hero.port));
+        }
+        waiter
+            .wait(&mut sources, Some(left))
+            .or_fail(ExitCode::Internal)?;
+        drop(sources);
+        live.iter_mut().for_each(Watched::drain);
+    }
+    Ok(())
+}
+
+fn describe(
+    id: RobotId,
+    watched: Option<&Watched>,
+    facts: &DomainFacts,
+    providers: &[Provided],
+    now: MonotonicNs,
+) -> Robot {
+    let of_robot = providers.iter().filter(|one| one.robot == id);
+    let processes: BTreeSet<&str> = of_robot.map(|one| one.by.process.as_str()).collect();
+    let inspection = facts.inspection.as_ref().ok();
+    let inspected = inspection.and_then(|all| all.robots.iter().find(|one| one.robot == id));
+    let state = watched.and_then(|one| one.state.sample.as_ref());
+    let hero = watched.and_then(|one| one.hero.sample.as_ref());
+    let is_present = |time_ns: u64| {
+        let time = MonotonicNs(time_ns);
+        time <= now && now.since(time) <= STALE_AFTER
+    };
+    let phase = |state: &ModuleState| {
+        let status = named(ModuleStatus::from_code(state.status), state.status);
+        match Functionality::from_code(state.functionality) {
+            Some(Functionality::AtRest) => status,
+            doing => format!("{status}, {}", named(doing, state.functionality)),
+        }
+    };
+    Robot {
+        schema: SCHEMA,
+        robot: id.get(),
+        live: !processes.is_empty() || inspected.is_some_and(|one| one.is_live),
+        relayed: processes.contains(RelayModule::NAME),
+        // Names that other processes chose: they must not command the terminal.
+        processes: processes
+            .into_iter()
+            .map(|name| name.escape_debug().to_string())
+            .collect(),
+        link: state
+            .filter(|state| is_present(state.published_ns))
+            .map(|state| named(LinkState::from_code(state.link.state), state.link.state)),
+        phase: state
+            .filter(|state| is_present(state.published_ns))
+            .map(phase),
+        flying: hero
+            .filter(|hero| is_present(hero.received_ns))
+            .map(|hero| hero.flying == 1),
+        age_ms: state.and_then(|state| age_ms(MonotonicNs(state.published_ns), now)),
+    }
+}

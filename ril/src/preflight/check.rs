@@ -1,0 +1,102 @@
+//! [`Check`]: one thing that was looked at, with its value, its limit, the verdict and what to do.
+
+use serde::Serialize;
+
+/// What a check came to; the later is the worse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// In order.
+    Pass,
+    /// The robot can fly, and the operator should know this first.
+    Warn,
+    /// Do not take off.
+    Fail,
+}
+
+/// One check.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// Its name for programs; it stays the same from version to version.
+    pub id: &'static str,
+    /// Nothing when the check could not be made and another check already says so.
+    pub verdict: Option<Verdict>,
+    /// Whether the check could be made.
+    pub checked: bool,
+    /// What was found, with its unit; of a check that could not be made, why.
+    pub value: String,
+    /// What would be in order; nothing where the value says it.
+    pub limit: Option<String>,
+    /// What to do; always there when the verdict is a warning or a failure.
+    pub next_step: Option<String>,
+}
+
+impl Check {
+    /// Something that is in order.
+    pub fn pass(id: &'static str, value: impl Into<String>) -> Check {
+        Check {
+            id,
+            verdict: Some(Verdict::Pass),
+            checked: true,
+            value: value.into(),
+            limit: None,
+            next_step: None,
+        }
+    }
+
+    /// Something that the operator should know.
+    pub fn warn(id: &'static str, value: impl Into<String>, next_step: impl Into<String>) -> Check {
+        Check {
+            verdict: Some(Verdict::Warn),
+            next_step: Some(next_step.into()),
+            ..Check::pass(id, value)
+        }
+    }
+
+    /// Something that keeps the helicopter on the ground.
+    pub fn fail(id: &'static str, value: impl Into<String>, next_step: impl Into<String>) -> Check {
+        Check {
+            verdict: Some(Verdict::Fail),
+            ..Check::warn(id, value, next_step)
+        }
+    }
+
+    /// A check that could not be made, because of what another check reports.
+    pub fn impossible(id: &'static str, why: impl Into<String>) -> Check {
+        Check {
+            verdict: None,
+            checked: false,
+            ..Check::pass(id, why)
+        }
+    }
+
+    /// The same check, which was not made and counts as `verdict`: no other check says so.
+    #[must_use]
+    pub fn unmade(self) -> Check {
+        Check {
+            checked: false,
+            ..self
+        }
+    }
+
+    /// The same check with what would be in order.
+    #[must_use]
+    pub fn limit(self, limit: impl Into<String>) -> Check {
+        Check {
+            limit: Some(limit.into()),
+            ..self
+        }
+    }
+}
+
+/// The worst verdict of `checks`; a check without one does not count.
+pub fn worst(checks: &[Check]) -> Verdict {
+    let verdicts = checks.iter().filter_map(|check| check.verdict);
+    verdicts.max().unwrap_or(Verdict::Pass)
+}
+
+/// How many of `checks` have this verdict.
+pub fn count(checks: &[Check], verdict: Option<Verdict>) -> usize {
+    let alike = checks.iter().filter(|check| check.verdict == verdict);
+    alike.count()
+}

@@ -1,0 +1,314 @@
+//! The helicopter and the rules it flies by: switch, position, GPS, battery, fuel, geofence.
+
+use ipc_types::code::{PilotSwitch, SafetyAction, SafetyRule};
+use ipc_types::payload::{DspTelemetry, ModuleState};
+use ipc_types::{MonotonicNs, TelemetryGroup};
+
+use super::check::Check;
+use super::facts::Facts;
+use super::limits::{Limits, Threshold};
+use super::robot::age_s;
+use crate::messages::details::amount;
+
+/// What to do about a group that the DSP does not send.
+const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";
+
+/// The checks of the helicopter and its rules.
+pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
+    vec![
+        ground(facts, limits),
+        switch(facts),
+        home(facts, limits),
+        gps_fix(facts, limits),
+        // A check that everyone expects and that this DSP's protocol has no field for.
+        Check::impossible(
+            "gps-satellites",
+            "the DSP sends the quality of the fix, and no number of satellites",
+        ),
+        battery(facts, limits),
+        fuel(facts, limits),
+        fence(facts),
+        safety_rules(facts),
+        supply_rules(facts),
+    ]
+}
+
+/// A sample of the present that has `group`, or the check that cannot be made without it.
+fn sample<'a>(
+    facts: &'a Facts,
+    limits: &Limits,
+    id: &'static str,
+    group: Option<TelemetryGroup>,
+) -> Result<&'a DspTelemetry, Check> {
+    let Some(dsp) = &facts.live.dsp else {
+        return Err(Check::impossible(id, "no telemetry came"));
+    };
+    let age = age_s(MonotonicNs(dsp.received_ns), facts.now);
+    if age.is_none_or(|age| age > limits.max_age_s) {
+        return Err(Check::impossible(id, "the telemetry is not of the present"));
+    }
+    match group {
+        Some(group) if !dsp.valid(group) => {
+            let why = format!("the DSP sends no plausible group `{}`", group.name());
+            Err(Check::warn(id, why, ADD_GROUP).unmade())
+        }
+        _ => Ok(dsp),
+    }
+}
+
+fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a ModuleState, Check> {
+    let state = facts.live.state.as_ref();
+    state.ok_or_else(|| Check::impossible(id, "no state came from the bridge"))
+}
+
+fn ground(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "ground";
+    let check = match sample(facts, limits, ID, None) {
+        Err(check) => return check,
+        Ok(dsp) if dsp.flying == 0 => Check::pass(ID, "on the ground"),
+        Ok(_) => Check::warn(ID, "flying", "these checks are for before the take-off"),
+    };
+    check.limit("on the ground")
+}
+
+fn switch(facts: &Facts) -> Check {
+    const ID: &str = "mode-switch";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    let check = match PilotSwitch::from_code(state.safety.pilot_switch) {
+        Some(PilotSwitch::Auto) => Check::pass(ID, "auto"),
+        Some(PilotSwitch::Manual) => Check::fail(
+            ID,
+            "manual: the pilot flies",
+            "set the pilot's switch to auto; the bridge refuses movements until then",
+        ),
+        Some(PilotSwitch::Unknown) | None => Check::warn(
+            ID,
+            "the DSP does not send the switch, or what it sent is old",
+            "look at the pilot's transmitter; add `supply` to `status.groups` of bridge.toml",
+        )
+        .unmade(),
+    };
+    check.limit("auto")
+}
+
+/// Where the helicopter stands: without it no take-off and no path is taken.
+fn home(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "home";
+    let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::Geographic)) {
+        Ok(dsp) => dsp,
+        // Unlike the other groups: the bridge refuses every movement with `no-position`.
+        Err(check) if check.verdict.is_some() => {
+            return Check::fail(ID, check.value, check.next_step.unwrap_or_default()).unmade();
+        }
+        Err(check) => return check,
+    };
+    if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
+        return Check::impossible(
+            ID,
+            "the GPS has no fix, and without one a position means nothing",
+        );
+    }
+    let place = &dsp.geographic;
+    Check::pass(
+        ID,
+        format!(
+            "{:.6}, {:.6}, altitude {:.1} m",
+            place.latitude_deg, place.longitude_deg, place.altitude_m
+        ),
+    )
+    .limit("a position")
+}
+
+fn gps_fix(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "gps-fix";
+    let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality)) {
+        Ok(dsp) => dsp,
+        Err(check) => return check,
+    };
+    let quality = u32::from(dsp.gps_quality);
+    let value = format!("quality {quality} ({})", fix_name(quality));
+    let check = if limits.gps_quality_pass.contains(&quality) {
+        Check::pass(ID, value)
+    } else if limits.gps_quality_warn.contains(&quality) {
+        let next_step = "wait for a better fix, or widen `[arrival]` of bridge.toml: positions may be metres wrong";
+        Check::warn(ID, value, next_step)
+    } else {
+        Check::fail(
+            ID,
+            value,
+            "wait for a fix with a free view of the sky; look at the antenna",
+        )
+    };
+    check.limit(format!(
+        "quality {} (warn with {})",
+        list(&limits.gps_quality_pass),
+        list(&limits.gps_quality_warn)
+    ))
+}
+
+/// The NMEA name of a fix quality.
+fn fix_name(quality: u32) -> &'static str {
+    match quality {
+        0 => "no fix",
+        1 => "GPS",
+        2 => "differential GPS",
+        3 => "PPS",
+        4 => "RTK fixed",
+        5 => "RTK float",
+        6 => "dead reckoning",
+        7 => "entered by hand",
+        8 => "simulated",
+        _ => "unknown",
+    }
+}
+
+fn list(numbers: &[u32]) -> String {
+    let numbers: Vec<String> = numbers.iter().map(u32::to_string).collect();
+    match numbers.is_empty() {
+        true => "none".to_owned(),
+        false => numbers.join(", "),
+    }
+}
+
+fn battery(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "battery";
+    match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
+        Ok(dsp) => {
+            let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
+            at_least(
+                ID,
+                volts,
+                "V",
+                limits.battery_v,
+                "charge or replace the battery",
+            )
+        }
+        Err(check) => check,
+    }
+}
+
+fn fuel(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "fuel";
+    match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
+        Ok(dsp) => {
+            let percent = f64::from(dsp.supply.fuel_percent);
+            at_least(ID, percent, "%", limits.fuel_percent, "refuel")
+        }
+        Err(check) => check,
+    }
+}
+
+/// A value that should not be below its limits.
+fn at_least(
+    id: &'static str,
+    value: f64,
+    unit: &str,
+    threshold: Threshold,
+    next_step: &str,
+) -> Check {
+    let text = format!("{value:.1} {unit}");
+    let check = if value < threshold.fail {
+        Check::fail(id, text, next_step)
+    } else if value < threshold.warn {
+        Check::warn(id, text, next_step)
+    } else {
+        Check::pass(id, text)
+    };
+    check.limit(format!(
+        "at least {} {unit} (fail below {} {unit})",
+        threshold.warn, threshold.fail
+    ))
+}
+
+fn fence(facts: &Facts) -> Check {
+    const ID: &str = "fence";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    let in_force = state.safety.fence_areas as usize;
+    let in_file = facts.bridge.as_ref().map(|config| &config.fence);
+    let areas = |number: usize| match number {
+        1 => "1 area".to_owned(),
+        number => format!("{number} areas"),
+    };
+    let check = match in_file {
+        Some(file) if file.areas() != in_force => Check::warn(
+            ID,
+            format!(
+                "{} in force, {} in bridge.toml here",
+                areas(in_force),
+                areas(file.areas())
+            ),
+            "`ril fence reload`; or name the bridge's file with --bridge",
+        ),
+        Some(file) if in_force == 0 && !file.is_empty() => {
+            Check::pass(ID, "no areas; bridge.toml here limits the altitude")
+        }
+        _ if in_force == 0 => Check::warn(
+            ID,
+            "no areas: the helicopter may fly anywhere",
+            "add `[[fence.area]]` to bridge.toml, then `ril fence reload`",
+        ),
+        _ => Check::pass(ID, format!("{} in force", areas(in_force))),
+    };
+    check.limit("as in bridge.toml, at least 1 area")
+}
+
+/// Whether a safety rule is broken now.
+fn safety_rules(facts: &Facts) -> Check {
+    const ID: &str = "safety-rules";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    let safety = &state.safety;
+    if safety.rule == 0 {
+        return Check::pass(ID, "none broken").limit("none broken");
+    }
+    let rule = SafetyRule::from_code(safety.rule);
+    let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
+    let by = rule.and_then(|rule| amount(rule, safety.amount));
+    let by = by.map_or(String::new(), |by| format!(" {by}"));
+    let action = SafetyAction::from_code(safety.action);
+    let does = action.map_or_else(
+        || "does something unknown".to_owned(),
+        |action| action.to_string(),
+    );
+    let value = format!("{name} broken{by}; the bridge's action: {does}");
+    let next_step = "remove the cause; docs/safety.md says what each rule does";
+    let check = match action {
+        Some(SafetyAction::Warn) => Check::warn(ID, value, next_step),
+        _ => Check::fail(ID, value, next_step),
+    };
+    check.limit("none broken")
+}
+
+/// Whether the bridge watches battery and fuel in flight.
+fn supply_rules(facts: &Facts) -> Check {
+    const ID: &str = "supply-rules";
+    let Some(config) = &facts.bridge else {
+        let why = "no bridge.toml that can be read is here; name the bridge's file with --bridge";
+        return Check::impossible(ID, why);
+    };
+    let unwatched: Vec<&str> = [
+        ("battery_v", &config.safety.battery_v),
+        ("fuel_percent", &config.safety.fuel_percent),
+    ]
+    .into_iter()
+    .filter(|(_, limits)| limits.steps().next().is_none())
+    .map(|(name, _)| name)
+    .collect();
+    let check = match unwatched.as_slice() {
+        [] => Check::pass(ID, "battery and fuel are watched in flight"),
+        names => Check::warn(
+            ID,
+            format!("no limits in bridge.toml for {}", names.join(" and ")),
+            "set them in `[safety]` of bridge.toml, then restart the bridge",
+        ),
+    };
+    check.limit("battery and fuel watched")
+}

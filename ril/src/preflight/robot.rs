@@ -1,0 +1,291 @@
+//! The robot's processes, the link to its DSP, and whether the data is of the present.
+
+use ipc_types::code::{LinkState, ModuleStatus};
+use ipc_types::payload::{ModuleState, RefusedCounters};
+use ipc_types::{Module, MonotonicNs, RelayModule};
+
+use super::check::Check;
+use super::facts::Facts;
+use super::limits::Limits;
+use crate::commands::doctor::facts::Provided;
+use crate::messages::details::dsp_error;
+
+/// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
+/// 20 s of status messages.
+const LEAST_MESSAGES: u64 = 1000;
+
+/// Rejected pieces that each opening of the port may cost: the message that was under way is cut, and its rest has no header.
+const REJECTED_PER_OPENING: u64 = 2;
+
+/// The checks of processes, link and data.
+pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
+    vec![
+        process(facts, "bridge"),
+        process(facts, "status"),
+        link(facts),
+        losses(facts, limits),
+        dsp_errors(facts),
+        telemetry(facts, limits),
+        robot_telemetry(facts, limits),
+        module(facts),
+        without_bridge(facts),
+    ]
+}
+
+/// Whether a live process provides what `command` should.
+fn process(facts: &Facts, command: &'static str) -> Check {
+    let robot = facts.robot;
+    let start = format!("start it: `ril run {command} --robot {robot}`");
+    let providers = facts
+        .machine
+        .domain
+        .as_ref()
+        .map(|domain| &domain.providers);
+    let providers = match providers {
+        Ok(Ok(providers)) => providers,
+        _ => return Check::impossible(command, "the shared memory cannot be read"),
+    };
+    let of_command =
+        |one: &&Provided| one.robot.get() == robot && one.service.provider() == command;
+    match providers.iter().find(of_command) {
+        None => Check::fail(command, "not running", start),
+        Some(one) if one.by.process == RelayModule::NAME => Check::pass(
+            command,
+            format!("relayed from another machine (process {})", one.by.pid),
+        ),
+        Some(one) => Check::pass(command, format!("running (process {})", one.by.pid)),
+    }
+    .limit("running")
+}
+
+/// The newest state of the bridge, or the check that cannot be made without it.
+fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a ModuleState, Check> {
+    let state = facts.live.state.as_ref();
+    state.ok_or_else(|| Check::impossible(id, "no state came from the bridge"))
+}
+
+fn link(facts: &Facts) -> Check {
+    const ID: &str = "dsp-link";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    let since = MonotonicNs(state.link.state_since_ns);
+    let since = age_s(since, facts.now).map_or(String::new(), |age| format!(" for {age:.1} s"));
+    match state.link.state() {
+        Some(LinkState::Up) => Check::pass(ID, format!("up{since}")),
+        Some(LinkState::Gone) => Check::fail(
+            ID,
+            format!("gone{since}: the bridge has no serial port"),
+            "look at cable, power and `serial.port`; `ril doctor` looks at the port",
+        ),
+        Some(LinkState::Connecting) => Check::fail(
+            ID,
+            format!("connecting{since}: the DSP does not answer"),
+            "switch the DSP on; compare `baud_rate` and `profile` with the DSP's",
+        ),
+        Some(LinkState::Silent) => Check::fail(
+            ID,
+            format!("silent{since}: no message comes from the DSP"),
+            "wait some seconds; if it stays so, look at cable and power",
+        ),
+        None => Check::fail(
+            ID,
+            format!("in a state with the unknown number {}", state.link.state),
+            "use `ril` of the bridge's version",
+        ),
+    }
+    .limit("up")
+}
+
+/// Pieces of the line that were no message, of all kinds.
+fn rejected(counters: &RefusedCounters) -> u64 {
+    let RefusedCounters {
+        stray,
+        unknown_header,
+        truncated,
+        checksum,
+        padding,
+        value,
+        implausible_groups: _,
+        implausible_mask: _,
+        requests: _,
+        transmit_overflows: _,
+        other_profile,
+        missed_messages,
+    } = *counters;
+    [
+        stray,
+        unknown_header,
+        truncated,
+        checksum,
+        padding,
+        value,
+        other_profile,
+        missed_messages,
+    ]
+    .into_iter()
+    .map(u64::from)
+    .sum()
+}
+
+fn losses(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "link-losses";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    let link = &state.link;
+    let openings = u64::from(link.port_openings) + u64::from(link.dsp_boots);
+    let rejected = rejected(&state.refused).saturating_sub(openings * REJECTED_PER_OPENING);
+    let all = link.messages_received.saturating_add(rejected);
+    let percent = rejected as f64 * 100.0 / all.max(LEAST_MESSAGES) as f64;
+    let value = format!(
+        "{percent:.2} % of {all} messages rejected, {} repeated and {} failed",
+        plural(link.commands_repeated, "command"),
+        link.commands_failed,
+    );
+    let next_step = "look at cable, ground and `baud_rate`; `ril status` has the counters";
+    let threshold = limits.link_loss_percent;
+    let check = if percent > threshold.fail || link.commands_failed > 0 {
+        Check::fail(ID, value, next_step)
+    } else if percent > threshold.warn {
+        Check::warn(ID, value, next_step)
+    } else {
+        Check::pass(ID, value)
+    };
+    check.limit(format!(
+        "at most {} % (fail above {} %), none failed",
+        threshold.warn, threshold.fail
+    ))
+}
+
+/// A number with its noun.
+fn plural(number: u32, noun: &str) -> String {
+    let ending = if number == 1 { "" } else { "s" };
+    format!("{number} {noun}{ending}")
+}
+
+fn dsp_errors(facts: &Facts) -> Check {
+    const ID: &str = "dsp-errors";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    let errors = &state.dsp_errors;
+    let check = match errors.total {
+        0 => Check::pass(ID, "none since the bridge began"),
+        total => Check::warn(
+            ID,
+            format!(
+                "{} since the bridge began, last {}",
+                plural(total, "error"),
+                dsp_error(errors.last_code)
+            ),
+            "find the cause; `ril status` counts them by code",
+        ),
+    };
+    check.limit("none")
+}
+
+/// Whether what the DSP sends is of the present.
+fn telemetry(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "telemetry";
+    if facts.live.state.is_none() && facts.live.dsp.is_none() {
+        return Check::impossible(ID, "no state came from the bridge");
+    }
+    let received = facts
+        .live
+        .dsp
+        .as_ref()
+        .map(|dsp| MonotonicNs(dsp.received_ns));
+    let next_step = "see the check dsp-link; is the bridge stopped, or its machine overloaded?";
+    fresh(ID, received, facts.now, limits, next_step)
+}
+
+/// Whether status translates what the DSP sends.
+fn robot_telemetry(facts: &Facts, limits: &Limits) -> Check {
+    const ID: &str = "robot-telemetry";
+    if facts.live.dsp.is_none() && facts.live.hero.is_none() {
+        return Check::impossible(ID, "no raw telemetry came");
+    }
+    let received = facts
+        .live
+        .hero
+        .as_ref()
+        .map(|hero| MonotonicNs(hero.received_ns));
+    let next_step = "see the check status; is the process stopped, or its machine overloaded?";
+    fresh(ID, received, facts.now, limits, next_step)
+}
+
+fn fresh(
+    id: &'static str,
+    received: Option<MonotonicNs>,
+    now: MonotonicNs,
+    limits: &Limits,
+    next_step: &str,
+) -> Check {
+    let age = received.map(|received| age_s(received, now));
+    let check = match age {
+        None => Check::fail(id, "no sample came", next_step),
+        Some(None) => Check::fail(id, "the newest sample has a time of the future", next_step),
+        Some(Some(age)) if age > limits.max_age_s => Check::fail(
+            id,
+            format!("the newest sample is {age:.3} s old"),
+            next_step,
+        ),
+        Some(Some(age)) => Check::pass(id, format!("{age:.3} s old")),
+    };
+    check.limit(format!("at most {} s old", limits.max_age_s))
+}
+
+/// Whether the module takes a start.
+fn module(facts: &Facts) -> Check {
+    const ID: &str = "module";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    match ModuleStatus::from_code(state.status) {
+        Some(ModuleStatus::WaitingDataToStart) => Check::pass(ID, "not started yet"),
+        Some(ModuleStatus::Running) => Check::pass(ID, "started"),
+        Some(ModuleStatus::Ended) if state.is_blocked() => Check::pass(ID, "stopped"),
+        Some(ModuleStatus::Ended) => Check::pass(ID, "started"),
+        Some(ModuleStatus::Aborted) => Check::warn(
+            ID,
+            format!("aborted: {}", state.imi_error()),
+            "find the cause in the bridge's log, then `ril start`",
+        ),
+        None => Check::warn(
+            ID,
+            format!("in a state with the unknown number {}", state.status),
+            "use `ril` of the bridge's version",
+        ),
+    }
+}
+
+/// What stops the helicopter when the bridge is gone.
+fn without_bridge(facts: &Facts) -> Check {
+    const ID: &str = "dsp-timeout";
+    let state = match state(facts, ID) {
+        Ok(state) => state,
+        Err(check) => return check,
+    };
+    if state.link.state() != Some(LinkState::Up) {
+        return Check::impossible(ID, "the DSP was not asked: the link is not up");
+    }
+    let check = match state.link.pc_timeout_supported {
+        1 => Check::pass(ID, "the DSP stops the helicopter when the bridge is gone"),
+        _ => Check::warn(
+            ID,
+            "the DSP flies on to the end of its path when the bridge is gone",
+            "fly short paths, or set `link.pc_timeout_ms` on a DSP that has port 10004",
+        ),
+    };
+    check.limit("the DSP stops by itself")
+}
+
+/// Seconds from `time` to `now`; nothing for a time of the future.
+pub(super) fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
+    (time <= now).then(|| now.since(time).as_secs_f64())
+}

@@ -1,0 +1,502 @@
+use bridge::BridgeConfig;
+use ipc_types::code::{LinkState, ModuleStatus, PilotSwitch, SafetyAction, SafetyRule};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::service::SERVICES;
+use ipc_types::{MonotonicNs, Provider, RobotId};
+
+use super::check::{Check, Verdict, worst};
+use super::facts::{Clock, Facts, Live, LogPlace, Logs};
+use super::judge;
+use super::limits::Limits;
+use super::report::Report;
+use crate::commands::doctor::facts as doctor;
+
+const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
+
+const MIB: u64 = 1 << 20;
+
+/// A robot that is ready to take off.
+fn ready() -> Facts {
+    let provided = |spec: &ipc_types::service::ServiceSpec| doctor::Provided {
+        robot: RobotId::DEFAULT,
+        service: spec.id,
+        by: Provider {
+            pid: if spec.id.provider() == "bridge" { 7 } else { 8 },
+            process: spec.id.provider().to_owned(),
+            since_ns: 1,
+            pid_namespace: 4,
+            time_namespace: 5,
+        },
+        pids: doctor::Namespace::Ours,
+        clock: doctor::Namespace::Ours,
+    };
+    let bridge = runtime::config::parse::<BridgeConfig>(
+        "[safety]\nbattery_v = { land = 22.0 }\nfuel_percent = { land = 10 }\n\
+         [[fence.area]]\nname = 'field'\nkind = 'inclusion'\ncentre = [37.4, -6.0]\nradius_m = 100.0\n",
+        "bridge.toml",
+    );
+    Facts {
+        robot: 1,
+        now: NOW,
+        machine: doctor::Facts {
+            robot: 1,
+            domain: Ok(doctor::DomainFacts {
+                root: "/dev/shm/lab".into(),
+                inspection: Ok(ipc_types::inspect::Inspection::default()),
+                providers: Ok(SERVICES.iter().map(provided).collect()),
+                stopped: Vec::new(),
+                others: Vec::new(),
+            }),
+            free_memory: Ok(doctor::FreeMemory {
+                bytes: 1000 * MIB,
+                inodes: None,
+            }),
+            files: Vec::new(),
+            port: None,
+            relay: None,
+            repair: None,
+        },
+        live: Live {
+            state: Some(state()),
+            dsp: Some(telemetry()),
+            hero: Some(HeroTelemetry {
+                received_ns: NOW.0,
+                ..HeroTelemetry::default()
+            }),
+            is_relayed: false,
+        },
+        bridge: Some(bridge.unwrap()),
+        logs: Logs::Configured(vec![log()]),
+        clock: Clock {
+            unix_s: 1_800_000_000,
+            not_before_unix_s: 1_700_000_000,
+            is_synchronized: true,
+        },
+    }
+}
+
+fn state() -> ModuleState {
+    let mut state = ModuleState {
+        published_ns: NOW.0,
+        status: ModuleStatus::WaitingDataToStart.code(),
+        ..ModuleState::default()
+    };
+    state.link.state = LinkState::Up.code();
+    state.link.state_since_ns = 1;
+    state.link.messages_received = 10_000;
+    state.link.port_openings = 1;
+    state.link.pc_timeout_supported = 1;
+    state.link.telemetry_published = 10_000;
+    state.safety.pilot_switch = PilotSwitch::Auto.code();
+    state.safety.fence_areas = 1;
+    state
+}
+
+fn telemetry() -> DspTelemetry {
+    let mut dsp = DspTelemetry {
+        received_ns: NOW.0 - 20_000_000,
+        valid_groups: u16::MAX,
+        gps_quality: 4,
+        ..DspTelemetry::default()
+    };
+    dsp.supply.battery_mv = 25_200;
+    dsp.supply.fuel_percent = 100;
+    dsp
+}
+
+fn log() -> LogPlace {
+    LogPlace {
+        directory: "log".into(),
+        min_free_bytes: 256 * MIB,
+        free_bytes: Ok(320 * MIB),
+        is_writable: true,
+    }
+}
+
+/// The check `id` after `change`, and that every other check stays as it is with a ready robot, but those in `others`.
+#[track_caller]
+fn after(id: &str, others: &[&str], change: impl FnOnce(&mut Facts)) -> Check {
+    let mut facts = ready();
+    let before = judge(&facts, &Limits::default());
+    change(&mut facts);
+    let checks = judge(&facts, &Limits::default());
+    for check in &checks {
+        let is_trouble = check.verdict.is_some_and(|verdict| verdict > Verdict::Pass);
+        assert!(!is_trouble || check.next_step.is_some(), "{check:?}");
+        let unchanged = before.iter().find(|one| one.id == check.id);
+        if check.id != id && !others.contains(&check.id) {
+            assert_eq!(Some(check), unchanged, "{id}");
+        }
+    }
+    let mut checks = checks.into_iter();
+    checks
+        .find(|check| check.id == id)
+        .expect("a check of this name")
+}
+
+#[test]
+fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
+    let checks = judge(&ready(), &Limits::default());
+    assert_eq!(worst(&checks), Verdict::Pass, "{checks:#?}");
+    let unmade: Vec<&str> = checks
+        .iter()
+        .filter(|check| !check.checked)
+        .map(|check| check.id)
+        .collect();
+    assert_eq!(unmade, ["gps-satellites"]);
+}
+
+#[test]
+fn each_trouble_is_found_by_its_own_check() {
+    use Verdict::{Fail, Pass, Warn};
+    type Change = fn(&mut Facts);
+    let cases: &[(&str, Change, Verdict, &str)] = &[
+        (
+            "dsp-errors",
+            |facts| {
+                let errors = &mut facts.live.state.as_mut().unwrap().dsp_errors;
+                (errors.total, errors.last_code) = (1, 30);
+            },
+            Warn,
+            "1 error since the bridge began, last dsp-error-30",
+        ),
+        (
+            "link-losses",
+            |facts| facts.live.state.as_mut().unwrap().refused.checksum = 2 + 30,
+            Warn,
+            "0.30 % of 10030 messages rejected",
+        ),
+        (
+            "link-losses",
+            |facts| facts.live.state.as_mut().unwrap().refused.checksum = 2 + 300,
+            Fail,
+            "2.91 %",
+        ),
+        (
+            "link-losses",
+            |facts| facts.live.state.as_mut().unwrap().link.commands_failed = 1,
+            Fail,
+            "0 commands repeated and 1 failed",
+        ),
+        (
+            "link-losses",
+            |facts| {
+                let state = facts.live.state.as_mut().unwrap();
+                (state.link.messages_received, state.refused.stray) = (20, 3);
+            },
+            Pass,
+            "0.10 %",
+        ),
+        (
+            "telemetry",
+            |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 - 1_500_000_000,
+            Fail,
+            "1.500 s old",
+        ),
+        (
+            "telemetry",
+            |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 + 1,
+            Fail,
+            "time of the future",
+        ),
+        (
+            "robot-telemetry",
+            |facts| facts.live.hero = None,
+            Fail,
+            "no sample came",
+        ),
+        (
+            "module",
+            |facts| {
+                let state = facts.live.state.as_mut().unwrap();
+                (state.status, state.imi_error) = (ModuleStatus::Aborted.code(), 102);
+            },
+            Warn,
+            "aborted: movement-timeout",
+        ),
+        (
+            "dsp-timeout",
+            |facts| facts.live.state.as_mut().unwrap().link.pc_timeout_supported = 0,
+            Warn,
+            "flies on",
+        ),
+        (
+            "ground",
+            |facts| facts.live.dsp.as_mut().unwrap().flying = 1,
+            Warn,
+            "flying",
+        ),
+        (
+            "mode-switch",
+            |facts| {
+                facts.live.state.as_mut().unwrap().safety.pilot_switch = PilotSwitch::Manual.code()
+            },
+            Fail,
+            "manual",
+        ),
+        (
+            "mode-switch",
+            |facts| facts.live.state.as_mut().unwrap().safety.pilot_switch = 0,
+            Warn,
+            "does not send",
+        ),
+        (
+            "gps-fix",
+            |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 1,
+            Warn,
+            "quality 1 (GPS)",
+        ),
+        (
+            "gps-fix",
+            |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 0,
+            Fail,
+            "quality 0 (no fix)",
+        ),
+        (
+            "battery",
+            |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 23_900,
+            Warn,
+            "23.9 V",
+        ),
+        (
+            "battery",
+            |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_900,
+            Fail,
+            "22.9 V",
+        ),
+        (
+            "fuel",
+            |facts| facts.live.dsp.as_mut().unwrap().supply.fuel_percent = 24,
+            Fail,
+            "24.0 %",
+        ),
+        (
+            "fence",
+            |facts| facts.live.state.as_mut().unwrap().safety.fence_areas = 0,
+            Warn,
+            "0 areas in force, 1 area in bridge.toml",
+        ),
+        (
+            "safety-rules",
+            |facts| {
+                let safety = &mut facts.live.state.as_mut().unwrap().safety;
+                (safety.rule, safety.action, safety.amount) = (
+                    SafetyRule::FenceCeiling.code(),
+                    SafetyAction::Refuse.code(),
+                    4.2,
+                );
+            },
+            Fail,
+            "fence-ceiling broken by 4.2 m; the bridge's action: refuse",
+        ),
+        (
+            "safety-rules",
+            |facts| {
+                let safety = &mut facts.live.state.as_mut().unwrap().safety;
+                (safety.rule, safety.action, safety.amount) =
+                    (SafetyRule::Battery.code(), SafetyAction::Warn.code(), 0.2);
+            },
+            Warn,
+            "battery broken by 0.2 V",
+        ),
+        (
+            "supply-rules",
+            |facts| facts.bridge.as_mut().unwrap().safety.battery_v = Default::default(),
+            Warn,
+            "for battery_v",
+        ),
+        (
+            "clock",
+            |facts| facts.clock.unix_s = 0,
+            Warn,
+            "1970-01-01T00:00:00Z is before",
+        ),
+        (
+            "log-room",
+            |facts| facts.logs = Logs::NoFile,
+            Warn,
+            "no status.toml is here",
+        ),
+        (
+            "log-room",
+            |facts| facts.logs = Logs::Configured(Vec::new()),
+            Warn,
+            "has no log",
+        ),
+        (
+            "log-room",
+            |facts| {
+                facts.logs = Logs::Configured(vec![LogPlace {
+                    free_bytes: Ok(319 * MIB),
+                    ..log()
+                }])
+            },
+            Warn,
+            "319 MiB free",
+        ),
+        (
+            "log-room",
+            |facts| {
+                facts.logs = Logs::Configured(vec![LogPlace {
+                    free_bytes: Ok(255 * MIB),
+                    ..log()
+                }])
+            },
+            Fail,
+            "the log pauses",
+        ),
+        (
+            "log-room",
+            |facts| facts.logs = Logs::Configured(vec![log(), log()]),
+            Warn,
+            "320 MiB free",
+        ),
+        (
+            "log-room",
+            |facts| {
+                facts.logs = Logs::Configured(vec![LogPlace {
+                    is_writable: false,
+                    ..log()
+                }])
+            },
+            Fail,
+            "may not be written",
+        ),
+        (
+            "shared-memory",
+            |facts| {
+                facts.machine.free_memory = Ok(doctor::FreeMemory {
+                    bytes: 5 * MIB,
+                    inodes: None,
+                });
+            },
+            Warn,
+            "nearly full",
+        ),
+    ];
+    for (id, change, verdict, expected) in cases {
+        // Values of telemetry that is not of the present are not judged.
+        let others: &[&str] = match *id {
+            "telemetry" => &["ground", "home", "gps-fix", "battery", "fuel"],
+            "gps-fix" => &["home"],
+            _ => &[],
+        };
+        let check = after(id, others, change);
+        assert_eq!(check.verdict, Some(*verdict), "{check:?}");
+        assert!(check.value.contains(expected), "{expected}: {check:?}");
+    }
+}
+
+#[test]
+fn the_link_is_told_by_its_state() {
+    for (state, expected) in [
+        (LinkState::Gone, "gone"),
+        (LinkState::Silent, "silent"),
+        (LinkState::Connecting, "connecting"),
+    ] {
+        let check = after("dsp-link", &["dsp-timeout"], |facts| {
+            facts.live.state.as_mut().unwrap().link.state = state.code();
+        });
+        assert_eq!(check.verdict, Some(Verdict::Fail));
+        assert!(check.value.starts_with(expected), "{check:?}");
+    }
+}
+
+#[test]
+fn a_group_that_is_not_sent_is_said_and_only_a_position_is_indispensable() {
+    let check = after("home", &["gps-fix", "battery", "fuel"], |facts| {
+        facts.live.dsp.as_mut().unwrap().valid_groups = 0;
+    });
+    assert_eq!((check.verdict, check.checked), (Some(Verdict::Fail), false));
+    let check = after("battery", &["home", "gps-fix", "fuel"], |facts| {
+        facts.live.dsp.as_mut().unwrap().valid_groups = 0;
+    });
+    assert_eq!((check.verdict, check.checked), (Some(Verdict::Warn), false));
+    assert!(check.value.contains("group `supply`"), "{check:?}");
+}
+
+#[test]
+fn without_a_bridge_the_processes_fail_and_the_rest_says_why_it_was_not_checked() {
+    let mut facts = ready();
+    facts.live = Live::default();
+    if let Ok(domain) = &mut facts.machine.domain {
+        domain.providers = Ok(Vec::new());
+    }
+    let checks = judge(&facts, &Limits::default());
+    let failed: Vec<&str> = checks
+        .iter()
+        .filter(|check| check.verdict == Some(Verdict::Fail))
+        .map(|check| check.id)
+        .collect();
+    assert_eq!(failed, ["bridge", "status"]);
+    let bridge = &checks[0];
+    assert_eq!(
+        bridge.next_step.as_deref(),
+        Some("start it: `ril run bridge --robot 1`")
+    );
+    let unmade = checks.iter().filter(|check| !check.checked);
+    for check in unmade.clone() {
+        assert_eq!(check.verdict, None, "{check:?}");
+    }
+    assert!(unmade.count() > 10);
+}
+
+#[test]
+fn limits_are_those_of_the_configuration() {
+    let config = "[preflight]\nbattery_v = { warn = 26.0, fail = 25.5 }\ngps_quality_pass = [1]\n";
+    let config = runtime::config::parse::<crate::config::Config>(config, "ril.toml").unwrap();
+    let checks = judge(&ready(), &config.preflight);
+    let of = |id| checks.iter().find(|check| check.id == id).unwrap();
+    assert_eq!(of("battery").verdict, Some(Verdict::Fail));
+    assert_eq!(
+        of("battery").limit.as_deref(),
+        Some("at least 26 V (fail below 25.5 V)")
+    );
+    assert_eq!(of("gps-fix").verdict, Some(Verdict::Fail));
+}
+
+#[test]
+fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
+    let mut facts = ready();
+    facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_000;
+    facts.live.state.as_mut().unwrap().safety.pilot_switch = 0;
+    let report = Report::new(1, judge(&facts, &Limits::default()));
+    assert_eq!(report.verdict(), Verdict::Fail);
+    let text = report.text(80);
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    for expected in [
+        "FAIL  battery         22.0 V; limit: at least 24 V (fail below 23 V)\n",
+        "                      → charge or replace the battery\n",
+        "warn  mode-switch     not checked: the DSP does not send the switch, or what it\n",
+        "-     gps-satellites  not checked: ",
+        "\nNOT ready to take off: 1 failed, 1 warning, ",
+        ", 2 could not be checked\n",
+    ] {
+        assert!(text.contains(expected), "{expected:?}\n{text}");
+    }
+    assert_eq!(
+        report.warnings(),
+        [
+            "not ready to take off: battery: 22.0 V",
+            "look at mode-switch; `ril preflight` says what to do"
+        ]
+    );
+    let json = serde_json::to_value(&report).unwrap();
+    for (pointer, expected) in [
+        ("/schema", serde_json::json!("ril.Preflight.v1")),
+        ("/verdict", "fail".into()),
+        ("/failed", 1.into()),
+        ("/unchecked", 2.into()),
+        ("/checks/0/id", "bridge".into()),
+        ("/checks/0/verdict", "pass".into()),
+        ("/checks/0/limit", "running".into()),
+        ("/checks/0/next_step", serde_json::Value::Null),
+    ] {
+        assert_eq!(json.pointer(pointer), Some(&expected), "{pointer}");
+    }
+    let none: Vec<String> = Report::new(1, judge(&ready(), &Limits::default())).warnings();
+    assert!(none.is_empty(), "{none:?}");
+}

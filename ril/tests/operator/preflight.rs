@@ -1,0 +1,180 @@
+//! `ril preflight`, and what `ril start` says of it.
+
+use ril_tests::process::Signal;
+use serde_json::Value;
+
+use crate::common::{Rig, end, json, says};
+use crate::station::{OPERATOR, Station, on_terminal};
+
+/// The report of `ril preflight --json`, which must end with `code`.
+#[track_caller]
+fn report(rig: &Rig, args: &str, code: i32) -> Value {
+    let finished = rig.run(&format!("preflight --json {args}"), code);
+    assert_eq!(finished.stdout.len(), 1, "{finished:#?}");
+    let report = json(&finished.stdout[0]);
+    assert_eq!(report["schema"], "ril.Preflight.v1");
+    report
+}
+
+/// The verdict of the check `id`, such as `pass`; `none` when it could not be made.
+fn verdict<'a>(report: &'a Value, id: &str) -> &'a str {
+    let checks = report["checks"].as_array().unwrap();
+    let check = checks.iter().find(|check| check["id"] == id);
+    let check = check.unwrap_or_else(|| panic!("{id}: {report}"));
+    check["verdict"].as_str().unwrap_or("none")
+}
+
+#[test]
+fn a_robot_that_is_ready_passes_and_starts_without_a_word() {
+    let rig = Rig::new();
+    let station = Station::start(&rig, "");
+    let first = report(&rig, "--strict", 0);
+    assert_eq!(first["verdict"], "pass", "{first:#}");
+    let unmade: Vec<&Value> = first["checks"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|check| check["checked"] == false)
+        .map(|check| &check["id"])
+        .collect();
+    assert_eq!(unmade, ["gps-satellites"]);
+    let finished = rig.run("preflight", 0);
+    for expected in [
+        "ok    bridge          running (process ",
+        "ok    battery         25.2 V; limit: at least 24 V (fail below 23 V)",
+        "ok    fence           1 area in force",
+        "-     gps-satellites  not checked: ",
+        "ready to take off: 0 failed, 0 warnings, ",
+    ] {
+        assert!(
+            says(&finished.stdout, expected),
+            "{expected}: {finished:#?}"
+        );
+    }
+    let lines = on_terminal(&rig, "preflight", 0);
+    assert!(
+        lines.len() > finished.stdout.len(),
+        "long lines are divided"
+    );
+    let started = rig.run("start", 0);
+    assert_eq!(started.stdout, ["start: done"]);
+    assert!(started.stderr.is_empty(), "{started:#?}");
+    station.end();
+}
+
+#[test]
+fn without_a_bridge_it_says_what_to_start() {
+    let rig = Rig::new();
+    let report = report(&rig, "", 8);
+    for id in ["bridge", "status"] {
+        assert_eq!(verdict(&report, id), "fail");
+    }
+    assert_eq!(verdict(&report, "battery"), "none");
+    let finished = rig.run("preflight --robot 7", 8);
+    for expected in [
+        "FAIL  bridge          not running; limit: running",
+        "→ start it: `ril run bridge --robot 7`",
+        "NOT ready to take off",
+    ] {
+        assert!(
+            says(&finished.stdout, expected),
+            "{expected}: {finished:#?}"
+        );
+    }
+    assert!(says(&finished.stderr, " failed, "), "{finished:#?}");
+    on_terminal(&rig, "preflight", 8);
+    rig.domain.assert_empty();
+}
+
+#[test]
+fn an_empty_battery_and_a_missing_fix_fail_and_a_start_says_so_and_goes_on() {
+    let rig = Rig::new();
+    rig.write(
+        "dsp-sim.toml",
+        "[energy]\nbattery_v = 22.0\nfuel_percent = 40\n[gps]\nfix_after_s = 3600.0\n",
+    );
+    let station = Station::start(&rig, "");
+    let report = report(&rig, "", 8);
+    for (id, expected) in [
+        ("battery", "fail"),
+        ("gps-fix", "fail"),
+        ("fuel", "warn"),
+        ("home", "none"),
+        ("dsp-link", "pass"),
+        ("telemetry", "pass"),
+    ] {
+        assert_eq!(verdict(&report, id), expected, "{report:#}");
+    }
+    let started = rig.run("start", 0);
+    for expected in [
+        "not ready to take off: battery: 22.0 V",
+        "not ready to take off: gps-fix: quality 0 (no fix)",
+        "`ril preflight` says what to do",
+    ] {
+        assert!(says(&started.stderr, expected), "{expected}: {started:#?}");
+    }
+    assert_eq!(started.stdout, ["start: done"]);
+    // Limits are the operator's.
+    rig.write(
+        "ril.toml",
+        &format!("{OPERATOR}battery_v = {{ warn = 21.0, fail = 20.0 }}\ngps_quality_warn = [0]\n"),
+    );
+    let report = self::report(&rig, "", 0);
+    assert_eq!(verdict(&report, "battery"), "pass");
+    assert_eq!(verdict(&report, "gps-fix"), "warn");
+    self::report(&rig, "--strict", 8);
+    station.end();
+}
+
+#[test]
+fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
+    use ipc_types::code::LinkState;
+    let rig = Rig::new();
+    // Old telemetry is what this is about.
+    rig.write(
+        "ril.toml",
+        "[preflight]\nmax_age_s = 0.1\nlog_room_mib = 0\n",
+    );
+    let station = Station::start(&rig, "");
+    let Station {
+        sim,
+        bridge,
+        status,
+    } = station;
+    end(sim, Signal::INT);
+    rig.watch(1).until("the port is gone", |state| {
+        state.link.state() == Some(LinkState::Gone)
+            && ipc_types::MonotonicNs::now()
+                .since(ipc_types::MonotonicNs(state.link.last_telemetry_ns))
+                > std::time::Duration::from_millis(100)
+    });
+    let report = report(&rig, "", 8);
+    for (id, expected) in [
+        ("bridge", "pass"),
+        ("dsp-link", "fail"),
+        ("telemetry", "fail"),
+        ("battery", "none"),
+        ("fence", "pass"),
+    ] {
+        assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
+    }
+    on_terminal(&rig, "preflight", 8);
+    for process in [status, bridge] {
+        end(process, Signal::INT);
+    }
+}
+
+#[test]
+fn a_wrong_configuration_and_logs_without_a_folder_to_write_are_found() {
+    let rig = Rig::new();
+    rig.write(
+        "status.toml",
+        "[[log]]\ndirectory = '/proc/nowhere'\ngroups = ['time']\n",
+    );
+    rig.write("bridge.toml", "[serail]\n");
+    let report = report(&rig, "", 8);
+    assert_eq!(verdict(&report, "configuration"), "fail");
+    assert_eq!(verdict(&report, "log-room"), "fail");
+    assert_eq!(verdict(&report, "supply-rules"), "none");
+    rig.run("preflight --config absent.toml", 78);
+}

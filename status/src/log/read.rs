@@ -1,0 +1,478 @@
+//! Reads a log again, row by row: the other side of [`tsv`](super::tsv).
+//!
+//! [`LogReader`] takes any text, whatever wrote it and whatever became of it since. It never panics on a file, keeps no more than
+//! one line of it, and says of each line that is no row what is wrong with it. A file may be read while it is written: at the
+//! end of what is there [`LogReader::next`] gives nothing, and more when there is more.
+//!
+//! ```
+//! use status::log::read::{Entry, LogReader};
+//!
+//! let text = "flying\tsequence\treceived_ns\tgps_quality\n1\t7\t5000\t4\n1\t8\tx\t4\n1\t9";
+//! let mut log = LogReader::new(text.as_bytes());
+//! let Some(Entry::Row(row)) = log.next()? else { panic!() };
+//! assert_eq!((row.sequence, row.cells().nth(3)), (7, Some("4")));
+//! let Some(Entry::Damaged(damage)) = log.next()? else { panic!() };
+//! assert_eq!(damage.to_string(), "line 3: `received_ns` is no number: x");
+//! assert!(log.next()?.is_none());
+//! assert_eq!(log.unfinished_bytes(), 3);
+//! # Ok::<(), status::log::read::ReadError>(())
+//! ```
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::io::{self, BufRead};
+
+use super::clock::IsoTime;
+use super::tsv::UTC;
+use crate::fields;
+
+/// Longest line, bytes. A row has at most 50 cells of at most 24 bytes, so 1.2 kB; the names of the columns make 0.8 kB. What is
+/// longer is no line of a log: it is passed over and reported as damaged.
+pub const MAX_LINE_BYTES: usize = 8192;
+
+/// Longest piece of a file that a message repeats, characters: it stays readable on a terminal.
+const MAX_EXCERPT_CHARS: usize = 40;
+
+/// Why a file cannot be read, or not any further.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system says so.
+    #[error("it cannot be read")]
+    Unreadable(#[from] io::Error),
+    /// Its first line is not that of a log.
+    #[error("it is no log of the RIL: {0}")]
+    NoLog(String),
+}
+
+/// A line after the first.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Entry<'a> {
+    /// A row.
+    Row(Row<'a>),
+    /// A line that is no row.
+    Damaged(Damage),
+}
+
+/// A row: the values of one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row<'a> {
+    /// Whether the helicopter was in the air.
+    pub flying: bool,
+    /// The sample's number.
+    pub sequence: u64,
+    /// When the bridge received it, monotonic ns of the robot's host.
+    pub received_ns: u64,
+    /// The same moment in ns since 1970, UTC; nothing when the log has no such column.
+    pub unix_ns: Option<u64>,
+    line: &'a str,
+}
+
+impl<'a> Row<'a> {
+    /// The cells in the order of the columns; those of groups that were not transmitted are empty.
+    pub fn cells(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        self.line.split('\t')
+    }
+}
+
+/// A line that is no row, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// The line, counted from 1.
+    pub line: u64,
+    /// What is wrong with it.
+    pub reason: DamageReason,
+}
+
+/// What is wrong with a line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DamageReason {
+    /// It is longer than [`MAX_LINE_BYTES`].
+    TooLong,
+    /// It is no text.
+    NoText,
+    /// It has another number of cells than the log has columns.
+    Cells {
+        /// Cells in the line.
+        found: usize,
+        /// Columns of the log.
+        expected: usize,
+    },
+    /// A cell does not hold what its column says.
+    Value {
+        /// Name of the column.
+        column: String,
+        /// What it should be.
+        expected: &'static str,
+        /// The cell, shortened.
+        found: String,
+    },
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: {}", self.line, self.reason)
+    }
+}
+
+impl fmt::Display for DamageReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DamageReason::TooLong => write!(f, "longer than {MAX_LINE_BYTES} bytes"),
+            DamageReason::NoText => f.write_str("no text"),
+            DamageReason::Cells { found, expected } => {
+                write!(f, "{found} cells where the log has {expected} columns")
+            }
+            DamageReason::Value {
+                column,
+                expected,
+                found,
+            } => write!(f, "`{column}` is no {expected}: {found}"),
+        }
+    }
+}
+
+/// The columns of a log.
+struct Columns {
+    names: Vec<String>,
+    /// Which of them is the time in UTC.
+    utc: Option<usize>,
+}
+
+/// Reads a log. See the module's documentation.
+pub struct LogReader<R> {
+    input: R,
+    /// Nothing before the first line was read.
+    columns: Option<Columns>,
+    /// The line that is being read; the line that an entry shows.
+    line: Vec<u8>,
+    /// Whether `line` is complete, and belongs to an entry that was given.
+    is_given: bool,
+    /// Whether the rest of a line that is too long is being passed over.
+    is_too_long: bool,
+    lines: u64,
+}
+
+impl<R: BufRead> LogReader<R> {
+    /// A reader of `input`. Nothing is read yet.
+    pub fn new(input: R) -> LogReader<R> {
+        LogReader {
+            input,
+            columns: None,
+            line: Vec::new(),
+            is_given: false,
+            is_too_long: false,
+            lines: 0,
+        }
+    }
+
+    /// The names of the columns; empty before the first line was read, which [`LogReader::begin`] does.
+    pub fn columns(&self) -> &[String] {
+        self.columns.as_ref().map_or(&[], |columns| &columns.names)
+    }
+
+    /// Reads the first line, and says whether it is there.
+    ///
+    /// # Errors
+    ///
+    /// The input cannot be read, or its first line is not that of a log.
+    pub fn begin(&mut self) -> Result<bool, ReadError> {
+        if self.columns.is_none() && self.read_line()? {
+            self.is_given = true;
+            self.columns = Some(self.header().map_err(ReadError::NoLog)?);
+        }
+        Ok(self.columns.is_some())
+    }
+
+    /// The next line after the first; nothing when there is no whole line (yet).
+    ///
+    /// # Errors
+    ///
+    /// The input cannot be read, or its first line is not that of a log.
+    #[expect(clippy::should_implement_trait, reason = "it lends its line")]
+    pub fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
+        if !self.begin()? || !self.read_line()? {
+            return Ok(None);
+        }
+        self.is_given = true;
+        let Some(columns) = &self.columns else {
+            return Ok(None);
+        };
+        let row = match self.is_too_long {
+            true => Err(DamageReason::TooLong),
+            false => row(columns, &self.line),
+        };
+        let line = self.lines;
+        Ok(Some(row.map_or_else(
+            |reason| Entry::Damaged(Damage { line, reason }),
+            Entry::Row,
+        )))
+    }
+
+    /// How long the line without an end is that the input ends with, bytes: what a kill or a power cut left, or a row that is
+    /// being written.
+    pub fn unfinished_bytes(&self) -> usize {
+        match self.is_given {
+            true => 0,
+            false => self.line.len(),
+        }
+    }
+
+    /// How many lines were read, the first included.
+    pub fn lines(&self) -> u64 {
+        self.lines
+    }
+
+    /// Reads on to the end of a line, and says whether it is there.
+    fn read_line(&mut self) -> io::Result<bool> {
+        if self.is_given {
+            self.line.clear();
+            self.is_given = false;
+            self.is_too_long = false;
+        }
+        loop {
+            let bytes = match self.input.fill_buf() {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                bytes => bytes?,
+            };
+            if bytes.is_empty() {
+                return Ok(false);
+            }
+            let end = bytes.iter().position(|byte| *byte == b'\n');
+            let piece = &bytes[..end.unwrap_or(bytes.len())];
+            let room = MAX_LINE_BYTES - self.line.len();
+            self.is_too_long |= piece.len() > room;
+            self.line.extend_from_slice(&piece[..piece.len().min(room)]);
+            let used = piece.len() + usize::from(end.is_some());
+            self.input.consume(used);
+            if end.is_some() {
+                self.lines += 1;
+                return Ok(true);
+            }
+        }
+    }
+
+    /// The columns that the first line names, or why it names none.
+    fn header(&self) -> Result<Columns, String> {
+        if self.is_too_long {
+            return Err(format!(
+                "its first line is longer than {MAX_LINE_BYTES} bytes"
+            ));
+        }
+        let text =
+            str::from_utf8(&self.line).map_err(|_| "its first line is no text".to_owned())?;
+        let names: Vec<String> = text.split('\t').map(str::to_owned).collect();
+        let always: Vec<&str> = fields::ALWAYS.iter().map(|field| field.name).collect();
+        if names.len() < always.len() || names[..always.len()] != always {
+            return Err(format!(
+                "its first line begins with {}, not with {}",
+                excerpt(text),
+                always.join(", ")
+            ));
+        }
+        let unique: BTreeSet<&String> = names.iter().collect();
+        let is_plain = |name: &String| {
+            !name.is_empty()
+                && name
+                    .bytes()
+                    .all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
+        };
+        if unique.len() < names.len() || !names.iter().all(is_plain) {
+            return Err("its first line names a column twice, or one by no name of a field".into());
+        }
+        let utc = names.iter().position(|name| name == UTC);
+        Ok(Columns { names, utc })
+    }
+}
+
+/// What `line` says, or what is wrong with it.
+fn row<'a>(columns: &Columns, line: &'a [u8]) -> Result<Row<'a>, DamageReason> {
+    let line = str::from_utf8(line).map_err(|_| DamageReason::NoText)?;
+    let expected = columns.names.len();
+    let found = line.split('\t').count();
+    if found != expected {
+        return Err(DamageReason::Cells { found, expected });
+    }
+    let wrong = |index: usize, expected, cell| DamageReason::Value {
+        column: columns.names[index].clone(),
+        expected,
+        found: excerpt(cell),
+    };
+    let mut always = [0; 3];
+    let mut unix_ns = None;
+    for (index, cell) in line.split('\t').enumerate() {
+        if let Some(number) = always.get_mut(index) {
+            *number = cell.parse().map_err(|_| wrong(index, "number", cell))?;
+        } else if columns.utc == Some(index) {
+            let time = IsoTime::parse(cell);
+            let time = time.ok_or_else(|| wrong(index, "time in UTC", cell))?;
+            unix_ns = Some(time.unix_ns());
+        } else if !cell.is_empty() && cell.parse::<f64>().is_err() {
+            return Err(wrong(index, "number", cell));
+        }
+    }
+    let [flying, sequence, received_ns] = always;
+    if flying > 1 {
+        return Err(wrong(0, "0 or 1", &flying.to_string()));
+    }
+    Ok(Row {
+        flying: flying == 1,
+        sequence,
+        received_ns,
+        unix_ns,
+        line,
+    })
+}
+
+/// The beginning of `text`, of which no character commands a terminal.
+fn excerpt(text: &str) -> String {
+    let start: String = text.chars().take(MAX_EXCERPT_CHARS).collect();
+    let dots = if start.len() < text.len() { "…" } else { "" };
+    format!("{}{dots}", start.escape_debug())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::BufReader;
+
+    use proptest::prelude::*;
+
+    use super::super::clock::ClockAnchor;
+    use super::super::groups::LogGroups;
+    use super::super::tsv::Table;
+    use super::*;
+    use crate::test_samples::full_sample;
+    use ipc_types::MonotonicNs;
+
+    const HEADER: &str = "flying\tsequence\treceived_ns\tgps_quality\n";
+
+    /// All rows and damages of a file, in words.
+    fn all(text: &[u8]) -> Result<(Vec<String>, usize), String> {
+        // A small buffer: lines are put together of pieces.
+        let mut log = LogReader::new(BufReader::with_capacity(7, text));
+        let mut found = Vec::new();
+        loop {
+            match log.next() {
+                Ok(Some(Entry::Row(row))) => found.push(format!("row {}", row.sequence)),
+                Ok(Some(Entry::Damaged(damage))) => found.push(damage.to_string()),
+                Ok(None) => return Ok((found, log.unfinished_bytes())),
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_log_writes_is_read_again_cell_by_cell() {
+        let mut table = Table::new(LogGroups::ALL).with_utc(true);
+        table.set_clock(ClockAnchor {
+            unix_ns: 1_156_797_566_000_250_000,
+            monotonic: MonotonicNs(full_sample().received_ns),
+        });
+        let mut text = Vec::new();
+        table.header(&mut text);
+        table.row(&full_sample(), &mut text);
+        let lines = String::from_utf8(text.clone()).unwrap();
+        let mut log = LogReader::new(text.as_slice());
+        assert!(log.columns().is_empty());
+        let Some(Entry::Row(row)) = log.next().unwrap() else {
+            panic!("{lines}");
+        };
+        assert!(row.flying);
+        assert_eq!((row.sequence, row.received_ns), (41, 5_000_000_000));
+        assert_eq!(row.unix_ns, Some(1_156_797_566_000_250_000));
+        let cells: Vec<&str> = row.cells().collect();
+        let [header, row] = [0, 1].map(|index| lines.lines().nth(index).unwrap());
+        assert_eq!(cells, row.split('\t').collect::<Vec<_>>());
+        assert_eq!(log.columns(), header.split('\t').collect::<Vec<_>>());
+        assert!(log.next().unwrap().is_none());
+        assert!(header.len() < MAX_LINE_BYTES / 4 && row.len() < MAX_LINE_BYTES / 4);
+    }
+
+    #[test]
+    fn each_line_that_is_no_row_is_named_and_the_others_are_read() {
+        let long = "9".repeat(MAX_LINE_BYTES + 1);
+        let mut text =
+            format!("{HEADER}0\t1\t10\t4\n\n0\t2\t20\n{long}\n1\t3\t30\t\n2\t4\t40\t4\n");
+        text += "0\t5\t\x1b[2J\t4\n0\t6\t60\tvier\n0\t7\t70\t4";
+        let mut bytes = text.into_bytes();
+        let (found, unfinished) = all(&bytes).unwrap();
+        let expected = [
+            "row 1",
+            "line 3: 1 cells where the log has 4 columns",
+            "line 4: 3 cells where the log has 4 columns",
+            "line 5: longer than 8192 bytes",
+            "row 3",
+            "line 7: `flying` is no 0 or 1: 2",
+            "line 8: `received_ns` is no number: \\u{1b}[2J",
+            "line 9: `gps_quality` is no number: vier",
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(unfinished, "0\t7\t70\t4".len());
+        bytes.extend_from_slice(b"\n\xff\xfe\n");
+        let (found, unfinished) = all(&bytes).unwrap();
+        assert_eq!(found[expected.len()..], ["row 7", "line 11: no text"]);
+        assert_eq!(unfinished, 0);
+    }
+
+    #[test]
+    fn what_is_no_log_is_refused_with_the_reason() {
+        for (text, expected) in [
+            (
+                &b"time,altitude\n1,2\n"[..],
+                "begins with time,altitude, not with flying, sequence, received_ns",
+            ),
+            (
+                b"flying\tsequence\treceived_ns\tx\tx\n",
+                "names a column twice",
+            ),
+            (
+                b"flying\tsequence\treceived_ns\t\x07\n",
+                "names a column twice, or one by no name",
+            ),
+            (b"\x89MCAP0\r\n", "no text"),
+            (b"\n", "begins with , not with"),
+        ] {
+            let error = all(text).unwrap_err();
+            assert!(error.contains(expected), "{error}");
+        }
+        for text in ["", "flying", "flying\tsequence\treceived_ns"] {
+            assert_eq!(all(text.as_bytes()).unwrap(), (vec![], text.len()));
+        }
+        assert_eq!(all(HEADER.as_bytes()).unwrap(), (vec![], 0));
+    }
+
+    #[test]
+    fn a_file_that_grows_is_read_on() {
+        /// Text that comes in pieces; between two there is an end for now.
+        struct Growing(Vec<&'static [u8]>);
+        impl io::Read for Growing {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                match self.0.is_empty() {
+                    true => Ok(0),
+                    false => self.0.remove(0).read(buffer),
+                }
+            }
+        }
+        let pieces: Vec<&[u8]> = vec![
+            b"flying\tsequ",
+            b"",
+            b"ence\treceived_ns\n1\t2",
+            b"",
+            b"\t3\n",
+        ];
+        let mut log = LogReader::new(BufReader::new(Growing(pieces)));
+        assert!(log.next().unwrap().is_none());
+        assert_eq!(log.unfinished_bytes(), "flying\tsequ".len());
+        assert!(log.next().unwrap().is_none());
+        assert_eq!((log.columns().len(), log.unfinished_bytes()), (3, 3));
+        assert!(matches!(log.next().unwrap(), Some(Entry::Row(row)) if row.sequence == 2));
+        assert!(log.next().unwrap().is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn no_file_panics(bytes in prop::collection::vec(any::<u8>(), 0..500), with_header: bool) {
+            let header = if with_header { HEADER.as_bytes() } else { b"" };
+            let _ = all(&[header, &bytes].concat());
+        }
+    }
+}
