@@ -12,7 +12,7 @@ use crate::finding::{Finding, Findings};
 use crate::model::{Action, Altitude, Item, OtherKind, Plan, Position};
 use crate::site::{HomeSource, Site, Start};
 
-/// A place of a take-off or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
+/// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
 /// as reached.
 const SAME_PLACE_M: f64 = 1.1;
 
@@ -354,7 +354,7 @@ impl Builder<'_> {
             },
         };
         self.must_fly(item, &there);
-        if position.is_some() || altitude.is_some() {
+        if distance_m(&self.here, &there) > SAME_PLACE_M {
             self.fly_to(item, there);
         }
         self.wait(item, duration_s);
