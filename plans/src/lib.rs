@@ -2,7 +2,7 @@
 //!
 //! * [`model`]: a plan as its author meant it; each altitude says what it is above;
 //! * [`read`]: QGroundControl `.plan`, `QGC WPL 110`, GeoJSON, KML and GPX become that model; [`write`]: `.plan`;
-//! * [`mavlink`]: what the commands of mission items mean for a helicopter;
+//! * [`mavlink`]: mission items; [`meaning`]: what they mean for a helicopter;
 //! * [`flight`]: what the helicopter does for a plan at a [`site`], step by step;
 //! * [`check`]: whether the bridge and the DSP will take it, and what else the operator must know.
 //!
@@ -15,6 +15,7 @@ pub mod flight;
 pub mod format;
 pub mod limits;
 pub mod mavlink;
+pub mod meaning;
 pub mod model;
 mod read;
 pub mod site;

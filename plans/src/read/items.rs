@@ -3,6 +3,7 @@
 use crate::error::ReadError;
 use crate::limits::{MAX_AREAS, MAX_ITEMS, MAX_NAME_CHARS, MAX_REASON_CHARS};
 use crate::mavlink::MissionItem;
+use crate::meaning::Meaning;
 use crate::model::{Action, FenceArea, Item, Plan};
 
 /// A name as it is kept: without control characters, which could harm a terminal, and not too long.
@@ -24,9 +25,7 @@ pub fn push(plan: &mut Plan, origin: &str, label: &str, action: Action) -> Resul
 
 /// Adds an item of MAVLink.
 pub fn push_mavlink(plan: &mut Plan, origin: &str, mavlink: MissionItem) -> Result<(), ReadError> {
-    let meaning = mavlink
-        .meaning()
-        .map_err(|reason| ReadError::part(origin, reason))?;
+    let meaning = Meaning::of(&mavlink).map_err(|reason| ReadError::part(origin, reason))?;
     add(
         plan,
         origin,
