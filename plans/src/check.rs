@@ -9,10 +9,10 @@ use bridge::safety::fence::{Area, AreaConfig, AreaKind, Breach, Fence, FenceConf
 use dsp_protocol::{Command, Waypoint, port};
 use ipc_types::payload::{MovementData, WaypointPosition};
 
-use crate::finding::{Finding, Findings};
+use crate::finding::{Finding, Findings, Severity};
 use crate::flight::{Flight, Leg, Step, ground_m};
 use crate::model::{FenceArea, FenceShape, Plan};
-use crate::site::{Endurance, HomeSource, Site};
+use crate::site::{Endurance, HomeSource, Site, Start};
 use crate::timeline::{Mark, timeline};
 
 /// A planned home farther away than this from the point of take-off is worth a word, m.
@@ -76,12 +76,19 @@ pub fn check(
 
 fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
     if site.home_source == HomeSource::Assumed {
-        findings.push(
-            Finding::not_checked(
-                "home-unknown",
+        let (severity, text) = match site.is_for_flight {
+            true => (
+                Severity::Forbids,
+                "home is not known: the helicopter is in the air already",
+            ),
+            false => (
+                Severity::NotChecked,
                 "home is not known: the take-off is taken to be below the first place of the plan, at altitude 0",
-            )
-            .remedy("start the robot's bridge, or say it: `--home LAT,LON,ALT`"),
+            ),
+        };
+        findings.push(
+            Finding::new(severity, "home-unknown", text)
+                .remedy("say where the take-off was, or will be: `--home LAT,LON,ALT`"),
         );
     }
     let Some(planned) = plan.planned_home else {
@@ -293,7 +300,10 @@ struct NamedFence<'a> {
 
 impl NamedFence<'_> {
     fn check(&self, flight: &Flight, site: &Site, findings: &mut Findings) {
-        let mut ground = site.home;
+        let mut ground = match site.start {
+            Start::Ground(at) => at,
+            Start::Flying(_) => site.home,
+        };
         for step in &flight.steps {
             if let Step::TakeOff { item, height_m } = step {
                 let top = Waypoint {

@@ -10,7 +10,7 @@ use dsp_protocol::downlink::Geographic;
 
 use crate::finding::{Finding, Findings};
 use crate::model::{Action, Altitude, Item, OtherKind, Plan, Position};
-use crate::site::{HomeSource, Site, Start};
+use crate::site::{Site, Start};
 
 /// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
 /// as reached.
@@ -100,7 +100,7 @@ impl Flight {
     /// What `plan` becomes at `site`.
     pub fn new(plan: &Plan, site: &Site) -> Flight {
         let (here, is_flying) = match site.start {
-            Start::Ground => (site.home, false),
+            Start::Ground(at) => (at, false),
             Start::Flying(at) => (at, true),
         };
         let mut builder = Builder {
@@ -512,16 +512,6 @@ impl Builder<'_> {
                     "has an altitude above sea level, which is taken for telemetry's",
                 )
                 .remedy("check it against the altitude that telemetry shows at a known place; `[plan] zero_above_sea_m` in ril.toml")
-                .item(item.number),
-            );
-        }
-        if self.site.home_source == HomeSource::Assumed {
-            self.find(
-                Finding::warns(
-                    "home-unknown",
-                    "has an altitude above sea level, and how high home is is not known",
-                )
-                .remedy("say it: `--home LAT,LON,ALT`")
                 .item(item.number),
             );
         }

@@ -37,8 +37,8 @@ pub enum HomeSource {
 /// Where the flight begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Start {
-    /// On the ground at home.
-    Ground,
+    /// On the ground, here; usually that is home.
+    Ground(Waypoint),
     /// In the air, here; the altitude has the zero of telemetry.
     Flying(Waypoint),
 }

@@ -39,7 +39,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use cli::RobotChoice;
-use commands::{doctor, echo, param, relay, request, state, topic};
+use commands::{doctor, echo, param, plan, relay, request, state, topic};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -67,6 +67,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Land(args) => request::land(&args, choice),
         Command::Hold(args) => request::hold(&args, choice),
         Command::Goto(args) => request::go_to(&args, choice),
+        Command::Plan(args) => plan::plan(&args.command, choice),
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
         Command::State(args) => state::state(&args),

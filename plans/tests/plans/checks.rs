@@ -20,7 +20,7 @@ fn site() -> Site {
     Site {
         home: HOME,
         home_source: HomeSource::Operator,
-        start: Start::Ground,
+        start: Start::Ground(HOME),
         zero_above_sea_m: Some(0.0),
         take_off_m: None,
         from: 1,

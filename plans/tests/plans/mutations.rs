@@ -86,19 +86,21 @@ fn mutate(text: &mut Vec<u8>, mutation: &Mutation) {
     }
 }
 
+const HOME: Waypoint = Waypoint {
+    latitude_deg: 37.411,
+    longitude_deg: -6.001,
+    altitude_m: 10.0,
+};
+
 /// Everything that is done with a plan.
 fn use_plan(name: &str, text: &[u8]) {
     let Ok(plan) = plans::read(Path::new(name), text) else {
         return;
     };
     let site = Site {
-        home: Waypoint {
-            latitude_deg: 37.411,
-            longitude_deg: -6.001,
-            altitude_m: 10.0,
-        },
+        home: HOME,
         home_source: HomeSource::Operator,
-        start: Start::Ground,
+        start: Start::Ground(HOME),
         zero_above_sea_m: None,
         take_off_m: Some(10.0),
         from: 1,

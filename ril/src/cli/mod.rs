@@ -1,9 +1,11 @@
 //! The command line of `ril`: what can be asked for.
 //!
 //! Everything is checked here, once; the commands get typed values. `request` has the arguments of commands that ask a module
-//! for something, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
+//! for something, `plan` those of plans, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads numbers, times and names, `length` altitudes and waypoints. Nothing here talks to
 //! another process.
 
+mod length;
+mod plan;
 mod relay;
 mod request;
 #[cfg(test)]
@@ -15,11 +17,17 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use runtime::args::CommonArgs;
 
 use crate::demo;
+pub use length::{Height, Target};
+pub use plan::{
+    HomeArg, PlanArgs, PlanCheckArgs, PlanCommand, PlanFileArgs, PlanFlyArgs, PlanLookArgs,
+    PlanShowArgs, ReferenceName,
+};
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
@@ -94,6 +102,10 @@ impl Cli {
         let mut command = Cli::command();
         let matches = command.try_get_matches_from_mut(protect_coordinates(args))?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        if let Command::Goto(goto) = &cli.command {
+            goto.targets()
+                .map_err(|text| command.error(ErrorKind::ValueValidation, text))?;
+        }
         Ok((cli, RobotChoice::of(&matches)))
     }
 }
@@ -123,6 +135,8 @@ pub enum Command {
     Hold(RequestArgs),
     /// Fly a path of one or more waypoints
     Goto(GotoArgs),
+    /// Check, show or fly a plan of QGroundControl, Mission Planner, GeoJSON, KML or GPX
+    Plan(PlanArgs),
     /// List, read or write the DSP's parameters (virtual ports)
     Param(ParamArgs),
     /// Manage the geofence

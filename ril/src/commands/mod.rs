@@ -6,6 +6,8 @@ pub mod echo;
 pub mod exchange;
 pub mod measure;
 pub mod param;
+pub mod plan;
+mod position;
 pub mod relay;
 pub mod relay_report;
 pub mod request;
