@@ -4,6 +4,7 @@
 
 use std::time::Duration;
 
+use runtime::config::{Deserializer, in_range};
 use serde::Deserialize;
 
 use crate::preflight::limits::Limits;
@@ -21,11 +22,14 @@ pub struct Config {
     pub observe: ObserveConfig,
     /// Limits of the checks before a flight.
     pub preflight: Limits,
+    /// Plans.
+    pub plan: PlanConfig,
 }
 
 runtime::ranged! {
     fn timeout_s(f64) in MIN_TIMEOUT_S..=MAX_TIMEOUT_S;
     fn deadline_ms(u32) in 0..=MAX_DEADLINE_MS;
+    fn reserve_s(f64) in 0.0..=86_400.0;
 }
 
 /// Shortest time that waiting for another process makes sense, s.
@@ -85,6 +89,47 @@ impl ObserveConfig {
     pub fn timeout(&self) -> Duration {
         Duration::from_secs_f64(self.timeout_s)
     }
+}
+
+/// `[plan]`: what the checks of plans reckon with. What is not given is not checked, which the checks say.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlanConfig {
+    /// How fast the helicopter flies along a path, m/s. Without it the DSP is asked, or else `bridge.toml`.
+    #[serde(deserialize_with = "speed_mps")]
+    pub cruise_speed_mps: Option<f64>,
+    /// How long battery and fuel last in flight, s.
+    #[serde(deserialize_with = "endurance_s")]
+    pub endurance_s: Option<f64>,
+    /// How much of that shall be left at the end, s.
+    #[serde(deserialize_with = "reserve_s")]
+    pub reserve_s: f64,
+    /// How high telemetry's zero of altitude is above mean sea level, m.
+    #[serde(deserialize_with = "zero_above_sea_m")]
+    pub zero_above_sea_m: Option<f64>,
+}
+
+impl Default for PlanConfig {
+    fn default() -> Self {
+        PlanConfig {
+            cruise_speed_mps: None,
+            endurance_s: None,
+            reserve_s: 120.0,
+            zero_above_sea_m: None,
+        }
+    }
+}
+
+fn speed_mps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    in_range(deserializer, 0.1..=100.0).map(Some)
+}
+
+fn endurance_s<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    in_range(deserializer, 1.0..=86_400.0).map(Some)
+}
+
+fn zero_above_sea_m<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    in_range(deserializer, -1000.0..=10_000.0).map(Some)
 }
 
 #[cfg(test)]

@@ -50,7 +50,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
-use commands::{doctor, echo, param, relay, request, state, topic};
+use commands::{doctor, echo, param, plan, relay, request, state, topic};
 use messages::ErrorObject;
 use runtime::exit::{self, Failure};
 
@@ -120,6 +120,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Land(args) => request::land(&args, choice),
         Command::Hold(args) => request::hold(&args, choice),
         Command::Goto(args) => request::go_to(&args, choice),
+        Command::Plan(args) => plan::plan(&args.command, choice),
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
         Command::Status(args) => {

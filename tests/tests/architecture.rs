@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 11] = [
+const ARROWS: [(&str, &[&str]); 12] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -27,6 +27,7 @@ const ARROWS: [(&str, &[&str]); 11] = [
     ),
     ("relay", &["ipc-types", "module-kit", "runtime"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
+    ("plans", &["bridge", "dsp-protocol", "ipc-types"]),
     (
         "ril",
         &[
@@ -35,6 +36,7 @@ const ARROWS: [(&str, &[&str]); 11] = [
             "dsp-sim",
             "ipc-types",
             "module-kit",
+            "plans",
             "runtime",
             "status",
         ],
@@ -82,6 +84,7 @@ const BANS: [Ban; 5] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "plans/src",
             "relay/src",
         ],
         // Between the threads of Zenoh and the relay's own.
@@ -125,6 +128,7 @@ const BANS: [Ban; 5] = [
         paths: &[
             "bridge/src",
             "status/src",
+            "plans/src",
             "module-kit/src/rules.rs",
             "module-kit/src/manager.rs",
             "module-kit/src/completed.rs",

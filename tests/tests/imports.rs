@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 /// Folders of the crates.
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "bench",
     "bindings/c",
     "bridge",
@@ -14,6 +14,7 @@ const CRATES: [&str; 11] = [
     "dsp-sim",
     "ipc-types",
     "module-kit",
+    "plans",
     "ril",
     "runtime",
     "status",

@@ -1,11 +1,13 @@
 //! The command line of `ril`: what can be asked for.
 //!
 //! Everything is checked here, once; the commands get typed values. `request` has the arguments of commands that ask a module
-//! for something, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads coordinates, times and names. Nothing here talks to
+//! for something, `plan` those of plans, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads numbers, times and names, `length` altitudes and waypoints. Nothing here talks to
 //! another process.
 
 mod global;
+mod length;
 mod log;
+mod plan;
 mod preflight;
 mod relay;
 mod request;
@@ -27,8 +29,13 @@ use runtime::args::CommonArgs;
 
 use crate::demo;
 pub use global::{GlobalArgs, wants_json};
+pub use length::{Height, Target};
 pub use log::{
     LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogTailArgs,
+};
+pub use plan::{
+    HomeArg, PlanArgs, PlanCheckArgs, PlanCommand, PlanFileArgs, PlanFlyArgs, PlanLookArgs,
+    PlanShowArgs, ReferenceName,
 };
 pub use preflight::PreflightArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
@@ -119,6 +126,10 @@ impl Cli {
                 false => error,
             })?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        if let Command::Goto(goto) = &cli.command {
+            goto.targets()
+                .map_err(|text| command.error(ErrorKind::ValueValidation, text))?;
+        }
         Ok((cli, RobotChoice::of(&matches)))
     }
 }
@@ -158,6 +169,8 @@ pub enum Command {
     Hold(RequestArgs),
     /// Fly a path of one or more waypoints
     Goto(GotoArgs),
+    /// Check, show or fly a plan of QGroundControl, Mission Planner, GeoJSON, KML or GPX
+    Plan(PlanArgs),
     /// List, read or write the DSP's parameters (virtual ports)
     Param(ParamArgs),
     /// Manage the geofence

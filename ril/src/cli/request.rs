@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
-use ipc_types::payload::WaypointPosition;
 use runtime::args::CommonArgs;
 
 use super::EXIT_CODES;
-use super::value::{altitude, deadline_ms, duration, finite, module_name, port_key, waypoint};
+use super::length::{GotoWord, Target, goto_word, take_off_height, targets};
+use super::value::{deadline_ms, duration, finite, module_name, port_key};
 
 /// What every command takes that asks the bridge for something.
 #[derive(Args, Clone, Debug)]
@@ -59,13 +59,25 @@ pub struct ControlArgs {
 /// `ril takeoff`
 #[derive(Args, Clone, Debug)]
 pub struct TakeoffArgs {
-    /// Altitude over the point of take-off, in metres
-    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = altitude)]
-    pub altitude: f64,
+    /// Altitude over the point of take-off, such as 20m, 60ft, or 20 for metres
+    #[arg(value_name = "ALTITUDE", required_unless_present = "altitude", conflicts_with = "altitude",
+        allow_negative_numbers = true, value_parser = take_off_height)]
+    pub to: Option<f64>,
+
+    /// The same as an option
+    #[arg(long, value_name = "ALTITUDE", allow_hyphen_values = true, value_parser = take_off_height)]
+    pub altitude: Option<f64>,
 
     /// What every request takes.
     #[command(flatten)]
     pub request: RequestArgs,
+}
+
+impl TakeoffArgs {
+    /// Metres over the point of take-off. clap makes sure that there is one.
+    pub fn height_m(&self) -> f64 {
+        self.to.or(self.altitude).unwrap_or_default()
+    }
 }
 
 /// `ril land`
@@ -83,13 +95,14 @@ pub struct LandArgs {
 /// `ril goto`
 #[derive(Args, Clone, Debug)]
 pub struct GotoArgs {
-    /// Waypoints: latitude and longitude in degrees, altitude in metres with the zero of telemetry, such as
-    /// -37.5,-6.25,20
-    #[arg(required_unless_present = "file", value_name = "LAT,LON,ALT", value_parser = waypoint)]
-    pub waypoints: Vec<WaypointPosition>,
+    /// Waypoints, each LAT,LON,ALT without spaces, or one as LAT LON ALT: degrees, and an altitude with the zero of telemetry
+    /// (20m, 60ft, or 20 for metres) or over where the helicopter is now (+20m), such as -37.5,-6.25,20m
+    #[arg(required_unless_present = "file", value_name = "LAT,LON,ALT", allow_negative_numbers = true,
+        value_parser = goto_word)]
+    pub words: Vec<GotoWord>,
 
     /// Read the waypoints from a file, one LAT,LON,ALT a line; `#` begins a comment, - is standard input
-    #[arg(long, value_name = "FILE", conflicts_with = "waypoints")]
+    #[arg(long, value_name = "FILE", conflicts_with = "words")]
     pub file: Option<PathBuf>,
 
     /// Replace a path that is under way instead of being refused as busy
@@ -99,6 +112,17 @@ pub struct GotoArgs {
     /// What every request takes.
     #[command(flatten)]
     pub request: RequestArgs,
+}
+
+impl GotoArgs {
+    /// The waypoints of the command line.
+    ///
+    /// # Errors
+    ///
+    /// Words that are no waypoints together, as a clause.
+    pub fn targets(&self) -> Result<Vec<Target>, String> {
+        targets(&self.words)
+    }
 }
 
 /// `ril param`

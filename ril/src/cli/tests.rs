@@ -1,6 +1,5 @@
 //! The whole command line.
 
-use ipc_types::payload::WaypointPosition;
 use runtime::exit::ExitCode;
 
 use super::*;
@@ -43,20 +42,58 @@ fn negative_coordinates_and_options_after_them_are_both_understood() {
     let Ok(Command::Goto(goto)) = command else {
         panic!("{command:?}");
     };
-    let position = |latitude_deg, longitude_deg, altitude_m| WaypointPosition {
+    let position = |latitude_deg, longitude_deg, altitude_m| Target {
         latitude_deg,
         longitude_deg,
-        altitude_m,
+        altitude: Height::Over(altitude_m),
     };
     let expected = [
         position(-37.1, -6.0, 20.0),
         position(37.0, -0.5, -3.0),
         position(-0.5, 0.0, 10.0),
     ];
-    assert_eq!(goto.waypoints, expected);
+    assert_eq!(goto.targets().unwrap(), expected);
     assert!(goto.request.no_wait);
     assert_eq!(goto.request.ask.common.robot.get(), 7);
     assert_eq!(goto.request.ask.deadline, Some(50));
+}
+
+#[test]
+fn altitudes_have_units_and_stand_as_words_of_their_own() {
+    let goto = |arguments: &[&str]| match parse(&[&["goto"], arguments].concat()) {
+        Ok(Command::Goto(goto)) => goto.targets().unwrap(),
+        other => panic!("{other:?}"),
+    };
+    let target = |altitude| Target {
+        latitude_deg: 37.41,
+        longitude_deg: -6.01,
+        altitude,
+    };
+    for (arguments, altitude) in [
+        (&["37.41", "-6.01", "20m"][..], Height::Over(20.0)),
+        (&["37.41", "-6.01", "-5m"], Height::Over(-5.0)),
+        (&["37.41", "-6.01", "-5"], Height::Over(-5.0)),
+        (
+            &["37.41", "-6.01", "+20m", "--preempt"],
+            Height::OverHere(20.0),
+        ),
+        (&["37.41,-6.01,+20m"], Height::OverHere(20.0)),
+        (&["37.41,-6.01,100ft"], Height::Over(30.48)),
+    ] {
+        assert_eq!(goto(arguments), [target(altitude)], "{arguments:?}");
+    }
+    for arguments in [
+        &["takeoff", "20m"][..],
+        &["takeoff", "+20m"],
+        &["takeoff", "20"],
+        &["takeoff", "--altitude", "20m"],
+        &["takeoff", "--altitude=20"],
+    ] {
+        match parse(arguments) {
+            Ok(Command::Takeoff(args)) => assert_eq!(args.height_m(), 20.0, "{arguments:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 #[test]
@@ -131,7 +168,18 @@ fn parameters_are_named_or_numbered_and_take_negative_values() {
 
 #[test]
 fn a_usage_error_says_why() {
-    let cases: [(&[&str], &str); 31] = [
+    let cases: [(&[&str], &str); 36] = [
+        (&["goto", "37", "-6"], "LAT LON ALT"),
+        (&["goto", "37,-6,20", "-37"], "LAT LON ALT"),
+        (
+            &["takeoff", "20m", "--altitude", "20"],
+            "cannot be used with",
+        ),
+        (&["plan", "check"], "<FILE>"),
+        (
+            &["plan", "fly", "a.plan", "--home", "37"],
+            "home is LAT,LON or LAT,LON,ALT",
+        ),
         (&["goto"], "LAT,LON,ALT"),
         (&["goto", "37,-6"], "2 numbers, three are needed"),
         (&["goto", "37,-6,20,1"], "4 numbers"),

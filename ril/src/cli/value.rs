@@ -3,11 +3,11 @@
 use std::ffi::OsString;
 use std::time::Duration;
 
-use ipc_types::payload::WaypointPosition;
 use ipc_types::service::is_key;
 use runtime::duration::{self, Shown};
 
 use super::PortKey;
+use super::length::{Target, target};
 use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
 
 /// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
@@ -22,11 +22,11 @@ pub(super) fn protect_coordinates(args: impl IntoIterator<Item = OsString>) -> V
     args.into_iter().map(protect).collect()
 }
 
-/// A minus sign, a number, and a comma somewhere.
+/// A minus sign, a number, and a comma somewhere or a unit of length at the end.
 fn is_negative_coordinate(text: &str) -> bool {
     text.strip_prefix('-')
         .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
-        && text.contains(',')
+        && (text.contains(',') || text.ends_with('m') || text.ends_with("ft"))
 }
 
 /// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
@@ -34,12 +34,12 @@ fn is_negative_coordinate(text: &str) -> bool {
 /// # Errors
 ///
 /// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
-pub fn waypoints(text: &str) -> Result<Vec<WaypointPosition>, String> {
+pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
     let mut waypoints = Vec::new();
     for (index, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default().trim();
         if !line.is_empty() {
-            let read = waypoint(line).map_err(|reason| format!("line {}: {reason}", index + 1));
+            let read = target(line).map_err(|reason| format!("line {}: {reason}", index + 1));
             waypoints.push(read?);
         }
     }
@@ -73,25 +73,8 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
     number("value", text, f64::MAX)
 }
 
-/// Reads `LAT,LON,ALT`.
-pub(super) fn waypoint(text: &str) -> Result<WaypointPosition, String> {
-    const EXPECTED: &str = "a waypoint is LAT,LON,ALT, such as 37.41,-6.01,20";
-    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
-    let [latitude, longitude, altitude] = parts[..] else {
-        return Err(format!(
-            "{} numbers, three are needed: {EXPECTED}",
-            parts.len()
-        ));
-    };
-    Ok(WaypointPosition {
-        latitude_deg: number("latitude", latitude, 90.0)?,
-        longitude_deg: number("longitude", longitude, 180.0)?,
-        altitude_m: number("altitude", altitude, f64::MAX)?,
-    })
-}
-
 /// Reads a finite number of at most `limit`, either way.
-fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
+pub(super) fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if !number.is_finite() => Err(format!("the {what} `{text}` is not finite")),
         Ok(number) if number.abs() > limit => Err(format!(
@@ -99,14 +82,6 @@ fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
         )),
         Ok(number) => Ok(number),
         Err(_) => Err(format!("the {what} `{text}` is not a number")),
-    }
-}
-
-/// Reads the altitude of a take-off. Its upper limit is the DSP's, which the bridge knows.
-pub(super) fn altitude(text: &str) -> Result<f64, String> {
-    match number("altitude", text, f64::MAX)? {
-        altitude if altitude > 0.0 => Ok(altitude),
-        _ => Err("the altitude of a take-off is greater than 0".to_owned()),
     }
 }
 
@@ -141,10 +116,15 @@ fn within(duration: Duration, [least, most]: [Duration; 2]) -> Result<Duration, 
 
 #[cfg(test)]
 mod tests {
+    use super::super::length::Height;
     use super::*;
 
     #[test]
     fn only_waypoints_are_protected() {
+        for text in ["-37,6,2", "-.5,1,2", "-5m", "-16.5ft"] {
+            let protected = protect_coordinates([OsString::from(text)]);
+            assert_eq!(protected, [format!(" {text}").as_str()], "{text}");
+        }
         for text in ["-v", "--robot", "-1", "37,-6,2", "-x,1,2", "", "-"] {
             let protected = protect_coordinates([OsString::from(text)]);
             assert_eq!(protected, [text], "{text}");
@@ -177,10 +157,10 @@ mod tests {
 
     #[test]
     fn a_file_has_a_waypoint_a_line_and_comments() {
-        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,1e1 # the corner\n";
+        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,+1e1 # the corner\n";
         let read = waypoints(text).unwrap();
-        let altitudes: Vec<f64> = read.iter().map(|waypoint| waypoint.altitude_m).collect();
-        assert_eq!(altitudes, [20.0, 10.0]);
+        let altitudes: Vec<Height> = read.iter().map(|waypoint| waypoint.altitude).collect();
+        assert_eq!(altitudes, [Height::Over(20.0), Height::OverHere(10.0)]);
         for (text, expected) in [
             (
                 "37,-6,20\n\n91,0,0\n",

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use ipc_types::payload::RequestReport;
-use ipc_types::{Client, MonotonicNs, Request, SendError};
+use ipc_types::{Client, MonotonicNs, Request, SendError, Source};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::exchange::{Exchange, Next, Outcome, Progress, Until};
@@ -34,6 +34,19 @@ impl Format {
             false => Format::Text,
         }
     }
+}
+
+/// Something that a command looks at while it follows a request.
+pub(super) trait Companion {
+    /// What wakes it.
+    fn source(&mut self) -> &mut dyn Source;
+
+    /// Takes what is there.
+    ///
+    /// # Errors
+    ///
+    /// What ends the command.
+    fn look(&mut self) -> Result<(), Failure>;
 }
 
 /// A command's conversations with the bridge over one service.
@@ -93,11 +106,29 @@ impl<'a, R: Request> Conversation<'a, R> {
         until: Until,
         format: Format,
     ) -> Result<Option<RequestReport>, Failure> {
+        self.hold_beside(requests, until, format, None)
+    }
+
+    /// The same, beside a companion, which looks whenever the command wakes, and once before the end.
+    ///
+    /// # Errors
+    ///
+    /// As [`Conversation::hold`], and what the companion fails with.
+    pub fn hold_beside(
+        &mut self,
+        requests: &[R],
+        until: Until,
+        format: Format,
+        mut companion: Option<&mut dyn Companion>,
+    ) -> Result<Option<RequestReport>, Failure> {
         let ids = requests.iter().map(Request::request_id);
         let mut exchange = Exchange::new(ids, until, self.timeout);
         loop {
             let now = MonotonicNs::now();
             self.receive(&mut exchange, requests.len(), format, now)?;
+            if let Some(companion) = &mut companion {
+                companion.look()?;
+            }
             match exchange.next(now) {
                 Next::Over(outcome) => return self.judge(outcome, requests.len()),
                 _ if self.session.termination.requested() => {
@@ -107,7 +138,12 @@ impl<'a, R: Request> Conversation<'a, R> {
                     self.send(&requests[index])?;
                     exchange.sent(now);
                 }
-                Next::Wait(until) => self.session.wait([&mut self.client as _], until)?,
+                Next::Wait(until) => {
+                    let client: &mut dyn Source = &mut self.client;
+                    let beside = companion.as_mut().map(|companion| companion.source());
+                    self.session
+                        .wait([client].into_iter().chain(beside), until)?;
+                }
             }
         }
     }

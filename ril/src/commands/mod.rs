@@ -9,6 +9,8 @@ pub mod log;
 pub mod measure;
 mod output_pipe;
 pub mod param;
+pub mod plan;
+mod position;
 pub mod preflight;
 pub mod relay;
 pub mod relay_report;

@@ -5,6 +5,7 @@
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+use std::time::Duration;
 
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, MovementData, WaypointPosition};
@@ -13,10 +14,12 @@ use runtime::exit::Failure;
 
 use super::conversation::{Conversation, Format};
 use super::exchange::Until;
+use super::position::present_position;
 use super::robot::refuse_to_guess;
 use super::{Session, configuration, preflight};
 use crate::cli::{
-    self, ControlArgs, FenceCommand, GotoArgs, LandArgs, RequestArgs, RobotChoice, TakeoffArgs,
+    self, ControlArgs, FenceCommand, GotoArgs, Height, LandArgs, RequestArgs, RobotChoice,
+    TakeoffArgs, Target,
 };
 use crate::messages::Verb;
 
@@ -66,8 +69,8 @@ pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure>
 ///
 /// As [`start`].
 pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> {
-    let request = MovementData::take_off(fresh_request_id(), args.altitude);
-    movement(Verb::TakeOff, vec![request], false, &args.request, choice)
+    let request = MovementData::take_off(fresh_request_id(), args.height_m());
+    movement(Verb::TakeOff, request, false, &args.request, choice)
 }
 
 /// `ril land`
@@ -77,13 +80,7 @@ pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> 
 /// As [`start`].
 pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
     let request = MovementData::land(fresh_request_id());
-    movement(
-        Verb::Land,
-        vec![request],
-        args.preempt,
-        &args.request,
-        choice,
-    )
+    movement(Verb::Land, request, args.preempt, &args.request, choice)
 }
 
 /// `ril hold`, which always replaces a path that is under way.
@@ -93,7 +90,7 @@ pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
 /// As [`start`].
 pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
     let request = MovementData::hold(fresh_request_id());
-    movement(Verb::Hold, vec![request], true, args, choice)
+    movement(Verb::Hold, request, true, args, choice)
 }
 
 /// `ril goto`
@@ -102,14 +99,50 @@ pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
 ///
 /// As [`start`]; code 2 also when the file of waypoints cannot be read or is wrong.
 pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
-    let from_file = args.file.as_deref().map(read_waypoints).transpose()?;
-    let waypoints = from_file.as_ref().unwrap_or(&args.waypoints);
-    let requests = MovementData::path(fresh_request_id(), waypoints, fresh_request_id).collect();
-    movement(Verb::GoTo, requests, args.preempt, &args.request, choice)
+    let targets = match &args.file {
+        Some(file) => read_waypoints(file)?,
+        None => args.targets().map_err(Failure::usage)?,
+    };
+    run(
+        Verb::GoTo,
+        MovementData::KEY,
+        &args.request,
+        choice,
+        |session, timeout, deadline_ms| {
+            let waypoints = absolute(&targets, session, timeout)?;
+            let path = MovementData::path(fresh_request_id(), &waypoints, fresh_request_id);
+            Ok(path
+                .map(|request| MovementData {
+                    deadline_ms,
+                    preempt: u16::from(args.preempt),
+                    ..request
+                })
+                .collect())
+        },
+    )
+}
+
+/// The waypoints with the zero of telemetry. Where the helicopter is, is asked once, and only if it matters.
+fn absolute(
+    targets: &[Target],
+    session: &Session,
+    timeout: Duration,
+) -> Result<Vec<WaypointPosition>, Failure> {
+    let is_relative = |target: &Target| matches!(target.altitude, Height::OverHere(_));
+    let here_m = match targets.iter().any(is_relative) {
+        true => present_position(session, timeout)?.at.altitude_m,
+        false => 0.0,
+    };
+    let waypoint = |target: &Target| WaypointPosition {
+        latitude_deg: target.latitude_deg,
+        longitude_deg: target.longitude_deg,
+        altitude_m: target.altitude.from(here_m),
+    };
+    Ok(targets.iter().map(waypoint).collect())
 }
 
 /// Reads a file of waypoints; `-` is standard input.
-fn read_waypoints(path: &Path) -> Result<Vec<WaypointPosition>, Failure> {
+fn read_waypoints(path: &Path) -> Result<Vec<Target>, Failure> {
     let name = path.display();
     let mut text = String::new();
     // One byte more than allowed tells a file that is too long.
@@ -154,39 +187,44 @@ fn control(
     args: &RequestArgs,
     choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, key, args, choice, |deadline_ms| {
-        vec![ModuleControl {
+    run(verb, key, args, choice, |_, _, deadline_ms| {
+        Ok(vec![ModuleControl {
             deadline_ms,
             ..ModuleControl::new(fresh_request_id(), command)
-        }]
+        }])
     })
 }
 
-/// Sends a movement. `preempt` is set in all waypoints of a path; that of the last one counts.
+/// Sends a movement of one request.
 fn movement(
     verb: Verb,
-    requests: Vec<MovementData>,
+    request: MovementData,
     preempt: bool,
     args: &RequestArgs,
     choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, MovementData::KEY, args, choice, |deadline_ms| {
-        let complete = |request| MovementData {
-            deadline_ms,
-            preempt: u16::from(preempt),
-            ..request
-        };
-        requests.into_iter().map(complete).collect()
-    })
+    run(
+        verb,
+        MovementData::KEY,
+        args,
+        choice,
+        |_, _, deadline_ms| {
+            Ok(vec![MovementData {
+                deadline_ms,
+                preempt: u16::from(preempt),
+                ..request
+            }])
+        },
+    )
 }
 
-/// Runs one command over the service `key`; `with_deadline` gives its requests once the deadline is known.
+/// Runs one command over the service `key`; `requests` gives its requests once the timeout and the deadline, ms, are known.
 fn run<R: Request>(
     verb: Verb,
     key: &'static str,
     args: &RequestArgs,
     choice: RobotChoice,
-    with_deadline: impl FnOnce(u32) -> Vec<R>,
+    requests: impl FnOnce(&Session, Duration, u32) -> Result<Vec<R>, Failure>,
 ) -> Result<(), Failure> {
     let ask = &args.ask;
     let Some(config) = configuration(&ask.common)? else {
@@ -197,8 +235,9 @@ fn run<R: Request>(
     if key == ModuleControl::KEY && verb == Verb::Start {
         preflight::warn(&session, &ask.common, &config)?;
     }
-    let requests = with_deadline(ask.deadline.unwrap_or(config.request.deadline_ms));
     let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
+    let deadline_ms = ask.deadline.unwrap_or(config.request.deadline_ms);
+    let requests = requests(&session, timeout, deadline_ms)?;
     let until = match args.no_wait {
         true => Until::Accepted,
         false => Until::Final,

@@ -1,0 +1,531 @@
+//! From a plan to what the helicopter does: take-offs, paths, hovers and landings, in order.
+//!
+//! What the helicopter offers: a vertical take-off to a height, paths of waypoints whose altitude has the zero of telemetry, a
+//! cruise speed, hovering, and landing on the spot. An item that needs anything else is a finding, never left out in silence.
+
+use bridge::flight::arrival::{distance_m, ground_distance_m};
+use bridge::flight::assembly::MAX_WAYPOINTS;
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::Geographic;
+
+use crate::finding::{Finding, Findings};
+use crate::model::{Action, Altitude, Item, OtherKind, Plan, Position};
+use crate::site::{Site, Start};
+
+/// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
+/// as reached.
+const SAME_PLACE_M: f64 = 1.1;
+
+/// The least height of a take-off that is made up where the plan has none, m: what the DSP takes.
+const LEAST_TAKE_OFF_M: f64 = 0.5;
+
+/// What the helicopter does at once.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Take off vertically.
+    TakeOff {
+        /// The item; nothing for the take-off that the operator asked for.
+        item: Option<u32>,
+        /// Over the point of take-off, m.
+        height_m: f64,
+    },
+    /// Fly a path, at most [`MAX_WAYPOINTS`]; afterwards the helicopter hovers.
+    Path(Vec<PathPoint>),
+    /// Hover.
+    Wait {
+        /// The item.
+        item: u32,
+        /// Seconds.
+        duration_s: f64,
+    },
+    /// Set the cruise speed.
+    Speed {
+        /// The item.
+        item: u32,
+        /// m/s.
+        speed_mps: f64,
+    },
+    /// Land vertically.
+    Land {
+        /// The item.
+        item: u32,
+    },
+}
+
+/// A waypoint of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathPoint {
+    /// The item that it belongs to.
+    pub item: u32,
+    /// As the DSP gets it; the altitude has the zero of telemetry.
+    pub waypoint: Waypoint,
+}
+
+/// A straight way between two points, of all paths together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// From 1, of the whole flight.
+    pub number: u32,
+    /// The item that it leads to.
+    pub item: u32,
+    /// Which step it belongs to, from 0.
+    pub step: usize,
+    /// Where it begins.
+    pub from: Waypoint,
+    /// Where it ends.
+    pub to: Waypoint,
+    /// Where the helicopter is when its path is sent.
+    pub path_start: Waypoint,
+}
+
+impl Leg {
+    /// Along the ground and up or down, m.
+    pub fn length_m(&self) -> f64 {
+        distance_m(&self.from, &self.to)
+    }
+}
+
+/// A plan as the helicopter flies it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flight {
+    /// In order.
+    pub steps: Vec<Step>,
+    /// In order.
+    pub legs: Vec<Leg>,
+    /// What could not be turned into steps, and what the operator must know of it.
+    pub findings: Findings,
+}
+
+impl Flight {
+    /// What `plan` becomes at `site`.
+    pub fn new(plan: &Plan, site: &Site) -> Flight {
+        let (here, is_flying) = match site.start {
+            Start::Ground(at) => (at, false),
+            Start::Flying(at) => (at, true),
+        };
+        let mut builder = Builder {
+            site,
+            here,
+            is_flying,
+            has_landed: false,
+            path: Vec::new(),
+            path_start: here,
+            flight: Flight {
+                steps: Vec::new(),
+                legs: Vec::new(),
+                findings: Findings::default(),
+            },
+        };
+        builder.build(plan);
+        builder.flight
+    }
+
+    /// The items that steps stand for.
+    pub fn is_flown(&self, item: u32) -> bool {
+        self.steps.iter().any(|step| match step {
+            Step::TakeOff { item: of, .. } => *of == Some(item),
+            Step::Path(points) => points.iter().any(|point| point.item == item),
+            Step::Wait { item: of, .. }
+            | Step::Speed { item: of, .. }
+            | Step::Land { item: of } => *of == item,
+        })
+    }
+}
+
+/// Metres along the ground.
+pub fn ground_m(from: &Waypoint, to: &Waypoint) -> f64 {
+    let from = Geographic {
+        latitude_deg: from.latitude_deg,
+        longitude_deg: from.longitude_deg,
+        altitude_m: from.altitude_m,
+    };
+    ground_distance_m(&from, to)
+}
+
+/// As it travels to the DSP: in steps of 10⁻⁷ degrees and 1 mm.
+pub fn quantised(at: Waypoint) -> Waypoint {
+    let round = |value: f64, steps: f64| (value * steps).round() / steps;
+    Waypoint {
+        latitude_deg: round(at.latitude_deg, 1e7),
+        longitude_deg: round(at.longitude_deg, 1e7),
+        altitude_m: round(at.altitude_m, 1e3),
+    }
+}
+
+struct Builder<'a> {
+    site: &'a Site,
+    here: Waypoint,
+    is_flying: bool,
+    has_landed: bool,
+    path: Vec<PathPoint>,
+    path_start: Waypoint,
+    flight: Flight,
+}
+
+impl Builder<'_> {
+    fn build(&mut self, plan: &Plan) {
+        self.left_out(plan);
+        let (skipped, items) = plan
+            .items
+            .split_at((self.site.from.max(1) as usize - 1).min(plan.items.len()));
+        self.speed_so_far(skipped);
+        let mut items = items.iter();
+        for item in items.by_ref() {
+            if self.site.take_off_m.is_some() && !self.has_landed && !self.is_flying {
+                self.take_off_in_front(item);
+            }
+            self.item(item);
+            if let Action::Hold {
+                duration_s: None, ..
+            } = item.action
+            {
+                break;
+            }
+        }
+        self.finish_path();
+        for item in items {
+            self.find(
+                Finding::warns(
+                    "not-reached",
+                    "comes after an item that hovers for ever, where the flight ends",
+                )
+                .remedy("`ril plan fly --from ITEM` flies on from there")
+                .item(item.number),
+            );
+        }
+    }
+
+    fn left_out(&mut self, plan: &Plan) {
+        for part in &plan.left_out {
+            let finding = match part.kind {
+                OtherKind::Payload => Finding::warns("not-used", &part.what),
+                OtherKind::Flight => Finding::forbids("not-possible", &part.what)
+                    .remedy("take it out of the file, or say in the file what it is"),
+            };
+            self.find(finding);
+        }
+    }
+
+    /// A flight that begins in the middle has the speed that the items before ask for.
+    fn speed_so_far(&mut self, skipped: &[Item]) {
+        let last = skipped.iter().rev().find_map(|item| match item.action {
+            Action::Speed { speed_mps } => Some((item.number, speed_mps)),
+            _ => None,
+        });
+        if let Some((item, speed_mps)) = last {
+            self.flight.steps.push(Step::Speed { item, speed_mps });
+        }
+    }
+
+    fn item(&mut self, item: &Item) {
+        for ignored in &item.ignored {
+            let text = format!("asks for {ignored}, which is not done");
+            self.find(Finding::warns("not-done", text).item(item.number));
+        }
+        match &item.action {
+            Action::TakeOff { position, altitude } => self.take_off(item, *position, *altitude),
+            Action::Waypoint {
+                position,
+                altitude,
+                hold_s,
+            } => {
+                self.go_to(item, *position, *altitude);
+                self.wait(item, Some(*hold_s));
+            }
+            Action::Hold {
+                position,
+                altitude,
+                duration_s,
+            } => self.hold(item, *position, *altitude, *duration_s),
+            Action::Speed { speed_mps } => {
+                self.finish_path();
+                self.flight.steps.push(Step::Speed {
+                    item: item.number,
+                    speed_mps: *speed_mps,
+                });
+            }
+            Action::ReturnToLaunch => self.return_to_launch(item),
+            Action::Land { position } => self.land(item, *position),
+            Action::Other { name, kind } => self.other(item, name, *kind),
+        }
+    }
+
+    fn other(&mut self, item: &Item, name: &str, kind: OtherKind) {
+        let finding = match kind {
+            OtherKind::Payload => Finding::warns("not-done", format!("{name} is not done")),
+            OtherKind::Flight => Finding::forbids(
+                "not-possible",
+                format!("{name} is nothing that the helicopter can do"),
+            )
+            .remedy("take the item out of the plan"),
+        };
+        self.find(finding.item(item.number));
+    }
+
+    /// The take-off of `--takeoff`, unless the plan begins with one, or with something that needs none.
+    fn take_off_in_front(&mut self, item: &Item) {
+        let Some(height_m) = self.site.take_off_m else {
+            return;
+        };
+        if matches!(
+            item.action,
+            Action::Waypoint { .. }
+                | Action::Hold { .. }
+                | Action::ReturnToLaunch
+                | Action::Land { .. }
+        ) {
+            self.climb(None, height_m);
+        }
+    }
+
+    fn climb(&mut self, item: Option<u32>, height_m: f64) {
+        self.flight.steps.push(Step::TakeOff { item, height_m });
+        self.here = Waypoint {
+            altitude_m: self.here.altitude_m + height_m,
+            ..self.here
+        };
+        self.is_flying = true;
+    }
+
+    fn take_off(&mut self, item: &Item, position: Option<Position>, altitude: Altitude) {
+        if self.is_flying {
+            self.find(
+                Finding::forbids(
+                    "already-flying",
+                    "takes off, but the helicopter is in the air then",
+                )
+                .remedy(format!(
+                    "begin with the next item: `--from {}`",
+                    item.number + 1
+                ))
+                .item(item.number),
+            );
+            return;
+        }
+        let Some(altitude_m) = self.resolve(item, altitude) else {
+            return;
+        };
+        if self.has_landed {
+            self.find(
+                Finding::warns(
+                    "second-take-off",
+                    "takes off again: the ground there is taken to be as high as home",
+                )
+                .item(item.number),
+            );
+        }
+        self.climb(Some(item.number), altitude_m - self.here.altitude_m);
+        if let Some(position) = position {
+            let there = at(position, altitude_m);
+            if ground_m(&self.here, &there) > SAME_PLACE_M {
+                self.fly_to(item, there);
+            }
+        }
+    }
+
+    fn go_to(&mut self, item: &Item, position: Position, altitude: Altitude) {
+        let Some(altitude_m) = self.resolve(item, altitude) else {
+            return;
+        };
+        let there = at(position, altitude_m);
+        self.must_fly(item, &there);
+        self.fly_to(item, there);
+    }
+
+    fn hold(
+        &mut self,
+        item: &Item,
+        position: Option<Position>,
+        altitude: Option<Altitude>,
+        duration_s: Option<f64>,
+    ) {
+        let altitude_m = match altitude {
+            Some(altitude) => match self.resolve(item, altitude) {
+                Some(altitude_m) => altitude_m,
+                None => return,
+            },
+            None => self.here.altitude_m,
+        };
+        let there = match position {
+            Some(position) => at(position, altitude_m),
+            None => Waypoint {
+                altitude_m,
+                ..self.here
+            },
+        };
+        self.must_fly(item, &there);
+        if distance_m(&self.here, &there) > SAME_PLACE_M {
+            self.fly_to(item, there);
+        }
+        self.wait(item, duration_s);
+    }
+
+    /// Straight home at the present altitude, then down.
+    fn return_to_launch(&mut self, item: &Item) {
+        let there = Waypoint {
+            altitude_m: self.here.altitude_m,
+            ..self.site.home
+        };
+        self.must_fly(item, &there);
+        self.find(
+            Finding::warns(
+                "return",
+                "returns home in a straight line, as high as the item before it, and lands",
+            )
+            .item(item.number),
+        );
+        if ground_m(&self.here, &there) > SAME_PLACE_M {
+            self.fly_to(item, there);
+        }
+        self.touch_down(item);
+    }
+
+    fn land(&mut self, item: &Item, position: Option<Position>) {
+        let here = self.here;
+        self.must_fly(item, &here);
+        if let Some(position) = position {
+            let there = at(position, self.here.altitude_m);
+            if ground_m(&self.here, &there) > SAME_PLACE_M {
+                self.fly_to(item, there);
+            }
+        }
+        self.touch_down(item);
+    }
+
+    fn touch_down(&mut self, item: &Item) {
+        self.finish_path();
+        self.flight.steps.push(Step::Land { item: item.number });
+        self.is_flying = false;
+        self.has_landed = true;
+        self.here.altitude_m = self.site.home.altitude_m;
+    }
+
+    /// A hover between two paths; for ever is only the end of the path.
+    fn wait(&mut self, item: &Item, duration_s: Option<f64>) {
+        match duration_s {
+            Some(duration_s) if duration_s > 0.0 => {
+                self.finish_path();
+                self.flight.steps.push(Step::Wait {
+                    item: item.number,
+                    duration_s,
+                });
+            }
+            _ => {}
+        }
+    }
+
+    /// What is flown must be in the air. Where the plan forgets the take-off, the legs are judged as if it were above home, as
+    /// high as the first place.
+    fn must_fly(&mut self, item: &Item, there: &Waypoint) {
+        if self.is_flying {
+            return;
+        }
+        let finding = if self.has_landed {
+            Finding::forbids("not-flying", "needs the air, but follows a landing")
+                .remedy("put a take-off in front of it")
+        } else if self.site.is_for_flight {
+            Finding::forbids(
+                "not-flying",
+                "needs the air, but the helicopter stands on the ground",
+            )
+            .remedy("let it take off first: `--takeoff 20m`")
+        } else {
+            Finding::warns(
+                "not-flying",
+                "needs the air, and the plan has no take-off before it",
+            )
+            .remedy("fly it with `--takeoff 20m`, or from the air")
+        };
+        self.find(finding.item(item.number));
+        let least_m = self.site.home.altitude_m + LEAST_TAKE_OFF_M;
+        self.here.altitude_m = there.altitude_m.max(least_m);
+        self.is_flying = true;
+    }
+
+    fn fly_to(&mut self, item: &Item, to: Waypoint) {
+        if self.path.len() == MAX_WAYPOINTS {
+            self.find(
+                Finding::warns(
+                    "path-divided",
+                    format!("is waypoint {} of a path, of which the bridge takes {MAX_WAYPOINTS}: the helicopter stops before it", MAX_WAYPOINTS + 1),
+                )
+                .item(item.number),
+            );
+            self.finish_path();
+        }
+        if self.path.is_empty() {
+            self.path_start = self.here;
+        }
+        let to = quantised(to);
+        self.flight.legs.push(Leg {
+            number: self.flight.legs.len() as u32 + 1,
+            item: item.number,
+            step: self.flight.steps.len(),
+            from: self.here,
+            to,
+            path_start: self.path_start,
+        });
+        self.path.push(PathPoint {
+            item: item.number,
+            waypoint: to,
+        });
+        self.here = to;
+    }
+
+    fn finish_path(&mut self) {
+        if !self.path.is_empty() {
+            let path = std::mem::take(&mut self.path);
+            self.flight.steps.push(Step::Path(path));
+        }
+    }
+
+    /// The altitude with the zero of telemetry, m; nothing, and a finding, when the file does not give it.
+    fn resolve(&mut self, item: &Item, altitude: Altitude) -> Option<f64> {
+        let finding = match altitude {
+            Altitude::AboveTakeOff(metres) => return Some(self.site.home.altitude_m + metres),
+            Altitude::AboveSea(metres) => {
+                self.sea_level(item);
+                return Some(metres - self.site.zero_above_sea_m.unwrap_or(0.0));
+            }
+            Altitude::AboveTerrain(_) => Finding::forbids(
+                "above-terrain",
+                "has an altitude above terrain, which the helicopter does not know",
+            )
+            .remedy("give altitudes above take-off or above sea level"),
+            Altitude::Unstated(Some(_)) => Finding::forbids(
+                "altitude-reference",
+                "has an altitude, and the file does not say above what",
+            )
+            .remedy("say it: `--altitude-is take-off` or `--altitude-is sea`"),
+            Altitude::Unstated(None) => Finding::forbids("altitude-missing", "has no altitude")
+                .remedy("say it: `--altitude 30m` for all items without one, above take-off"),
+        };
+        self.find(finding.item(item.number));
+        None
+    }
+
+    fn sea_level(&mut self, item: &Item) {
+        if self.site.zero_above_sea_m.is_none() {
+            self.find(
+                Finding::warns(
+                    "sea-level",
+                    "has an altitude above sea level, which is taken for telemetry's",
+                )
+                .remedy("check it against the altitude that telemetry shows at a known place; `[plan] zero_above_sea_m` in ril.toml")
+                .item(item.number),
+            );
+        }
+    }
+
+    fn find(&mut self, finding: Finding) {
+        self.flight.findings.push(finding);
+    }
+}
+
+fn at(position: Position, altitude_m: f64) -> Waypoint {
+    Waypoint {
+        latitude_deg: position.latitude_deg,
+        longitude_deg: position.longitude_deg,
+        altitude_m,
+    }
+}

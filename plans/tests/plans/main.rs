@@ -1,0 +1,7 @@
+//! Files of each format written by hand, mistakes in them, files that were mutated at random, and the parser of pymavlink.
+
+mod checks;
+mod files;
+mod mistakes;
+mod mutations;
+mod pymavlink;

@@ -1,0 +1,206 @@
+//! Altitudes and waypoints of the command line: `20`, `20m`, `60ft`, `+20m`.
+
+use super::value::number;
+
+/// Metres in a foot, exactly.
+const FOOT_M: f64 = 0.3048;
+
+/// An altitude as the operator gives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Height {
+    /// Metres over the zero that the command names.
+    Over(f64),
+    /// Metres over where the helicopter is now, from a plus sign in front.
+    OverHere(f64),
+}
+
+impl Height {
+    /// The altitude in metres over the command's zero, when the helicopter is at `here_m` over it.
+    pub fn from(self, here_m: f64) -> f64 {
+        match self {
+            Height::Over(metres) => metres,
+            Height::OverHere(metres) => here_m + metres,
+        }
+    }
+}
+
+/// A waypoint of `ril goto`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Degrees to the north.
+    pub latitude_deg: f64,
+    /// Degrees to the east.
+    pub longitude_deg: f64,
+    /// The zero is telemetry's.
+    pub altitude: Height,
+}
+
+/// One word of `ril goto`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GotoWord {
+    /// `LAT,LON,ALT`
+    Target(Target),
+    /// `LAT`, `LON` or `ALT`.
+    Single {
+        /// As a coordinate, if the word is one.
+        coordinate: Option<f64>,
+        /// As an altitude.
+        altitude: Height,
+    },
+}
+
+/// Reads a length in metres: a number, and `m` or `ft` behind it, without a space.
+fn metres(what: &str, text: &str) -> Result<f64, String> {
+    let (digits, unit_m) = match (text.strip_suffix("ft"), text.strip_suffix('m')) {
+        (Some(digits), _) => (digits, FOOT_M),
+        (None, Some(digits)) => (digits, 1.0),
+        (None, None) => (text, 1.0),
+    };
+    number(what, digits.trim_end(), f64::MAX).map(|value| value * unit_m)
+}
+
+/// Reads an altitude: `20`, `20m`, `60ft`, or `+20m` over where the helicopter is.
+pub(super) fn height(text: &str) -> Result<Height, String> {
+    match text.trim().strip_prefix('+') {
+        Some(rest) if rest.starts_with(['+', '-']) => {
+            Err(format!("the altitude `{text}` has two signs"))
+        }
+        Some(rest) => metres("altitude", rest).map(Height::OverHere),
+        None => metres("altitude", text.trim()).map(Height::Over),
+    }
+}
+
+/// Reads the altitude of a take-off. On the ground it is the same over here and over the point of take-off. Its upper limit is the
+/// DSP's, which the bridge knows.
+pub(super) fn take_off_height(text: &str) -> Result<f64, String> {
+    match height(text)?.from(0.0) {
+        metres if metres > 0.0 => Ok(metres),
+        _ => Err("the altitude of a take-off is greater than 0".to_owned()),
+    }
+}
+
+/// Reads `LAT,LON,ALT`.
+pub(super) fn target(text: &str) -> Result<Target, String> {
+    const EXPECTED: &str = "a waypoint is LAT,LON,ALT, such as 37.41,-6.01,20m";
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    let [latitude, longitude, altitude] = parts[..] else {
+        return Err(format!(
+            "{} numbers, three are needed: {EXPECTED}",
+            parts.len()
+        ));
+    };
+    Ok(Target {
+        latitude_deg: number("latitude", latitude, 90.0)?,
+        longitude_deg: number("longitude", longitude, 180.0)?,
+        altitude: height(altitude)?,
+    })
+}
+
+/// Reads one word of `ril goto`.
+pub(super) fn goto_word(text: &str) -> Result<GotoWord, String> {
+    if text.contains(',') {
+        return target(text).map(GotoWord::Target);
+    }
+    Ok(GotoWord::Single {
+        coordinate: text.trim().parse().ok().filter(|value: &f64| value.is_finite()),
+        altitude: height(text).map_err(|_| {
+            format!("`{text}` is neither LAT,LON,ALT nor a number: a waypoint is 37.41,-6.01,20m or 37.41 -6.01 20m")
+        })?,
+    })
+}
+
+/// The waypoints of all words: each of them one, or three of them together.
+pub(super) fn targets(words: &[GotoWord]) -> Result<Vec<Target>, String> {
+    let whole = words.iter().map(|word| match word {
+        GotoWord::Target(target) => Some(*target),
+        GotoWord::Single { .. } => None,
+    });
+    if let Some(targets) = whole.collect() {
+        return Ok(targets);
+    }
+    let [
+        GotoWord::Single {
+            coordinate: Some(latitude_deg),
+            ..
+        },
+        GotoWord::Single {
+            coordinate: Some(longitude_deg),
+            ..
+        },
+        GotoWord::Single { altitude, .. },
+    ] = *words
+    else {
+        return Err(
+            "give each waypoint as LAT,LON,ALT without spaces, or one waypoint as LAT LON ALT, such as 37.41 -6.01 20m"
+                .to_owned(),
+        );
+    };
+    let in_range = |what: &str, value: f64, limit| number(what, &value.to_string(), limit);
+    Ok(vec![Target {
+        latitude_deg: in_range("latitude", latitude_deg, 90.0)?,
+        longitude_deg: in_range("longitude", longitude_deg, 180.0)?,
+        altitude,
+    }])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn altitudes_have_units_and_may_be_relative() {
+        for (text, expected) in [
+            ("20", Height::Over(20.0)),
+            ("20m", Height::Over(20.0)),
+            ("20 m", Height::Over(20.0)),
+            ("100ft", Height::Over(30.48)),
+            ("-5m", Height::Over(-5.0)),
+            ("+20m", Height::OverHere(20.0)),
+            ("+100ft", Height::OverHere(30.48)),
+        ] {
+            assert_eq!(height(text), Ok(expected), "{text}");
+        }
+        for (text, expected) in [
+            ("", "`` is not a number"),
+            ("m", "`` is not a number"),
+            ("20km", "`20k` is not a number"),
+            ("20mm", "`20m` is not a number"),
+            ("+-20m", "two signs"),
+            ("++2", "two signs"),
+            ("infm", "not finite"),
+        ] {
+            let error = height(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+        assert_eq!(Height::OverHere(20.0).from(12.5), 32.5);
+        assert_eq!(Height::Over(20.0).from(12.5), 20.0);
+        assert!(take_off_height("0ft").is_err());
+    }
+
+    #[test]
+    fn one_waypoint_may_be_three_words() {
+        let parse = |words: &[&str]| -> Result<Vec<Target>, String> {
+            let words: Result<Vec<_>, _> = words.iter().map(|word| goto_word(word)).collect();
+            targets(&words?)
+        };
+        let expected = Target {
+            latitude_deg: -37.5,
+            longitude_deg: -6.25,
+            altitude: Height::OverHere(3.0),
+        };
+        assert_eq!(parse(&["-37.5", "-6.25", "+3m"]), Ok(vec![expected]));
+        assert_eq!(parse(&["-37.5,-6.25,+3m"]), Ok(vec![expected]));
+        for (words, expected) in [
+            (&["37", "-6"][..], "LAT LON ALT"),
+            (&["37", "-6", "20", "37"], "LAT LON ALT"),
+            (&["37,-6,20", "37"], "LAT LON ALT"),
+            (&["37m", "-6", "20"], "LAT LON ALT"),
+            (&["97", "-6", "20"], "the latitude 97 is out of range"),
+            (&["37", "-186", "20"], "the longitude -186 is out of range"),
+            (&["north", "-6", "20"], "`north` is neither"),
+        ] {
+            let error = parse(words).unwrap_err();
+            assert!(error.contains(expected), "{words:?}: {error}");
+        }
+    }
+}

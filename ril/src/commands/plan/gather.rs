@@ -1,0 +1,276 @@
+//! What is known when a plan is checked: the robot if it runs, the configurations, and what the operator says.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bridge::BridgeConfig;
+use dsp_protocol::{Waypoint, port};
+use ipc_types::code::{LinkState, SafetyAction};
+use ipc_types::payload::{ModuleState, ParameterRequest};
+use ipc_types::{MonotonicNs, Subscriber, Topic, fresh_request_id};
+use plans::Plan;
+use plans::check::{check, configured};
+use plans::finding::{Finding, Severity};
+use plans::flight::Flight;
+use plans::site::{Endurance, HomeSource, Site, Start};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::super::Session;
+use super::super::conversation::{Conversation, Format};
+use super::super::exchange::Until;
+use super::super::position::{Present, present_position};
+use crate::cli::{HomeArg, PlanFileArgs};
+use crate::config::PlanConfig;
+use crate::messages::Verb;
+
+/// The file that is read when none is named; it may be absent.
+const BRIDGE_FILE: &str = "bridge.toml";
+
+/// A plan with all that is known about it.
+pub struct Known {
+    /// As its file has it, and as the operator says.
+    pub plan: Plan,
+    /// What it is flown from.
+    pub site: Site,
+    /// What the helicopter does.
+    pub flight: Flight,
+    /// Speed and endurance.
+    pub endurance: Endurance,
+    /// The configuration of the bridge, and its file.
+    pub rules: Option<(BridgeConfig, PathBuf)>,
+    /// What the robot says, if it runs.
+    pub robot: Option<Robot>,
+    /// All findings, the most severe first.
+    pub findings: Vec<Finding>,
+}
+
+/// What a robot says of itself.
+pub struct Robot {
+    /// The bridge's state.
+    pub state: ModuleState,
+    /// Where it is, if telemetry says so.
+    pub present: Option<Present>,
+    /// The DSP's cruise speed, m/s.
+    pub cruise_speed_mps: Option<f64>,
+}
+
+/// Gathers it. Without a session no robot is asked. `is_for_flight` makes a robot necessary.
+///
+/// # Errors
+///
+/// Code 78 when `bridge.toml` is wrong; for a flight 3 and 4 when the robot says nothing.
+pub fn gather(
+    plan: Plan,
+    args: &PlanFileArgs,
+    config: &PlanConfig,
+    session: Option<&Session>,
+    timeout: Duration,
+    is_for_flight: bool,
+) -> Result<Known, Failure> {
+    let loaded =
+        runtime::config::load::<BridgeConfig>(args.bridge.as_deref(), Path::new(BRIDGE_FILE))?;
+    let rules = loaded.file.map(|file| (loaded.value, file));
+    let robot = match session {
+        Some(session) => robot(session, timeout, is_for_flight)?,
+        None => None,
+    };
+    let site = site(&plan, args, config, robot.as_ref(), is_for_flight);
+    let endurance = endurance(
+        config,
+        robot.as_ref(),
+        rules.as_ref().map(|(rules, _)| rules),
+    );
+    let flight = Flight::new(&plan, &site);
+    let rules_in_force = rules.as_ref().map(|(rules, _)| rules);
+    let mut findings = check(&plan, &flight, &site, rules_in_force, &endurance);
+    if let Some(robot) = &robot {
+        findings.extend(of_robot(robot, rules_in_force, is_for_flight));
+    }
+    findings.sort_by_key(|finding| finding.severity);
+    Ok(Known {
+        plan,
+        site,
+        flight,
+        endurance,
+        rules,
+        robot,
+        findings,
+    })
+}
+
+/// What the robot says; nothing when none runs and none is needed.
+fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option<Robot>, Failure> {
+    if !is_needed && !session.is_provided(ModuleState::KEY)? {
+        return Ok(None);
+    }
+    let Some(state) = newest_state(session, timeout)? else {
+        let failure = session.nothing_came(ModuleState::KEY, timeout)?;
+        return if is_needed { Err(failure) } else { Ok(None) };
+    };
+    let is_up = state.link.state() == Some(LinkState::Up);
+    let present = match present_position(session, timeout) {
+        Ok(present) => Some(present),
+        // A movement would be refused, with the reason.
+        Err(failure) if is_needed && is_up => return Err(failure),
+        Err(_) => None,
+    };
+    let cruise_speed_mps = match is_up {
+        true => cruise_speed(session, timeout),
+        false => None,
+    };
+    Ok(Some(Robot {
+        state,
+        present,
+        cruise_speed_mps,
+    }))
+}
+
+fn newest_state(session: &Session, timeout: Duration) -> Result<Option<ModuleState>, Failure> {
+    let mut states: Subscriber<ModuleState> =
+        session.ipc.subscriber().or_fail(ExitCode::Internal)?;
+    let give_up = MonotonicNs::now() + timeout;
+    loop {
+        if let Some(state) = states.latest().or_fail(ExitCode::Internal)? {
+            return Ok(Some(state));
+        }
+        if session.termination.requested() || MonotonicNs::now() >= give_up {
+            return Ok(None);
+        }
+        session.wait([&mut states as _], Some(give_up))?;
+    }
+}
+
+/// What the DSP's port has; nothing when it cannot be read now, which changes no more than the times that are shown.
+fn cruise_speed(session: &Session, timeout: Duration) -> Option<f64> {
+    let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
+    let report = Conversation::open(session, Verb::GetParameter, timeout)
+        .and_then(|mut bridge| bridge.hold(&[request], Until::Final, Format::Silent));
+    match report {
+        Ok(report) => report?.value().filter(|speed| *speed > 0.0),
+        Err(failure) => {
+            tracing::debug!(chain = ?failure.chain(), "the cruise speed cannot be read");
+            None
+        }
+    }
+}
+
+fn site(
+    plan: &Plan,
+    args: &PlanFileArgs,
+    config: &PlanConfig,
+    robot: Option<&Robot>,
+    is_for_flight: bool,
+) -> Site {
+    let present = robot.and_then(|robot| robot.present);
+    let zero_above_sea_m = config.zero_above_sea_m.unwrap_or(0.0);
+    let (home, home_source) = home(plan, args.home, present, zero_above_sea_m);
+    Site {
+        home,
+        home_source,
+        start: match present {
+            Some(present) if present.is_flying => Start::Flying(present.at),
+            Some(present) => Start::Ground(present.at),
+            None => Start::Ground(home),
+        },
+        zero_above_sea_m: config.zero_above_sea_m,
+        take_off_m: args.takeoff,
+        from: args.from,
+        is_for_flight,
+    }
+}
+
+/// The point of take-off: what the operator says, where the robot stands, what the plan's author expected.
+fn home(
+    plan: &Plan,
+    asked: Option<HomeArg>,
+    present: Option<Present>,
+    zero_above_sea_m: f64,
+) -> (Waypoint, HomeSource) {
+    let on_ground = present.filter(|present| !present.is_flying);
+    let planned = plan.planned_home.map(|home| Waypoint {
+        latitude_deg: home.position.latitude_deg,
+        longitude_deg: home.position.longitude_deg,
+        altitude_m: home.above_sea_m.unwrap_or(0.0) - zero_above_sea_m,
+    });
+    if let Some(asked) = asked {
+        let known_m = on_ground.map(|present| present.at).or(planned);
+        let home = Waypoint {
+            latitude_deg: asked.latitude_deg,
+            longitude_deg: asked.longitude_deg,
+            altitude_m: asked
+                .altitude_m
+                .or(known_m.map(|known| known.altitude_m))
+                .unwrap_or(0.0),
+        };
+        return (home, HomeSource::Operator);
+    }
+    if let Some(present) = on_ground {
+        return (present.at, HomeSource::Robot);
+    }
+    // A robot in the air has taken off somewhere, and the plan does not know where.
+    if let (Some(planned), None) = (planned, present) {
+        return (planned, HomeSource::Plan);
+    }
+    let first = plan.items.iter().find_map(|item| item.action.position());
+    let below_first = first.map_or(Waypoint::default(), |first| Waypoint {
+        latitude_deg: first.latitude_deg,
+        longitude_deg: first.longitude_deg,
+        altitude_m: 0.0,
+    });
+    (below_first, HomeSource::Assumed)
+}
+
+fn endurance(
+    config: &PlanConfig,
+    robot: Option<&Robot>,
+    rules: Option<&BridgeConfig>,
+) -> Endurance {
+    let of_rules = |port| rules.and_then(|rules| configured(rules, port));
+    Endurance {
+        cruise_speed_mps: config
+            .cruise_speed_mps
+            .or(robot.and_then(|robot| robot.cruise_speed_mps))
+            .or_else(|| of_rules(port::CRUISE_SPEED_MPS)),
+        climb_speed_mps: of_rules(port::CLIMB_SPEED_MPS),
+        endurance_s: config.endurance_s,
+        reserve_s: config.reserve_s,
+    }
+}
+
+/// What the robot says against the flight: a rule that is broken now, and a fence that is not the one of the file.
+fn of_robot(robot: &Robot, rules: Option<&BridgeConfig>, is_for_flight: bool) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let safety = &robot.state.safety;
+    let is_severe = safety
+        .action()
+        .is_some_and(|action| action != SafetyAction::Warn);
+    if let Some(rule) = safety.rule().filter(|_| is_severe) {
+        let severity = match is_for_flight {
+            true => Severity::Forbids,
+            false => Severity::Warns,
+        };
+        let text = format!("the robot breaks the safety rule {rule} now");
+        findings.push(Finding::new(severity, "robot-safety", text).remedy("`ril state` shows it"));
+    }
+    let areas = rules.map(|rules| rules.fence.areas() as u32);
+    if areas.is_some_and(|areas| areas != safety.fence_areas) {
+        let text = format!(
+            "the robot's fence has {} areas in force, and the file that was read has {}",
+            safety.fence_areas,
+            areas.unwrap_or_default()
+        );
+        let remedy =
+            "name the file that the robot's bridge reads (`--bridge FILE`), or `ril fence reload`";
+        findings.push(Finding::not_checked("robot-fence", text).remedy(remedy));
+    }
+    if robot.present.is_none() {
+        findings.push(
+            Finding::not_checked(
+                "robot-position",
+                "the robot runs, but does not say where it is",
+            )
+            .remedy("`ril state` shows its link and its telemetry"),
+        );
+    }
+    findings
+}
