@@ -7,6 +7,8 @@
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
+//! * [`pilot`]: what a pilot asks first, of the newest telemetry;
+//! * [`watch`]: what `ril watch` knows and shows;
 //! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
 //! `ril bridge`, `ril status` and `ril sim` are those crates' own command lines; `ril relay` is a program of its own,
@@ -34,6 +36,8 @@ pub mod fields;
 pub mod live;
 pub mod measure;
 pub mod messages;
+pub mod pilot;
+pub mod watch;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -70,6 +74,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
         Command::State(args) => state::state(&args),
+        Command::Watch(args) => commands::watch::watch(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),

@@ -10,6 +10,7 @@ mod request;
 mod tests;
 mod topic;
 mod value;
+mod watch;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -30,6 +31,7 @@ pub use topic::{
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
 };
 pub use value::waypoints;
+pub use watch::WatchArgs;
 use value::{protect_coordinates, seconds};
 
 /// What each exit code means, for the end of the help.
@@ -129,6 +131,8 @@ pub enum Command {
     Fence(FenceArgs),
     /// Show the state of the module, the link, the DSP, the safety rules and telemetry
     State(StateArgs),
+    /// Watch one or several robots on a terminal, and order hold, land and stop from it
+    Watch(WatchArgs),
     /// Print samples as they come
     Echo(EchoArgs),
     /// Measure how often samples come and how often they are published, and count the lost ones

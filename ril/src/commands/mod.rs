@@ -15,6 +15,7 @@ pub mod state;
 pub mod state_report;
 mod stream;
 pub mod topic;
+pub mod watch;
 pub mod watch_timeout;
 
 use std::io::Write;

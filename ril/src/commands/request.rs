@@ -155,11 +155,25 @@ fn control(
     choice: RobotChoice,
 ) -> Result<(), Failure> {
     run(verb, key, args, choice, |deadline_ms| {
-        vec![ModuleControl {
-            deadline_ms,
-            ..ModuleControl::new(fresh_request_id(), command)
-        }]
+        vec![control_request(command, deadline_ms)]
     })
+}
+
+/// A start, a stop or a reload, to be begun within `deadline_ms`.
+pub(super) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
+    ModuleControl {
+        deadline_ms,
+        ..ModuleControl::new(fresh_request_id(), command)
+    }
+}
+
+/// `request` to be begun within `deadline_ms`; says also whether it replaces a path that is under way.
+pub(super) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
+    MovementData {
+        deadline_ms,
+        preempt: u16::from(preempt),
+        ..request
+    }
 }
 
 /// Sends a movement. `preempt` is set in all waypoints of a path; that of the last one counts.
@@ -171,12 +185,10 @@ fn movement(
     choice: RobotChoice,
 ) -> Result<(), Failure> {
     run(verb, MovementData::KEY, args, choice, |deadline_ms| {
-        let complete = |request| MovementData {
-            deadline_ms,
-            preempt: u16::from(preempt),
-            ..request
-        };
-        requests.into_iter().map(complete).collect()
+        let requests = requests.into_iter();
+        requests
+            .map(|request| complete(request, preempt, deadline_ms))
+            .collect()
     })
 }
 
