@@ -61,7 +61,7 @@ pub fn hero(east_m: f64, altitude_m: f64, ms: u64) -> HeroTelemetry {
         received_ns: at(ms).0,
         published_ns: at(ms).0,
         valid_groups: 0xffff,
-        flying: u32::from(altitude_m > 15.5),
+        flying: u32::from(altitude_m > 15.0),
         gps_quality: 4,
         ..HeroTelemetry::default()
     };

@@ -280,8 +280,8 @@ impl Robot {
             self.journal
                 .add(now, Weight::Note, "the bridge was started again");
         }
-        self.note_activity(Some(before), state, now);
         self.note_movement(before, state, now);
+        self.note_activity(Some(before), state, now);
         if before.link.state() != state.link.state() && state.link.state() == Some(LinkState::Up) {
             self.journal.add(now, Weight::Note, "link to the DSP up");
         }

@@ -26,8 +26,8 @@ fn a_flight_is_told_in_order() {
         "at rest",
         "taking off",
         "in the air",
-        "flying the path",
         "order: path of 3 waypoints",
+        "flying the path",
         "waypoint 1 of 3 reached",
     ];
     let robot = flown();

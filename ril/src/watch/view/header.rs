@@ -50,7 +50,7 @@ pub(super) fn draw(robot: &Robot, clock: Clock, area: Rect, buffer: &mut Buffer)
         let style = if switch == ipc_types::code::PilotSwitch::Auto { GOOD } else { WARNING };
         put(buffer, area, x + 2, &format!("switch {switch}"), style);
     }
-    let time = format!(" {} UTC ", clock.time_of_day(clock.now));
+    let time = format!(" {}Z", clock.time_of_day(clock.now));
     put_right(buffer, area, &time, Style::new());
 }
 

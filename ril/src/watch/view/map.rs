@@ -5,12 +5,13 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::{Marker, border};
 use ratatui::text::Span;
-use ratatui::widgets::canvas::{Canvas, Context, Line, Points};
+use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
 
 use super::{Glyphs, OLD, TITLE, put};
 use crate::pilot::Place;
 use crate::watch::app::{App, Zoom};
+use crate::watch::model::Robot;
 use crate::watch::track::offset_m;
 
 /// Least width and height of what is shown, m: a robot that stands still is not drawn larger than its error.
@@ -80,19 +81,21 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let extent = Extent::around(&shown(app, origin), inner.width, inner.height);
     let wide_m = extent.east_m[1] - extent.east_m[0];
     let title = format!(" {}: {wide_m:.0} m wide, north up ", app.zoom().name());
-    let dot = glyphs.pick("·", ".");
-    let track = glyphs.pick("⠶", "*");
-    let legend = format!(" #x fence  {dot} path  {track} track  H take-off ");
-    let canvas = Canvas::default()
-        .block(
-            block
-                .title(Span::styled(title, TITLE))
-                .title_bottom(Span::styled(legend, OLD)),
-        )
-        .x_bounds(extent.east_m)
-        .y_bounds(extent.north_m)
-        .paint(|context| paint(app, origin, glyphs, context));
-    canvas.render(area, buffer);
+    let (dot, dots) = (glyphs.pick("·", "."), glyphs.pick("⠶", "*"));
+    let legend = format!(" #x fence {dot} path {dots} track H home ");
+    block
+        .title(Span::styled(title, TITLE))
+        .title_bottom(Span::styled(legend, OLD))
+        .render(area, buffer);
+    let mut sheet = Sheet {
+        origin,
+        extent,
+        inner,
+        buffer,
+    };
+    sheet.chart(app, glyphs);
+    sheet.track(robot, glyphs);
+    sheet.marks(app, glyphs);
 }
 
 /// The places that the map must show.
@@ -114,65 +117,101 @@ fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     places.iter().map(|place| offset_m(origin, *place)).collect()
 }
 
-/// Draws from what lies below to what lies above.
-fn paint(app: &App, origin: Place, glyphs: Glyphs, context: &mut Context<'_>) {
-    let robot = app.robot();
-    let at = |place: &Place| offset_m(origin, *place);
-    for area in &app.chart().fence {
-        let (letter, colour) = match area.is_inclusion {
-            true => ('#', Color::Yellow),
-            false => ('x', Color::Red),
-        };
-        context.marker(Marker::Custom(letter));
-        let corners: Vec<(f64, f64)> = area.corners.iter().map(at).collect();
-        let next = corners.iter().cycle().skip(1);
-        for (from, to) in corners.iter().zip(next) {
-            context.draw(&line(*from, *to, colour));
-        }
-    }
-    let path: Vec<(f64, f64)> = app.chart().path.iter().map(at).collect();
-    context.marker(Marker::Custom(glyphs.pick('·', '.')));
-    for leg in path.windows(2) {
-        context.draw(&line(leg[0], leg[1], Color::Cyan));
-    }
-    let track: Vec<(f64, f64)> = robot.track().iter().map(at).collect();
-    context.marker(glyphs.pick(Marker::Braille, Marker::Custom('*')));
-    context.draw(&Points {
-        coords: &track,
-        color: Color::Green,
-    });
-    for leg in track.windows(2) {
-        context.draw(&line(leg[0], leg[1], Color::Green));
-    }
-    context.layer();
-    marks(app, origin, glyphs, context);
+/// The inside of the map's frame, and which part of the world it shows.
+struct Sheet<'a> {
+    origin: Place,
+    extent: Extent,
+    inner: Rect,
+    buffer: &'a mut Buffer,
 }
 
-/// Take-off, waypoints, and the robot itself.
-fn marks(app: &App, origin: Place, glyphs: Glyphs, context: &mut Context<'_>) {
-    let robot = app.robot();
-    let mut mark = |place: &Place, text: String, style: Style| {
-        let (east, north) = offset_m(origin, *place);
-        context.print(east, north, Span::styled(text, style));
-    };
-    if let Some(home) = robot.home() {
-        mark(&home.place, "H".to_owned(), TITLE);
+impl Sheet<'_> {
+    /// Fence and path of the files, which lie below all else.
+    fn chart(&mut self, app: &App, glyphs: Glyphs) {
+        for area in &app.chart().fence {
+            let (letter, colour) = match area.is_inclusion {
+                true => ("#", Color::Yellow),
+                false => ("x", Color::Red),
+            };
+            let closed: Vec<Place> = area.corners.iter().chain(area.corners.first()).copied().collect();
+            self.lines(&closed, Some(letter), colour);
+        }
+        self.lines(&app.chart().path, Some(glyphs.pick("·", ".")), Color::Cyan);
     }
-    for (index, place) in app.chart().path.iter().enumerate() {
-        let style = Style::new().fg(Color::Cyan).add_modifier(Modifier::BOLD);
-        mark(place, (index + 1).to_string(), style);
+
+    fn track(&mut self, robot: &Robot, glyphs: Glyphs) {
+        self.lines(robot.track(), glyphs.pick(None, Some("*")), Color::Green);
     }
-    for place in robot.reached() {
-        mark(place, "o".to_owned(), Style::new().fg(Color::Cyan));
+
+    /// Joins `places`: with `letter`, or without one with Braille dots.
+    fn lines(&mut self, places: &[Place], letter: Option<&str>, colour: Color) {
+        let at = |place: &Place| offset_m(self.origin, *place);
+        let points: Vec<(f64, f64)> = places.iter().map(at).collect();
+        let canvas = Canvas::default()
+            .marker(Marker::Braille)
+            .x_bounds(self.extent.east_m)
+            .y_bounds(self.extent.north_m)
+            .paint(|context| {
+                for leg in points.windows(2) {
+                    context.draw(&line(leg[0], leg[1], colour));
+                }
+            });
+        // Letters stand where dots would: so all lines are drawn to the same grid.
+        let mut dots = Buffer::empty(self.inner);
+        canvas.render(self.inner, &mut dots);
+        for position in self.inner.positions() {
+            let symbol = dots[position].symbol();
+            if symbol != " " && symbol != "\u{2800}" {
+                let cell = &mut self.buffer[position];
+                cell.set_symbol(letter.unwrap_or(symbol));
+                cell.set_style(Style::new().fg(colour));
+            }
+        }
     }
-    if let Some(place) = robot.pilot().place {
+
+    /// Take-off, waypoints, and the robot itself.
+    fn marks(&mut self, app: &App, glyphs: Glyphs) {
+        let robot = app.robot();
+        let waypoint = Style::new().fg(Color::Cyan).add_modifier(Modifier::BOLD);
+        if let Some(home) = robot.home() {
+            self.mark(&home.place, "H", TITLE);
+        }
+        for place in robot.reached() {
+            self.mark(place, "o", waypoint);
+        }
+        for (index, place) in app.chart().path.iter().enumerate() {
+            self.mark(place, &(index + 1).to_string(), waypoint);
+        }
         let pilot = robot.pilot();
-        let direction = pilot.heading_deg.or(pilot.course_deg);
-        let style = Style::new()
-            .fg(Color::Magenta)
-            .add_modifier(Modifier::BOLD)
-            .add_modifier(Modifier::REVERSED);
-        mark(&place, arrow(direction, glyphs).to_owned(), style);
+        if let Some(place) = pilot.place {
+            let direction = pilot.heading_deg.or(pilot.course_deg);
+            let style = Style::new()
+                .fg(Color::Magenta)
+                .add_modifier(Modifier::BOLD)
+                .add_modifier(Modifier::REVERSED);
+            self.mark(&place, arrow(direction, glyphs), style);
+        }
+    }
+
+    /// Writes `text` where the dot of `place` would be.
+    fn mark(&mut self, place: &Place, text: &str, style: Style) {
+        let (east, north) = offset_m(self.origin, *place);
+        let dot = |value: f64, bounds: [f64; 2], dots: u16| {
+            let part = (value - bounds[0]) / (bounds[1] - bounds[0]);
+            (0.0..=1.0).contains(&part).then(|| (part * (f64::from(dots) - 1.0)).round() as u16)
+        };
+        let (width, height) = (self.inner.width, self.inner.height);
+        let from_top = [-self.extent.north_m[1], -self.extent.north_m[0]];
+        let column = dot(east, self.extent.east_m, width.saturating_mul(2));
+        let row = dot(-north, from_top, height.saturating_mul(4));
+        if let (Some(column), Some(row)) = (column, row) {
+            let row = Rect {
+                y: self.inner.y + row / 4,
+                height: 1,
+                ..self.inner
+            };
+            put(self.buffer, row, column / 2, text, style);
+        }
     }
 }
 

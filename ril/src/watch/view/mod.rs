@@ -25,7 +25,7 @@ pub const MIN_WIDTH: u16 = 80;
 pub const MIN_HEIGHT: u16 = 24;
 
 /// Lines of values of the robot in detail.
-const VALUES: u16 = 12;
+const VALUES: u16 = 13;
 
 /// Least lines of the journal, its title included.
 const MIN_LOG: u16 = 4;

@@ -1,6 +1,8 @@
 //! The values of the robot in detail, a line each.
 
-use ipc_types::code::{LinkState, MovementKind};
+use std::borrow::Cow;
+
+use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -13,7 +15,7 @@ use crate::watch::history::History;
 use crate::watch::model::{Process, Robot};
 
 /// Width of the names, characters.
-const NAMES: u16 = 10;
+const NAMES: u16 = 9;
 
 /// An altitude that changes by less than this over a sparkline is drawn as level, m.
 const LEAST_CLIMB_M: f64 = 2.0;
@@ -26,14 +28,21 @@ pub(super) fn draw(app: &App, clock: Clock, glyphs: Glyphs, area: Rect, buffer: 
     let robot = app.robot();
     let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
     let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
-    let mut lines = Lines { buffer, area, y: 0 };
+    let mut lines = Lines {
+        buffer,
+        area,
+        glyphs,
+        y: 0,
+    };
     lines.value("altitude", telemetry, &altitude(robot));
-    lines.sparkline(robot.altitude(), LEAST_CLIMB_M, glyphs);
+    lines.sparkline(robot.altitude(), LEAST_CLIMB_M);
     lines.value("speed", telemetry, &speed(robot));
-    lines.sparkline(robot.speed(), LEAST_CHANGE_MPS, glyphs);
+    lines.sparkline(robot.speed(), LEAST_CHANGE_MPS);
     lines.value("position", telemetry, &position(robot));
     lines.value("path", bridge, &path(robot));
     lines.value("supply", telemetry, &supply(robot));
+    let (text, style) = switch(robot);
+    lines.styled("switch", telemetry, text, style);
     let gps = robot.pilot().gps;
     let fix = gps.map_or("-".to_owned(), |gps| gps.to_string());
     lines.value("GPS", telemetry, &fix);
@@ -51,6 +60,7 @@ pub(super) fn draw(app: &App, clock: Clock, glyphs: Glyphs, area: Rect, buffer: 
 struct Lines<'a> {
     buffer: &'a mut Buffer,
     area: Rect,
+    glyphs: Glyphs,
     y: u16,
 }
 
@@ -75,25 +85,29 @@ impl Lines<'_> {
         let row = self.row();
         put(self.buffer, row, 0, name, TITLE);
         if !is_fresh {
-            put(self.buffer, row, NAMES - 1, "?", WARNING);
+            put(self.buffer, row, NAMES, "?", WARNING);
         }
-        put(self.buffer, row, NAMES + 1, text, style);
+        let text = match self.glyphs {
+            Glyphs::Unicode => Cow::Borrowed(text),
+            Glyphs::Ascii => Cow::Owned(text.replace('°', "")),
+        };
+        put(self.buffer, row, NAMES + 2, &text, style);
     }
 
-    fn sparkline(&mut self, history: &History, least_range: f64, glyphs: Glyphs) {
+    fn sparkline(&mut self, history: &History, least_range: f64) {
         const BARS: [&str; 8] = ["▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
         const ASCII: [&str; 8] = ["_", "_", ".", ".", "-", "-", "=", "#"];
         let row = self.row();
-        let width = row.width.saturating_sub(NAMES + 1);
+        let width = row.width.saturating_sub(NAMES + 2);
         let bars = history.bars(width.into(), BARS.len() as u64, least_range);
         let text: String = bars
             .into_iter()
             .map(|bar| match bar.and_then(|bar| usize::try_from(bar).ok()) {
-                Some(bar) => glyphs.pick(BARS, ASCII)[bar.clamp(1, BARS.len()) - 1],
+                Some(bar) => self.glyphs.pick(BARS, ASCII)[bar.clamp(1, BARS.len()) - 1],
                 None => " ",
             })
             .collect();
-        put(self.buffer, row, NAMES + 1, &text, GOOD);
+        put(self.buffer, row, NAMES + 2, &text, GOOD);
     }
 }
 
@@ -156,6 +170,14 @@ fn supply(robot: &Robot) -> String {
     if parts.is_empty() { "-".to_owned() } else { parts.join(", ") }
 }
 
+fn switch(robot: &Robot) -> (&'static str, Style) {
+    match robot.pilot().switch {
+        Some(PilotSwitch::Auto) => ("auto: the DSP flies", GOOD),
+        Some(PilotSwitch::Manual) => ("manual: the pilot flies", WARNING),
+        _ => ("-", OLD),
+    }
+}
+
 fn dsp_link(robot: &Robot, clock: Clock) -> (String, Style) {
     let Some(state) = robot.last_state() else {
         return ("-".to_owned(), OLD);
@@ -200,7 +222,7 @@ fn status(robot: &Robot, clock: Clock) -> (String, Style) {
 
 fn relay(robot: &Robot, clock: Clock) -> (String, Style) {
     if !robot.is_relayed() {
-        return ("none, the robot is on this machine".to_owned(), OLD);
+        return ("none: the robot is on this host".to_owned(), OLD);
     }
     let Some(link) = robot.last_relay() else {
         return ("link unknown".to_owned(), WARNING);
