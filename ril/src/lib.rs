@@ -13,6 +13,9 @@
 //! * [`log`]: logs of flights, read and summed up;
 //! * [`wait`]: conditions of a robot that a script waits for;
 //! * [`robots`]: the robots of a user, as a table.
+//! * [`pilot`]: what a pilot asks first, of the newest telemetry;
+//! * [`watch`]: what `ril watch` knows and shows;
+//! * [`fields`]: the fields of samples by name, and which of them mean something.
 //!
 //! `ril run bridge`, `ril run status` and `ril run sim` are those crates' own command lines; `ril relay` is a program of its own,
 //! `ril-relay`, which it starts. Nothing here decides what the helicopter
@@ -41,9 +44,11 @@ pub mod live;
 pub mod log;
 pub mod measure;
 pub mod messages;
+pub mod pilot;
 pub mod preflight;
 pub mod robots;
 pub mod wait;
+pub mod watch;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -127,6 +132,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
             habit::refuse_the_configuration_of_a_process(&args.common)?;
             state::state(&args)
         }
+        Command::Watch(args) => commands::watch::watch(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),

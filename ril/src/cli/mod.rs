@@ -17,6 +17,7 @@ mod tests;
 mod topic;
 mod value;
 mod wait;
+mod watch;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -51,6 +52,7 @@ pub use topic::{
 pub use value::waypoints;
 use value::{duration, protect_coordinates};
 pub use wait::WaitArgs;
+pub use watch::WatchArgs;
 
 /// What each exit code means, for the end of the help.
 pub const EXIT_CODES: &str = "\
@@ -178,6 +180,8 @@ pub enum Command {
     /// Show the state of the module, the link, the DSP, the safety rules and telemetry
     #[command(visible_alias = "state")]
     Status(StateArgs),
+    /// Watch one or several robots on a terminal, and order hold, land and stop from it
+    Watch(WatchArgs),
     /// Print samples as they come
     Echo(EchoArgs),
     /// Measure how often samples come and how often they are published, and count the lost ones

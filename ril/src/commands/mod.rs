@@ -24,6 +24,7 @@ pub mod state_report;
 mod stream;
 pub mod topic;
 pub mod wait;
+pub mod watch;
 pub mod watch_timeout;
 
 use std::io::Write;

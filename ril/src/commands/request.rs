@@ -112,11 +112,7 @@ pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
             let waypoints = absolute(&targets, session, timeout)?;
             let path = MovementData::path(fresh_request_id(), &waypoints, fresh_request_id);
             Ok(path
-                .map(|request| MovementData {
-                    deadline_ms,
-                    preempt: u16::from(args.preempt),
-                    ..request
-                })
+                .map(|request| complete(request, args.preempt, deadline_ms))
                 .collect())
         },
     )
@@ -188,11 +184,25 @@ fn control(
     choice: RobotChoice,
 ) -> Result<(), Failure> {
     run(verb, key, args, choice, |_, _, deadline_ms| {
-        Ok(vec![ModuleControl {
-            deadline_ms,
-            ..ModuleControl::new(fresh_request_id(), command)
-        }])
+        Ok(vec![control_request(command, deadline_ms)])
     })
+}
+
+/// A start, a stop or a reload, to be begun within `deadline_ms`.
+pub(super) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
+    ModuleControl {
+        deadline_ms,
+        ..ModuleControl::new(fresh_request_id(), command)
+    }
+}
+
+/// `request` to be begun within `deadline_ms`; says also whether it replaces a path that is under way.
+pub(super) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
+    MovementData {
+        deadline_ms,
+        preempt: u16::from(preempt),
+        ..request
+    }
 }
 
 /// Sends a movement of one request.
@@ -208,13 +218,7 @@ fn movement(
         MovementData::KEY,
         args,
         choice,
-        |_, _, deadline_ms| {
-            Ok(vec![MovementData {
-                deadline_ms,
-                preempt: u16::from(preempt),
-                ..request
-            }])
-        },
+        |_, _, deadline_ms| Ok(vec![complete(request, preempt, deadline_ms)]),
     )
 }
 

@@ -12,6 +12,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::super::conversation::{Companion, Conversation, Format};
 use super::super::exchange::Until;
+use super::super::request::complete;
 use super::super::robot::refuse_to_guess;
 use super::super::{Session, configuration, json_line};
 use super::gather::{Known, gather};
@@ -236,11 +237,10 @@ impl Flyer<'_> {
 
     fn with_deadline(&self, requests: Vec<MovementData>) -> Vec<MovementData> {
         let deadline_ms = self.deadline_ms;
-        let complete = |request| MovementData {
-            deadline_ms,
-            ..request
-        };
-        requests.into_iter().map(complete).collect()
+        let requests = requests.into_iter();
+        requests
+            .map(|request| complete(request, false, deadline_ms))
+            .collect()
     }
 
     /// In text the steps are told, not the reports about each waypoint.

@@ -91,19 +91,28 @@ fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<Known>, Failu
     Ok(Some(known))
 }
 
-/// Reads a plan, and says of it what the command line says.
-fn read(args: &PlanFileArgs) -> Result<Plan, Failure> {
-    let name = args.file.display();
+/// Reads the file of a plan.
+///
+/// # Errors
+///
+/// Code 2 when the file cannot be read, or is no plan.
+pub(super) fn read_file(file: &Path) -> Result<Plan, Failure> {
+    let name = file.display();
     let mut bytes = Vec::new();
     // One byte more than allowed tells a file that is too long.
-    File::open(&args.file)
+    File::open(file)
         .and_then(|file| {
             let limit = MAX_FILE_BYTES as u64 + 1;
             file.take(limit).read_to_end(&mut bytes)
         })
         .map_err(|error| Failure::usage(format!("{name}: cannot be read: {error}")))?;
-    let mut plan = plans::read(&args.file, &bytes)
-        .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
+    plans::read(file, &bytes).map_err(|error| Failure::usage(format!("{name}: {error}")))
+}
+
+/// Reads a plan, and says of it what the command line says.
+fn read(args: &PlanFileArgs) -> Result<Plan, Failure> {
+    let name = args.file.display();
+    let mut plan = read_file(&args.file)?;
     if args.from as usize > plan.items.len().max(1) {
         return Err(Failure::usage(format!(
             "--from {}: {name} has {} items; `ril plan show {name}` lists them",
