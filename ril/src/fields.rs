@@ -12,6 +12,7 @@ use std::fmt;
 use ipc_types::Schema;
 use ipc_types::schema::{Field, Kind, Leaf, Message, Value as Number};
 use runtime::config::nearest;
+use runtime::exit::Failure;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
 
@@ -32,6 +33,16 @@ pub struct UnknownField {
     name: String,
     suggestions: Vec<String>,
     known: Vec<String>,
+}
+
+/// A path of fields without the `[3]` of arrays.
+fn without_indices(path: &str) -> String {
+    let parts = path.split('[').enumerate();
+    let kept = parts.map(|(index, part)| match index {
+        0 => part,
+        _ => part.split_once(']').map_or("", |(_, rest)| rest),
+    });
+    kept.collect()
 }
 
 /// What may have been meant, or else what there is.
@@ -63,6 +74,27 @@ impl Selection {
                 })
             }
         }
+    }
+
+    /// The same with the failure of a command that was asked for a field which the topic `key` does not have.
+    ///
+    /// # Errors
+    ///
+    /// Code 2, with what may have been meant and where all fields are listed.
+    pub fn of_topic(schema: &Schema, names: &[String], key: &str) -> Result<Selection, Failure> {
+        Selection::of(schema, names).map_err(|error| {
+            Failure::usage(error).with_next_step(format!("`ril topic info {key}` lists all fields"))
+        })
+    }
+
+    /// Whether the field `path` of a description was chosen, where the first element of an array stands for all.
+    pub fn is_about(&self, path: &str) -> bool {
+        let path = without_indices(path);
+        let is_under = |name: &String| {
+            let name = without_indices(name);
+            is_at_or_under(&path, &name) || is_at_or_under(&name, &path)
+        };
+        self.is_everything() || self.names.iter().any(is_under)
     }
 
     /// Whether all fields were chosen.
@@ -445,6 +477,24 @@ mod tests {
             let error = Selection::of(&schema, &["xy".to_owned(), name.to_owned()]);
             let error = error.unwrap_err().to_string();
             assert!(error.contains(expected), "{name}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_description_is_about_the_chosen_fields_and_what_they_lie_in() {
+        let chosen = |names: &[&str]| Selection {
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+        };
+        for (names, path, expected) in [
+            (&["cells[2]"][..], "cells", true),
+            (&["cells[2]"], "cells[0].level", true),
+            (&["cells[2].level"], "cells[0].flags", false),
+            (&["attitude"], "attitude.yaw_deg", true),
+            (&["attitude.yaw_deg"], "attitude", true),
+            (&["attitude"], "sequence", false),
+            (&[], "sequence", true),
+        ] {
+            assert_eq!(chosen(names).is_about(path), expected, "{names:?} {path}");
         }
     }
 

@@ -73,7 +73,7 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
         );
         check_text(seed, &report.to_string());
         let shown = serde_json::to_value(&report).unwrap();
-        let age = &shown["dsp"]["age_s"];
+        let age = &shown["dsp"]["age_ms"];
         match dsp.received_ns <= NOW.0 {
             true => assert!(age.is_number(), "seed {seed}"),
             false => assert!(
@@ -175,7 +175,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         bridge.publish_state(&state);
         if number % 100 == 0 {
             let shown = json(&rig.run("status --json --timeout 10s", 0).stdout[0]);
-            assert_eq!(shown["schema"], "ril.State.v2");
+            assert_eq!(shown["schema"], "ril.State.v3");
             rig.run("status", 0);
         }
     }

@@ -114,7 +114,7 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
         assert!(says(&shown.stdout, expected), "{expected}: {shown:#?}");
     }
     let report = json(&rig.run("relay status --json", 0).stdout[0]);
-    assert_eq!(report["schema"], "ril.Relay.v1");
+    assert_eq!(report["schema"], "ril.Relay.v2");
     assert_eq!(report["link"]["station"], "ground-1");
     assert!(report["stations"].is_null());
     drop(relay);

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::time::Duration;
 
-use clap::{Args, Subcommand};
+use clap::{ArgAction, Args, Subcommand};
 use runtime::args::CommonArgs;
 
 use super::EXIT_CODES;
@@ -57,4 +57,9 @@ pub struct RelayStatusArgs {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
+
+    /// Print help
+    // That of `ril relay` is off, because it is the program's own, and with it those of all verbs below.
+    #[arg(short, long, action = ArgAction::Help)]
+    help: Option<bool>,
 }

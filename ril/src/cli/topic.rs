@@ -42,7 +42,8 @@ pub struct EchoOptions {
     #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
-    /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated
+    /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated. `ril topic info`
+    /// lists them
     #[arg(long = "field", value_name = "NAME")]
     pub fields: Vec<String>,
 
@@ -100,6 +101,10 @@ pub struct TopicInfoArgs {
     /// What every process takes.
     #[command(flatten)]
     pub common: CommonArgs,
+
+    /// Describe only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated
+    #[arg(long = "field", value_name = "NAME")]
+    pub fields: Vec<String>,
 
     /// Print one JSON object
     #[arg(long)]

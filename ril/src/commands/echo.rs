@@ -33,7 +33,7 @@ pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
 
 fn own<T: Topic>(options: &EchoOptions) -> Result<(), Failure> {
     let watched = Watched::of::<T>();
-    let selection = Selection::of(&watched.schema, &options.fields).map_err(Failure::usage)?;
+    let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
     let Some(config) = configuration(&options.common)? else {
         return Ok(());
     };
@@ -60,7 +60,7 @@ pub fn any(key: &str, options: &EchoOptions) -> Result<(), Failure> {
     };
     let session = Session::join(&options.common)?;
     let watched = Watched::find(&session, key)?;
-    let selection = Selection::of(&watched.schema, &options.fields).map_err(Failure::usage)?;
+    let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
     let mut samples = stream::open(&session, &watched)?;
     print(
         &session,
@@ -300,7 +300,7 @@ mod tests {
         };
         assert_eq!(
             seen.summary(losses),
-            "0 samples, 3 lost, 1 publisher restarts"
+            "0 samples, 3 lost, 1 publisher restart"
         );
         for index in 0..5 {
             seen.take(1_000_000_000 + index * 20_000_000);

@@ -81,12 +81,13 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     let (link, stations) = newest.samples();
     if link.is_none() && stations.is_none() {
         let text = format!(
-            "nothing came from the relay of robot {} in {}, although it is running: is it stopped, or is the machine \
-             overloaded?",
+            "nothing came from the relay of robot {} in {}, although it is running",
             session.ipc.robot(),
             Shown(timeout)
         );
-        return Err(Failure::new(ExitCode::Timeout, text));
+        return Err(Failure::new(ExitCode::Timeout, text).with_next_step(
+            "`ril doctor` shows whether it is stopped; is the machine overloaded?",
+        ));
     }
     let report = RelayReport::new(session.ipc.robot(), link, stations, MonotonicNs::now());
     let mut out = io::stdout().lock();
@@ -116,11 +117,12 @@ impl Newest {
         if newest.link.is_none() && newest.stations.is_none() {
             let robot = session.ipc.robot();
             let text = format!(
-                "no relay of robot {robot} is running here: start `ril relay` and try again{}{}",
+                "no relay of robot {robot} is running here{}{}",
                 robot::others_alive(robot),
                 robot::other_domains()
             );
-            return Err(Failure::new(ExitCode::ServiceAbsent, text));
+            return Err(Failure::new(ExitCode::ServiceAbsent, text)
+                .with_next_step("start `ril relay` and try again"));
         }
         Ok(newest)
     }

@@ -77,9 +77,9 @@ pub(super) fn missing(session: &Session, key: &str) -> Failure {
         [] => "it has none now".to_owned(),
         keys => format!("it has {}", keys.join(", ")),
     };
-    let text =
-        format!("robot {robot} has no topic {key}; {there}: start the module that publishes it");
+    let text = format!("robot {robot} has no topic {key}; {there}");
     Failure::new(ExitCode::ServiceAbsent, text)
+        .with_next_step("start the module that publishes it, and try again")
 }
 
 /// Where samples come from.

@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::stream::Watched;
 use super::{Session, configuration, echo, json_line, measure};
 use crate::cli::{TopicCommand, TopicInfoArgs, TopicListArgs};
+use crate::fields::Selection;
 use crate::measure::bandwidth::BandwidthMeter;
 use crate::measure::delay::DelayMeter;
 use crate::measure::rate::RateMeter;
@@ -132,6 +133,7 @@ fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
     }
     let session = Session::join(&args.common)?;
     let watched = Watched::find(&session, &args.topic)?;
+    let selection = Selection::of_topic(&watched.schema, &args.fields, &watched.key)?;
     let is_open = dynamic::topics(&session.ipc)
         .iter()
         .any(|topic| topic.key == watched.key);
@@ -149,16 +151,16 @@ fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
             layout_hash: format!("{:016x}", schema.layout_hash()),
             comment: &schema.root().comment,
             open: is_open,
-            fields: fields(schema),
+            fields: fields(schema, &selection),
         };
         return json_line(&mut out, &object);
     }
-    let text = describe(&watched.key, schema, is_open);
+    let text = describe(&watched.key, schema, &selection, is_open);
     out.write_all(text.as_bytes()).map_err(Failure::output)
 }
 
 /// What a topic holds, for people.
-fn describe(key: &str, schema: &Schema, is_open: bool) -> String {
+fn describe(key: &str, schema: &Schema, selection: &Selection, is_open: bool) -> String {
     let mut text = format!(
         "topic   {key}{}\ntype    {} ({} in ROS 2)\nsize    {} B, alignment {}\nlayout  {:016x}\n\n",
         if is_open {
@@ -172,7 +174,7 @@ fn describe(key: &str, schema: &Schema, is_open: bool) -> String {
         schema.align(),
         schema.layout_hash(),
     );
-    let fields = fields(schema);
+    let fields = fields(schema, selection);
     let width = |column: fn(&FieldObject) -> usize| fields.iter().map(column).max().unwrap_or(0);
     let (name, kind) = (
         width(|field| field.name.len()),
@@ -190,11 +192,12 @@ fn describe(key: &str, schema: &Schema, is_open: bool) -> String {
     text
 }
 
-/// All fields by their full names, each struct before what lies in it. Of an array of structs the first element stands for
-/// all.
-fn fields(schema: &Schema) -> Vec<FieldObject> {
+/// The chosen fields by their full names, each struct before what lies in it. Of an array of structs the first element stands
+/// for all.
+fn fields(schema: &Schema, selection: &Selection) -> Vec<FieldObject> {
     let mut all = Vec::new();
     collect(schema.root(), "", 0, &mut all);
+    all.retain(|field| selection.is_about(&field.name));
     all
 }
 
@@ -229,7 +232,12 @@ mod tests {
 
     #[test]
     fn a_description_has_each_field_with_its_place_type_and_comment() {
-        let text = describe("module_state", &Schema::of::<ModuleState>(), false);
+        let text = describe(
+            "module_state",
+            &Schema::of::<ModuleState>(),
+            &Selection::default(),
+            false,
+        );
         for line in [
             "topic   module_state, which no process has open",
             "type    hero.ModuleState.v2 (hero_msgs/msg/ModuleState in ROS 2)",
@@ -247,7 +255,7 @@ mod tests {
         let schema = "# Layout: a.A.v1\n\nuint64 sequence\na_msgs/B[2] cells\n\
             ================================================================================\n\
             MSG: a_msgs/B\n# Under load. [V]\nfloat32 level\n";
-        let fields = fields(&Schema::parse(schema).unwrap());
+        let fields = fields(&Schema::parse(schema).unwrap(), &Selection::default());
         let names: Vec<_> = fields
             .iter()
             .map(|field| (field.name.as_str(), field.offset))

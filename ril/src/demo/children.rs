@@ -67,7 +67,7 @@ pub struct Spawner<'a> {
 }
 
 impl Spawner<'_> {
-    /// Starts `ril run NAME …` with the configuration `config`. It says on [`Readiness`] when it is ready.
+    /// Starts the process `name` by `ril run` with the configuration `config`. It says on [`Readiness`] when it is ready.
     pub fn start(&self, name: &'static str, config: &str, args: &[&str]) -> io::Result<Process> {
         let config_file = self.folder.join(format!("{name}.toml"));
         fs::write(&config_file, config)?;
@@ -102,7 +102,7 @@ impl Spawner<'_> {
 }
 
 impl Process {
-    /// Its name, as in `ril run NAME`.
+    /// Its name, as behind `ril run`.
     pub fn name(&self) -> &'static str {
         self.name
     }

@@ -47,6 +47,7 @@ const LONGEST_WAIT: Duration = Duration::from_millis(200);
 
 /// Options of `ril demo`.
 #[derive(clap::Args, Clone, Debug)]
+#[command(after_help = crate::cli::EXIT_CODES)]
 pub struct Args {
     /// Which robot to be: an integer greater than 0
     #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]

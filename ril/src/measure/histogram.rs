@@ -339,14 +339,18 @@ mod tests {
         assert!(lines[1].starts_with("  min 10.000  mean 15.1"), "{text}");
         assert!(lines[1].ends_with("max 30.000"), "{text}");
         assert!(
-            lines[2].ends_with(&format!("4  {}", "#".repeat(40))),
+            lines[3].ends_with(&format!("4  {}", "#".repeat(36))),
             "{text}"
         );
         assert!(
             lines.iter().any(|line| line.ends_with("       0")),
             "{text}"
         );
-        assert!(lines.last().unwrap().ends_with("1  ##########"), "{text}");
+        assert!(
+            lines.iter().all(|line| line.chars().count() <= 80),
+            "{text}"
+        );
+        assert!(lines.last().unwrap().ends_with("1  #########"), "{text}");
     }
 
     #[test]
