@@ -3,6 +3,7 @@
 //! * [`cli`]: the command line, with the exit codes;
 //! * [`config`]: the file `ril.toml`;
 //! * [`commands`]: the operator's commands, thin shells around pure values;
+//! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * [`live`]: a block of lines that a terminal shows anew;
@@ -28,6 +29,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod completion;
 pub mod config;
 pub mod demo;
 pub mod fields;
@@ -39,13 +41,17 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use cli::RobotChoice;
-use commands::{doctor, echo, param, relay, request, state, topic};
+use commands::{doctor, echo, param, relay, request, shell, state, topic};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
 /// Programs that start the processes of the RIL may be one of them themselves with this.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    if completion::is_asked() {
+        completion::answer(args);
+        return ExitCode::SUCCESS;
+    }
     let (cli, choice) = cli::Cli::read(args).unwrap_or_else(|error| error.exit());
     exit::main_with(|| {
         demo::end_with_parent().map_err(Failure::internal)?;
@@ -76,5 +82,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     }
 }

@@ -4,6 +4,7 @@
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
 //! * [`exit`]: exit codes, and how an error is told once;
 //! * [`logging`]: diagnostics on standard error;
+//! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors.
 //!
@@ -62,5 +63,6 @@ pub mod args;
 pub mod config;
 pub mod exit;
 pub mod logging;
+pub mod manual;
 pub mod notify;
 pub mod signal;

@@ -6,6 +6,7 @@
 
 mod relay;
 mod request;
+mod shell;
 #[cfg(test)]
 mod tests;
 mod topic;
@@ -18,6 +19,7 @@ use std::time::Duration;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use runtime::args::CommonArgs;
+use runtime::manual::ManualArgs;
 
 use crate::demo;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
@@ -25,6 +27,7 @@ pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
     ParamGetArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
 };
+pub use shell::{CompletionsArgs, Shell};
 pub use topic::{
     EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
@@ -141,6 +144,11 @@ pub enum Command {
     Topic(TopicArgs),
     /// Find what is wrong with shared memory, configuration and serial port, and what to do
     Doctor(DoctorArgs),
+    /// Print the script that completes command lines of ril in a shell
+    Completions(CompletionsArgs),
+    /// Write the pages of the manual, for packages
+    #[command(hide = true)]
+    Man(ManualArgs),
 }
 
 /// `ril state`

@@ -11,6 +11,7 @@ pub mod relay_report;
 pub mod request;
 mod robot;
 pub mod sample_age;
+pub mod shell;
 pub mod state;
 pub mod state_report;
 mod stream;
