@@ -41,8 +41,10 @@ pub fn pages(program: Command) -> Vec<Page> {
     let mut program = program.disable_help_subcommand(true);
     // It gives each verb its whole name.
     program.build();
+    let version = program.get_version().unwrap_or_default();
+    let source = format!("{} {version}", name(&program));
     let mut pages = Vec::new();
-    add_pages(&program, None, &mut pages);
+    add_pages(&program, &source, None, &mut pages);
     pages
 }
 
@@ -61,11 +63,11 @@ pub fn write(program: Command, args: &ManualArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn add_pages(command: &Command, outer: Option<&str>, pages: &mut Vec<Page>) {
-    let page = render(command, outer).expect("a buffer can be written");
+fn add_pages(command: &Command, source: &str, outer: Option<&str>, pages: &mut Vec<Page>) {
+    let page = render(command, source, outer).expect("a buffer can be written");
     pages.push(page);
     for verb in shown_verbs(command) {
-        add_pages(verb, Some(name(command)), pages);
+        add_pages(verb, source, Some(name(command)), pages);
     }
 }
 
@@ -80,10 +82,11 @@ fn name(command: &Command) -> &str {
         .unwrap_or_else(|| command.get_name())
 }
 
-fn render(command: &Command, outer: Option<&str>) -> io::Result<Page> {
+fn render(command: &Command, source: &str, outer: Option<&str>) -> io::Result<Page> {
     let man = Man::new(command.clone())
         .title(name(command).to_uppercase())
         .section(SECTION)
+        .source(source)
         .manual("HERO RIL");
     let mut text = Vec::new();
     man.render_title(&mut text)?;
