@@ -9,12 +9,14 @@ mod requests;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
+use crate::domain::Domain;
 use crate::generation;
 use crate::ipc::Ipc;
 use crate::open::{Expected, Offer, OpenError};
 use crate::payload::Number;
 use crate::provider::{Provider, ProviderWatch};
 use crate::publisher::{BytesPublisher, PublishError};
+use crate::robot::RobotId;
 use crate::schema::{LoadError, Schema, SchemaError};
 use crate::sequence::Losses;
 use crate::service::{
@@ -80,17 +82,58 @@ pub struct ServiceFacts {
 
 /// The topics of the robot, in the alphabetical order of their keys. One whose schema cannot be read is left out.
 pub fn topics(ipc: &Ipc) -> Vec<ServiceFacts> {
-    services(ipc, is_sample)
+    ipc.domain().topics(ipc.robot())
 }
 
 /// The request services of the robot, in the same way.
 pub fn request_services(ipc: &Ipc) -> Vec<ServiceFacts> {
-    services(ipc, is_request)
+    ipc.domain().request_services(ipc.robot())
 }
 
-fn services(ipc: &Ipc, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
-    let robot_folder = ipc.domain().robot_folder(ipc.robot());
-    let mut found: Vec<ServiceFacts> = generation::services(&robot_folder)
+/// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it, and of the
+/// robot's own the one that this program was built with when they are not there.
+///
+/// # Errors
+///
+/// See [`LoadError`].
+pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
+    ipc.domain().schema_of(ipc.robot(), key)
+}
+
+/// The same for a process that does not take part: it only reads, and creates nothing.
+impl Domain {
+    /// As [`topics`].
+    pub fn topics(&self, robot: RobotId) -> Vec<ServiceFacts> {
+        services(self, robot, is_sample)
+    }
+
+    /// As [`request_services`].
+    pub fn request_services(&self, robot: RobotId) -> Vec<ServiceFacts> {
+        services(self, robot, is_request)
+    }
+
+    /// As [`schema_of`].
+    ///
+    /// # Errors
+    ///
+    /// See [`LoadError`].
+    pub fn schema_of(&self, robot: RobotId, key: &str) -> Result<Schema, LoadError> {
+        let service = service_folder(self, robot, key);
+        match generation::current(&service).filter(|current| current.key == key) {
+            Some(current) => generation::schema(&service, &current.name),
+            None => own(key)
+                .map(ServiceId::contract)
+                .map(|contract| Schema::from_layout(contract.payload))
+                .ok_or_else(|| LoadError::Missing(key.to_owned())),
+        }
+    }
+}
+
+fn services(domain: &Domain, robot: RobotId, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
+    if !domain.is_enterable() {
+        return Vec::new();
+    }
+    let mut found: Vec<ServiceFacts> = generation::services(&domain.robot_folder(robot))
         .iter()
         .filter_map(|service| {
             let current = generation::current(service)?;
@@ -105,23 +148,6 @@ fn services(ipc: &Ipc, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
         .collect();
     found.sort_by(|one, other| one.key.cmp(&other.key));
     found
-}
-
-/// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it, and of the
-/// robot's own the one that this program was built with when they are not there.
-///
-/// # Errors
-///
-/// See [`LoadError`].
-pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
-    let service = service_folder(ipc.domain(), ipc.robot(), key);
-    match generation::current(&service).filter(|current| current.key == key) {
-        Some(current) => generation::schema(&service, &current.name),
-        None => own(key)
-            .map(ServiceId::contract)
-            .map(|contract| Schema::from_layout(contract.payload))
-            .ok_or_else(|| LoadError::Missing(key.to_owned())),
-    }
 }
 
 /// The reading end of a topic whose struct is known by its schema alone.

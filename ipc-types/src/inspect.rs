@@ -261,7 +261,7 @@ impl Domain {
     }
 
     /// Whether the root is a folder of this user.
-    fn is_enterable(&self) -> bool {
+    pub(crate) fn is_enterable(&self) -> bool {
         fs::symlink_metadata(self.root())
             .is_ok_and(|metadata| metadata.is_dir() && is_ours(&metadata))
     }

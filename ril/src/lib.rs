@@ -3,6 +3,7 @@
 //! * [`cli`]: the command line, with the exit codes;
 //! * [`config`]: the file `ril.toml`;
 //! * [`commands`]: the operator's commands, thin shells around pure values;
+//! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * `habit`: what was called otherwise in earlier versions;
@@ -36,6 +37,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod completion;
 pub mod config;
 pub mod demo;
 pub mod fields;
@@ -55,7 +57,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
-use commands::{doctor, echo, param, plan, relay, request, state, topic};
+use commands::{doctor, echo, param, plan, relay, request, shell, state, topic};
 use messages::ErrorObject;
 use runtime::exit::{self, Failure};
 
@@ -63,6 +65,10 @@ use runtime::exit::{self, Failure};
 ///
 /// Programs that start the processes of the RIL may be one of them themselves with this.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    if completion::is_asked() {
+        completion::answer(args);
+        return ExitCode::SUCCESS;
+    }
     let args: Vec<OsString> = args.into_iter().collect();
     let json = cli::wants_json(&args);
     let (cli, choice) = match cli::Cli::read(args) {
@@ -143,5 +149,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     }
 }

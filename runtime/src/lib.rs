@@ -5,6 +5,7 @@
 //! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is told once;
 //! * [`logging`]: diagnostics on standard error;
+//! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors.
 //!
@@ -64,5 +65,6 @@ pub mod config;
 pub mod duration;
 pub mod exit;
 pub mod logging;
+pub mod manual;
 pub mod notify;
 pub mod signal;

@@ -12,6 +12,7 @@ mod preflight;
 mod relay;
 mod request;
 mod robots;
+mod shell;
 #[cfg(test)]
 mod tests;
 mod topic;
@@ -27,6 +28,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use runtime::args::CommonArgs;
+use runtime::manual::ManualArgs;
 
 use crate::demo;
 pub use global::{GlobalArgs, wants_json};
@@ -45,6 +47,7 @@ pub use request::{
     ParamGetArgs, ParamListArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
 };
 pub use robots::RobotsArgs;
+pub use shell::{CompletionsArgs, Shell};
 pub use topic::{
     EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
@@ -202,6 +205,11 @@ pub enum Command {
     Log(LogArgs),
     /// List all robots of this user, with processes, link and phase
     Robots(RobotsArgs),
+    /// Print the script that completes command lines of ril in a shell
+    Completions(CompletionsArgs),
+    /// Write the pages of the manual, for packages
+    #[command(hide = true)]
+    Man(ManualArgs),
 }
 
 /// `ril run`

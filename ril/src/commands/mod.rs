@@ -19,6 +19,7 @@ pub(crate) mod resulting;
 mod robot;
 pub mod robots;
 pub mod sample_age;
+pub mod shell;
 pub mod state;
 pub mod state_report;
 mod stream;
