@@ -142,10 +142,14 @@ impl fmt::Display for StationReport {
         if let Some(age) = self.since_s {
             write!(f, " for {age:.3} s")?;
         }
-        let may = if self.may_command { "may" } else { "may not" };
+        match (&self.refusal, self.may_command) {
+            (None, true) => f.write_str(", may command")?,
+            (Some(reason), true) => write!(f, ", may command and is refused ({reason})")?,
+            (_, false) => f.write_str(", may not command")?,
+        }
         write!(
             f,
-            ", {may} command, last message {}\n            \
+            ", last message {}\n            \
              {} samples sent; {} orders executed, {} refused, {} open",
             ago(self.last_heard_age_s),
             self.samples_sent,
