@@ -28,7 +28,7 @@
 #define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v1"
 #define HERO_RELAY_LINK_LAYOUT_HASH "3850353af0fc6875"
 #define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v1"
-#define HERO_RELAY_STATIONS_LAYOUT_HASH "4d4eb98095670edb"
+#define HERO_RELAY_STATIONS_LAYOUT_HASH "cd591e6b7779750e"
 
 enum hero_control_command {
     HERO_CONTROL_COMMAND_START = 1,
@@ -173,6 +173,7 @@ enum hero_reason {
     HERO_REASON_RELAY_LINK_LOST = 38,
     HERO_REASON_RELAY_NOT_PERMITTED = 39,
     HERO_REASON_STILL_OPEN = 40,
+    HERO_REASON_RELAY_TOO_MANY_STATIONS = 41,
 };
 
 enum hero_imi_error {
@@ -911,7 +912,7 @@ typedef struct RelayStation {
     uint32_t may_command;
     uint32_t is_up;
     uint32_t orders_open;
-    uint32_t reserved;
+    uint32_t refusal;
 } RelayStation;
 HERO_ASSERT(sizeof(RelayStation) == 88);
 HERO_ASSERT(offsetof(RelayStation, name) == 0);
@@ -923,23 +924,23 @@ HERO_ASSERT(offsetof(RelayStation, samples_sent) == 64);
 HERO_ASSERT(offsetof(RelayStation, may_command) == 72);
 HERO_ASSERT(offsetof(RelayStation, is_up) == 76);
 HERO_ASSERT(offsetof(RelayStation, orders_open) == 80);
-HERO_ASSERT(offsetof(RelayStation, reserved) == 84);
+HERO_ASSERT(offsetof(RelayStation, refusal) == 84);
 
 #define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v1"
 typedef struct RelayStations {
     uint64_t sequence;
     uint64_t epoch_ns;
     uint64_t published_ns;
-    RelayStation stations[8];
+    RelayStation stations[16];
     uint32_t count;
     uint32_t reserved;
 } RelayStations;
-HERO_ASSERT(sizeof(RelayStations) == 736);
+HERO_ASSERT(sizeof(RelayStations) == 1440);
 HERO_ASSERT(offsetof(RelayStations, sequence) == 0);
 HERO_ASSERT(offsetof(RelayStations, epoch_ns) == 8);
 HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
 HERO_ASSERT(offsetof(RelayStations, stations) == 24);
-HERO_ASSERT(offsetof(RelayStations, count) == 728);
-HERO_ASSERT(offsetof(RelayStations, reserved) == 732);
+HERO_ASSERT(offsetof(RelayStations, count) == 1432);
+HERO_ASSERT(offsetof(RelayStations, reserved) == 1436);
 
 #endif

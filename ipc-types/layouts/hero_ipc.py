@@ -15,7 +15,7 @@ LAYOUTS = {
     "movement": ("hero.MovementData.v2/hero.RequestReport.v2", "054f1aaa18bd09c9"),
     "parameters": ("hero.ParameterRequest.v1/hero.RequestReport.v2", "68457090c7457483"),
     "relay/link": ("hero.RelayLink.v1", "3850353af0fc6875"),
-    "relay/stations": ("hero.RelayStations.v1", "4d4eb98095670edb"),
+    "relay/stations": ("hero.RelayStations.v1", "cd591e6b7779750e"),
 }
 
 
@@ -162,6 +162,7 @@ class Reason(enum.IntEnum):
     RELAY_LINK_LOST = 38
     RELAY_NOT_PERMITTED = 39
     STILL_OPEN = 40
+    RELAY_TOO_MANY_STATIONS = 41
 
 
 class ImiError(enum.IntEnum):
@@ -1138,7 +1139,7 @@ class RelayStation(ctypes.Structure):
         ("may_command", ctypes.c_uint32),
         ("is_up", ctypes.c_uint32),
         ("orders_open", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("refusal", ctypes.c_uint32),
     ]
 
     @staticmethod
@@ -1156,7 +1157,7 @@ assert RelayStation.samples_sent.offset == 64
 assert RelayStation.may_command.offset == 72
 assert RelayStation.is_up.offset == 76
 assert RelayStation.orders_open.offset == 80
-assert RelayStation.reserved.offset == 84
+assert RelayStation.refusal.offset == 84
 
 
 class RelayStations(ctypes.Structure):
@@ -1164,7 +1165,7 @@ class RelayStations(ctypes.Structure):
         ("sequence", ctypes.c_uint64),
         ("epoch_ns", ctypes.c_uint64),
         ("published_ns", ctypes.c_uint64),
-        ("stations", RelayStation * 8),
+        ("stations", RelayStation * 16),
         ("count", ctypes.c_uint32),
         ("reserved", ctypes.c_uint32),
     ]
@@ -1174,10 +1175,10 @@ class RelayStations(ctypes.Structure):
         return "hero.RelayStations.v1"
 
 
-assert ctypes.sizeof(RelayStations) == 736
+assert ctypes.sizeof(RelayStations) == 1440
 assert RelayStations.sequence.offset == 0
 assert RelayStations.epoch_ns.offset == 8
 assert RelayStations.published_ns.offset == 16
 assert RelayStations.stations.offset == 24
-assert RelayStations.count.offset == 728
-assert RelayStations.reserved.offset == 732
+assert RelayStations.count.offset == 1432
+assert RelayStations.reserved.offset == 1436

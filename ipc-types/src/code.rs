@@ -351,6 +351,9 @@ codes! {
         RelayNotPermitted = 39 => "relay-not-permitted",
         /// A request with this id is open: it goes on, and this one was not carried out.
         StillOpen = 40 => "still-open",
+        /// As many other stations as the robot's relay takes requests from are active: the request was not sent. Reported by the
+        /// relay, never by the bridge.
+        RelayTooManyStations = 41 => "relay-too-many-stations",
     }
 }
 

@@ -12,6 +12,7 @@ use std::time::Duration;
 use crate::domain::Domain;
 use crate::generation;
 use crate::ipc::Ipc;
+use crate::module::{Module as _, RelayModule};
 use crate::open::{Expected, Offer, OpenError};
 use crate::payload::Number;
 use crate::provider::{Provider, ProviderWatch};
@@ -46,6 +47,11 @@ pub enum DynamicError {
         "`{0}` is no key of a module: use `<module>/<service>` in lower snake case, such as `battery_watch/cell_voltages`"
     )]
     InvalidKey(String),
+    /// The key is one of the relay's.
+    #[error(
+        "`{0}` has the name of the RIL's own module `relay`, which no other can have: choose another name for the module"
+    )]
+    OwnModule(String),
     /// The robot has a service of this key, which carries something else.
     #[error("`{key}` is a service of the robot's own: it can only carry `{expected}`")]
     OwnService {
@@ -331,8 +337,12 @@ fn parse(key: &str, schema: &str) -> Result<Schema, DynamicError> {
     })
 }
 
-/// Whether a service of this pattern, with this layout, may have this key.
+/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be provided too, because a
+/// relay does so on another machine.
 fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
+    if key.split('/').next() == Some(RelayModule::NAME) {
+        return Err(DynamicError::OwnModule(key.to_owned()));
+    }
     let Some(own) = own(key).map(ServiceId::contract) else {
         return match is_key(key) && key.contains('/') {
             true => Ok(()),

@@ -141,6 +141,38 @@ impl RelayModule {
     pub const RELAYING: u32 = 2;
 }
 
+/// Names of the RIL's own modules, which no other module can have: consumers take what the process `relay` provides for what comes
+/// from another machine, and know bridge and status by theirs.
+pub const OWN_NAMES: [&str; 3] = ["bridge", StatusModule::NAME, RelayModule::NAME];
+
+/// Whether this is one of [`OWN_NAMES`].
+pub const fn is_own_name(name: &str) -> bool {
+    let mut index = 0;
+    while index < OWN_NAMES.len() {
+        if is_same(name, OWN_NAMES[index]) {
+            return true;
+        }
+        index += 1;
+    }
+    false
+}
+
+/// `==` of texts, which is not const.
+const fn is_same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    if one.len() != other.len() {
+        return false;
+    }
+    let mut index = 0;
+    while index < one.len() {
+        if one[index] != other[index] {
+            return false;
+        }
+        index += 1;
+    }
+    true
+}
+
 /// Makes a type a [`Module`]: `module!(BatteryWatch, "battery_watch", 1001)`.
 ///
 /// ```
@@ -163,6 +195,13 @@ impl RelayModule {
 /// struct BatteryWatch;
 /// ipc_types::module!(BatteryWatch, "BatteryWatch", 1001);
 /// ```
+///
+/// It is none of the RIL's own:
+///
+/// ```compile_fail
+/// struct BatteryWatch;
+/// ipc_types::module!(BatteryWatch, "relay", 1001);
+/// ```
 #[macro_export]
 macro_rules! module {
     ($module:ty, $name:literal, $id:expr) => {
@@ -183,6 +222,10 @@ pub const fn check<M: Module>() {
     assert!(
         is_key(M::STATE_KEY) && is_key(M::CONTROL_KEY) && module_of(M::NAME).is_empty(),
         "a module's name is one word in lower snake case"
+    );
+    assert!(
+        !is_own_name(M::NAME),
+        "`bridge`, `status` and `relay` are the names of the RIL's own modules: choose another one"
     );
     assert!(
         M::ID >= *OUTSIDE_IDS.start() && M::ID <= *OUTSIDE_IDS.end(),
@@ -327,6 +370,16 @@ mod tests {
         let bridge = Contract::of_request::<ModuleControl>();
         assert_eq!(control.layout(), bridge.layout());
         assert_eq!(control.layout_hash(), bridge.layout_hash());
+    }
+
+    #[test]
+    fn the_names_of_the_ril_s_own_modules_are_taken() {
+        for name in ["bridge", "status", "relay"] {
+            assert!(is_own_name(name), "{name}");
+        }
+        for name in ["", "relay_", "rela", "relays", "Relay", "battery_watch"] {
+            assert!(!is_own_name(name), "{name}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ipc_types::{Domain, Ipc, RobotId};
 use runtime::args::CommonArgs;
+use runtime::config::Fault;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -35,12 +36,27 @@ impl<C: DeserializeOwned + Default + Debug> SetUp<C> {
     /// # Errors
     /// Exit code 78 when the configuration or the environment is wrong, 1 when the signals have another owner.
     pub fn begin(args: &CommonArgs, default_file: &str) -> Result<Option<SetUp<C>>, Failure> {
+        SetUp::begin_with(args, default_file, |_| Ok(()))
+    }
+
+    /// The same for a process whose command line replaces values of the configuration, or whose values must fit together: `check`
+    /// does the one and looks at the other. What it refuses has file and line, at a start as well as when only the configuration
+    /// is to be checked.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn begin_with(
+        args: &CommonArgs,
+        default_file: &str,
+        check: impl FnOnce(&mut C) -> Result<(), Fault>,
+    ) -> Result<Option<SetUp<C>>, Failure> {
         logging::init(args.verbosity())?;
-        let loaded = config::load::<C>(args.config.as_deref(), Path::new(default_file))?;
+        let mut loaded = config::load::<C>(args.config.as_deref(), Path::new(default_file))?;
         let file = match &loaded.file {
             Some(file) => file.display().to_string(),
             None => "built-in defaults".to_owned(),
         };
+        check(&mut loaded.value).map_err(|fault| loaded.refuse(&fault))?;
         tracing::debug!(%file, config = ?loaded.value, "configuration");
         if args.check_config {
             tracing::info!(%file, "the configuration is right");

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::{Args, Command, FromArgMatches};
 use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::module::is_own_name;
 use ipc_types::payload::RequestReport;
 use ipc_types::{
     ControlOf, Ipc, Module, MonotonicNs, OpenError, Publisher, StateOf, WaitError, Wake,
@@ -110,19 +111,30 @@ pub fn run<W: Work>(args: &CommonArgs) -> Result<(), Failure> {
 /// The same without a process of its own, as a test has it: `termination` may be requested by hand.
 ///
 /// # Errors
-/// Exit code 1 when a service cannot be opened or the operating system cannot wait.
+/// Exit code 1 when a service cannot be opened, the operating system cannot wait, or the module has the name of one of the RIL's own.
 pub fn run_with<W: Work>(
     config: W::Config,
     ipc: &Ipc,
     termination: &Termination,
     supervisor: &Notifier,
 ) -> Result<(), Failure> {
+    check_name(W::NAME)?;
     let mut running = Running::<W>::open(config, ipc)
         .or_fail_with(ExitCode::Internal, format!("{} cannot start", W::NAME))?;
     tracing::info!(module = W::NAME, robot = %ipc.robot(), "ready");
     process::run(&mut running, termination, supervisor).or_fail(ExitCode::Internal)?;
     tracing::info!(module = W::NAME, "ended");
     Ok(())
+}
+
+/// Whether a module can have this name, for one that [`module!`](ipc_types::module!) has not looked at.
+fn check_name(name: &str) -> Result<(), Failure> {
+    match is_own_name(name) {
+        true => Err(Failure::internal(format!(
+            "`{name}` is the name of one of the RIL's own modules, which no other can have: choose another name for this one"
+        ))),
+        false => Ok(()),
+    }
 }
 
 /// A module with its state, its control and its manager.
@@ -205,5 +217,21 @@ impl<W: Work> Process for Running<W> {
     fn deadline(&self) -> Option<MonotonicNs> {
         let work = self.work.deadline().unwrap_or(self.next_state);
         Some(work.min(self.next_state))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_module_with_the_name_of_one_of_the_ril_s_own_is_refused() {
+        for name in ["bridge", "status", "relay"] {
+            let error = check_name(name).unwrap_err();
+            assert_eq!(error.code(), ExitCode::Internal);
+            let told = error.chain().join("\n");
+            assert!(told.contains(&format!("`{name}` is the name of")), "{told}");
+        }
+        assert!(check_name("battery_watch").is_ok());
     }
 }

@@ -11,33 +11,11 @@
 //! Zenoh looks at the peer at the other end of a connection. Behind a router stand many, and the router's rules alone tell them
 //! apart; [`Side::Router`] therefore has these rules as well.
 
-use std::net::IpAddr;
-
+use runtime::config::Fault;
 use serde_json::{Value, json};
 
-use crate::config::Config;
-
-/// Which side a relay is on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Beside the robot.
-    Robot,
-    /// At a ground station.
-    Station,
-    /// Between robots and stations.
-    Router,
-}
-
-impl Side {
-    /// Endpoints where this side listens, and those it connects to.
-    pub fn endpoints(self, config: &Config) -> (&[String], &[String]) {
-        match self {
-            Side::Robot => (&config.robot.listen, &config.robot.connect),
-            Side::Station => (&config.station.listen, &config.station.connect),
-            Side::Router => (&config.router.listen, &config.router.connect),
-        }
-    }
-}
+pub use crate::config::Side;
+use crate::config::{Config, Endpoint};
 
 /// Kinds of messages that our relays never send, so that no rule allows them: `delete`, `query`, `reply` and the rest.
 /// These are sent.
@@ -103,31 +81,35 @@ pub fn access_control(config: &Config, side: Side) -> Option<Value> {
 /// # Errors
 ///
 /// Why it must not: strangers could order, or certificates are there and no peer may do anything.
-pub fn check(config: &Config, side: Side) -> Result<Option<String>, String> {
+pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
     if let Some(rules) = access_control(config, side) {
         if rules["subjects"].as_array().is_none_or(Vec::is_empty) {
-            return Err(
+            return Err(Fault::at(
+                &["security"],
                 "certificates are configured, and no peer may do anything: name the certificates of robots and routers in \
-                 `[security]`, those of stations in `[security]` or `[commands]`"
-                    .to_owned(),
-            );
+                 `[security]`, those of stations in `[security]` or `[commands]`",
+            ));
         }
         let plain = endpoints(config, side).find(|endpoint| !is_encrypted(endpoint));
         return Ok(plain.map(|endpoint| {
             format!("nothing passes through `{endpoint}`: certificates are configured, and it shows none")
         }));
     }
-    let Some(open) = open_door(config, side) else {
+    let Some(door) = open_door(config, side) else {
         return Ok(None);
+    };
+    let open = match door {
+        Door::Discovery => "what is found by `discovery`".to_owned(),
+        Door::Endpoint { text, .. } => format!("`{text}`"),
     };
     match side {
         Side::Robot if config.commands.stations.is_empty() => Ok(Some(format!(
             "{open} is not encrypted: everyone who reaches it can read the robot's telemetry"
         ))),
-        Side::Robot if !config.security.insecure => Err(format!(
+        Side::Robot if !config.security.insecure => Err(door.fault(format!(
             "{open} is not encrypted, so that everyone who reaches it could fly the robot: let `ril relay certify` make \
              certificates and use tls/ or quic/, listen on this machine alone, or write `insecure = true` into `[security]`"
-        )),
+        ))),
         Side::Robot => Ok(Some(format!(
             "INSECURE: {open} is not encrypted: everyone who reaches it can FLY THE ROBOT"
         ))),
@@ -140,14 +122,38 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, String> {
     }
 }
 
-/// What strangers on the network could use, if there is such a thing.
-fn open_door(config: &Config, side: Side) -> Option<String> {
-    if config.network.discovery {
-        return Some("what is found by `discovery`".to_owned());
+/// What strangers on the network could use.
+enum Door<'a> {
+    Discovery,
+    Endpoint {
+        text: &'a str,
+        keys: &'static [&'static str],
+    },
+}
+
+impl Door<'_> {
+    fn fault(&self, reason: String) -> Fault {
+        match self {
+            Door::Discovery => Fault::at(&["network", "discovery"], reason),
+            Door::Endpoint { text, keys } => Fault::at(keys, reason).of(*text),
+        }
     }
-    endpoints(config, side)
-        .find(|endpoint| !is_encrypted(endpoint) && !is_on_this_machine(endpoint))
-        .map(|endpoint| format!("`{endpoint}`"))
+}
+
+/// The first one, if there is any.
+fn open_door(config: &Config, side: Side) -> Option<Door<'_>> {
+    if config.network.discovery {
+        return Some(Door::Discovery);
+    }
+    let (listen, connect) = side.endpoints(config);
+    let lists = [listen, connect].into_iter().zip(side.keys());
+    let mut endpoints = lists.flat_map(|(list, keys)| list.iter().map(move |text| (text, keys)));
+    let is_open = |text: &str| {
+        let endpoint = Endpoint::parse(text);
+        !endpoint.is_ok_and(|endpoint| endpoint.is_encrypted() || endpoint.is_on_this_machine())
+    };
+    let (text, keys) = endpoints.find(|(text, _)| is_open(text))?;
+    Some(Door::Endpoint { text, keys })
 }
 
 fn endpoints(config: &Config, side: Side) -> impl Iterator<Item = &String> {
@@ -155,25 +161,8 @@ fn endpoints(config: &Config, side: Side) -> impl Iterator<Item = &String> {
     listen.iter().chain(connect)
 }
 
-fn is_encrypted(endpoint: &str) -> bool {
-    endpoint.starts_with("tls/") || endpoint.starts_with("quic/")
-}
-
-/// Whether an endpoint is reached from this machine alone.
-fn is_on_this_machine(endpoint: &str) -> bool {
-    let host = host(endpoint);
-    host == "localhost"
-        || host
-            .parse()
-            .is_ok_and(|address: IpAddr| address.to_canonical().is_loopback())
-}
-
-/// The host of an endpoint `protocol/host:port?options#options`.
-fn host(endpoint: &str) -> &str {
-    let (_, address) = endpoint.split_once('/').unwrap_or_default();
-    let address = address.split(['?', '#']).next().unwrap_or_default();
-    let (host, _) = address.rsplit_once(':').unwrap_or((address, ""));
-    host.trim_matches(['[', ']'])
+fn is_encrypted(text: &str) -> bool {
+    Endpoint::parse(text).is_ok_and(|endpoint| endpoint.is_encrypted())
 }
 
 fn robots(config: &Config) -> impl Iterator<Item = Peer> {

@@ -18,6 +18,7 @@
 
 pub mod access;
 mod budget;
+mod certificate_files;
 pub mod certify;
 pub mod cli;
 pub mod clock;

@@ -7,6 +7,7 @@
 //!
 //! Reading a configuration never waits for another process: the bridge does it in flight.
 
+mod fault;
 pub mod resulting;
 
 use std::fmt;
@@ -19,6 +20,8 @@ use std::path::{Path, PathBuf};
 use rustix::fs::OFlags;
 pub use serde::Deserializer;
 use serde::de::{DeserializeOwned, Error as _};
+
+pub use fault::Fault;
 
 /// Longest configuration file, bytes: a hundred times the annotated examples. A longer one is refused; it is surely
 /// something else.
@@ -34,6 +37,19 @@ pub struct Loaded<T> {
     pub value: T,
     /// The file; nothing when there was none and the built-in defaults rule.
     pub file: Option<PathBuf>,
+    /// What the file says.
+    text: String,
+}
+
+impl<T> Loaded<T> {
+    /// The error that a fault of this configuration is, with file and line where the file has what is wrong.
+    pub fn refuse(&self, fault: &Fault) -> ConfigError {
+        let reason = fault.reason().to_owned();
+        match (&self.file, fault.start(&self.text)) {
+            (Some(file), Some(start)) => invalid(self.text.as_bytes(), start, reason, file),
+            _ => ConfigError::Unfit { reason },
+        }
+    }
 }
 
 /// Why a configuration was refused.
@@ -75,6 +91,12 @@ pub enum ConfigError {
         /// What the line says, shortened.
         excerpt: String,
     },
+    /// A value is wrong that the file does not have: it is the built-in default, or came from the command line.
+    #[error("{reason}")]
+    Unfit {
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
 }
 
 /// Reads the configuration from `explicit`, which must exist, or else from `default_file`, which may be absent.
@@ -90,10 +112,12 @@ pub fn load<T: DeserializeOwned + Default>(
         Some(text) => Loaded {
             value: parse(&text, file)?,
             file: Some(file.to_owned()),
+            text,
         },
         None => Loaded {
             value: T::default(),
             file: None,
+            text: String::new(),
         },
     })
 }
@@ -519,6 +543,20 @@ mod tests {
                 ..
             }
         ));
+    }
+
+    #[test]
+    fn a_fault_has_file_and_line_unless_the_file_does_not_say_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("x.toml");
+        fs::write(&file, "\n[serial]\ndevice = 'a'\n").unwrap();
+        let loaded = load::<Example>(Some(&file), &file).unwrap();
+        let fault = Fault::at(&["serial", "device"], "is not there; name another");
+        let error = loaded.refuse(&fault.clone().of("a")).to_string();
+        let expected = "x.toml:3: is not there; name another, in `device = 'a'`";
+        assert!(error.ends_with(expected), "{error}");
+        let error = loaded.refuse(&fault.of("b")).to_string();
+        assert_eq!(error, "is not there; name another");
     }
 
     #[test]

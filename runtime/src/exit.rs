@@ -25,7 +25,7 @@ pub enum ExitCode {
     Timeout = 4,
     /// The request was refused; the reason was told.
     Refused = 5,
-    /// The line to the DSP is down.
+    /// The line to the DSP is down, or was lost in flight; or the relay's link to a robot on another machine is down.
     LinkDown = 6,
     /// Nobody can know whether the request was carried out.
     OutcomeUnknown = 7,

@@ -3,6 +3,7 @@
 //! [`capi`] is the C ABI, whose contract is `include/hero_ril.h`. It only converts: pointers, codes, timeouts, panics. What it
 //! converts to is safe Rust over [`ipc_types`]:
 //!
+//! * [`joining`]: taking part in the shared memory of a robot;
 //! * [`service`]: which topic or request service a caller means, and what it expects there;
 //! * [`topic`]: receiving samples one at a time;
 //! * [`requests`]: [`Requests`](requests::Requests), one client of all of a robot's request services;
@@ -11,6 +12,7 @@
 
 pub mod capi;
 pub mod error;
+pub mod joining;
 pub mod requests;
 pub mod service;
 pub mod serving;

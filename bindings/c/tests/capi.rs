@@ -53,6 +53,11 @@ fn null_pointers_and_senseless_arguments_are_errors() {
             "process name",
         );
         refused(
+            hero_ril_join(root.as_ptr(), 1, c"relay".as_ptr(), &mut robot),
+            -1,
+            "`relay` is the name of the RIL's own module",
+        );
+        refused(
             hero_ril_join(root.as_ptr(), 1, c"c".as_ptr(), null_mut()),
             -1,
             "out",

@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use hero_ril::error::{Error, Kind};
+use hero_ril::joining::join;
 use hero_ril::requests::{Answer, Requests, reason_name, stage_name};
 use hero_ril::service::ServiceName;
 use hero_ril::serving::{Order, Reported, Serving};
@@ -15,7 +16,7 @@ use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::dynamic::topics;
 use ipc_types::payload::{RequestReport, SharedStruct, WaypointPosition};
 use ipc_types::schema::{Kind as FieldKind, Message};
-use ipc_types::{Domain, DynamicPublisher, DynamicSubscriber, Ipc, RobotId, Schema, Ticket};
+use ipc_types::{Domain, DynamicPublisher, DynamicSubscriber, Ipc, Schema, Ticket};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
@@ -127,9 +128,7 @@ impl Robot {
             None => Domain::from_environment(),
         };
         let domain = domain.map_err(|error| raise(error.into()))?;
-        let robot = RobotId::new(robot)
-            .ok_or_else(|| PyValueError::new_err("a robot id is an integer greater than zero"))?;
-        let ipc = Ipc::join(&domain, robot, name).map_err(|error| raise(error.into()))?;
+        let ipc = join(&domain, robot, name).map_err(raise)?;
         Ok(Robot { ipc: Some(ipc) })
     }
 

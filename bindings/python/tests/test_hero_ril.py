@@ -47,6 +47,16 @@ class InRobot(unittest.TestCase):
         self.addCleanup(self.robot.close)
 
 
+class Names(InRobot):
+    def test_the_name_of_the_relay_is_its_own(self):
+        with self.assertRaisesRegex(ValueError, "`relay` is the name of the RIL's own module"):
+            hero_ril.Robot(name="relay")
+        with self.assertRaisesRegex(ValueError, "own module `relay`"):
+            self.robot.advertise("relay/battery", Battery)
+        with self.assertRaisesRegex(ValueError, "own module `relay`"):
+            self.robot.serve("relay/limits", SetLimit)
+
+
 class Topics(InRobot):
     def test_a_topic_of_ones_own(self):
         publisher = self.robot.advertise(KEY, Battery)

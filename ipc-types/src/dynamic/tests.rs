@@ -204,6 +204,8 @@ fn what_is_no_topic_of_a_module_is_not_published() {
     };
     assert!(refusal("voltages", VOLTAGES).contains("is no key"));
     assert!(refusal("a/Voltages", VOLTAGES).contains("is no key"));
+    let own = refusal("relay/voltages", VOLTAGES);
+    assert!(own.contains("own module `relay`"), "{own}");
     assert!(refusal("hero_telemetry", VOLTAGES).contains("hero.HeroTelemetry"));
     assert!(refusal("movement", VOLTAGES).contains("robot's own"));
     assert!(refusal("a/b", "nonsense").contains("not usable"));

@@ -1,11 +1,12 @@
 //! [`RelayLink`] and [`RelayStations`]: how the relay's links between machines are, on either side of them.
 
 use super::text::ascii_text;
-use crate::code::RelayLinkState;
+use crate::code::{Reason, RelayLinkState};
 use crate::time::MonotonicNs;
 
-/// Stations that [`RelayStations`] shows, and that a robot serves at a time: an operator, a safety pilot and six that only watch.
-pub const MAX_STATIONS: usize = 8;
+/// Stations that [`RelayStations`] shows: the eight whose requests a robot's relay takes at a time, and as many that only watch, wait
+/// for a place among those, or have fallen silent. More are served with telemetry and are not shown.
+pub const MAX_STATIONS: usize = 16;
 
 /// Bytes of a station's name, in [`RelayLink::station`] and [`RelayStation::name`].
 pub const STATION_NAME_LEN: usize = 32;
@@ -83,7 +84,7 @@ shared_struct! {
     /// change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never".
-    pub struct RelayStations("hero.RelayStations.v1") = 736 {
+    pub struct RelayStations("hero.RelayStations.v1") = 1440 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -92,7 +93,7 @@ shared_struct! {
         pub published_ns: u64,
         /// The stations, the first `count` of which mean something; the others are all zero.
         pub stations: [RelayStation; MAX_STATIONS],
-        /// How many stations there are, 0 … 8.
+        /// How many stations there are, 0 … 16.
         pub count: u32,
         /// Always zero; keeps the size a multiple of eight.
         pub reserved: u32,
@@ -114,14 +115,15 @@ shared_struct! {
         pub orders_refused: u64,
         /// Samples sent to the station.
         pub samples_sent: u64,
-        /// 1 when the station may send requests.
+        /// 1 when the robot's configuration lets the station send requests.
         pub may_command: u32,
         /// 1 when messages of the station come, 0 when none has come for the configured time.
         pub is_up: u32,
         /// Requests of the station that have no final report yet.
         pub orders_open: u32,
-        /// Always zero; keeps the size a multiple of eight.
-        pub reserved: u32,
+        /// Why the relay takes no requests from the station: a [`Reason`], relay-not-permitted or relay-too-many-stations;
+        /// 0 when it takes them.
+        pub refusal: u32,
     }
 }
 
@@ -199,14 +201,20 @@ impl RelayStation {
         ascii_text(&self.name)
     }
 
+    /// Why the relay takes no requests from the station, [`Reason::None`] when it takes them; nothing when the number is none of the
+    /// contract's.
+    pub const fn refusal(&self) -> Option<Reason> {
+        Reason::from_code(self.refusal)
+    }
+
     /// When the last message of the station came, nothing before the first.
     pub fn last_heard(&self) -> Option<MonotonicNs> {
         (self.last_heard_ns != 0).then_some(MonotonicNs(self.last_heard_ns))
     }
 }
 
-crate::topic!(RelayLink, "relay/link");
-crate::topic!(RelayStations, "relay/stations");
+crate::topic!(RelayLink, "relay/link", "relay");
+crate::topic!(RelayStations, "relay/stations", "relay");
 
 #[cfg(test)]
 mod tests {

@@ -165,10 +165,28 @@ pub trait Request: SharedStruct + Wire {
 /// }
 /// ipc_types::topic!(Voltages, "voltages");
 /// ```
+///
+/// A key of one of the RIL's own modules neither:
+///
+/// ```compile_fail
+/// ipc_types::shared_struct! {
+///     pub struct Voltages("battery_watch.Voltages.v1") = 24 {
+///         pub sequence: u64,
+///         pub epoch_ns: u64,
+///         pub voltage_v: f64,
+///     }
+/// }
+/// ipc_types::topic!(Voltages, "relay/voltages");
+/// ```
 #[macro_export]
 macro_rules! topic {
     ($payload:ty, $key:literal) => {
         $crate::topic!($payload, $key, $crate::service::module_of($key));
+
+        const _: () = ::core::assert!(
+            !$crate::module::is_own_name($crate::service::module_of($key)),
+            "`bridge`, `status` and `relay` are the names of the RIL's own modules: choose another one"
+        );
     };
     ($payload:ty, $key:literal, $provider:expr) => {
         impl $crate::Topic for $payload {
@@ -228,6 +246,11 @@ macro_rules! topic {
 macro_rules! request {
     ($payload:ty, $key:literal) => {
         $crate::request!($payload, $key, $crate::service::module_of($key));
+
+        const _: () = ::core::assert!(
+            !$crate::module::is_own_name($crate::service::module_of($key)),
+            "`bridge`, `status` and `relay` are the names of the RIL's own modules: choose another one"
+        );
     };
     ($payload:ty, $key:literal, $provider:expr) => {
         impl $crate::Request for $payload {

@@ -181,7 +181,7 @@ fn orders_through_an_open_door_take_a_key_in_the_configuration() {
         assert!(warning.contains("read the robot's telemetry"), "{warning}");
         let commands = format!("{door}[commands]\nstations = [\"gcs\"]\n");
         let error = check(&open(&commands), Side::Robot).unwrap_err();
-        assert!(error.contains("insecure = true"), "{error}");
+        assert!(error.reason().contains("insecure = true"), "{error}");
         let known = format!("{commands}[security]\ninsecure = true\n");
         let warning = check(&open(&known), Side::Robot).unwrap().unwrap();
         assert!(warning.contains("INSECURE"), "{warning}");
@@ -210,7 +210,7 @@ fn stations_and_routers_are_warned() {
 fn with_certificates_someone_must_be_admitted_and_plain_endpoints_are_said_to_be_dead() {
     let text = "[security]\nauthority = \"a\"\ncertificate = \"b\"\nkey = \"c\"\n";
     let error = check(&open(text), Side::Robot).unwrap_err();
-    assert!(error.contains("no peer"), "{error}");
+    assert!(error.reason().contains("no peer"), "{error}");
     let warning = check(&config(""), Side::Robot).unwrap().unwrap();
     assert!(warning.contains("nothing passes"), "{warning}");
     let encrypted = config("[robot]\nlisten = [\"tls/0.0.0.0:7447\", \"quic/0.0.0.0:7447\"]\n");

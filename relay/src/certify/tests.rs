@@ -1,4 +1,9 @@
+use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use runtime::exit::{ExitCode, Failure};
+use time::Duration;
 
 use super::*;
 use crate::config::Config;

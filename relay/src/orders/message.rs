@@ -3,6 +3,10 @@
 use ipc_types::MonotonicNs;
 use ipc_types::payload::RequestReport;
 
+/// What the robot side says in the place of a session to a station that may command and has to wait, because as many others as have
+/// [sessions](super::robot::SESSIONS) are active. No session has this number, nor 0, which is said to a station that may not command.
+pub const NO_PLACE: u64 = 1;
+
 /// Station to robot: carry this request out, if that was not done before, and answer with what is known about it.
 ///
 /// A station repeats an order until it has the final report. All copies have the same session and number, but for an order that

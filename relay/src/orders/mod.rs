@@ -13,6 +13,10 @@
 //! orders with [`UnknownSession`](message::UnknownSession). The station gets another session, and asks again for everything that
 //! is open as a *repetition*, which is never executed anew: the server is asked what became of it.
 //!
+//! **Places** bound the sessions: there are eight, and a station that is active keeps its own whatever others come. The ninth is
+//! told [`NO_PLACE`](message::NO_PLACE) in the place of a session and refuses requests with *relay-too-many-stations*; see
+//! [`places`](robot::places).
+//!
 //! **Numbers** tell a copy that is late from an order that is new. Every order says up to which number all is settled at its
 //! station, the *floor*. An order below the floor is ignored, all others are remembered. A station's numbers lie less than
 //! [`WINDOW`] above its floor, which bounds the robot side's memory.
@@ -39,6 +43,7 @@
 //! |---|---|---|
 //! | wanted | a report: handed on to the client; a final one settles the order | the same, or settled |
 //! | wanted | the client is gone | given up |
+//! | – | it is new, and the robot side has no place for the station: refused, relay-too-many-stations | settled |
 //! | wanted | no answer for a minute: the client is told *unknown, relay-link-lost* | given up |
 //! | given up | no report is handed on; a final one settles the order | the same, or settled |
 //! | any | another session: asked again under another number, as a repetition | the same |

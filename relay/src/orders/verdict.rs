@@ -11,6 +11,7 @@ use ipc_types::payload::RequestReport;
 /// | `LinkDown` | station | refused, relay-link-down (37) |
 /// | `LinkLost` | station | unknown, relay-link-lost (38) |
 /// | `NotPermitted` | station | refused, relay-not-permitted (39) |
+/// | `TooManyStations` | station | refused, relay-too-many-stations (41) |
 /// | `TooManyRequests` | both | refused, too-many-requests |
 /// | `Busy` | both | refused, still-open |
 /// | `InvalidRequest` | both | refused, invalid-request |
@@ -28,6 +29,8 @@ pub enum Verdict {
     LinkLost,
     /// The robot's relay does not let this station command.
     NotPermitted,
+    /// As many other stations as the robot's relay takes requests from are active.
+    TooManyStations,
     /// A bounded table is full: the station's open orders, or the server's queue.
     TooManyRequests,
     /// Another request with this id is open.
@@ -55,6 +58,7 @@ impl Verdict {
             Verdict::LinkDown => (Stage::Refused, Reason::RelayLinkDown),
             Verdict::LinkLost => (Stage::Unknown, Reason::RelayLinkLost),
             Verdict::NotPermitted => (Stage::Refused, Reason::RelayNotPermitted),
+            Verdict::TooManyStations => (Stage::Refused, Reason::RelayTooManyStations),
             Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
             Verdict::Busy => (Stage::Refused, Reason::StillOpen),
             Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),

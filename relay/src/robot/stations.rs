@@ -3,9 +3,11 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use ipc_types::code::Reason;
 use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
 
-use crate::orders::robot::{LIFE_KEPT, SESSIONS};
+use crate::orders::robot::OrderCounts;
+use crate::orders::robot::places::{Heard, Places};
 
 /// One station.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,14 +24,11 @@ pub struct Station {
     pub is_up: bool,
     /// Whether it may command.
     pub may_command: bool,
-    /// Requests that were handed to the robot's processes.
-    pub orders_executed: u64,
-    /// Requests that the relay refused.
-    pub orders_refused: u64,
 }
 
-/// All stations, of which [`MAX_STATIONS`] are remembered: the one that was not heard for the longest time goes. One that may not
-/// command never takes the place of one that may: its name may be made up.
+/// All stations, of which [`MAX_STATIONS`] are shown. One that is heard makes room for no other, but for one that may command when
+/// it may not itself. Of those that are not heard the one goes that was silent longest, those that may not command first. One that
+/// may not command never takes the place of one that may: its name may be made up.
 #[derive(Clone, Debug)]
 pub struct Stations {
     silent_after: Duration,
@@ -49,9 +48,6 @@ impl Stations {
     pub fn hear(&mut self, name: &str, life: u64, may_command: bool, now: MonotonicNs) -> bool {
         if let Some(station) = self.list.iter_mut().find(|station| station.name == name) {
             let is_news = !station.is_up || station.life != life;
-            if station.life != life {
-                (station.orders_executed, station.orders_refused) = (0, 0);
-            }
             if is_news {
                 station.since = now;
             }
@@ -61,11 +57,7 @@ impl Stations {
             return is_news;
         }
         if self.list.len() == MAX_STATIONS {
-            let places = self.list.iter().enumerate();
-            let oldest = places
-                .filter(|(_, station)| may_command || !station.may_command)
-                .min_by_key(|(_, station)| (station.may_command, station.heard));
-            let Some((index, _)) = oldest else {
+            let Some(index) = self.least(may_command) else {
                 return false;
             };
             self.list.remove(index);
@@ -77,10 +69,21 @@ impl Stations {
             since: now,
             is_up: true,
             may_command,
-            orders_executed: 0,
-            orders_refused: 0,
         });
         true
+    }
+
+    /// Which station makes room for one that is new, and may or may not command.
+    fn least(&self, may_command: bool) -> Option<usize> {
+        let places = self.list.iter().enumerate();
+        let gives_way = |station: &Station| match may_command {
+            true => !station.is_up || !station.may_command,
+            false => !station.is_up && !station.may_command,
+        };
+        let least = places
+            .filter(|(_, station)| gives_way(station))
+            .min_by_key(|(_, station)| (station.may_command, station.is_up, station.heard));
+        least.map(|(index, _)| index)
     }
 
     /// The time passes. Says which stations are heard no more, by their names.
@@ -107,135 +110,63 @@ impl Stations {
         up.map(|station| station.heard + self.silent_after).min()
     }
 
-    /// The stations as they are published. `samples_sent` went to all of them.
-    pub fn rows(&self, samples_sent: u64, orders_open: impl Fn(u64) -> usize) -> Vec<RelayStation> {
-        let row = |station: &Station| RelayStation {
-            name: ascii_bytes(&station.name),
-            last_heard_ns: station.heard.0,
-            since_ns: station.since.0,
-            orders_executed: station.orders_executed,
-            orders_refused: station.orders_refused,
-            samples_sent,
-            may_command: station.may_command.into(),
-            is_up: station.is_up.into(),
-            orders_open: orders_open(station.life) as u32,
-            reserved: 0,
+    /// The stations as they are published. `samples_sent` went to all of them; `orders` says what became of those of a life, and
+    /// nothing of one that has no session.
+    pub fn rows(
+        &self,
+        samples_sent: u64,
+        orders: impl Fn(u64) -> Option<OrderCounts>,
+    ) -> Vec<RelayStation> {
+        let row = |station: &Station| {
+            let counts = orders(station.life);
+            let refusal = match counts {
+                _ if !station.may_command => Reason::RelayNotPermitted,
+                None if station.is_up => Reason::RelayTooManyStations,
+                _ => Reason::None,
+            };
+            let counts = counts.unwrap_or_default();
+            RelayStation {
+                name: ascii_bytes(&station.name),
+                last_heard_ns: station.heard.0,
+                since_ns: station.since.0,
+                orders_executed: counts.executed,
+                orders_refused: counts.refused,
+                samples_sent,
+                may_command: station.may_command.into(),
+                is_up: station.is_up.into(),
+                orders_open: counts.open as u32,
+                refusal: refusal.code(),
+            }
         };
         self.list.iter().map(row).collect()
     }
 }
 
-/// The lives of stations that have a session, at most [`SESSIONS`], and what their stations are called.
+/// What the stations are called whose lives have a session. Its [places](Places) are those of the sessions, because it is given
+/// the same clock messages.
 #[derive(Clone, Debug, Default)]
 pub struct Lives {
-    list: Vec<(u64, String, MonotonicNs)>,
+    names: Places<String>,
 }
 
 impl Lives {
-    /// A station that may command has been heard. Says whether it may have a session: when all places are taken by lives that were
-    /// heard within [`LIFE_KEPT`], another one has to wait. So strangers that make lives up push out no station that is there.
+    /// A clock message of a life has come from a station that may command. Says whether the station is to be given what the life
+    /// has, a session or none: a life belongs to the station that has shown it first.
     pub fn admit(&mut self, life: u64, name: &str, now: MonotonicNs) -> bool {
-        if let Some((_, of_life, heard)) = self.list.iter_mut().find(|entry| entry.0 == life) {
-            *heard = now;
-            // A life belongs to the station that has shown it first.
-            return of_life == name;
+        if self.name_of(life).is_some_and(|of_life| of_life != name) {
+            return false;
         }
-        if self.list.len() == SESSIONS {
-            let silent = |entry: &(u64, String, MonotonicNs)| now.since(entry.2) >= LIFE_KEPT;
-            let oldest = (0..self.list.len()).min_by_key(|index| self.list[*index].2);
-            match oldest.filter(|index| silent(&self.list[*index])) {
-                Some(index) => self.list.remove(index),
-                None => return false,
-            };
+        if self.names.hear(life, now) == Heard::New {
+            self.names.take(life, now, name.to_owned());
         }
-        self.list.push((life, name.to_owned(), now));
         true
     }
 
     /// What the station of this life is called.
     pub fn name_of(&self, life: u64) -> Option<&str> {
-        let entry = self.list.iter().find(|entry| entry.0 == life);
-        entry.map(|(_, name, _)| name.as_str())
+        self.names.of(life).map(String::as_str)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const fn at(ms: u64) -> MonotonicNs {
-        MonotonicNs(ms * 1_000_000)
-    }
-
-    #[test]
-    fn stations_come_fall_silent_and_come_again() {
-        let mut stations = Stations::new(Duration::from_millis(1000));
-        assert!(stations.hear("gcs", 1, true, at(0)));
-        assert!(!stations.hear("gcs", 1, true, at(500)));
-        assert_eq!(stations.deadline(), Some(at(1500)));
-        assert_eq!(stations.pass(at(1499)), Vec::<String>::new());
-        assert_eq!(stations.pass(at(1500)), ["gcs"]);
-        assert!(!stations.is_any_up() && stations.deadline().is_none());
-        assert!(stations.hear("gcs", 1, true, at(2000)), "it is back");
-        assert!(stations.hear("gcs", 2, true, at(2100)), "it was restarted");
-    }
-
-    #[test]
-    fn the_station_that_was_not_heard_for_the_longest_time_is_forgotten() {
-        let mut stations = Stations::new(Duration::from_millis(1000));
-        for index in 0..=MAX_STATIONS as u64 {
-            stations.hear(&format!("gcs-{index}"), index, false, at(index));
-        }
-        let rows = stations.rows(0, |_| 0);
-        assert_eq!(rows.len(), MAX_STATIONS);
-        assert_eq!(rows[0].last_heard_ns, at(1).0);
-    }
-
-    #[test]
-    fn a_made_up_name_takes_no_place_of_a_station_that_may_command() {
-        let mut stations = Stations::new(Duration::from_millis(1000));
-        stations.hear("gcs", 1, true, at(0));
-        for index in 0..100 {
-            stations.hear(&format!("x{index}"), index, false, at(index));
-        }
-        let rows = stations.rows(0, |_| 0);
-        assert_eq!(rows.len(), MAX_STATIONS);
-        assert_eq!(rows[0].may_command, 1);
-        let mut full = Stations::new(Duration::from_millis(1000));
-        for index in 0..MAX_STATIONS as u64 {
-            full.hear(&format!("gcs-{index}"), index, true, at(index));
-        }
-        assert!(!full.hear("x", 99, false, at(100)), "there is no room");
-        assert!(full.hear("gcs-9", 99, true, at(100)));
-    }
-
-    #[test]
-    fn made_up_lives_push_out_no_life_that_is_heard() {
-        let mut lives = Lives::default();
-        assert!(lives.admit(1, "gcs", at(0)));
-        let mut admitted = 0;
-        for ms in 1..60_000 {
-            if ms % 500 == 0 {
-                assert!(lives.admit(1, "gcs", at(ms)), "{ms}");
-            }
-            admitted += u64::from(lives.admit(1000 + ms, "gcs", at(ms)));
-        }
-        // Seven places, each for three seconds.
-        assert!(admitted <= 7 * 60 / 3 + 7, "{admitted}");
-        assert_eq!(lives.name_of(1), Some("gcs"));
-        assert!(lives.list.len() <= SESSIONS);
-    }
-
-    #[test]
-    fn a_life_that_is_silent_makes_room_and_no_other_station_can_take_it_over() {
-        let mut lives = Lives::default();
-        for life in 1..=SESSIONS as u64 {
-            assert!(lives.admit(life, "gcs", at(life)));
-        }
-        assert!(!lives.admit(99, "gcs", at(3000)));
-        assert!(lives.admit(99, "gcs", at(3001)));
-        assert_eq!(lives.name_of(1), None);
-        assert!(!lives.admit(99, "other", at(3002)));
-        assert_eq!(lives.name_of(99), Some("gcs"));
-    }
-}
+mod tests;

@@ -9,7 +9,7 @@ use relay::message::{
     AnswerBytes, Ask, Command, Ping, Pong, SampleHeader, Service, Tell, decode, encode,
 };
 use relay::orders::WINDOW;
-use relay::orders::message::{Answer, Order};
+use relay::orders::message::{Answer, NO_PLACE, Order};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, Repeat, Robot, SESSIONS,
 };
@@ -143,6 +143,9 @@ impl RobotSide {
         if may_command && self.lives.admit(ping.station_life, name, now) {
             let life = ping.station_life;
             let session = self.orders.session_for(life, now, &mut self.out);
+            if session == NO_PLACE {
+                return;
+            }
             self.sessions.retain(|other| *other != session);
             self.sessions.insert(0, session);
             self.sessions.truncate(2 * SESSIONS);
@@ -223,7 +226,7 @@ pub fn robot_side(data: &[u8]) {
         let _ = side.stations.pass(now);
         let _ = (side.orders.deadline(), side.stations.deadline());
         assert!(side.orders.remembered() <= SESSIONS * WINDOW as usize + ORPHANS);
-        assert!(side.stations.rows(0, |_| 0).len() <= MAX_STATIONS);
+        assert!(side.stations.rows(0, |_| None).len() <= MAX_STATIONS);
         let most = 2 * side.orders.remembered() + SESSIONS * WINDOW as usize + 8;
         assert!(
             side.out.len() <= most,

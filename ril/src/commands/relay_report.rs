@@ -8,7 +8,7 @@ mod text;
 
 use std::time::Duration;
 
-use ipc_types::code::RelayLinkState;
+use ipc_types::code::{Reason, RelayLinkState};
 use ipc_types::payload::{RelayLink, RelayStation, RelayStations};
 use ipc_types::{MonotonicNs, RobotId};
 use runtime::exit::ExitCode;
@@ -103,6 +103,8 @@ struct StationReport {
     since_ms: Option<u64>,
     last_heard_age_ms: Option<u64>,
     may_command: bool,
+    /// Why the relay takes no requests from the station; nothing when it takes them.
+    refusal: Option<String>,
     orders_executed: u64,
     orders_refused: u64,
     orders_open: u32,
@@ -260,7 +262,7 @@ impl StationReport {
             may_command,
             is_up,
             orders_open,
-            reserved: _,
+            refusal,
         } = *station;
         let since = (since_ns > 0).then_some(MonotonicNs(since_ns));
         StationReport {
@@ -269,6 +271,7 @@ impl StationReport {
             since_ms: since.and_then(|time| age_ms(time, now)),
             last_heard_age_ms: station.last_heard().and_then(|time| age_ms(time, now)),
             may_command: may_command != 0,
+            refusal: (refusal != 0).then(|| named(Reason::from_code(refusal), refusal)),
             orders_executed,
             orders_refused,
             orders_open,

@@ -89,6 +89,10 @@ pub const fn explain(reason: Reason) -> &'static str {
             "this station may not command the robot, so nothing was sent: `ril relay status` shows the station's name; add it to \
              `[commands]` `stations` of relay.toml on the robot, and start the relay there again"
         }
+        Reason::RelayTooManyStations => {
+            "eight other stations are active, from which the robot's relay takes requests, so nothing was sent: `ril relay status` \
+             on the robot shows them; end the relay of one that need not command, and send it again ten seconds later"
+        }
         Reason::StillOpen => {
             "a request with this id is under way and goes on: send a new request for something else"
         }

@@ -3,10 +3,10 @@
 use std::ffi::{c_char, c_int};
 use std::path::Path;
 
-use ipc_types::{Domain, Ipc, RobotId};
+use ipc_types::{Domain, Ipc};
 
 use super::{clear, close, give, guard, optional_text, text};
-use crate::error::Error;
+use crate::joining::join;
 
 /// `hero_ril_robot`
 pub struct Robot {
@@ -27,9 +27,7 @@ pub unsafe extern "C" fn hero_ril_join(
             Some(root) => Domain::new(Path::new(root))?,
             None => Domain::from_environment()?,
         };
-        let robot = RobotId::new(robot)
-            .ok_or_else(|| Error::Invalid("a robot id is an integer greater than zero".into()))?;
-        let ipc = Ipc::join(&domain, robot, text(process_name, "process_name")?)?;
+        let ipc = join(&domain, robot, text(process_name, "process_name")?)?;
         give(out, Robot { ipc })
     })
 }

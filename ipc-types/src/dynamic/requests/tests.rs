@@ -143,6 +143,7 @@ fn what_is_no_request_of_a_module_is_refused() {
             Err(error) => error.to_string(),
         };
         assert!(serve("limits", SET_LIMIT).contains("is no key"));
+        assert!(serve("relay/limits", SET_LIMIT).contains("own module `relay`"));
         assert!(serve("movement", SET_LIMIT).contains("hero.MovementData"));
         assert!(serve("hero_telemetry", SET_LIMIT).contains("robot's own"));
         assert!(serve("a/b", "nonsense").contains("not usable"));

@@ -1,6 +1,7 @@
 //! [`Robot`]: the robot side's memory of orders. See the [states](super).
 
 mod io;
+pub mod places;
 mod record;
 mod records;
 mod sessions;
@@ -18,10 +19,12 @@ use super::WINDOW;
 use super::message::{Order, UnknownSession, request_id};
 use super::verdict::Verdict;
 pub use io::{NotSent, Output, Repeat};
+pub use places::SESSIONS;
 use record::State;
 pub use records::ORPHANS;
 use records::{Known, Records};
-pub use sessions::{LIFE_KEPT, SESSIONS};
+pub use sessions::OrderCounts;
+use sessions::Sessions;
 
 /// How long the robot side waits before it passes a request on again that could not be sent.
 const SEND_AGAIN: Duration = Duration::from_millis(100);
@@ -58,7 +61,7 @@ impl Default for Config {
 #[derive(Clone, Debug)]
 pub struct Robot {
     config: Config,
-    sessions: sessions::Sessions,
+    sessions: Sessions,
     records: Records,
 }
 
@@ -67,23 +70,17 @@ impl Robot {
     pub fn new(config: Config, seed: u64) -> Robot {
         Robot {
             config,
-            sessions: sessions::Sessions::new(seed),
+            sessions: Sessions::new(seed),
             records: Records::default(),
         }
     }
 
     /// The session of this life of a station; call it for every clock message of the station, and send the session back with
-    /// the answer. The least recently heard station is forgotten for a new one, stations without open orders first. A station
-    /// that is forgotten with open orders cannot be watched any more: it counts as lost.
+    /// the answer. It is [`NO_PLACE`](super::message::NO_PLACE) when all [`SESSIONS`] are those of stations that are active: a session
+    /// of an [active](places) station is never forgotten for another one. A station that is forgotten with open orders cannot be
+    /// watched any more: it counts as lost.
     pub fn session_for(&mut self, station: u64, now: MonotonicNs, out: &mut Vec<Output>) -> u64 {
-        if let Some(session) = self.sessions.of_station(station) {
-            session.hear(now);
-            return session.token;
-        }
-        let records = &self.records;
-        let forgotten = self
-            .sessions
-            .make_room(now, |session| records.has_open(session.token));
+        let (token, forgotten) = self.sessions.hear(station, now);
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
             let is_news = limit.and_then(|limit| session.lost_at(limit)).is_some();
@@ -94,7 +91,7 @@ impl Robot {
             }
             self.records.forget(session.token, u64::MAX, out);
         }
-        self.sessions.begin(station, now)
+        token
     }
 
     /// An order has come. `repeat` is what its topic's requests can do.
@@ -128,15 +125,15 @@ impl Robot {
                 (record.session, record.number) = (Some(order.session), order.number);
                 index
             }
-            Known::IdIsTaken if order.is_repeat => {
-                self.records
-                    .remember(order, station, Some(Verdict::NotRemembered), now)
-            }
-            Known::IdIsTaken => self
-                .records
-                .remember(order, station, Some(Verdict::Busy), now),
-            Known::No => {
-                let verdict = judge(order, repeat, now);
+            new => {
+                let verdict = match new {
+                    Known::No => judge(order, repeat, now),
+                    _ if order.is_repeat => Some(Verdict::NotRemembered),
+                    _ => Some(Verdict::Busy),
+                };
+                if let Some(session) = self.sessions.of(order.session) {
+                    session.counts.note(verdict);
+                }
                 let index = self.records.remember(order, station, verdict, now);
                 self.pass_on(index, out);
                 index
@@ -249,11 +246,13 @@ impl Robot {
         retries.chain(losses).min()
     }
 
-    /// Orders of this life of a station that have no final report yet.
-    pub fn open_of(&self, station: u64) -> usize {
-        let mut sessions = self.sessions.iter();
-        let session = sessions.find(|session| session.station == station);
-        session.map_or(0, |session| self.records.open(session.token))
+    /// What became of the orders of this life of a station; nothing when it has no session.
+    pub fn open_of(&self, station: u64) -> Option<OrderCounts> {
+        let session = self.sessions.of_station(station)?;
+        Some(OrderCounts {
+            open: self.records.open(session.token),
+            ..session.counts
+        })
     }
 
     /// Orders that are remembered.

@@ -4,12 +4,30 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-/// Stations that are remembered at the same time: a fleet's three ground stations, each restarted once or twice within the time
-/// that an outage takes. One more makes the robot side forget the one that was silent longest, which then gets another session.
-pub const SESSIONS: usize = 8;
+use super::places::{Heard, Places};
+use crate::orders::message::NO_PLACE;
+use crate::orders::verdict::Verdict;
 
-/// For how long a station counts as there after its last message: six pings.
-pub const LIFE_KEPT: Duration = Duration::from_secs(3);
+/// What became of the orders of one session.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OrderCounts {
+    /// Handed to the robot's processes.
+    pub executed: u64,
+    /// Refused by the relay, or ended by it because their outcome is not known any more.
+    pub refused: u64,
+    /// Without a final report yet.
+    pub open: usize,
+}
+
+impl OrderCounts {
+    /// An order is there for the first time.
+    pub(super) fn note(&mut self, verdict: Option<Verdict>) {
+        match verdict {
+            None => self.executed += 1,
+            Some(_) => self.refused += 1,
+        }
+    }
+}
 
 /// What the robot side knows of one life of a station.
 #[derive(Clone, Debug)]
@@ -19,15 +37,18 @@ pub(super) struct Session {
     pub(super) station: u64,
     /// Orders with a lower number are settled at the station.
     pub(super) floor: u64,
+    /// What became of its orders; those that are open are counted where they are remembered.
+    pub(super) counts: OrderCounts,
+    /// When any message of it came.
     heard: MonotonicNs,
     /// That it is silent was reported.
     is_reported: bool,
 }
 
-/// The sessions, of which there are at most [`SESSIONS`].
+/// The sessions, of which there are at most [`SESSIONS`](super::SESSIONS).
 #[derive(Clone, Debug)]
 pub(super) struct Sessions {
-    sessions: Vec<Session>,
+    sessions: Places<Session>,
     /// State of the generator of tokens.
     random: u64,
 }
@@ -51,7 +72,7 @@ impl Session {
 impl Sessions {
     pub(super) fn new(seed: u64) -> Sessions {
         Sessions {
-            sessions: Vec::with_capacity(SESSIONS),
+            sessions: Places::default(),
             random: seed,
         }
     }
@@ -62,10 +83,8 @@ impl Sessions {
             .find(|session| session.token == token)
     }
 
-    pub(super) fn of_station(&mut self, station: u64) -> Option<&mut Session> {
-        self.sessions
-            .iter_mut()
-            .find(|session| session.station == station)
+    pub(super) fn of_station(&self, station: u64) -> Option<&Session> {
+        self.sessions.of(station)
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &Session> {
@@ -76,37 +95,36 @@ impl Sessions {
         self.sessions.iter_mut()
     }
 
-    pub(super) fn begin(&mut self, station: u64, now: MonotonicNs) -> u64 {
-        let token = self.fresh_token();
-        self.sessions.push(Session {
-            token,
-            station,
-            floor: 0,
-            heard: now,
-            is_reported: false,
-        });
-        token
-    }
-
-    /// Removes the session that must go before another one can begin: one that was silent for [`LIFE_KEPT`] if there is one, of those
-    /// one without open orders, and of those the one that was silent longest.
-    pub(super) fn make_room(
-        &mut self,
-        now: MonotonicNs,
-        has_open: impl Fn(&Session) -> bool,
-    ) -> Option<Session> {
-        if self.sessions.len() < SESSIONS {
-            return None;
+    /// A clock message of this life of a station has come: the token of its session, and the session that was forgotten for it.
+    /// Without a place for it, the token is [`NO_PLACE`].
+    pub(super) fn hear(&mut self, station: u64, now: MonotonicNs) -> (u64, Option<Session>) {
+        match self.sessions.hear(station, now) {
+            Heard::NoPlace => (NO_PLACE, None),
+            Heard::Known => {
+                let mut sessions = self.sessions.iter_mut();
+                let session = sessions.find(|session| session.station == station);
+                let token = session.map(|session| {
+                    session.hear(now);
+                    session.token
+                });
+                (token.unwrap_or(NO_PLACE), None)
+            }
+            Heard::New => {
+                let token = self.fresh_token();
+                let session = Session {
+                    token,
+                    station,
+                    floor: 0,
+                    counts: OrderCounts::default(),
+                    heard: now,
+                    is_reported: false,
+                };
+                (token, self.sessions.take(station, now, session))
+            }
         }
-        let candidates = self.sessions.iter().enumerate();
-        let (index, _) = candidates.min_by_key(|(_, session)| {
-            let is_there = now.since(session.heard) < LIFE_KEPT;
-            (is_there, has_open(session), session.heard)
-        })?;
-        Some(self.sessions.swap_remove(index))
     }
 
-    /// The next number of SplitMix64. Random enough to tell sessions apart; it keeps no attacker out.
+    /// The next number of SplitMix64 that can be a token. Random enough to tell sessions apart; it keeps no attacker out.
     fn fresh_token(&mut self) -> u64 {
         loop {
             self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -114,7 +132,7 @@ impl Sessions {
             token = (token ^ (token >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             token = (token ^ (token >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
             token ^= token >> 31;
-            if token != 0 && self.of(token).is_none() {
+            if token > NO_PLACE && self.of(token).is_none() {
                 return token;
             }
         }

@@ -1,5 +1,6 @@
+use super::places::LIFE_KEPT;
 use super::*;
-use crate::orders::message::Answer;
+use crate::orders::message::{Answer, NO_PLACE};
 
 const MOVEMENT: u64 = 0;
 const MS: u64 = 1_000_000;
@@ -409,29 +410,51 @@ fn an_id_that_another_station_has_open_is_refused_as_busy() {
 }
 
 #[test]
+fn an_active_session_is_never_forgotten_for_a_new_one() {
+    let mut rig = Rig::with(Config::default());
+    let order = rig.new_order(1);
+    rig.order(&order);
+    let others: Vec<u64> = (200..207).map(|station| rig.hear(station)).collect();
+    for _ in 0..100 {
+        rig.now += 500 * MS;
+        assert_eq!(rig.hear(300), NO_PLACE, "the ninth");
+        assert_eq!(rig.hear(STATION), rig.session);
+        for (station, session) in (200..207).zip(&others) {
+            assert_eq!(rig.hear(station), *session);
+        }
+    }
+    assert_eq!(rig.robot.open_of(300), None);
+    let out = rig.report(101, Stage::Done, Reason::None);
+    assert_eq!(answers(&out), [answered(1, 1, Stage::Done, Reason::None)]);
+    assert_eq!(rig.out, [], "no station was lost");
+}
+
+#[test]
+fn an_order_of_a_station_that_has_no_place_is_of_no_session() {
+    let mut rig = Rig::new();
+    for station in 200..207 {
+        rig.hear(station);
+    }
+    let order = Order {
+        session: rig.hear(300),
+        ..rig.new_order(1)
+    };
+    assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
+}
+
+#[test]
 fn the_station_that_was_silent_longest_is_forgotten_and_its_open_requests_go_on() {
     let mut rig = Rig::with(Config::default());
     let order = rig.new_order(1);
     rig.order(&order);
-    // Sessions without open orders are forgotten first.
-    for station in 100..120 {
-        rig.now += MS;
-        rig.hear(station);
-        assert_eq!(rig.hear(STATION), rig.session);
-    }
-    // All others have open orders, too.
     for station in 200..207 {
         rig.now += MS;
-        let order = Order {
-            session: rig.hear(station),
-            request: station.to_le_bytes().to_vec(),
-            ..rig.new_order(1)
-        };
-        rig.order(&order);
+        rig.hear(station);
     }
-    rig.now += MS;
+    rig.now += LIFE_KEPT.as_nanos() as u64 - 7 * MS;
     rig.hear(300);
     assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
+    rig.now += LIFE_KEPT.as_nanos() as u64;
     let again = Order {
         session: rig.hear(STATION),
         number: 2,
@@ -452,6 +475,8 @@ fn requests_of_forgotten_stations_are_bounded_and_forgotten_when_they_end() {
     let stations = SESSIONS as u64 + 4;
     let mut given = 0;
     for station in 1..=stations {
+        // The one of the rig is the first that is forgotten.
+        rig.now += 2 * LIFE_KEPT.as_nanos() as u64;
         let session = rig.hear(1_000 + station);
         for number in 1..=32 {
             let id = 10_000 * station + number;
@@ -463,7 +488,6 @@ fn requests_of_forgotten_stations_are_bounded_and_forgotten_when_they_end() {
             let out = rig.order(&order);
             given += out.iter().filter(|output| is_give_up(output)).count();
         }
-        rig.now += MS;
     }
     assert_eq!(rig.robot.remembered(), SESSIONS * 32 + ORPHANS);
     assert_eq!(given, 4 * 32 - ORPHANS);
@@ -474,6 +498,28 @@ fn requests_of_forgotten_stations_are_bounded_and_forgotten_when_they_end() {
         }
     }
     assert_eq!(rig.robot.remembered(), before - ORPHANS);
+}
+
+#[test]
+fn the_orders_of_a_session_are_counted() {
+    let mut rig = Rig::new();
+    let order = rig.new_order(1);
+    rig.order(&order);
+    rig.order(&order);
+    let late = Order {
+        expires: MonotonicNs(rig.now - 1),
+        ..rig.new_order(2)
+    };
+    rig.order(&late);
+    let counts = OrderCounts {
+        executed: 1,
+        refused: 1,
+        open: 1,
+    };
+    assert_eq!(rig.robot.open_of(STATION), Some(counts));
+    rig.report(101, Stage::Done, Reason::None);
+    let ended = OrderCounts { open: 0, ..counts };
+    assert_eq!(rig.robot.open_of(STATION), Some(ended));
 }
 
 #[test]
@@ -508,20 +554,17 @@ fn sessions_of_two_lives_of_the_robot_side_differ() {
 
 #[test]
 fn a_station_that_is_forgotten_with_open_orders_is_lost() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::with(Config {
+        link_loss: Some(Duration::from_secs(60)),
+        ..Config::default()
+    });
     let order = rig.new_order(1);
     rig.order(&order);
-    for station in 200..207 {
-        rig.now += MS;
-        let order = Order {
-            session: rig.hear(station),
-            request: station.to_le_bytes().to_vec(),
-            ..rig.new_order(1)
-        };
-        rig.order(&order);
+    rig.now += LIFE_KEPT.as_nanos() as u64;
+    for station in 200..208 {
+        assert_eq!(rig.out, []);
+        rig.hear(station);
     }
-    rig.now += MS;
-    rig.hear(300);
     assert_eq!(rig.out, [Output::LinkLost { station: STATION }]);
 }
 

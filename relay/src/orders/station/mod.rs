@@ -16,7 +16,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::RequestReport;
 
 use super::WINDOW;
-use super::message::{Answer, Order, request_id};
+use super::message::{Answer, NO_PLACE, Order, request_id};
 use super::verdict::Verdict;
 use entry::{ASK_PERIOD, Client, Entry};
 
@@ -96,6 +96,8 @@ pub enum Output {
 pub struct Station {
     config: Config,
     session: Option<u64>,
+    /// The robot side has no place for this station.
+    is_left_out: bool,
     former_sessions: VecDeque<u64>,
     /// In the order of their numbers.
     entries: Vec<Entry>,
@@ -109,6 +111,7 @@ impl Station {
         Station {
             config,
             session: None,
+            is_left_out: false,
             former_sessions: VecDeque::with_capacity(FORMER_SESSIONS),
             entries: Vec::with_capacity(OPEN_ORDERS),
             next_number: 1,
@@ -135,7 +138,11 @@ impl Station {
             Some(Verdict::InvalidRequest)
         } else if self.entries.iter().any(|entry| entry.request_id == id) {
             Some(Verdict::Busy)
-        } else if !is_link_up || self.session.is_none() {
+        } else if !is_link_up {
+            Some(Verdict::LinkDown)
+        } else if self.is_left_out {
+            Some(Verdict::TooManyStations)
+        } else if self.session.is_none() {
             Some(Verdict::LinkDown)
         } else if !self.has_room() {
             Some(Verdict::TooManyRequests)
@@ -164,8 +171,13 @@ impl Station {
         }
     }
 
-    /// The robot has answered a clock message, with the session of this station.
+    /// The robot has answered a clock message, with the session of this station, or [`NO_PLACE`]: requests are refused until there
+    /// is a session. What is open stays open, because the answer may be late, and because a place may become free.
     pub fn session(&mut self, session: u64, now: MonotonicNs, out: &mut Vec<Output>) {
+        self.is_left_out = session == NO_PLACE;
+        if self.is_left_out {
+            return;
+        }
         if self.session == Some(session) || self.former_sessions.contains(&session) {
             return;
         }

@@ -359,3 +359,24 @@ fn numbers_end_with_the_window_when_the_oldest_order_is_never_answered() {
     let refused = reports(&rig.request(WINDOW));
     assert_eq!(refused, [(WINDOW, Stage::Refused, reason)]);
 }
+
+#[test]
+fn a_station_without_a_place_is_told_so_and_what_is_open_goes_on_when_it_has_one() {
+    let mut rig = Rig::new();
+    rig.request(0);
+    assert_eq!(rig.session(NO_PLACE), []);
+    let reason = Reason::RelayTooManyStations.code();
+    assert_eq!(reports(&rig.request(1)), [(1, Stage::Refused, reason)]);
+    let down = reports(&rig.request_on(false, 2));
+    assert_eq!(down[0].2, Reason::RelayLinkDown.code());
+    // That answer was late: the session holds.
+    assert_eq!(rig.session(SESSION), []);
+    assert_eq!(asked(&rig.request(3)).len(), 1);
+    // It was not: another session comes with the place.
+    rig.session(NO_PLACE);
+    rig.station.unknown_session(SESSION);
+    assert_eq!(reports(&rig.request(4)), [(4, Stage::Refused, reason)]);
+    let again = asked(&rig.session(SESSION + 1));
+    assert_eq!(again.len(), 2, "both are asked for in the other session");
+    assert!(again.iter().all(|(_, _, is_repeat, _)| *is_repeat));
+}

@@ -127,11 +127,13 @@ impl Cases {
 
 fn is_of_relay(reason: u32) -> bool {
     let reasons = [
+        Reason::RelayLinkDown,
+        Reason::RelayTooManyStations,
         Reason::TooManyRequests,
         Reason::DeadlineExpired,
         Reason::BridgeGone,
     ];
-    reason == 37 || reasons.iter().any(|known| known.code() == reason)
+    reasons.iter().any(|known| known.code() == reason)
 }
 
 impl std::ops::AddAssign for Counts {

@@ -79,6 +79,8 @@ struct Slot {
     station: Station,
     heard: Option<u64>,
     outage_until: u64,
+    /// The station has ended for good.
+    is_over: bool,
 }
 
 pub(super) struct World {
@@ -134,6 +136,7 @@ impl World {
                 station: Station::new(station::Config::default()),
                 heard: None,
                 outage_until: 0,
+                is_over: false,
             });
             world.at(0, Event::Ping(slot));
             world.at(2 * SECOND, Event::Client(slot));
@@ -152,6 +155,7 @@ impl World {
             self.advance();
         }
         self.faults = Faults::default();
+        self.end_those_that_are_too_many();
         let end = self.now + 400 * SECOND;
         while self.now < end {
             self.advance();
@@ -160,6 +164,15 @@ impl World {
             assert_eq!(slot.station.open(), 0, "all is settled");
         }
         self.cases.check(&self.bridge)
+    }
+
+    /// As long as all are there, those without a session can settle nothing.
+    fn end_those_that_are_too_many(&mut self) {
+        for slot in SESSIONS..self.slots.len() {
+            self.cases.station_gone(slot);
+            self.slots[slot].station = Station::new(station::Config::default());
+            self.slots[slot].is_over = true;
+        }
     }
 
     fn at(&mut self, at: u64, event: Event) {
@@ -213,6 +226,7 @@ impl World {
         match event {
             Event::ToRobot(slot, life, message) => self.arrive_at_robot(slot, life, &message),
             Event::ToStation(slot, life, message) => self.arrive_at_station(slot, life, &message),
+            Event::Ping(slot) if self.slots[slot].is_over => {}
             Event::Ping(slot) => {
                 self.carry(slot, |life| Event::ToRobot(slot, life, Up::Ping));
                 self.at(self.now + PING_PERIOD, Event::Ping(slot));
@@ -333,7 +347,7 @@ impl World {
     }
 
     fn arrive_at_station(&mut self, slot: usize, life: u64, message: &Down) {
-        if self.slots[slot].life != life {
+        if self.slots[slot].life != life || self.slots[slot].is_over {
             return;
         }
         self.slots[slot].heard = Some(self.now);

@@ -46,7 +46,7 @@ fn stations() -> RelayStations {
     let mut stations = RelayStations {
         sequence: 5,
         published_ns: ago(200),
-        count: 2,
+        count: 3,
         ..RelayStations::default()
     };
     stations.stations[0] = RelayStation {
@@ -62,6 +62,16 @@ fn stations() -> RelayStations {
         ..RelayStation::default()
     };
     stations.stations[1].name = ascii_bytes("watcher");
+    stations.stations[1].refusal = Reason::RelayNotPermitted.code();
+    stations.stations[2] = RelayStation {
+        name: ascii_bytes("ninth"),
+        last_heard_ns: ago(50),
+        since_ns: ago(1000),
+        may_command: 1,
+        is_up: 1,
+        refusal: Reason::RelayTooManyStations.code(),
+        ..RelayStation::default()
+    };
     stations
 }
 
@@ -146,6 +156,8 @@ station     ground-1: up for 3s, may command, last message 120 ms ago
             4711 samples sent; 12 orders executed, 1 refused, 2 open
 station     watcher: down, may not command, last message never
             0 samples sent; 0 orders executed, 0 refused, 0 open
+station     ninth: up for 1s, may command and is refused (relay-too-many-stations), last message 50 ms ago
+             0 samples sent; 0 orders executed, 0 refused, 0 open
 relay       sample 5, 200 ms old
 ";
     assert_eq!(report.to_string(), expected);
@@ -206,6 +218,8 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
     let shown = report["stations"]["stations"].as_array().unwrap();
     assert_eq!(shown.len(), MAX_STATIONS);
     assert_eq!(shown[0]["may_command"], true);
+    assert_eq!(shown[0]["refusal"], Value::Null);
+    assert_eq!(shown[2]["refusal"], "relay-too-many-stations");
     assert_eq!(report["link"], Value::Null);
 }
 

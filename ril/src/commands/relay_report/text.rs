@@ -150,10 +150,14 @@ impl fmt::Display for StationReport {
         if let Some(ms) = self.since_ms {
             write!(f, " for {}", shown(ms))?;
         }
-        let may = if self.may_command { "may" } else { "may not" };
+        match (&self.refusal, self.may_command) {
+            (None, true) => f.write_str(", may command")?,
+            (Some(reason), true) => write!(f, ", may command and is refused ({reason})")?,
+            (_, false) => f.write_str(", may not command")?,
+        }
         write!(
             f,
-            ", {may} command, last message {}\n            \
+            ", last message {}\n            \
              {} sent; {} executed, {} refused, {} open",
             ago(self.last_heard_age_ms),
             count(self.samples_sent, "sample"),

@@ -1,0 +1,138 @@
+//! Right and wrong configurations: what is refused, where it stands, and what to do.
+
+use std::time::Duration;
+
+use super::*;
+
+const CERTIFICATES: &str = "[security]\nauthority = \"a\"\ncertificate = \"b\"\nkey = \"c\"\n";
+
+fn parse(text: &str) -> Result<Config, String> {
+    runtime::config::parse(text, "relay.toml").map_err(|error| error.to_string())
+}
+
+#[test]
+fn the_annotated_example_has_the_defaults() {
+    let example = parse(include_str!("../../relay.toml")).unwrap();
+    assert_eq!(example, Config::default());
+    assert_eq!(example.check(), Ok(()));
+    for side in Side::ALL {
+        assert_eq!(example.check_side(side), Ok(()));
+    }
+}
+
+#[test]
+fn rules_and_patterns_choose_what_is_relayed() {
+    let config = parse(
+        "[topics]\nexclude = [\"camera/*\"]\nrate_hz = 10\n\
+         rules = [{ key = \"dsp*\", rate_hz = 0 }, { key = \"*\", priority = \"low\" }]\n",
+    )
+    .unwrap();
+    assert_eq!(config.check(), Ok(()));
+    let plan = |key| config.topics.plan(key);
+    assert_eq!(plan("camera/picture"), None);
+    assert_eq!(plan("relay/link"), None);
+    let raw = plan("dsp_telemetry").unwrap();
+    assert_eq!((raw.period, raw.priority), (None, Priority::Data));
+    let other = plan("hero_telemetry").unwrap();
+    assert_eq!(other.period, Some(Duration::from_millis(100)));
+    assert_eq!(other.priority, Priority::Low);
+}
+
+#[test]
+fn patterns_are_keys_or_the_beginning_of_keys() {
+    for pattern in [
+        "*",
+        "dsp*",
+        "dsp_*",
+        "a/*",
+        "hero_telemetry",
+        "battery_watch/charge",
+    ] {
+        assert_eq!(check_pattern(pattern), Ok(()), "{pattern}");
+    }
+    for pattern in [
+        "", "**", "*/state", "a*b", "Dsp*", "/a", "a//*", "a b", "a.b*", "a/", "a_",
+    ] {
+        let error = check_pattern(pattern).unwrap_err();
+        assert!(error.contains("such as `battery_watch/*`"), "{error}");
+    }
+}
+
+#[test]
+fn a_value_that_cannot_be_is_refused_with_its_line() {
+    for (text, excerpt) in [
+        ("[network]\nlease_ms = 1\n", "relay.toml:2"),
+        ("[commands]\nstations = \"all\"\n", "relay.toml:2"),
+        ("[commands]\nlink_loss = \"crash\"\n", "relay.toml:2"),
+        ("[station]\nname = \"a b\"\n", "no name of a station"),
+        (
+            "[station]\nrobots = [{ number = 1 }, { number = 2, here = 1 }]\n",
+            "by `here`",
+        ),
+        ("[radio]\n", "relay.toml:1"),
+    ] {
+        let error = parse(text).unwrap_err();
+        assert!(error.contains(excerpt), "{error}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_together_is_refused_with_the_next_step() {
+    for (text, excerpt) in [
+        ("[robot]\nlisten = [\"7447\"]\n", "is no endpoint"),
+        ("[router]\nconnect = [\"tcp/hub\"]\n", "is no endpoint"),
+        (
+            "[robot]\nlisten = [\"tls/0.0.0.0:7447\"]\n",
+            "takes certificates",
+        ),
+        ("[security]\nkey = \"key.pem\"\n", "needs all of"),
+        (
+            "[security]\nrobots = { a = 1 }\nrouters = [\"a\"]\n",
+            "give each its own name",
+        ),
+        (
+            &format!("{CERTIFICATES}[robot]\nlisten = [\"udp/224.0.0.9:1\"]\n"),
+            "is a group",
+        ),
+        (
+            &format!("{CERTIFICATES}insecure = true\n"),
+            "take one of them out",
+        ),
+        ("[commands]\nstations = [\"a/b\"]\n", "no name of a station"),
+        (
+            "[security]\nrobots = { \"a/b\" = 1 }\n",
+            "no name of a station",
+        ),
+        ("[security]\nrouters = [\"a\", \"a\"]\n", "named twice"),
+        ("[network]\nmulticast = \"10.0.0.1:7446\"\n", "is no group"),
+        ("[topics]\ninclude = [\"*/state\"]\n", "no key of a topic"),
+        (
+            "[topics]\nrules = [{ key = \"Dsp\" }]\n",
+            "no key of a topic",
+        ),
+    ] {
+        let fault = parse(text).unwrap().check().unwrap_err();
+        assert!(fault.reason().contains(excerpt), "{fault}");
+    }
+}
+
+#[test]
+fn a_side_that_goes_through_routers_must_know_one() {
+    let text = "[network]\nthrough = \"router\"\n";
+    let config = parse(text).unwrap();
+    let fault = config.check_side(Side::Robot).unwrap_err();
+    assert!(
+        fault.reason().contains("`robot.connect` names none"),
+        "{fault}"
+    );
+    assert_eq!(
+        config.check_side(Side::Station),
+        Ok(()),
+        "it has the default"
+    );
+    assert_eq!(config.check_side(Side::Router), Ok(()), "it is one");
+    for more in ["discovery = true\n", "[robot]\nconnect = [\"tcp/hub:1\"]\n"] {
+        let config = parse(&format!("{text}{more}")).unwrap();
+        assert_eq!(config.check_side(Side::Robot), Ok(()));
+    }
+}

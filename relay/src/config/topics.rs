@@ -1,0 +1,133 @@
+//! `[topics]`: which samples are relayed, how often, and which go first.
+
+use std::time::Duration;
+
+use ipc_types::service::{MAX_KEY_LEN, is_key};
+use serde::{Deserialize, Deserializer};
+
+runtime::ranged! {
+    fn rate_hz(f64) in 0.0..=10_000.0;
+}
+
+/// `[topics]`
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TopicsConfig {
+    /// Keys of the topics that are relayed.
+    pub include: Vec<String>,
+    /// Keys of those that are not.
+    pub exclude: Vec<String>,
+    /// At most so many samples a second of each topic; 0 sends all.
+    #[serde(deserialize_with = "rate_hz")]
+    pub rate_hz: f64,
+    /// Which samples go first when the link is too slow for all.
+    pub priority: Priority,
+    /// Other rates and priorities.
+    pub rules: Vec<Rule>,
+}
+
+impl Default for TopicsConfig {
+    fn default() -> Self {
+        TopicsConfig {
+            include: vec!["*".to_owned()],
+            exclude: Vec::new(),
+            rate_hz: 0.0,
+            priority: Priority::Data,
+            rules: Vec::new(),
+        }
+    }
+}
+
+/// Rate and priority of some topics.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rule {
+    /// Keys of the topics.
+    pub key: String,
+    /// At most so many samples a second; that of `[topics]` when there is none.
+    #[serde(default, deserialize_with = "some_rate_hz")]
+    pub rate_hz: Option<f64>,
+    /// That of `[topics]` when there is none.
+    #[serde(default)]
+    pub priority: Option<Priority>,
+}
+
+/// Which samples go first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Priority {
+    /// Before all others.
+    RealTime,
+    /// Before the usual ones.
+    High,
+    /// The usual one.
+    Data,
+    /// After the usual ones.
+    Low,
+    /// When nothing else is to be sent.
+    Background,
+}
+
+/// How one topic is relayed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TopicPlan {
+    /// Shortest time between two samples; nothing sends all.
+    pub period: Option<Duration>,
+    /// Which go first.
+    pub priority: Priority,
+}
+
+impl TopicsConfig {
+    /// How the topic `key` is relayed; nothing when it is not.
+    ///
+    /// The relay's own topics never are: each machine has its own.
+    pub fn plan(&self, key: &str) -> Option<TopicPlan> {
+        let is_in = |keys: &[String]| keys.iter().any(|pattern| fits(pattern, key));
+        if key.starts_with("relay/") || !is_in(&self.include) || is_in(&self.exclude) {
+            return None;
+        }
+        let rule = self.rules.iter().find(|rule| fits(&rule.key, key));
+        let rate_hz = rule.and_then(|rule| rule.rate_hz).unwrap_or(self.rate_hz);
+        Some(TopicPlan {
+            period: (rate_hz > 0.0).then(|| Duration::from_secs_f64(1.0 / rate_hz)),
+            priority: rule.and_then(|rule| rule.priority).unwrap_or(self.priority),
+        })
+    }
+}
+
+/// Whether a key fits a pattern, in which `*` at the end stands for anything.
+fn fits(pattern: &str, key: &str) -> bool {
+    match pattern.strip_suffix('*') {
+        Some(begin) => key.starts_with(begin),
+        None => key == pattern,
+    }
+}
+
+/// Whether this can be a key of topics, or the beginning of some with `*` after it.
+///
+/// # Errors
+///
+/// What is wrong with it.
+pub fn check_pattern(pattern: &str) -> Result<(), String> {
+    let is_right = match pattern.strip_suffix('*') {
+        Some(begin) => begin.len() <= MAX_KEY_LEN && is_begin_of_key(begin),
+        None => is_key(pattern),
+    };
+    if is_right {
+        return Ok(());
+    }
+    Err(format!(
+        "`{pattern}` is no key of a topic: write one such as `battery_watch/charge`, or its beginning and `*`, such as `battery_watch/*`"
+    ))
+}
+
+/// Whether something can follow that makes it a key.
+fn is_begin_of_key(begin: &str) -> bool {
+    // A letter goes on with any word, and begins one after `/`.
+    let begin = begin.get(..begin.len().min(MAX_KEY_LEN - 1));
+    begin.is_some_and(|begin| is_key(&format!("{begin}a")))
+}
+
+fn some_rate_hz<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    rate_hz(deserializer).map(Some)
+}

@@ -1,0 +1,122 @@
+//! `--check-config` refuses what a start refuses, with the file, the line and what to do, and opens nothing.
+
+use std::fs;
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Exit code of a wrong configuration.
+const WRONG: i32 = 78;
+
+const CERTIFICATES: &str = "[security]\nauthority = \"ca.pem\"\ncertificate = \"robot-1.pem\"\nkey = \"robot-1-key.pem\"\n";
+
+/// What the relay says about the relay.toml of `folder`. Its shared memory would be a folder that is not there.
+fn relay(folder: &Path, args: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ril-relay"));
+    command.args(args.split(' ')).current_dir(folder);
+    command.env("RIL_IPC_ROOT", folder.join("ipc"));
+    for variable in ["RIL_ROBOT", "RIL_CONFIG", "RIL_LOG"] {
+        command.env_remove(variable);
+    }
+    command.output().expect("the relay's program")
+}
+
+/// The error of a relay that refuses its configuration.
+#[track_caller]
+fn refused(folder: &Path, args: &str) -> String {
+    let output = relay(folder, args);
+    let told = String::from_utf8(output.stderr).expect("text");
+    assert_eq!(output.status.code(), Some(WRONG), "{args}: {told}");
+    let error = told.lines().find(|line| line.starts_with("error: "));
+    error.expect("an error").to_owned()
+}
+
+/// A folder with `text` as relay.toml, and certificates of two machines.
+fn folder(text: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let made = relay(folder.path(), "certify . robot-1=127.0.0.1 gcs");
+    assert!(made.status.success(), "{made:?}");
+    fs::write(folder.path().join("relay.toml"), text).expect("a file");
+    folder
+}
+
+#[test]
+fn every_wrong_configuration_is_refused_with_line_and_next_step_by_the_check_and_by_a_start() {
+    let secured = |more: &str| format!("{CERTIFICATES}{more}");
+    #[rustfmt::skip]
+    let cases = [
+        // What cannot be read.
+        ("robot", "[robot]\nlisten = \n".to_owned(), "relay.toml:2", ""),
+        ("robot", "[robot]\nlisen = []\n".to_owned(), "relay.toml:2", "did you mean `listen`"),
+        ("router", "[network]\n\nlease_ms = 1\n".to_owned(), "relay.toml:3", "from 50 to 60000"),
+        ("station", "[station]\nrobots = [{ number = 1 }, { number = 1 }]\n".to_owned(), "relay.toml:2", "by `here`"),
+        // Addresses.
+        ("robot", "[robot]\nlisten = [\n\"tcp/127.0.0.1:1\",\n\"tcp/10.0.0.2\",\n]\n".to_owned(), "relay.toml:4", "such as tcp/10.0.0.2:7447"),
+        ("robot", "[station]\nconnect = [\"tcp/10.0.0.256:1\"]\n".to_owned(), "relay.toml:2", "such as tcp/10.0.0.2:7447"),
+        ("router", "[router]\nlisten = [\"tls/0.0.0.0:1\"]\n".to_owned(), "relay.toml:2", "ril relay certify"),
+        ("robot", "[network]\nmulticast = \"10.0.0.1:7446\"\n".to_owned(), "relay.toml:2", "such as 224.0.0.224:7446"),
+        ("robot", "[network]\nthrough = \"router\"\n".to_owned(), "relay.toml:2", "add the endpoint of a router"),
+        // Commands that strangers could give.
+        ("robot", "[robot]\nlisten = [\"tcp/0.0.0.0:1\"]\n[commands]\nstations = [\"gcs\"]\n".to_owned(), "relay.toml:2", "insecure = true"),
+        ("robot", "[network]\ndiscovery = true\n[commands]\nstations = [\"gcs\"]\n".to_owned(), "relay.toml:2", "insecure = true"),
+        // Names.
+        ("robot", "[commands]\nstations = [\"gcs\",\n\"ground station\"]\n".to_owned(), "relay.toml:3", "letters, digits"),
+        ("station", "[station]\nname = \"a/b\"\n".to_owned(), "relay.toml:2", "letters, digits"),
+        ("robot", "[security]\nrobots = { a = 1 }\nrouters = [\"a\"]\n".to_owned(), "relay.toml:3", "its own name"),
+        ("robot", "[commands]\nstations = [\"gcs\", \"gcs\"]\n".to_owned(), "relay.toml:2", "take one out"),
+        // Topics.
+        ("robot", "[topics]\ninclude = [\"*\",\n\"*/state\"]\n".to_owned(), "relay.toml:3", "such as `battery_watch/*`"),
+        ("robot", "[topics]\nexclude = [\"Camera\"]\n".to_owned(), "relay.toml:2", "such as `battery_watch/*`"),
+        ("robot", "[[topics.rules]]\nkey = \"a\"\n[[topics.rules]]\nkey = \"a b\"\n".to_owned(), "relay.toml:4", "such as `battery_watch/*`"),
+        // Certificates.
+        ("robot", "[security]\nkey = \"robot-1-key.pem\"\n".to_owned(), "relay.toml:1", "needs all of"),
+        ("robot", secured("insecure = true\n"), "relay.toml:5", "take one of them out"),
+        ("robot", secured(""), "relay.toml:1", "name the certificates"),
+        ("robot", secured("stations = [\"gcs\"]\n[robot]\nlisten = [\"udp/224.0.0.9:1\"]\n"), "relay.toml:7", "take it out"),
+        ("robot", secured("stations = [\"gcs\"]\n").replace("ca.pem", "absent.pem"), "relay.toml:2", "let its user read it"),
+        ("station", secured("robots = { a = 1 }\n").replace("\"robot-1.pem", "\"gcs.pem"), "relay.toml:4", "made together"),
+        ("router", secured("robots = { a = 1 }\n").replace("\"robot-1-key.pem", "\"robot-1.pem"), "relay.toml:4", "BEGIN PRIVATE KEY"),
+    ];
+    for (side, text, line, next_step) in cases {
+        let folder = folder(&text);
+        let checked = refused(folder.path(), &format!("{side} --check-config"));
+        assert!(checked.contains(line), "{text}{checked}");
+        assert!(checked.contains(next_step), "{text}{checked}");
+        assert_eq!(refused(folder.path(), side), checked, "a start");
+    }
+}
+
+#[test]
+fn what_comes_from_the_command_line_is_refused_without_a_line_of_the_file() {
+    let folder = folder("[robot]\nlisten = [\"tcp/127.0.0.1:1\"]\n");
+    for (args, next_step) in [
+        ("robot --listen 7447", "such as tcp/10.0.0.2:7447"),
+        (
+            "robot --listen tcp/0.0.0.0:1 --may-command gcs",
+            "insecure = true",
+        ),
+        ("robot --may-command a/b", "letters, digits"),
+        ("station --name a/b", "letters, digits"),
+        ("router --connect tls/hub:1", "ril relay certify"),
+    ] {
+        let error = refused(folder.path(), &format!("{args} --check-config"));
+        assert!(error.contains(next_step), "{error}");
+        assert!(!error.contains("relay.toml:"), "{error}");
+        assert_eq!(refused(folder.path(), args), error, "a start");
+    }
+}
+
+#[test]
+fn a_right_configuration_is_checked_without_opening_the_network_or_shared_memory() {
+    let taken = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let endpoint = format!("tls/{}", taken.local_addr().expect("its address"));
+    let folder = folder(&format!(
+        "{CERTIFICATES}robots = {{ robot-1 = 1 }}\nstations = [\"viewer\"]\n[robot]\nlisten = [{endpoint:?}]\n\
+         [router]\nlisten = [{endpoint:?}]\n[commands]\nstations = [\"gcs\"]\n"
+    ));
+    for args in ["robot --may-command gcs", "station", "router"] {
+        let checked = relay(folder.path(), &format!("{args} --check-config"));
+        assert!(checked.status.success(), "{args}: {checked:?}");
+    }
+    assert!(!folder.path().join("ipc").exists());
+}
