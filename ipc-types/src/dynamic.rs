@@ -7,6 +7,7 @@
 mod requests;
 
 use std::os::fd::BorrowedFd;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::generation;
@@ -80,31 +81,77 @@ pub struct ServiceFacts {
 
 /// The topics of the robot, in the alphabetical order of their keys. One whose schema cannot be read is left out.
 pub fn topics(ipc: &Ipc) -> Vec<ServiceFacts> {
-    services(ipc, is_sample)
+    services(ipc, Pattern::PublishSubscribe)
 }
 
 /// The request services of the robot, in the same way.
 pub fn request_services(ipc: &Ipc) -> Vec<ServiceFacts> {
-    services(ipc, is_request)
+    services(ipc, Pattern::RequestResponse)
 }
 
-fn services(ipc: &Ipc, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
+fn services(ipc: &Ipc, meant: Pattern) -> Vec<ServiceFacts> {
+    let found = announced(ipc).into_iter().filter_map(|service| {
+        let (pattern, facts) = service.read().ok()??;
+        (pattern == meant).then_some(facts)
+    });
+    found.collect()
+}
+
+/// A service of the robot as its provider has announced it: what is known without reading and parsing its schema. A program that looks
+/// again and again reads the schemas of those generations alone that it has not seen.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Announced {
+    /// Last part of its name, such as `battery_watch/cell_voltages`.
+    pub key: String,
+    /// Name of its generation: another one whenever a provider began, or had to begin anew. Its schema never changes.
+    pub generation: String,
+    /// The folder of the service.
+    folder: PathBuf,
+}
+
+/// The services of the robot, in the alphabetical order of their keys, those of killed providers included.
+pub fn announced(ipc: &Ipc) -> Vec<Announced> {
     let robot_folder = ipc.domain().robot_folder(ipc.robot());
-    let mut found: Vec<ServiceFacts> = generation::services(&robot_folder)
-        .iter()
-        .filter_map(|service| {
-            let current = generation::current(service)?;
-            let (schema, text) = generation::schema_with_text(service, &current.name).ok()?;
-            is_meant(&schema).then(|| ServiceFacts {
-                key: current.key,
-                schema,
-                text,
-                provider: ProviderWatch::new(service).look().ok().flatten(),
-            })
+    let folders = generation::services(&robot_folder).into_iter();
+    let found = folders.filter_map(|folder| {
+        let current = generation::current(&folder)?;
+        Some(Announced {
+            key: current.key,
+            generation: current.name,
+            folder,
         })
-        .collect();
+    });
+    let mut found: Vec<Announced> = found.collect();
     found.sort_by(|one, other| one.key.cmp(&other.key));
     found
+}
+
+impl Announced {
+    /// Its live provider.
+    pub fn provider(&self) -> Option<Provider> {
+        ProviderWatch::new(&self.folder).look().ok().flatten()
+    }
+
+    /// What lies in it, and how it is carried; nothing when it is no service of the contract's.
+    ///
+    /// # Errors
+    ///
+    /// See [`LoadError`]. What is [`Invalid`](LoadError::Invalid) stays so.
+    pub fn read(&self) -> Result<Option<(Pattern, ServiceFacts)>, LoadError> {
+        let (schema, text) = generation::schema_with_text(&self.folder, &self.generation)?;
+        let pattern = match (is_sample(&schema), is_request(&schema)) {
+            (true, _) => Pattern::PublishSubscribe,
+            (false, true) => Pattern::RequestResponse,
+            (false, false) => return Ok(None),
+        };
+        let facts = ServiceFacts {
+            key: self.key.clone(),
+            schema,
+            text,
+            provider: self.provider(),
+        };
+        Ok(Some((pattern, facts)))
+    }
 }
 
 /// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it, and of the
