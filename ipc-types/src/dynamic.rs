@@ -7,6 +7,7 @@
 mod requests;
 
 use std::os::fd::BorrowedFd;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::domain::Domain;
@@ -110,12 +111,12 @@ pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
 impl Domain {
     /// As [`topics`].
     pub fn topics(&self, robot: RobotId) -> Vec<ServiceFacts> {
-        services(self, robot, is_sample)
+        services(self, robot, Pattern::PublishSubscribe)
     }
 
     /// As [`request_services`].
     pub fn request_services(&self, robot: RobotId) -> Vec<ServiceFacts> {
-        services(self, robot, is_request)
+        services(self, robot, Pattern::RequestResponse)
     }
 
     /// As [`schema_of`].
@@ -135,25 +136,77 @@ impl Domain {
     }
 }
 
-fn services(domain: &Domain, robot: RobotId, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
+fn services(domain: &Domain, robot: RobotId, meant: Pattern) -> Vec<ServiceFacts> {
+    let found = announced_in(domain, robot).into_iter();
+    found
+        .filter_map(|service| {
+            let (pattern, facts) = service.read().ok()??;
+            (pattern == meant).then_some(facts)
+        })
+        .collect()
+}
+
+/// A service of the robot as its provider has announced it: what is known without reading and parsing its schema. A program that looks
+/// again and again reads the schemas of those generations alone that it has not seen.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Announced {
+    /// Last part of its name, such as `battery_watch/cell_voltages`.
+    pub key: String,
+    /// Name of its generation: another one whenever a provider began, or had to begin anew. Its schema never changes.
+    pub generation: String,
+    /// The folder of the service.
+    folder: PathBuf,
+}
+
+/// The services of the robot, in the alphabetical order of their keys, those of killed providers included.
+pub fn announced(ipc: &Ipc) -> Vec<Announced> {
+    announced_in(ipc.domain(), ipc.robot())
+}
+
+fn announced_in(domain: &Domain, robot: RobotId) -> Vec<Announced> {
     if !domain.is_enterable() {
         return Vec::new();
     }
-    let mut found: Vec<ServiceFacts> = generation::services(&domain.robot_folder(robot))
-        .iter()
-        .filter_map(|service| {
-            let current = generation::current(service)?;
-            let (schema, text) = generation::schema_with_text(service, &current.name).ok()?;
-            is_meant(&schema).then(|| ServiceFacts {
-                key: current.key,
-                schema,
-                text,
-                provider: ProviderWatch::new(service).look().ok().flatten(),
-            })
+    let folders = generation::services(&domain.robot_folder(robot)).into_iter();
+    let found = folders.filter_map(|folder| {
+        let current = generation::current(&folder)?;
+        Some(Announced {
+            key: current.key,
+            generation: current.name,
+            folder,
         })
-        .collect();
+    });
+    let mut found: Vec<Announced> = found.collect();
     found.sort_by(|one, other| one.key.cmp(&other.key));
     found
+}
+
+impl Announced {
+    /// Its live provider.
+    pub fn provider(&self) -> Option<Provider> {
+        ProviderWatch::new(&self.folder).look().ok().flatten()
+    }
+
+    /// What lies in it, and how it is carried; nothing when it is no service of the contract's.
+    ///
+    /// # Errors
+    ///
+    /// See [`LoadError`]. What is [`Invalid`](LoadError::Invalid) stays so.
+    pub fn read(&self) -> Result<Option<(Pattern, ServiceFacts)>, LoadError> {
+        let (schema, text) = generation::schema_with_text(&self.folder, &self.generation)?;
+        let pattern = match (is_sample(&schema), is_request(&schema)) {
+            (true, _) => Pattern::PublishSubscribe,
+            (false, true) => Pattern::RequestResponse,
+            (false, false) => return Ok(None),
+        };
+        let facts = ServiceFacts {
+            key: self.key.clone(),
+            schema,
+            text,
+            provider: self.provider(),
+        };
+        Ok(Some((pattern, facts)))
+    }
 }
 
 /// The reading end of a topic whose struct is known by its schema alone.

@@ -3,10 +3,12 @@
 //!
 //! Inside is an epoll set of two: the listener of the port's generation, another one after each change, and a timer. The timer
 //! makes the descriptor readable every [`SAFETY_BOUND`], whatever the listener says: so the event loop needs no timeout of its own
-//! to notice a new generation, a partner that has gone, or a wake-up that was lost.
+//! to notice a new generation, a partner that has gone, or a wake-up that was lost. The timers of all ports of a process expire
+//! at the same moments, so that a process with many ports wakes once for all of them.
 
 use std::cell::{Cell, OnceCell};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use rustix::event::epoll;
@@ -20,8 +22,18 @@ use crate::source::{SAFETY_BOUND, WaitError};
 use crate::time::MonotonicNs;
 use crate::wake::WakeReceiver;
 
-/// The shortest time that a timer takes: it makes the descriptor readable at once.
-const AT_ONCE: Duration = Duration::from_nanos(1);
+/// The first moment that a timer takes: it makes the descriptor readable at once.
+const AT_ONCE: MonotonicNs = MonotonicNs(1);
+
+/// A moment at which the timers of this process expire. Each process has another one, so that they do not all wake at once.
+static PHASE: OnceLock<MonotonicNs> = OnceLock::new();
+
+/// The first moment after `now` at which timers expire: `phase` plus a multiple of [`SAFETY_BOUND`].
+fn next_expiry(now: MonotonicNs, phase: MonotonicNs) -> MonotonicNs {
+    let period_ns = SAFETY_BOUND.as_nanos() as u64;
+    let since_ns = now.0.saturating_sub(phase.0) % period_ns;
+    MonotonicNs(now.0 + period_ns - since_ns)
+}
 
 /// The descriptor of a port, made when it is first asked for.
 #[derive(Default)]
@@ -57,12 +69,16 @@ impl Pollable {
 
     /// Called when the port is drained, so that the descriptor is not readable any more for what has been dealt with.
     pub(crate) fn drained(&self) {
-        let due = self
-            .0
-            .get()
-            .filter(|set| MonotonicNs::now() >= set.due.get());
+        let Some(set) = self.0.get() else {
+            return;
+        };
+        let now = MonotonicNs::now();
+        if now < set.due.get() {
+            return;
+        }
         // Setting it anew forgets that it had expired.
-        if let Some(Err(error)) = due.map(|set| set.set_timer(SAFETY_BOUND)) {
+        let next = next_expiry(now, *PHASE.get_or_init(|| now));
+        if let Err(error) = set.set_timer(next) {
             tracing::debug!(%error, "a timer was not set");
         }
     }
@@ -103,17 +119,55 @@ impl Set {
         epoll::add(&self.epoll, descriptor, data, epoll::EventFlags::IN)
     }
 
-    /// The first time after `first`, and then in every [`SAFETY_BOUND`].
-    fn set_timer(&self, first: Duration) -> Result<(), Errno> {
+    /// The first time at `first`, and then in every [`SAFETY_BOUND`].
+    fn set_timer(&self, first: MonotonicNs) -> Result<(), Errno> {
         let timespec = |duration: Duration| Timespec {
             tv_sec: duration.as_secs() as i64,
             tv_nsec: i64::from(duration.subsec_nanos()),
         };
         let times = Itimerspec {
-            it_value: timespec(first),
+            it_value: timespec(Duration::from_nanos(first.0)),
             it_interval: timespec(SAFETY_BOUND),
         };
-        self.due.set(MonotonicNs::now() + first);
-        timerfd_settime(&self.timer, TimerfdTimerFlags::empty(), &times).map(|_| ())
+        self.due.set(first);
+        timerfd_settime(&self.timer, TimerfdTimerFlags::ABSTIME, &times).map(|_| ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    #[test]
+    fn timers_expire_within_the_bound_and_those_of_one_wake_together() {
+        let phase = at(1037);
+        for (now, next) in [
+            (1037, 1287),
+            (1038, 1287),
+            (1286, 1287),
+            (1287, 1537),
+            (61_037, 61_287),
+        ] {
+            assert_eq!(next_expiry(at(now), phase), at(next), "{now}");
+        }
+    }
+
+    #[test]
+    fn ports_that_were_drained_one_after_the_other_wake_the_process_once() {
+        let sets: [Pollable; 3] = std::array::from_fn(|_| Pollable::default());
+        for set in &sets {
+            set.descriptor(None).unwrap();
+            set.drained();
+        }
+        let dues = sets.each_ref().map(|set| set.0.get().unwrap().due.get().0);
+        let period_ns = SAFETY_BOUND.as_nanos() as u64;
+        let phases = dues.map(|due| due % period_ns);
+        assert_eq!(phases, [phases[0]; 3]);
+        let now = MonotonicNs::now();
+        assert!(dues.iter().all(|due| *due <= now.0 + period_ns), "{dues:?}");
     }
 }

@@ -23,9 +23,6 @@ pub enum Failure {
     /// The operating system cannot wait.
     #[error(transparent)]
     Wait(#[from] WaitError),
-    /// The operating system gives no thread.
-    #[error("the operating system gives no thread")]
-    Thread(#[from] std::io::Error),
     /// The process has too many descriptors.
     #[error("the operating system gives no descriptor ({0})")]
     Descriptors(#[from] rustix::io::Errno),

@@ -8,18 +8,21 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use ipc_types::MonotonicNs;
-use ipc_types::schema::MAX_TEXT_LEN;
 
+use crate::description::{PART_BYTES, Part};
 use crate::orders::message::{Answer, Order};
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
 pub const VERSION: u8 = 1;
 
-/// Longest message, bytes: the text of a schema, and the rest of a message is short.
-pub const MAX_BYTES: usize = MAX_TEXT_LEN + 1024;
+/// Longest message, bytes: a [`Command`].
+pub const MAX_BYTES: usize = MAX_COMMAND_BYTES;
 
 /// Longest [`Ask`], bytes: the version, two tags, four numbers of at most ten bytes.
 pub const MAX_ASK_BYTES: usize = 64;
+
+/// Longest [`Tell`], bytes: a [`Part`], of which a key has 64 bytes and all numbers, tags and lengths 26. An answer has 200.
+pub const MAX_TELL_BYTES: usize = PART_BYTES + 128;
 
 /// Longest request that is carried, bytes. The longest of the robot's own has 1 kB.
 pub const MAX_REQUEST_BYTES: usize = 16 * 1024;
@@ -32,12 +35,14 @@ pub const MAX_COMMAND_BYTES: usize = MAX_REQUEST_BYTES + 96;
 pub enum Ask {
     /// How is the link, and what is the time? Sent all the time; a robot knows by it that the station is there.
     Ping(Ping),
-    /// What is the service of this index?
+    /// What is the service of this index? The part of the answer is asked for that begins there.
     Describe {
         /// Life of the robot's relay.
         robot_life: u64,
         /// Which of its services.
         index: u16,
+        /// Where in its schema the part begins, bytes.
+        from: u32,
     },
 }
 
@@ -103,7 +108,7 @@ pub enum Tell {
     /// The answer to a ping.
     Pong(Pong),
     /// The answer to [`Ask::Describe`].
-    Service(Service),
+    Part(Part),
     /// What became of a request.
     Answer(AnswerBytes),
     /// The request came with a session that the robot does not know.
@@ -131,21 +136,6 @@ pub struct Pong {
     pub session: u64,
     /// How many services the robot's relay carries. They only become more in one life.
     pub services: u16,
-}
-
-/// One service of the robot.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Service {
-    /// Life of the robot's relay.
-    pub robot_life: u64,
-    /// Index of the service in that life.
-    pub index: u16,
-    /// Last part of its name, such as `hero_telemetry`.
-    pub key: String,
-    /// Whether it takes requests; else it is a topic.
-    pub takes_requests: bool,
-    /// Text of the schema of its samples, or of its requests.
-    pub schema: String,
 }
 
 /// An [`Answer`] with its report as bytes.

@@ -25,6 +25,7 @@ pub struct Queue<T> {
 struct Waiting<T> {
     messages: VecDeque<(usize, T)>,
     bytes: usize,
+    dropped: u64,
 }
 
 impl<T> Queue<T> {
@@ -35,6 +36,7 @@ impl<T> Queue<T> {
             waiting: Mutex::new(Waiting {
                 messages: VecDeque::new(),
                 bytes: 0,
+                dropped: 0,
             }),
         }
     }
@@ -49,13 +51,22 @@ impl<T> Queue<T> {
             || waiting.bytes + bytes > self.room.bytes
         {
             match waiting.messages.pop_front() {
-                Some((oldest, _)) => waiting.bytes -= oldest,
+                Some((oldest, _)) => {
+                    waiting.bytes -= oldest;
+                    waiting.dropped += 1;
+                }
                 None => return false,
             }
         }
         waiting.bytes += bytes;
         waiting.messages.push_back((bytes, message));
         true
+    }
+
+    /// Messages that went because there was no room, since the beginning.
+    pub fn dropped(&self) -> u64 {
+        let waiting = self.waiting.lock();
+        waiting.unwrap_or_else(PoisonError::into_inner).dropped
     }
 
     /// Takes all that is there at this moment, oldest first. What comes meanwhile waits for the next time, so that a flood keeps
@@ -87,6 +98,7 @@ mod tests {
             assert!(queue.push(1, message));
         }
         assert_eq!(queue.take().collect::<Vec<_>>(), [7, 8, 9]);
+        assert_eq!(queue.dropped(), 7);
         assert_eq!(queue.take().count(), 0);
     }
 

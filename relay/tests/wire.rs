@@ -3,9 +3,10 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
+use relay::description::Part;
 use relay::message::{
-    AnswerBytes, Ask, Command, MAX_BYTES, NoMessage, Ping, Pong, SampleHeader, Service, Tell,
-    VERSION, decode, encode,
+    AnswerBytes, Ask, Command, MAX_BYTES, NoMessage, Ping, Pong, SampleHeader, Tell, VERSION,
+    decode, encode,
 };
 use relay::orders::message::{Answer, Order};
 
@@ -26,8 +27,10 @@ fn a_ping_is_a_version_a_variant_and_four_fields() {
     let describe = Ask::Describe {
         robot_life: 127,
         index: 128,
+        from: 300,
     };
-    assert_eq!(encode(&describe), [1, 1, 127, 0x80, 0x01]);
+    let bytes = [&[1, 1, 127, 0x80, 0x01][..], &THREE_HUNDRED].concat();
+    assert_eq!(encode(&describe), bytes);
 }
 
 #[test]
@@ -76,16 +79,26 @@ fn what_a_robot_tells_has_four_variants() {
         services: 9,
     });
     assert_eq!(encode(&pong), [1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
-    let service = Tell::Service(Service {
+    let part = Tell::Part(Part {
         robot_life: 1,
         index: 2,
         key: "a/b".to_owned(),
         takes_requests: true,
-        schema: "x".to_owned(),
+        schema_bytes: 300,
+        from: 4,
+        bytes: b"x".to_vec(),
     });
     assert_eq!(
-        encode(&service),
-        [&[1, 1, 1, 2, 3][..], b"a/b", &[1, 1], b"x"].concat()
+        encode(&part),
+        [
+            &[1, 1, 1, 2, 3][..],
+            b"a/b",
+            &[1],
+            &THREE_HUNDRED,
+            &[4, 1],
+            b"x"
+        ]
+        .concat()
     );
     let report = RequestReport::new(Stage::Done, Reason::None);
     let answer = Answer {

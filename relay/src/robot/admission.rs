@@ -9,8 +9,8 @@ use ipc_types::MonotonicNs;
 use crate::budget::Budget;
 use crate::config::check_name;
 
-/// Messages a second of a station that is named, and at once. It sends at most five pings, and asks at most once for each of 128
-/// services without a pause.
+/// Messages a second of a station that is named, and at once. It sends at most five pings, and asks for
+/// descriptions, of each of 128 services at once when they are short; for more parts it waits.
 const ASKS: (u64, u64) = (50, 256);
 
 /// The same of all others together: eight stations.
@@ -19,8 +19,8 @@ const ASKS_OF_OTHERS: (u64, u64) = (100, 512);
 /// Orders a second of a station that may command, and at once: 32 open ones, each a few times a second.
 const ORDERS: (u64, u64) = (500, 512);
 
-/// Bytes a second of descriptions of services, and at once: all that three stations ask for of twenty services, 3 kB each. One
-/// question of 13 bytes brings up to 256 KiB.
+/// Bytes a second of descriptions of services, and at once: all that three stations ask for of twenty services, 3 kB each, or one of
+/// the greatest length. One question of 14 bytes brings up to 4 KiB.
 const DESCRIPTIONS: (u64, u64) = (65_536, 262_144);
 
 /// Lines of the log a second about stations that come, and at once.
@@ -94,7 +94,7 @@ impl Admission {
         named.orders.grant(1, now).then_some(name)
     }
 
-    /// Whether the description of a service may be sent, which has so many bytes.
+    /// Whether a part of the description of a service may be sent, which has so many bytes.
     pub fn describes(&mut self, bytes: usize, now: MonotonicNs) -> bool {
         self.descriptions.grant(bytes as u64, now)
     }

@@ -4,66 +4,42 @@
 //! [`Services`] and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
 pub mod admission;
+pub mod discovery;
+mod mailbox;
+mod own_topics;
 mod reaction;
+mod requests;
 pub mod ros2_outlet;
 pub mod services;
 pub mod stations;
+mod topic;
 
 use std::num::NonZeroU32;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use ipc_types::code::ModuleStatus;
-use ipc_types::module::{State, doing_bytes};
-use ipc_types::payload::RelayStations;
-use ipc_types::{
-    Ipc, Module, MonotonicNs, Publisher, RelayModule, SendError, StateOf, WaitError, Wake,
-};
+use ipc_types::{Ipc, MonotonicNs, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
 use crate::config::Config;
-use crate::message::{
-    AnswerBytes, Ask, Command, MAX_ASK_BYTES, MAX_COMMAND_BYTES, NoMessage, Ping, Pong, Tell,
-    decode, encode,
-};
+use crate::message::{AnswerBytes, Ask, Command, Ping, Pong, Tell, encode};
 use crate::names;
-use crate::network::{Inbox, Network, Room, Side};
+use crate::network::{Network, Side};
 use crate::orders::message::Order;
 use crate::orders::robot as orders;
 use crate::orders::robot::{NotSent, Output};
 use crate::random::{fresh, suspended_ns};
 use admission::Admission;
+use mailbox::{Mail, Mailbox};
+use own_topics::OwnTopics;
 use reaction::Reaction;
 use ros2_outlet::Ros2Outlet;
 use services::{LOOK_PERIOD, Services};
 use stations::{Lives, Stations};
 
-/// Messages that may wait: a station sends a few for each of its at most 32 open requests, and eight stations are served.
-const INBOX: usize = 512;
-
-/// Room for questions.
-const ASK_ROOM: Room = Room {
-    messages: INBOX,
-    bytes: INBOX * MAX_ASK_BYTES,
-    longest: MAX_ASK_BYTES,
-};
-
-/// Room for orders.
-const ORDER_ROOM: Room = Room {
-    messages: INBOX,
-    bytes: ORDER_BYTES,
-    longest: MAX_COMMAND_BYTES,
-};
-
-/// Bytes of orders that may wait: as many of the longest as 256, of the robot's own as wait at all.
-const ORDER_BYTES: usize = 256 * MAX_COMMAND_BYTES;
-
 /// How often the latest samples are sent again at most, whatever stations ask for. One ping brings all of them.
 const LATEST_PERIOD: Duration = Duration::from_millis(500);
-
-/// How often state and stations are published though nothing has changed.
-const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
 
 /// The robot's side of the relay.
 pub struct RobotSide {
@@ -71,25 +47,19 @@ pub struct RobotSide {
     robot: NonZeroU32,
     life: u64,
     network: Network,
-    asks: Inbox,
-    commands: Inbox,
+    mailbox: Mailbox,
     services: Services,
     stations: Stations,
     lives: Lives,
     admission: Admission,
     orders: orders::Robot,
     reaction: Option<Reaction>,
-    state: Publisher<StateOf<RelayModule>>,
-    stations_out: Publisher<RelayStations>,
+    own_topics: OwnTopics,
     samples_sent: u64,
-    since: MonotonicNs,
-    was_relaying: bool,
     next_look: MonotonicNs,
-    next_publish: MonotonicNs,
     /// When the latest samples may be sent again, and whether a station waits for them.
     next_latest: MonotonicNs,
     is_latest_wanted: bool,
-    unreadable: u64,
     ipc: Ipc,
 }
 
@@ -102,8 +72,7 @@ impl RobotSide {
     pub fn open(ipc: Ipc, config: Config, end: BorrowedFd<'_>) -> Result<RobotSide, Failure> {
         let robot = NonZeroU32::new(ipc.robot().get()).unwrap_or(NonZeroU32::MIN);
         // First, so that a second relay of the robot ends before it takes the network's address.
-        let state = ipc.publisher()?;
-        let stations_out = ipc.publisher()?;
+        let own_topics = OwnTopics::open(&ipc)?;
         let network = Network::open(&config, Side::Robot, end)?;
         let life = fresh();
         let order_config = orders::Config {
@@ -111,20 +80,11 @@ impl RobotSide {
             ..orders::Config::default()
         };
         let ros2 = Ros2Outlet::open(&network, &config.ros2, ipc.robot())?;
-        let named = |key: fn(NonZeroU32, &str) -> String| {
-            let stations = config.commands.stations.iter();
-            let stations = stations.chain(&config.security.stations);
-            stations.map(|name| key(robot, name)).collect()
-        };
-        let asks = network.receive(&names::ask(robot, "*"), named(names::ask), ASK_ROOM)?;
-        let commands =
-            network.receive(&names::order(robot, "*"), named(names::order), ORDER_ROOM)?;
         let now = MonotonicNs::now();
         Ok(RobotSide {
             robot,
             life,
-            asks,
-            commands,
+            mailbox: Mailbox::open(&network, robot, &config)?,
             services: Services::new(life, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
             lives: Lives::default(),
@@ -138,16 +98,11 @@ impl RobotSide {
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
             network,
             config,
-            state,
-            stations_out,
+            own_topics,
             samples_sent: 0,
-            since: now,
-            was_relaying: false,
             next_look: now,
-            next_publish: now,
             next_latest: now,
             is_latest_wanted: false,
-            unreadable: 0,
             ipc,
         })
     }
@@ -163,60 +118,29 @@ impl RobotSide {
     fn take_messages(&mut self, out: &mut Vec<Output>) {
         self.network.drained();
         let now = MonotonicNs::now();
-        let mut asks = Vec::new();
-        let mut unreadable = None;
-        let admission = &mut self.admission;
-        self.asks.drain(|incoming| {
-            let Some(station) = admission.asks(incoming.key, now) else {
-                return;
-            };
-            match decode::<Ask>(incoming.payload) {
-                Ok(ask) => asks.push((station.to_owned(), ask, incoming.at)),
-                Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
-            }
-        });
-        let mut commands = Vec::new();
-        self.commands.drain(|incoming| {
-            let Some(station) = admission.orders(incoming.key, now) else {
-                return;
-            };
-            match decode::<Command>(incoming.payload) {
-                Ok(command) => commands.push((station.to_owned(), command)),
-                Err(error) => unreadable = Some((incoming.key.to_owned(), error)),
-            }
-        });
-        for (station, ask, at) in asks {
-            self.answer(&station, &ask, at, out);
+        for ask in self.mailbox.asks(&mut self.admission, now) {
+            self.answer(&ask, out);
         }
-        for (station, command) in commands {
-            self.order(&station, command, out);
-        }
-        if let Some((key, error)) = unreadable {
-            self.note_unreadable(&key, &error);
+        for command in self.mailbox.commands(&mut self.admission, now) {
+            self.order(&command.station, command.message, out);
         }
     }
 
-    /// Once, and then each time that their number has doubled.
-    fn note_unreadable(&mut self, key: &str, error: &NoMessage) {
-        self.unreadable += 1;
-        if self.unreadable.is_power_of_two() {
-            tracing::warn!(key, %error, count = self.unreadable, "messages that are none have come");
-        }
-    }
-
-    fn answer(&mut self, station: &str, ask: &Ask, at: MonotonicNs, out: &mut Vec<Output>) {
-        let tell = match ask {
-            Ask::Ping(ping) => Tell::Pong(self.pong(station, ping, at, out)),
-            Ask::Describe { robot_life, index } => {
-                match self
-                    .services
-                    .describe(*index)
-                    .filter(|_| *robot_life == self.life)
-                {
-                    // Else the station asks again.
-                    Some(service) if self.admission.describes(service.schema.len(), at) => {
-                        Tell::Service(service)
+    fn answer(&mut self, ask: &Mail<Ask>, out: &mut Vec<Output>) {
+        let Mail { station, at, .. } = ask;
+        let tell = match &ask.message {
+            Ask::Ping(ping) => Tell::Pong(self.pong(station, ping, *at, out)),
+            Ask::Describe {
+                robot_life,
+                index,
+                from,
+            } => {
+                let part = self.services.describe(*index, *from);
+                match part.filter(|_| *robot_life == self.life) {
+                    Some(part) if self.admission.describes(part.bytes.len(), *at) => {
+                        Tell::Part(part)
                     }
+                    // The station asks again.
                     Some(_) | None => return,
                 }
             }
@@ -233,7 +157,7 @@ impl RobotSide {
             if self.admission.logs(at) {
                 tracing::info!(station, may_command, "a station is there");
             }
-            self.next_publish = at;
+            self.own_topics.hasten(at);
         }
         self.is_latest_wanted |= ping.wants_latest;
         let session = match may_command && self.lives.admit(ping.station_life, station, at) {
@@ -260,14 +184,14 @@ impl RobotSide {
         // Its service would refuse it, and until then it would be remembered.
         if requests
             .as_ref()
-            .is_some_and(|requests| requests.client.schema().size() != order.request.len())
+            .is_some_and(|requests| !requests.fits(&order.request))
         {
             return tracing::debug!(
                 station,
                 "a request has another length than its service takes"
             );
         }
-        let repeat = requests.map(|requests| requests.fields.repeat());
+        let repeat = requests.map(|requests| requests.repeat());
         self.orders.order(
             &order,
             repeat.unwrap_or(orders::Repeat::None),
@@ -302,7 +226,10 @@ impl RobotSide {
                         expires,
                         request,
                     } => {
-                        let sent = self.send(topic, is_repeat, expires, request);
+                        let sent = match self.services.requests_of(topic) {
+                            Some(requests) => requests.send(request, is_repeat, expires),
+                            None => Err(NotSent::NoServer),
+                        };
                         if let Err(reason) = sent {
                             self.orders.not_sent(
                                 topic,
@@ -315,7 +242,7 @@ impl RobotSide {
                     }
                     Output::GiveUp { topic, request_id } => {
                         if let Some(requests) = self.services.requests_of(topic) {
-                            requests.client.give_up_one(request_id);
+                            requests.give_up(request_id);
                         }
                     }
                     Output::Answer { station, answer } => {
@@ -336,73 +263,21 @@ impl RobotSide {
         }
     }
 
-    fn send(
-        &mut self,
-        topic: u64,
-        is_repeat: bool,
-        expires: MonotonicNs,
-        mut request: Vec<u8>,
-    ) -> Result<(), NotSent> {
-        let requests = self.services.requests_of(topic).ok_or(NotSent::NoServer)?;
-        if is_repeat {
-            requests.fields.set_repeat(&mut request);
-        }
-        let left = expires.since(MonotonicNs::now());
-        requests.fields.set_deadline(&mut request, left);
-        match requests.client.send(&request) {
-            Ok(_) => Ok(()),
-            Err(SendError::NoServer { .. }) => Err(NotSent::NoServer),
-            Err(error) => {
-                tracing::debug!(%error, "a request was not handed on");
-                Err(NotSent::Full)
-            }
-        }
-    }
-
     fn take_reports(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         let orders = &mut self.orders;
-        for (index, requests) in self.services.all_requests() {
-            requests
-                .client
-                .drain(|report| orders.report(index, report, now, out));
+        for requests in self.services.all_requests() {
+            let id = requests.id();
+            requests.drain(|report| orders.report(id, report, now, out));
         }
     }
 
     fn publish(&mut self, now: MonotonicNs) {
-        let is_relaying = self.stations.is_any_up();
-        if is_relaying != self.was_relaying {
-            self.since = now;
-            self.was_relaying = is_relaying;
-        }
-        let (functionality, doing) = match is_relaying {
-            true => (RelayModule::RELAYING, "relaying to stations"),
-            false => (RelayModule::WAITING, "waiting for a station"),
-        };
-        let state = State {
-            published_ns: now.0,
-            since_ns: self.since.0,
-            module_id: RelayModule::ID,
-            status: ModuleStatus::Running.code(),
-            functionality,
-            doing: doing_bytes(doing),
-            ..State::default()
-        };
-        let published = self.state.publish(|sample| *sample = StateOf::new(state));
         let orders = &self.orders;
         let rows = self
             .stations
             .rows(self.samples_sent, |life| orders.open_of(life));
-        let stations = self.stations_out.publish(|sample| {
-            sample.published_ns = now.0;
-            sample.count = rows.len() as u32;
-            for (place, row) in sample.stations.iter_mut().zip(rows) {
-                *place = row;
-            }
-        });
-        if let Err(error) = published.and(stations) {
-            tracing::debug!(%error, "the state cannot be published");
-        }
-        self.next_publish = now + PUBLISH_PERIOD;
+        self.own_topics
+            .publish(self.stations.is_any_up(), rows, now);
     }
 }
 
@@ -411,8 +286,7 @@ impl Process for RobotSide {
     type Key = ();
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
-        sources.port(&mut self.state);
-        sources.port(&mut self.stations_out);
+        self.own_topics.sources(sources);
         if let Some(reaction) = &mut self.reaction {
             sources.port(reaction.client());
         }
@@ -442,21 +316,21 @@ impl Process for RobotSide {
             if self.admission.logs(now) {
                 tracing::warn!(station, "a station is heard no more");
             }
-            self.next_publish = now;
+            self.own_topics.hasten(now);
         }
         if self.is_latest_wanted && now >= self.next_latest {
             self.services.send_latest();
             self.is_latest_wanted = false;
             self.next_latest = now + LATEST_PERIOD;
         }
-        if now >= self.next_publish {
+        if now >= self.own_topics.deadline() {
             self.publish(now);
         }
         Ok(())
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
-        let fixed = self.next_look.min(self.next_publish);
+        let fixed = self.next_look.min(self.own_topics.deadline());
         [
             self.services.deadline(),
             self.orders.deadline(),

@@ -6,25 +6,30 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use ipc_types::dynamic::{self, ServiceFacts};
-use ipc_types::schema::CDR_HEADER;
-use ipc_types::{DynamicClient, DynamicError, DynamicSubscriber, Ipc, MonotonicNs};
+use ipc_types::dynamic::ServiceFacts;
+use ipc_types::service::Pattern;
+use ipc_types::{DynamicSubscriber, Ipc, MonotonicNs};
 
-use crate::config::TopicsConfig;
-use crate::message::{Service, encode};
+use crate::config::{TopicPlan, TopicsConfig};
+use crate::description::{Part, Service};
 use crate::names;
-use crate::network::{Network, Outbox};
+use crate::network::{Declaration, Network};
 use crate::ports::PortSet;
-use crate::request::RequestFields;
-use crate::station::link::MAX_SERVICES;
+use crate::ros2::Reliability;
+use crate::station::catalog::MAX_SERVICES;
 use crate::telemetry::Outlet;
 
+use super::discovery::Discovery;
+use super::requests::Requests;
 use super::ros2_outlet::Ros2Outlet;
+use super::topic::Topic;
+
+/// How often the robot is looked at for services that are new.
+pub const LOOK_PERIOD: Duration = Duration::from_secs(1);
 
 /// A service that is carried.
 struct Carried {
-    key: String,
-    text: String,
+    service: Service,
     port: Port,
 }
 
@@ -33,32 +38,14 @@ enum Port {
     Topic(Box<Topic>),
     Requests(Box<Requests>),
     /// Another one has taken its place.
-    Replaced {
-        takes_requests: bool,
-    },
-}
-
-struct Topic {
-    subscriber: DynamicSubscriber,
-    outlet: Outlet,
-    outbox: Outbox,
-    is_failing: bool,
-}
-
-/// A client of a request service.
-pub struct Requests {
-    /// Sends requests and takes reports.
-    pub client: DynamicClient,
-    /// What the relay reads and writes in a request.
-    pub fields: RequestFields,
-    /// What the service is called in orders.
-    id: u64,
+    Replaced,
 }
 
 /// All services that are carried.
 pub struct Services {
     life: u64,
     robot: NonZeroU32,
+    discovery: Discovery,
     carried: Vec<Carried>,
     ports: PortSet,
     ros2: Option<Ros2Outlet>,
@@ -78,6 +65,7 @@ impl Services {
         Ok(Services {
             life,
             robot,
+            discovery: Discovery::default(),
             carried: Vec::new(),
             ports: PortSet::new()?,
             ros2,
@@ -89,83 +77,84 @@ impl Services {
     /// Request services are carried also where no station may command, so that an operator is told that and not that there is
     /// no bridge.
     pub fn look(&mut self, ipc: &Ipc, network: &Network, config: &TopicsConfig) {
-        for facts in dynamic::topics(ipc) {
-            if let Some(plan) = config.plan(&facts.key)
-                && self.is_new(&facts)
-            {
-                let (life, key) = (self.life, names::topic(self.robot, &facts.key));
-                let topic = DynamicSubscriber::open(ipc, &facts.key, &facts.schema)
-                    .map_err(|error| error.to_string())
-                    .and_then(|subscriber| {
-                        let outbox = network
-                            .outbox(&key, plan.priority)
-                            .map_err(|error| error.to_string())?;
-                        self.ports
-                            .add(subscriber.descriptor())
-                            .map_err(|error| error.to_string())?;
-                        Ok(Port::Topic(Box::new(Topic {
-                            subscriber,
-                            outlet: Outlet::new(life, plan.period),
-                            outbox,
-                            is_failing: false,
-                        })))
-                    });
-                if let (Ok(_), Some(ros2)) = (&topic, &mut self.ros2) {
-                    ros2.add(&facts.key, &facts.schema, plan.priority);
-                }
-                self.carry(facts, topic);
-            }
-        }
-        for facts in dynamic::request_services(ipc) {
-            if !facts.key.starts_with("relay/") && self.is_new(&facts) {
-                let requests = self
-                    .requests(ipc, &facts)
-                    .map_err(|error| error.to_string());
-                self.carry(facts, requests);
-            }
-        }
+        let mut discovery = std::mem::take(&mut self.discovery);
+        discovery.look(ipc, |pattern, facts| {
+            let key = facts.key.clone();
+            let taken = match pattern {
+                Pattern::PublishSubscribe => match config.plan(&key) {
+                    Some(plan) => self.take_topic(ipc, network, facts, plan),
+                    None => Ok(()),
+                },
+                Pattern::RequestResponse if key.starts_with("relay/") => Ok(()),
+                Pattern::RequestResponse => self.take_requests(ipc, facts),
+            };
+            taken
+                .inspect_err(|error| tracing::warn!(key, error, "a service is not relayed"))
+                .is_ok()
+        });
+        self.discovery = discovery;
     }
 
-    fn requests(&self, ipc: &Ipc, facts: &ServiceFacts) -> Result<Port, DynamicError> {
-        let client = DynamicClient::open(ipc, &facts.key, &facts.schema)?;
-        if let Err(error) = self.ports.add(client.descriptor()) {
-            tracing::debug!(%error, "reports are looked for at every wake alone");
+    fn take_topic(
+        &mut self,
+        ipc: &Ipc,
+        network: &Network,
+        facts: ServiceFacts,
+        plan: TopicPlan,
+    ) -> Result<(), String> {
+        if !self.is_new(&facts) {
+            return Ok(());
         }
-        Ok(Port::Requests(Box::new(Requests {
-            client,
-            fields: RequestFields::of(&facts.schema),
-            id: names::service_id(&facts.key, &facts.schema),
-        })))
+        let subscriber = DynamicSubscriber::open(ipc, &facts.key, &facts.schema)
+            .map_err(|error| error.to_string())?;
+        self.ports
+            .add(subscriber.descriptor())
+            .map_err(|error| error.to_string())?;
+        let outbox = network.outbox(Declaration {
+            key: names::topic(self.robot, &facts.key),
+            priority: plan.priority,
+            reliability: Reliability::BestEffort,
+            token: None,
+        });
+        if let Some(ros2) = &mut self.ros2 {
+            ros2.add(network, &facts.key, &facts.schema, plan.priority);
+        }
+        let outlet = Outlet::new(self.life, plan.period);
+        let topic = Topic::new(subscriber, outlet, outbox);
+        self.carry(facts, Port::Topic(Box::new(topic)), false);
+        Ok(())
+    }
+
+    fn take_requests(&mut self, ipc: &Ipc, facts: ServiceFacts) -> Result<(), String> {
+        if !self.is_new(&facts) {
+            return Ok(());
+        }
+        let requests =
+            Requests::open(ipc, &facts, &self.ports).map_err(|error| error.to_string())?;
+        self.carry(facts, Port::Requests(Box::new(requests)), true);
+        Ok(())
     }
 
     fn is_new(&self, facts: &ServiceFacts) -> bool {
-        let newest = self
-            .carried
-            .iter()
-            .rfind(|carried| carried.key == facts.key);
+        let mut carried = self.carried.iter().map(|carried| &carried.service);
+        let newest = carried.rfind(|service| service.key == facts.key);
         self.carried.len() < usize::from(MAX_SERVICES)
-            && facts.provider.is_some()
-            && newest.is_none_or(|carried| carried.text != facts.text)
+            && newest.is_none_or(|service| service.schema != facts.text)
     }
 
-    fn carry(&mut self, facts: ServiceFacts, port: Result<Port, String>) {
-        let port = match port {
-            Ok(port) => port,
-            // It is tried again at the next look.
-            Err(error) => {
-                return tracing::warn!(key = facts.key, %error, "a service is not relayed");
-            }
-        };
+    fn carry(&mut self, facts: ServiceFacts, port: Port, takes_requests: bool) {
         for former in &mut self.carried {
-            if former.key == facts.key {
-                let takes_requests = former.takes_requests();
-                former.port = Port::Replaced { takes_requests };
+            if former.service.key == facts.key {
+                former.port = Port::Replaced;
             }
         }
         tracing::info!(key = facts.key, "relayed");
         self.carried.push(Carried {
-            key: facts.key,
-            text: facts.text,
+            service: Service {
+                key: facts.key,
+                takes_requests,
+                schema: facts.text,
+            },
             port,
         });
     }
@@ -180,31 +169,24 @@ impl Services {
         self.carried.len() as u16
     }
 
-    /// The service of this index, as a station is told.
-    pub fn describe(&self, index: u16) -> Option<Service> {
+    /// A part of the description of the service of this index, as a station is told.
+    pub fn describe(&self, index: u16, from: u32) -> Option<Part> {
         let carried = self.carried.get(usize::from(index))?;
-        Some(Service {
-            robot_life: self.life,
-            index,
-            key: carried.key.clone(),
-            takes_requests: carried.takes_requests(),
-            schema: carried.text.clone(),
-        })
+        carried.service.part(self.life, index, from)
     }
 
     /// The request service that orders call so.
     pub fn requests_of(&mut self, id: u64) -> Option<&mut Requests> {
-        self.all_requests()
-            .find_map(|(other, requests)| (other == id).then_some(requests))
+        self.all_requests().find(|requests| requests.id() == id)
     }
 
-    /// All request services, with what orders call them.
-    pub fn all_requests(&mut self) -> impl Iterator<Item = (u64, &mut Requests)> {
+    /// All request services.
+    pub fn all_requests(&mut self) -> impl Iterator<Item = &mut Requests> {
         self.carried
             .iter_mut()
             .filter_map(|carried| match &mut carried.port {
-                Port::Requests(requests) => Some((requests.id, &mut **requests)),
-                Port::Topic(_) | Port::Replaced { .. } => None,
+                Port::Requests(requests) => Some(&mut **requests),
+                Port::Topic(_) | Port::Replaced => None,
             })
     }
 
@@ -221,10 +203,7 @@ impl Services {
     pub fn send_latest(&self) {
         for carried in &self.carried {
             if let Port::Topic(topic) = &carried.port {
-                let lost = topic.subscriber.losses().lost;
-                topic.outlet.send_again(lost, |header, sample| {
-                    topic.outbox.send(with_cdr_header(sample), encode(header));
-                });
+                topic.send_latest();
             }
         }
     }
@@ -232,8 +211,8 @@ impl Services {
     /// When a sample is due that has come already.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let deadline = |carried: &Carried| match &carried.port {
-            Port::Topic(topic) => topic.outlet.deadline(),
-            Port::Requests(_) | Port::Replaced { .. } => None,
+            Port::Topic(topic) => topic.deadline(),
+            Port::Requests(_) | Port::Replaced => None,
         };
         self.carried.iter().filter_map(deadline).min()
     }
@@ -243,46 +222,7 @@ impl Carried {
     fn topic(&mut self) -> Option<&mut Topic> {
         match &mut self.port {
             Port::Topic(topic) => Some(topic),
-            Port::Requests(_) | Port::Replaced { .. } => None,
-        }
-    }
-
-    fn takes_requests(&self) -> bool {
-        match &self.port {
-            Port::Topic(_) => false,
-            Port::Requests(_) => true,
-            Port::Replaced { takes_requests } => *takes_requests,
+            Port::Requests(_) | Port::Replaced => None,
         }
     }
 }
-
-impl Topic {
-    fn send(&mut self, now: MonotonicNs, mut ros2: Option<&mut Ros2Outlet>) -> u64 {
-        let outlet = &mut self.outlet;
-        let drained = self.subscriber.drain(|sample| outlet.take(sample));
-        let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
-        if let Err(error) = drained
-            && !was_failing
-        {
-            tracing::warn!(key = self.subscriber.key(), %error, "a topic cannot be read");
-        }
-        let lost = self.subscriber.losses().lost;
-        let before = self.outlet.sent();
-        let (key, outbox) = (self.subscriber.key(), &self.outbox);
-        self.outlet.send(now, lost, |header, sample| {
-            outbox.send(with_cdr_header(sample), encode(header));
-            if let Some(ros2) = &mut ros2 {
-                ros2.send(key, sample);
-            }
-        });
-        self.outlet.sent() - before
-    }
-}
-
-/// A sample as it goes over the network: a CDR message, which ROS 2 and recorders read as it is.
-fn with_cdr_header(sample: &[u8]) -> Vec<u8> {
-    [&CDR_HEADER[..], sample].concat()
-}
-
-/// How often the robot is looked at for services that are new.
-pub const LOOK_PERIOD: Duration = Duration::from_secs(1);

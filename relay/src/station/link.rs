@@ -13,20 +13,16 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::RelayLinkState;
 
+use super::catalog::{Catalog, Question};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
-use crate::message::{Ping, Pong, Service};
+use crate::description::{Part, Service};
+use crate::message::{Ping, Pong};
 
 /// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
 pub const PING_PERIOD: Duration = Duration::from_millis(500);
 
 /// The same while no answer comes, so that a link that is back is up at once.
 const SEARCH_PERIOD: Duration = Duration::from_millis(200);
-
-/// How long the description of a service may take, before it is asked for again.
-const DESCRIBE_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// Most services of a robot: three of its own, and some of each of some twenty modules.
-pub const MAX_SERVICES: u16 = 128;
 
 /// The link to one robot.
 #[derive(Debug)]
@@ -42,9 +38,7 @@ pub struct Link {
     /// Life of the robot's relay; nothing before its first answer.
     robot_life: Option<u64>,
     session: u64,
-    services: u16,
-    described: Vec<bool>,
-    next_describe: MonotonicNs,
+    catalog: Catalog,
     /// Whether all services that the robot had at first were described once.
     is_complete: bool,
     wants_latest: bool,
@@ -73,9 +67,7 @@ impl Link {
             clock: Clock::new(),
             robot_life: None,
             session: 0,
-            services: 0,
-            described: Vec::new(),
-            next_describe: now,
+            catalog: Catalog::default(),
             is_complete: false,
             wants_latest: true,
         }
@@ -108,13 +100,12 @@ impl Link {
         }
         if self.robot_life != Some(pong.robot_life) {
             self.robot_life = Some(pong.robot_life);
-            self.described.clear();
+            self.catalog = Catalog::default();
             self.wants_latest = true;
             news.is_another_life = true;
         }
         self.session = pong.session;
-        self.services = pong.services.min(MAX_SERVICES);
-        self.described.resize(self.services.into(), false);
+        self.catalog.expect(pong.services);
         let exchange = Exchange {
             sent: MonotonicNs(pong.ping_sent_ns),
             remote_received: RemoteNs(pong.received_ns),
@@ -160,22 +151,15 @@ impl Link {
         self.since = now;
     }
 
-    /// The life of the robot's relay, and the index of the service whose description is to be asked for now.
-    pub fn describe(&mut self, now: MonotonicNs) -> Option<(u64, u16)> {
-        if !self.is_up() || now < self.next_describe {
-            return None;
-        }
-        let missing = self
-            .described
-            .iter()
-            .position(|is_described| !is_described)?;
-        self.next_describe = now + DESCRIBE_TIMEOUT;
-        Some((self.robot_life?, u16::try_from(missing).ok()?))
+    /// The life of the robot's relay, and what is to be asked about its services now.
+    pub fn question(&mut self, now: MonotonicNs) -> Option<(u64, Question)> {
+        let robot_life = self.robot_life.filter(|_| self.is_up())?;
+        Some((robot_life, self.catalog.question(now)?))
     }
 
     /// Takes note whether all that the robot has is described.
     pub fn note_complete(&mut self) {
-        self.is_complete |= self.is_up() && !self.described.contains(&false);
+        self.is_complete |= self.is_up() && self.catalog.is_complete();
     }
 
     /// State of the link as operators see it: up when they can use what the robot has.
@@ -186,18 +170,12 @@ impl Link {
         }
     }
 
-    /// A description has come. Says whether it is one that was missing.
-    pub fn take_description(&mut self, service: &Service) -> bool {
-        if self.robot_life != Some(service.robot_life) {
-            return false;
+    /// A part of a description has come. Says which service is described by now that was not before.
+    pub fn take_part(&mut self, part: &Part) -> Option<Service> {
+        match self.robot_life == Some(part.robot_life) {
+            true => self.catalog.take(part),
+            false => None,
         }
-        let described = self.described.get_mut(usize::from(service.index));
-        let is_new = described.is_some_and(|described| !std::mem::replace(described, true));
-        if is_new {
-            // The next one at once.
-            self.next_describe = MonotonicNs(0);
-        }
-        is_new
     }
 
     /// When something is to be done though nothing comes.
@@ -206,11 +184,10 @@ impl Link {
             Some(heard) if self.is_up() => heard + self.silent_after,
             _ => MonotonicNs(u64::MAX),
         };
-        let describe = match self.is_up() && self.described.contains(&false) {
-            true => self.next_describe,
-            false => MonotonicNs(u64::MAX),
-        };
-        self.next_ping.min(silent).min(describe)
+        let question = self.catalog.deadline().filter(|_| self.is_up());
+        self.next_ping
+            .min(silent)
+            .min(question.unwrap_or(MonotonicNs(u64::MAX)))
     }
 
     /// Whether the link is up.
@@ -313,27 +290,29 @@ mod tests {
     }
 
     #[test]
-    fn services_are_asked_for_one_after_the_other_until_all_are_described() {
+    fn services_are_asked_about_while_the_link_is_up_and_anew_in_another_life_of_the_robot_s_relay()
+    {
         let mut link = link();
+        assert_eq!(link.question(at(0)), None);
         let _ = answered(&mut link, 0, 9, 2);
-        assert_eq!(link.describe(at(10)), Some((9, 0)));
-        assert_eq!(link.describe(at(20)), None, "the answer may be under way");
-        assert_eq!(link.describe(at(600)), Some((9, 0)), "it was lost");
-        let service = |index| Service {
-            robot_life: 9,
-            index,
+        let question = |index| Question { index, from: 0 };
+        assert_eq!(link.question(at(10)), Some((9, question(0))));
+        let service = Service {
             key: "a/b".to_owned(),
             takes_requests: false,
             schema: String::new(),
         };
-        assert!(link.take_description(&service(0)));
-        assert!(!link.take_description(&service(0)) && !link.take_description(&service(2)));
-        assert_eq!(link.describe(at(601)), Some((9, 1)));
-        assert!(link.take_description(&service(1)));
-        assert_eq!(link.describe(at(2000)), None);
+        let part = |robot_life, index| service.part(robot_life, index, 0).unwrap();
+        assert_eq!(link.take_part(&part(8, 0)), None, "of another life");
+        assert_eq!(link.take_part(&part(9, 0)), Some(service.clone()));
+        link.note_complete();
+        assert_eq!(link.shown_state(), RelayLinkState::Connecting);
+        assert_eq!(link.take_part(&part(9, 1)), Some(service.clone()));
+        link.note_complete();
+        assert_eq!(link.shown_state(), RelayLinkState::Up);
         assert!(answered(&mut link, 2000, 10, 1).is_another_life);
-        assert!(!link.take_description(&service(0)), "that was another life");
-        assert_eq!(link.describe(at(2100)), Some((10, 0)));
+        assert_eq!(link.take_part(&part(9, 0)), None, "that was another life");
+        assert_eq!(link.question(at(2100)), Some((10, question(0))));
     }
 
     #[test]

@@ -1,45 +1,25 @@
-//! [`Mirrors`]: the services of a robot as this machine has them.
-//!
-//! A mirror outlives the robot's relay: the next life of it describes the same service again, and consumers notice nothing.
+//! [`Mirror`]: one service of a robot as this machine has it.
 
+use std::os::fd::BorrowedFd;
+
+use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 use ipc_types::schema::CDR_HEADER;
-use ipc_types::service::is_key;
-use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, Ticket};
+use ipc_types::{
+    DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, Ticket, WaitError,
+};
 
-use super::link::MAX_SERVICES;
-use crate::budget::Budget;
 use crate::clock::{Clock, RemoteNs};
-use crate::message::{SampleHeader, Service};
+use crate::description::Service;
+use crate::message::SampleHeader;
 use crate::names::service_id;
-use crate::ports::PortSet;
 use crate::request::RequestFields;
 use crate::telemetry::{Counts, Inlet};
 
-/// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
-const MAX_OPEN: usize = 256;
-
-/// Services that are provided in a second, and at once: all of a robot, and all of them anew. Each makes files.
-const OPENINGS: (u64, u64) = (2, 256);
-
-/// Longest key that a message repeats, characters.
-const MAX_QUOTED: usize = 64;
-
-/// A topic of the robot on this machine.
-struct Topic {
-    publisher: DynamicPublisher,
-    /// Offsets of the moments in a sample.
-    moments: Vec<usize>,
-    inlet: Inlet,
-}
-
-/// A request service of the robot on this machine.
-struct Requests {
-    server: DynamicServer,
-    fields: RequestFields,
-    id: u64,
-    /// Offset of the request's `path_id`.
-    path_id: Option<usize>,
+/// One service of a robot on this machine.
+pub struct Mirror {
+    service: Service,
+    port: Port,
 }
 
 enum Port {
@@ -47,265 +27,163 @@ enum Port {
     Requests(Box<Requests>),
 }
 
-struct Mirror {
-    service: Service,
-    port: Port,
+/// A topic of the robot on this machine.
+pub struct Topic {
+    publisher: DynamicPublisher,
+    /// Offsets of the moments in a sample.
+    moments: Vec<usize>,
+    inlet: Inlet,
 }
 
-/// A request of a client on this machine that has no final report yet.
-struct Open {
-    handle: u64,
-    service: u64,
-    ticket: Ticket,
+/// A request service of the robot on this machine.
+pub struct Requests {
+    server: DynamicServer,
+    fields: RequestFields,
+    id: u64,
+    /// Offset of the request's `path_id`.
+    path_id: Option<usize>,
 }
 
-/// A request that has come from a client on this machine.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// By what it is known here.
-    pub handle: u64,
-    /// Which service of the robot.
-    pub service: u64,
+/// A request that a client on this machine has sent.
+pub struct Arrived<'a> {
+    /// By what its client is answered.
+    pub ticket: Ticket,
     /// Path of the request; 0 when it has none.
     pub path_id: u64,
     /// Its own deadline.
     pub deadline: Option<std::time::Duration>,
     /// The request.
-    pub bytes: Vec<u8>,
+    pub bytes: &'a [u8],
 }
 
-/// All services of a robot that this machine has.
-pub struct Mirrors {
-    list: Vec<Mirror>,
-    /// Described, but not there yet: another process provides them here.
-    pending: Vec<Service>,
-    open: Vec<Open>,
-    next_handle: u64,
-    ports: PortSet,
-    openings: Budget,
-    /// Descriptions that were refused because there are too many.
-    refused: u64,
-}
+impl Mirror {
+    /// Provides the service here.
+    ///
+    /// # Errors
+    ///
+    /// When another process provides it here, or its schema is none.
+    pub fn open(service: &Service, ipc: &Ipc) -> Result<Mirror, DynamicError> {
+        Ok(Mirror {
+            port: Port::open(service, ipc)?,
+            service: service.clone(),
+        })
+    }
 
-impl Mirrors {
-    /// None yet.
+    /// The service.
+    pub fn service(&self) -> &Service {
+        &self.service
+    }
+
+    /// What to wait for.
     ///
     /// # Errors
     ///
     /// When the process has too many descriptors.
-    pub fn new() -> Result<Mirrors, rustix::io::Errno> {
-        Ok(Mirrors {
-            list: Vec::new(),
-            pending: Vec::new(),
-            open: Vec::new(),
-            next_handle: 1,
-            ports: PortSet::new()?,
-            openings: Budget::new(OPENINGS.0, OPENINGS.1),
-            refused: 0,
-        })
-    }
-
-    /// What to wait for.
-    pub fn ports(&self) -> &PortSet {
-        &self.ports
-    }
-
-    /// The robot has described a service. Nothing changes when it is here already.
-    pub fn provide(&mut self, service: Service, ipc: &Ipc) {
-        self.try_to_provide(service, ipc, true);
-    }
-
-    fn try_to_provide(&mut self, service: Service, ipc: &Ipc, is_first: bool) {
-        if self.list.iter().any(|mirror| mirror.is_of(&service)) {
-            return;
-        }
-        // Each machine has the relay's own topics itself. The robot's relay describes none of them.
-        let is_none = service.key.starts_with("relay/") || !is_key(&service.key);
-        let others = self
-            .list
-            .iter()
-            .filter(|mirror| mirror.service.key != service.key);
-        if is_none || others.count() >= usize::from(MAX_SERVICES) {
-            return self.refuse(&service);
-        }
-        if !self.openings.grant(1, MonotonicNs::now()) {
-            return self.postpone(service);
-        }
-        // Its struct has changed: consumers find the new one in a new generation.
-        self.list.retain(|mirror| mirror.service.key != service.key);
-        match Port::open(&service, ipc) {
-            Ok(port) => {
-                if let Err(error) = self.ports.add(port.descriptor()) {
-                    tracing::debug!(%error, "a port is looked at with every wake alone");
-                }
-                tracing::info!(key = service.key, robot = %ipc.robot(), "provided here");
-                self.list.push(Mirror { service, port });
-            }
-            Err(error) => {
-                if is_first && !self.pending.contains(&service) {
-                    tracing::warn!(key = service.key, %error, "a service of the robot cannot be provided here");
-                }
-                self.postpone(service);
-            }
+    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        match &self.port {
+            Port::Topic(topic) => topic.publisher.descriptor(),
+            Port::Requests(requests) => requests.server.descriptor(),
         }
     }
 
-    /// Tried again later, when there are not too many of the kind. Of a key only the newest is.
-    fn postpone(&mut self, service: Service) {
-        self.pending.retain(|other| other.key != service.key);
-        if self.pending.len() < usize::from(MAX_SERVICES) {
-            self.pending.push(service);
+    /// Its topic, when it is one.
+    pub fn topic(&mut self) -> Option<&mut Topic> {
+        match &mut self.port {
+            Port::Topic(topic) => Some(topic),
+            Port::Requests(_) => None,
         }
     }
 
-    /// Said once, and then each time that their number has doubled.
-    fn refuse(&mut self, service: &Service) {
-        self.refused += 1;
-        if self.refused.is_power_of_two() {
-            let key: String = service.key.escape_debug().take(MAX_QUOTED).collect();
-            tracing::warn!(
-                key,
-                count = self.refused,
-                "a service is described that no robot has, or one too many"
-            );
+    /// Its requests, when it takes some.
+    pub fn requests(&mut self) -> Option<&mut Requests> {
+        match &mut self.port {
+            Port::Requests(requests) => Some(requests),
+            Port::Topic(_) => None,
         }
     }
 
-    /// Tries again what another process provided here.
-    pub fn retry(&mut self, ipc: &Ipc) {
-        for service in std::mem::take(&mut self.pending) {
-            self.try_to_provide(service, ipc, false);
+    /// What was counted, when it is a topic.
+    pub fn counts(&self) -> Counts {
+        match &self.port {
+            Port::Topic(topic) => topic.inlet.counts(),
+            Port::Requests(_) => Counts::default(),
         }
     }
+}
 
-    /// A sample of the topic `key` has come, with its CDR header. Says whether it was published.
+impl Topic {
+    /// Publishes a message, which is a sample with its CDR header, if it is news. Says whether it was.
     pub fn publish(
         &mut self,
-        key: &str,
         header: &SampleHeader,
         message: &[u8],
         clock: &Clock,
         now: MonotonicNs,
     ) -> bool {
-        let topic = self.list.iter_mut().find_map(|mirror| mirror.topic(key));
-        let (Some(topic), Some(sample)) = (topic, message.strip_prefix(&CDR_HEADER)) else {
+        let Some(sample) = message.strip_prefix(&CDR_HEADER) else {
             return false;
         };
-        if sample.len() != topic.publisher.schema().size() || !topic.inlet.take(header) {
+        if sample.len() != self.publisher.schema().size() || !self.inlet.take(header) {
             return false;
         }
-        let moments = &topic.moments;
-        let published = topic.publisher.publish(|bytes| {
+        let moments = &self.moments;
+        let published = self.publisher.publish(|bytes| {
             bytes.copy_from_slice(sample);
             translate(bytes, moments, clock, now);
         });
         if let Err(error) = published {
-            tracing::debug!(key, %error, "a sample was not published");
+            tracing::debug!(%error, "a sample was not published");
         }
         true
     }
 
-    /// Gives late joiners the latest samples, and hands on what clients have sent and given up.
-    pub fn serve(&mut self, mut take: impl FnMut(Taken), mut gone: impl FnMut(u64)) {
-        for mirror in &mut self.list {
-            match &mut mirror.port {
-                Port::Topic(topic) => topic.publisher.tend(),
-                Port::Requests(requests) => {
-                    let (open, next_handle) = (&mut self.open, &mut self.next_handle);
-                    requests.server.vanished(|ticket, _| {
-                        let is_it =
-                            |entry: &Open| entry.service == requests.id && entry.ticket == ticket;
-                        if let Some(index) = open.iter().position(is_it) {
-                            gone(open.remove(index).handle);
-                        }
-                    });
-                    let mut refused = Vec::new();
-                    let (fields, id, path_id) = (requests.fields, requests.id, requests.path_id);
-                    let drained = requests.server.drain(|ticket, bytes| {
-                        if open.len() == MAX_OPEN {
-                            return refused.push(ticket);
-                        }
-                        let handle = *next_handle;
-                        *next_handle += 1;
-                        open.push(Open {
-                            handle,
-                            service: id,
-                            ticket,
-                        });
-                        take(Taken {
-                            handle,
-                            service: id,
-                            path_id: path_id.map_or(0, |offset| word(bytes, offset)),
-                            deadline: fields.deadline(bytes),
-                            bytes: bytes.to_vec(),
-                        });
-                    });
-                    if let Err(error) = drained {
-                        tracing::debug!(key = mirror.service.key, %error, "requests cannot be taken");
-                    }
-                    for ticket in refused {
-                        let report = RequestReport::new(
-                            ipc_types::code::Stage::Refused,
-                            ipc_types::code::Reason::TooManyRequests,
-                        );
-                        let _ = requests.server.report(ticket, &report);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Answers a client on this machine.
-    pub fn report(&mut self, handle: u64, report: &RequestReport) {
-        let Some(index) = self.open.iter().position(|open| open.handle == handle) else {
-            return;
-        };
-        let Open {
-            service, ticket, ..
-        } = self.open[index];
-        if report.is_final() {
-            self.open.remove(index);
-        }
-        let server = self
-            .list
-            .iter_mut()
-            .find_map(|mirror| mirror.requests(service));
-        if let Some(requests) = server
-            && let Err(error) = requests.server.report(ticket, report)
-        {
-            tracing::debug!(%error, "a client was not told");
-        }
-    }
-
-    /// What was counted of all topics.
-    pub fn counts(&self) -> Counts {
-        self.list
-            .iter()
-            .fold(Counts::default(), |sum, mirror| match &mirror.port {
-                Port::Topic(topic) => sum.plus(topic.inlet.counts()),
-                Port::Requests(_) => sum,
-            })
+    /// Gives late joiners the latest sample.
+    pub fn tend(&mut self) {
+        self.publisher.tend();
     }
 }
 
-impl Mirror {
-    fn is_of(&self, service: &Service) -> bool {
-        self.service.key == service.key
-            && self.service.takes_requests == service.takes_requests
-            && self.service.schema == service.schema
+impl Requests {
+    /// What the service is called in orders.
+    pub fn id(&self) -> u64 {
+        self.id
     }
 
-    fn topic(&mut self, key: &str) -> Option<&mut Topic> {
-        match &mut self.port {
-            Port::Topic(topic) if self.service.key == key => Some(topic),
-            Port::Topic(_) | Port::Requests(_) => None,
+    /// Hands on the requests whose clients have given them up.
+    pub fn vanished(&mut self, mut gone: impl FnMut(Ticket)) {
+        self.server.vanished(|ticket, _| gone(ticket));
+    }
+
+    /// Hands on the requests that have come. One for which `take` has no room is refused.
+    pub fn drain(&mut self, mut take: impl FnMut(&Arrived<'_>) -> bool) {
+        let (fields, path_id) = (self.fields, self.path_id);
+        let mut refused = Vec::new();
+        let drained = self.server.drain(|ticket, bytes| {
+            let is_taken = take(&Arrived {
+                ticket,
+                path_id: path_id.map_or(0, |offset| word(bytes, offset)),
+                deadline: fields.deadline(bytes),
+                bytes,
+            });
+            if !is_taken {
+                refused.push(ticket);
+            }
+        });
+        if let Err(error) = drained {
+            tracing::debug!(%error, "requests cannot be taken");
+        }
+        for ticket in refused {
+            self.report(
+                ticket,
+                &RequestReport::new(Stage::Refused, Reason::TooManyRequests),
+            );
         }
     }
 
-    fn requests(&mut self, id: u64) -> Option<&mut Requests> {
-        match &mut self.port {
-            Port::Requests(requests) if requests.id == id => Some(requests),
-            Port::Topic(_) | Port::Requests(_) => None,
+    /// Answers a client.
+    pub fn report(&mut self, ticket: Ticket, report: &RequestReport) {
+        if let Err(error) = self.server.report(ticket, report) {
+            tracing::debug!(%error, "a client was not told");
         }
     }
 }
@@ -328,13 +206,6 @@ impl Port {
             publisher,
             inlet: Inlet::default(),
         })))
-    }
-
-    fn descriptor(&self) -> Result<std::os::fd::BorrowedFd<'_>, ipc_types::WaitError> {
-        match self {
-            Port::Topic(topic) => topic.publisher.descriptor(),
-            Port::Requests(requests) => requests.server.descriptor(),
-        }
     }
 }
 

@@ -4,8 +4,11 @@
 //! [`Link`] is how the link to one robot is, [`Mirrors`] are its services here, [`orders::station`](crate::orders::station)
 //! decides about requests; here bytes move.
 
+pub mod catalog;
 pub mod link;
+mod link_topics;
 mod mirror;
+mod mirrors;
 mod remote;
 
 use std::os::fd::BorrowedFd;
@@ -19,7 +22,7 @@ use crate::config::{Config, RemoteRobot};
 use crate::network::{Network, Side};
 use crate::ports::PortSet;
 pub use link::Link;
-pub use mirror::Mirrors;
+pub use mirrors::Mirrors;
 use remote::Remote;
 
 /// What wakes the station's side.

@@ -3,17 +3,19 @@
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use ipc_types::code::ModuleStatus;
-use ipc_types::module::{State, doing_bytes};
 use ipc_types::payload::{RelayLink, RequestReport, ascii_bytes};
-use ipc_types::{Ipc, Module, MonotonicNs, Publisher, RelayModule, StateOf, WaitError};
+use ipc_types::{Ipc, MonotonicNs, WaitError};
 
+use super::catalog::Question;
 use super::link::Link;
-use super::mirror::{Mirrors, Taken, translate_report};
+use super::link_topics::LinkTopics;
+use super::mirror::translate_report;
+use super::mirrors::{Mirrors, Taken};
 use crate::Failure;
 use crate::config::{Config, RemoteRobot};
+use crate::description::Part;
 use crate::message::{
-    Ask, Command, MAX_BYTES, NoMessage, Pong, SampleHeader, Service, Tell, decode, encode,
+    Ask, Command, MAX_TELL_BYTES, NoMessage, Pong, SampleHeader, Tell, decode, encode,
 };
 use crate::names;
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
@@ -30,16 +32,12 @@ const SAMPLES: Room = Room {
     longest: MAX_MESSAGE_BYTES,
 };
 
-/// Answers that may wait: the descriptions of services are the long ones, of which one is asked for at a time.
+/// Answers that may wait: the parts of descriptions are the long ones, of which one is asked for at a time.
 const ANSWERS: Room = Room {
     messages: 512,
-    bytes: 4 * 1024 * 1024,
-    longest: MAX_BYTES,
+    bytes: 512 * MAX_TELL_BYTES,
+    longest: MAX_TELL_BYTES,
 };
-
-/// How often state and link are published though nothing has changed, and services that another process provided here are tried
-/// again.
-const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
 
 /// One robot of a station.
 pub struct Remote {
@@ -53,10 +51,8 @@ pub struct Remote {
     endpoints: String,
     tells: Inbox,
     samples: Inbox,
-    state: Publisher<StateOf<RelayModule>>,
-    link_out: Publisher<RelayLink>,
+    topics: LinkTopics,
     counts: Counts,
-    next_publish: MonotonicNs,
     ipc: Ipc,
 }
 
@@ -94,10 +90,8 @@ impl Remote {
                 .join(" "),
             tells: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
             samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
-            state: ipc.publisher()?,
-            link_out: ipc.publisher()?,
+            topics: LinkTopics::open(&ipc)?,
             counts: Counts::default(),
-            next_publish: now,
             robot,
             ipc,
         })
@@ -105,11 +99,8 @@ impl Remote {
 
     /// What to wait for.
     pub fn ports(&self) -> [Result<BorrowedFd<'_>, WaitError>; 3] {
-        [
-            self.state.descriptor(),
-            self.link_out.descriptor(),
-            Ok(self.mirrors.ports().descriptor()),
-        ]
+        let [state, link] = self.topics.ports();
+        [state, link, Ok(self.mirrors.ports().descriptor())]
     }
 
     /// Takes what has come, and does what is due. Ports are looked at when one may have woken the process (`looks`).
@@ -120,27 +111,30 @@ impl Remote {
         let was_shown = self.link.shown_state();
         self.link.note_complete();
         if self.link.shown_state() != was_shown {
-            self.next_publish = now;
+            self.topics.hasten(now);
         }
         if self.link.pass(now) {
             tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
-            self.next_publish = now;
+            self.topics.hasten(now);
         }
         if looks {
             self.take_requests(now, &mut out);
-            self.state.tend();
-            self.link_out.tend();
+            self.topics.tend();
         }
         self.orders.tick(now, &mut out);
         self.carry_out(&out, network, now);
         if let Some(ping) = self.link.ping(MonotonicNs::now(), suspended_ns()) {
             self.ask(network, &Ask::Ping(ping));
         }
-        if let Some((robot_life, index)) = self.link.describe(now) {
-            self.ask(network, &Ask::Describe { robot_life, index });
+        if let Some((robot_life, Question { index, from })) = self.link.question(now) {
+            let ask = Ask::Describe {
+                robot_life,
+                index,
+                from,
+            };
+            self.ask(network, &ask);
         }
-        if now >= self.next_publish {
-            self.mirrors.retry(&self.ipc);
+        if now >= self.topics.deadline() {
             self.publish(now);
         }
     }
@@ -148,7 +142,7 @@ impl Remote {
     /// When something is to be done though nothing comes.
     pub fn deadline(&self) -> MonotonicNs {
         let orders = self.orders.deadline().unwrap_or(MonotonicNs(u64::MAX));
-        self.link.deadline().min(orders).min(self.next_publish)
+        self.link.deadline().min(orders).min(self.topics.deadline())
     }
 
     fn ask(&mut self, network: &Network, ask: &Ask) {
@@ -189,7 +183,7 @@ impl Remote {
         for (tell, at) in tells {
             match tell {
                 Tell::Pong(pong) => self.take_pong(&pong, at, out),
-                Tell::Service(service) => self.take_service(service),
+                Tell::Part(part) => self.take_part(&part),
                 Tell::Answer(answer) => {
                     if let Some(answer) = answer.answer() {
                         self.orders.answer(&answer, at, out);
@@ -218,12 +212,14 @@ impl Remote {
                     "this station may not command: its name is not in `commands.stations` of the robot's relay"
                 );
             }
-            self.next_publish = at;
+            self.topics.hasten(at);
         }
     }
 
-    fn take_service(&mut self, service: Service) {
-        if self.link.take_description(&service) && (self.robot.command || !service.takes_requests) {
+    fn take_part(&mut self, part: &Part) {
+        if let Some(service) = self.link.take_part(part)
+            && (self.robot.command || !service.takes_requests)
+        {
             self.mirrors.provide(service, &self.ipc);
         }
     }
@@ -291,26 +287,9 @@ impl Remote {
     }
 
     fn publish(&mut self, now: MonotonicNs) {
-        self.next_publish = now + PUBLISH_PERIOD;
-        let (functionality, doing) = match self.link.is_up() {
-            true => (RelayModule::RELAYING, "relaying from the robot"),
-            false => (RelayModule::WAITING, "waiting for the robot"),
-        };
-        let state = State {
-            published_ns: now.0,
-            since_ns: self.link.since().0,
-            module_id: RelayModule::ID,
-            status: ModuleStatus::Running.code(),
-            functionality,
-            doing: doing_bytes(doing),
-            ..State::default()
-        };
+        self.mirrors.retry(&self.ipc);
         let row = self.row(now);
-        let published = self.state.publish(|sample| *sample = StateOf::new(state));
-        let published = published.and(self.link_out.publish(|sample| *sample = row));
-        if let Err(error) = published {
-            tracing::debug!(%error, "the link cannot be published");
-        }
+        self.topics.publish(self.link.is_up(), row, now);
     }
 
     /// How the link is, as it is published.

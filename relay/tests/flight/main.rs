@@ -10,3 +10,4 @@ mod mission;
 mod refusals;
 mod rig;
 mod robots;
+mod schemas;

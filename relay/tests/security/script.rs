@@ -5,9 +5,8 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{MAX_STATIONS, RequestReport};
-use relay::message::{
-    AnswerBytes, Ask, Command, Ping, Pong, SampleHeader, Service, Tell, decode, encode,
-};
+use relay::description::Part;
+use relay::message::{AnswerBytes, Ask, Command, Ping, Pong, SampleHeader, Tell, decode, encode};
 use relay::orders::WINDOW;
 use relay::orders::message::{Answer, NO_PLACE, Order};
 use relay::orders::robot::{
@@ -41,13 +40,13 @@ pub fn messages(data: &[u8]) {
         one::<Ask>(data);
         one::<Command>(data);
         one::<Tell>(data);
-        one::<Service>(data);
+        one::<Part>(data);
         one::<SampleHeader>(data);
         if let Ok(Tell::Answer(answer)) = decode(data) {
             let _ = answer.answer();
         }
-        if let Ok(Tell::Service(service)) = decode::<Tell>(data) {
-            let _ = ipc_types::Schema::parse(&service.schema);
+        if let Ok(Tell::Part(part)) = decode::<Tell>(data) {
+            let _ = ipc_types::Schema::parse(&String::from_utf8_lossy(&part.bytes));
         }
     }
 }
@@ -271,6 +270,15 @@ pub fn station_side(data: &[u8]) {
                 serial: script.number() as u32,
                 report: script.report(),
             }))),
+            4 if action >= 128 => Some(Tell::Part(Part {
+                robot_life: link.robot_life().unwrap_or_default(),
+                index: script.byte().into(),
+                key: "a/b".to_owned(),
+                takes_requests: false,
+                schema_bytes: script.number() as u32,
+                from: script.number() as u32,
+                bytes: script.bytes().to_vec(),
+            })),
             4 => Some(Tell::UnknownSession(script.number())),
             5 => {
                 let header = SampleHeader {
@@ -311,8 +319,10 @@ pub fn station_side(data: &[u8]) {
                     orders.round_trip(Duration::from_nanos(estimate.round_trip_ns));
                 }
             }
-            Some(Tell::Service(service)) => {
-                let _ = link.take_description(&service);
+            Some(Tell::Part(part)) => {
+                if let Some(service) = link.take_part(&part) {
+                    assert!(service.schema.len() <= 3 * ipc_types::schema::MAX_TEXT_LEN);
+                }
             }
             Some(Tell::Answer(answer)) => {
                 if let Some(answer) = answer.answer() {
@@ -323,7 +333,7 @@ pub fn station_side(data: &[u8]) {
             None => {}
         }
         let _ = link.pass(now);
-        let _ = (link.ping(now, 0), link.describe(now), link.deadline());
+        let _ = (link.ping(now, 0), link.question(now), link.deadline());
         let _ = link
             .clock()
             .to_local(relay::clock::RemoteNs(script.number()));

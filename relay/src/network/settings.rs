@@ -1,0 +1,199 @@
+//! [`zenoh_config`]: what Zenoh is told. A pure function of the configuration, but for [`share_one_thread`].
+
+use serde_json::{Value, json};
+
+use crate::access::{Side, access_control};
+use crate::config::{Config, Through};
+
+/// Longest message that is put together of fragments, bytes: the longest sample.
+pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
+
+/// Bytes that are sent together at most. While a link takes nothing, messages gather in batches of this size, and what is in them
+/// grows old: Zenoh's own 64 KiB are five seconds of a link of 100 kbit/s.
+const BATCH_BYTES: u16 = 4352;
+
+/// Batches of samples that may wait to be sent, for each priority: a burst of one sample of each of some topics. What finds no room is
+/// dropped. 2 · 4,352 bytes are 0.7 s of a link of 100 kbit/s.
+const SAMPLE_BATCHES: usize = 2;
+
+/// The same in a router, where samples of many robots go to one station: as many as Zenoh takes. With 20 robots at 50 samples a second
+/// of two topics, 16 batches are full when the router's sender does not run for some tens of milliseconds.
+const ROUTER_SAMPLE_BATCHES: usize = 16;
+
+/// How long a sample that finds no room waits for it, µs, once in each congestion: a thread of Zenoh that does not run for a moment
+/// on a busy machine is no slow link.
+const WAIT_FOR_ROOM_US: u32 = 20_000;
+
+/// The same in a router, whose receiving thread would wait: one station that is stalled must not hold up all robots.
+const ROUTER_WAIT_FOR_ROOM_US: u32 = 1000;
+
+/// Batches of other messages that may wait to be sent, the most that Zenoh takes: four of the longest requests, which have 16 KiB, or
+/// 16 others, which have one batch at most. What finds no room is dropped, and sent or asked for again.
+const MESSAGE_BATCHES: usize = 16;
+
+/// What Zenoh reads about its threads when the first one of them is started.
+const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
+
+/// One thread does what five to six do by default.
+const ONE_THREAD: &str =
+    "(app: (handover: net), acc: (handover: net), tx: (handover: net), rx: (handover: net))";
+
+/// Lets one thread of Zenoh wait for the sockets, receive and send. By default one thread waits and wakes another one that receives,
+/// which makes each message later by a wake-up and costs a third of the processor time of a relay; only a router has so much to do
+/// that several threads help. To be called first of all: it changes nothing when the process has threads already, or when
+/// `ZENOH_RUNTIME` is set.
+pub fn share_one_thread() {
+    let is_alone = std::fs::read_dir("/proc/self/task").is_ok_and(|threads| threads.count() == 1);
+    if is_alone && std::env::var_os(RUNTIME_VARIABLE).is_none() {
+        // SAFETY: no other thread reads or writes the environment meanwhile, because there is none.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::env::set_var(RUNTIME_VARIABLE, ONE_THREAD);
+        }
+    }
+}
+
+/// What Zenoh is told; nothing that strangers on the network could use is on unless it was asked for.
+pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
+    let network = &config.network;
+    let (listen, connect) = side.endpoints(config);
+    let mode = match (side, network.through) {
+        (Side::Router, _) => "router",
+        (Side::Robot | Side::Station, Through::Peers) => "peer",
+        (Side::Robot | Side::Station, Through::Router) => "client",
+    };
+    let (sample_batches, wait_us) = match side {
+        Side::Robot | Side::Station => (SAMPLE_BATCHES, WAIT_FOR_ROOM_US),
+        Side::Router => (ROUTER_SAMPLE_BATCHES, ROUTER_WAIT_FOR_ROOM_US),
+    };
+    let mut settings = vec![
+        ("mode", json!(mode)),
+        ("listen/endpoints", json!(with_options(listen))),
+        ("connect/endpoints", json!(with_options(connect))),
+        ("connect/timeout_ms", json!(-1)),
+        ("connect/exit_on_failure", json!(false)),
+        (
+            "connect/retry",
+            json!({
+                "period_init_ms": network.retry_ms,
+                "period_max_ms": network.retry_ms,
+                "period_increase_factor": 1,
+            }),
+        ),
+        ("scouting/multicast/enabled", json!(network.discovery)),
+        (
+            "scouting/multicast/address",
+            json!(network.multicast.to_string()),
+        ),
+        ("scouting/gossip/enabled", json!(network.discovery)),
+        ("adminspace/enabled", json!(false)),
+        (
+            "transport/unicast/open_timeout",
+            json!(network.open_timeout_ms),
+        ),
+        (
+            "transport/unicast/accept_timeout",
+            json!(network.open_timeout_ms),
+        ),
+        ("transport/link/tx/lease", json!(network.lease_ms)),
+        ("transport/link/tx/threads", json!(1)),
+        ("transport/link/tx/batch_size", json!(BATCH_BYTES)),
+        (
+            "transport/link/tx/queue/congestion_control/drop/wait_before_drop",
+            json!(wait_us),
+        ),
+        (
+            "transport/link/tx/queue/size",
+            json!({
+                "control": 2,
+                "interactive_high": MESSAGE_BATCHES,
+                "interactive_low": sample_batches,
+                "real_time": sample_batches,
+                "data_high": sample_batches,
+                "data": sample_batches,
+                "data_low": sample_batches,
+                "background": sample_batches,
+            }),
+        ),
+        (
+            "transport/link/rx/max_message_size",
+            json!(MAX_MESSAGE_BYTES),
+        ),
+        (
+            "transport/link/tcp/so_sndbuf",
+            json!(network.send_buffer_bytes),
+        ),
+        (
+            "transport/link/tls/so_sndbuf",
+            json!(network.send_buffer_bytes),
+        ),
+    ];
+    settings.extend(tls(config));
+    if let Some(rules) = access_control(config, side) {
+        settings.push(("access_control", rules));
+    }
+    let mut zenoh_config = zenoh::Config::default();
+    for (key, value) in settings {
+        zenoh_config.insert_json5(key, &value.to_string())?;
+    }
+    Ok(zenoh_config)
+}
+
+/// Both sides show a certificate, and the side that connects compares the name or address that it has connected to with the
+/// certificate.
+fn tls(config: &Config) -> Vec<(&'static str, Value)> {
+    let Ok(Some(files)) = config.security.certificates() else {
+        return Vec::new();
+    };
+    vec![
+        (
+            "transport/link/tls/root_ca_certificate",
+            json!(files.authority),
+        ),
+        (
+            "transport/link/tls/listen_certificate",
+            json!(files.certificate),
+        ),
+        ("transport/link/tls/listen_private_key", json!(files.key)),
+        (
+            "transport/link/tls/connect_certificate",
+            json!(files.certificate),
+        ),
+        ("transport/link/tls/connect_private_key", json!(files.key)),
+        ("transport/link/tls/enable_mtls", json!(true)),
+        ("transport/link/tls/verify_name_on_connect", json!(true)),
+        ("transport/link/tls/close_link_on_expiration", json!(true)),
+    ]
+}
+
+/// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows.
+fn with_options(endpoints: &[String]) -> Vec<String> {
+    endpoints
+        .iter()
+        .map(
+            |endpoint| match endpoint.starts_with("quic/") && !endpoint.contains('?') {
+                true => format!("{endpoint}?mixed_rel=1"),
+                false => endpoint.clone(),
+            },
+        )
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zenoh_takes_the_rules_and_the_certificates() {
+        let text = "[security]\nauthority = \"ca.pem\"\ncertificate = \"x.pem\"\nkey = \"x-key.pem\"\n\
+                    robots = { robot-1 = 1 }\nrouters = [\"hub\"]\n[commands]\nstations = [\"gcs\"]\n[ros2]\nenabled = true\n";
+        let config: Config = runtime::config::parse(text, "relay.toml").unwrap();
+        for side in [Side::Robot, Side::Station, Side::Router] {
+            let zenoh = zenoh_config(&config, side).unwrap();
+            let read = |key| zenoh.get_json(key).unwrap();
+            assert_eq!(read("access_control/enabled"), "true");
+            assert_eq!(read("transport/link/tls/enable_mtls"), "true");
+            assert_eq!(read("transport/link/tls/verify_name_on_connect"), "true");
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! [`Catalog`]: which services a robot has, and what a station still has to ask about them. A pure value.
+//!
+//! One part of one description is asked for at a time, so that descriptions take no more of a link than one message, and no more
+//! memory than one schema.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+use crate::description::{Assembly, Part, Service};
+
+/// How long a part of a description may take, before it is asked for again.
+const PART_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Most services of a robot: three of its own, and some of each of some twenty modules.
+pub const MAX_SERVICES: u16 = 128;
+
+/// The services that a robot says it has.
+#[derive(Debug, Default)]
+pub struct Catalog {
+    /// Whether each is described.
+    described: Vec<bool>,
+    /// What has come of the first one that is not.
+    assembly: Option<Assembly>,
+    next_question: MonotonicNs,
+}
+
+/// A part that a station needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Question {
+    /// Index of the service.
+    pub index: u16,
+    /// Where the part begins in the schema, bytes.
+    pub from: u32,
+}
+
+impl Catalog {
+    /// The robot says that it has so many. More than [`MAX_SERVICES`] are left out.
+    pub fn expect(&mut self, services: u16) {
+        self.described
+            .resize(services.min(MAX_SERVICES).into(), false);
+    }
+
+    /// The part to ask for now.
+    pub fn question(&mut self, now: MonotonicNs) -> Option<Question> {
+        let index = self.missing().filter(|_| now >= self.next_question)?;
+        self.next_question = now + PART_TIMEOUT;
+        let begun = self.assembly.as_ref();
+        let begun = begun.filter(|assembly| assembly.index() == index);
+        Some(Question {
+            index,
+            from: begun.map_or(0, Assembly::missing_from),
+        })
+    }
+
+    /// A part has come. Says which service is described by now that was not before.
+    pub fn take(&mut self, part: &Part) -> Option<Service> {
+        if self.missing() != Some(part.index) {
+            return None;
+        }
+        let begun = self.assembly.take();
+        let mut assembly = match begun.filter(|assembly| assembly.has(part)) {
+            Some(assembly) => assembly,
+            None => match Assembly::begin(part) {
+                Some(assembly) => assembly,
+                None => {
+                    tracing::warn!(
+                        index = part.index,
+                        bytes = part.schema_bytes,
+                        "a service is left out: its schema is too long"
+                    );
+                    self.close(part.index);
+                    return None;
+                }
+            },
+        };
+        if assembly.take(part) {
+            // The next one at once.
+            self.next_question = MonotonicNs(0);
+        }
+        let service = assembly.service();
+        match service {
+            Some(_) => self.close(part.index),
+            None => self.assembly = Some(assembly),
+        }
+        service
+    }
+
+    /// Nothing more is asked about this service.
+    fn close(&mut self, index: u16) {
+        if let Some(described) = self.described.get_mut(usize::from(index)) {
+            *described = true;
+        }
+        self.next_question = MonotonicNs(0);
+    }
+
+    /// The first service that is not described.
+    fn missing(&self) -> Option<u16> {
+        let mut described = self.described.iter();
+        let missing = described.position(|is_described| !is_described)?;
+        u16::try_from(missing).ok()
+    }
+
+    /// Whether all are described.
+    pub fn is_complete(&self) -> bool {
+        self.missing().is_none()
+    }
+
+    /// When something is to be asked.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.missing().map(|_| self.next_question)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{Ask, MAX_ASK_BYTES, MAX_TELL_BYTES, Tell, decode, encode};
+    use ipc_types::schema::MAX_TEXT_LEN;
+
+    const LIFE: u64 = u64::MAX;
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    fn service(key: &str, len: usize) -> Service {
+        Service {
+            key: key.to_owned(),
+            takes_requests: key.len() % 2 == 1,
+            schema: "x".repeat(len),
+        }
+    }
+
+    /// A station learns the services over a link that loses and repeats messages, and takes none that is longer than one may
+    /// be. Returns what it learned and how long that took, ms.
+    fn learned(services: &[Service], lost_percent: u64) -> (Vec<Service>, u64) {
+        let mut catalog = Catalog::default();
+        catalog.expect(services.len() as u16);
+        let (mut learned, mut random, mut ms) = (Vec::new(), 1_u64, 0);
+        let mut arrives = |lost_percent| {
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (random >> 33) % 100 >= lost_percent
+        };
+        while !catalog.is_complete() && ms < 10_000_000 {
+            ms = ms.max(catalog.deadline().unwrap().0 / 1_000_000);
+            let Question { index, from } = catalog.question(at(ms)).unwrap();
+            let ask = encode(&Ask::Describe {
+                robot_life: LIFE,
+                index,
+                from,
+            });
+            assert!(ask.len() <= MAX_ASK_BYTES);
+            let part = services[usize::from(index)].part(LIFE, index, from);
+            let tell = encode(&Tell::Part(part.unwrap()));
+            assert!(tell.len() <= MAX_TELL_BYTES, "{}", tell.len());
+            let Ok(Tell::Part(part)) = decode(&tell) else {
+                panic!("it is a part");
+            };
+            // A round trip.
+            ms += 20;
+            if arrives(lost_percent) && arrives(lost_percent) {
+                learned.extend(catalog.take(&part));
+                if !arrives(lost_percent) {
+                    assert_eq!(catalog.take(&part), None, "it is a repetition");
+                }
+            }
+        }
+        (learned, ms)
+    }
+
+    #[test]
+    fn schemas_of_the_greatest_length_are_learned_over_a_link_that_loses_a_fifth() {
+        let key = "k".repeat(64);
+        let services = [
+            service("a", 3000),
+            service(&key, MAX_TEXT_LEN),
+            service("b", 0),
+            service("cc", MAX_TEXT_LEN - 1),
+        ];
+        let (all, ms) = learned(&services, 20);
+        assert!(all == services);
+        // 130 parts, of which a third is asked for again.
+        assert!(ms < 130 * 520, "{ms} ms");
+        assert!(learned(&services, 0) == (services.to_vec(), 130 * 20));
+    }
+
+    #[test]
+    fn services_are_asked_for_one_after_the_other_until_all_are_described() {
+        let mut catalog = Catalog::default();
+        assert!(catalog.is_complete() && catalog.deadline().is_none());
+        catalog.expect(2);
+        let question = |index, from| Some(Question { index, from });
+        assert_eq!(catalog.question(at(10)), question(0, 0));
+        assert_eq!(
+            catalog.question(at(20)),
+            None,
+            "the answer may be under way"
+        );
+        assert_eq!(catalog.question(at(600)), question(0, 0), "it was lost");
+        let service = service("a", 5000);
+        let part = |index, from| service.part(LIFE, index, from).unwrap();
+        assert_eq!(catalog.take(&part(0, 0)), None);
+        assert_eq!(catalog.question(at(601)), question(0, 4096), "at once");
+        assert_eq!(catalog.take(&part(0, 0)), None, "it came twice");
+        assert_eq!(catalog.question(at(602)), None);
+        assert_eq!(catalog.take(&part(1, 0)), None, "it was not asked for");
+        assert_eq!(catalog.take(&part(0, 4096)), Some(service.clone()));
+        assert_eq!(catalog.take(&part(0, 4096)), None);
+        assert_eq!(catalog.question(at(603)), question(1, 0));
+        let _ = catalog.take(&part(1, 0));
+        assert_eq!(catalog.take(&part(1, 4096)), Some(service));
+        assert!(catalog.is_complete() && catalog.question(at(9000)).is_none());
+        catalog.expect(3);
+        assert_eq!(catalog.question(at(9000)), question(2, 0));
+    }
+
+    #[test]
+    fn a_description_that_is_too_long_is_left_out_and_the_next_one_is_asked_for() {
+        let mut catalog = Catalog::default();
+        catalog.expect(u16::MAX);
+        let part = Part {
+            schema_bytes: u32::MAX,
+            ..service("a", 1).part(LIFE, 0, 0).unwrap()
+        };
+        assert_eq!(catalog.take(&part), None);
+        assert_eq!(catalog.question(at(0)).unwrap().index, 1);
+        assert_eq!(catalog.described.len(), usize::from(MAX_SERVICES));
+    }
+
+    #[test]
+    fn a_robot_that_describes_something_else_meanwhile_is_asked_from_the_beginning() {
+        let mut catalog = Catalog::default();
+        catalog.expect(1);
+        let (one, other) = (service("a", 5000), service("b", 6000));
+        let _ = catalog.take(&one.part(LIFE, 0, 0).unwrap());
+        assert_eq!(catalog.take(&other.part(LIFE, 0, 4096).unwrap()), None);
+        assert_eq!(catalog.question(at(0)).unwrap().from, 0);
+        let _ = catalog.take(&other.part(LIFE, 0, 0).unwrap());
+        assert_eq!(
+            catalog.take(&other.part(LIFE, 0, 4096).unwrap()),
+            Some(other)
+        );
+    }
+}
