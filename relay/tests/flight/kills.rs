@@ -11,16 +11,13 @@ use crate::rig::Rig;
 /// Exit code of a verb whose outcome is not known.
 const OUTCOME_UNKNOWN: i32 = 7;
 
-/// How often the verb printed a final report.
+/// How often the verb said how its request ended: `done` is data, any other end an error.
 fn finals(finished: &Finished) -> usize {
-    let ends = [
-        "goto: done",
-        "goto: failed",
-        "goto: refused",
-        "goto: unknown",
-    ];
-    let is_final = |line: &&String| ends.iter().any(|end| line.starts_with(end));
-    finished.stdout.iter().filter(is_final).count()
+    let count = |lines: &[String], begin| {
+        let lines = lines.iter();
+        lines.filter(|line| line.starts_with(begin)).count()
+    };
+    count(&finished.stdout, "goto: done") + count(&finished.stderr, "error: goto")
 }
 
 #[test]

@@ -157,7 +157,7 @@ station     ground-1: up for 3s, may command, last message 120 ms ago
 station     watcher: down, may not command, last message never
             0 samples sent; 0 orders executed, 0 refused, 0 open
 station     ninth: up for 1s, may command and is refused (relay-too-many-stations), last message 50 ms ago
-             0 samples sent; 0 orders executed, 0 refused, 0 open
+            0 samples sent; 0 orders executed, 0 refused, 0 open
 relay       sample 5, 200 ms old
 ";
     assert_eq!(report.to_string(), expected);
