@@ -7,8 +7,13 @@ use ril_tests::process::{Finished, Signal};
 
 /// The id of the request that a command with `--json` reported about last.
 fn request_id(finished: &Finished) -> u64 {
-    let line = finished.stdout.last().expect("a report");
-    json(line)["request_id"].as_u64().expect("a number")
+    // Behind it is the failure, if there is one.
+    let mut ids = finished
+        .stdout
+        .iter()
+        .rev()
+        .map(|line| json(line)["request_id"].as_u64());
+    ids.find_map(|id| id).expect("a report")
 }
 
 #[test]

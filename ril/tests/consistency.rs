@@ -13,6 +13,7 @@ use clap::error::ErrorKind;
 use clap::{Arg, Command, CommandFactory};
 use common::{Rig, json, says};
 use ipc_types::Topic;
+use ipc_types::code::Reason;
 use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations, RequestReport, SharedStruct,
 };
@@ -429,6 +430,78 @@ fn words(line: &str) -> Vec<OsString> {
         .filter(|word| !["…", "...", "\\", ""].contains(word))
         .map(OsString::from)
         .collect()
+}
+
+/// Names of processes that are crates of their own and are started by `ril` alone.
+const NOT_INSTALLED: [&str; 3] = ["bridge", "status", "dsp-sim"];
+
+#[test]
+fn no_text_tells_an_operator_to_start_a_program_that_is_not_installed() {
+    for (path, text) in files(&[".md", ".toml"]) {
+        let spans = text.split('`').skip(1).step_by(2);
+        for span in spans.filter(|span| !span.contains('\n')) {
+            let mut words = span.split_whitespace();
+            let is_one = words
+                .next()
+                .is_some_and(|word| NOT_INSTALLED.contains(&word));
+            let is_run = is_one && words.next().is_some_and(|word| word.starts_with("--"));
+            assert!(!is_run, "{}: `{span}`", path.display());
+        }
+    }
+}
+
+/// The first columns of the tables below a heading of a document, without the headings of the tables.
+fn first_column(document: &str, heading: &str) -> Vec<String> {
+    let section = document.split_once(heading).expect("the heading").1;
+    let section = section.split("\n## ").next().unwrap_or_default();
+    let rows = section.lines().filter(|line| line.starts_with("| "));
+    let cells = rows.filter_map(|row| row.split('|').nth(1));
+    cells.map(|cell| cell.trim().to_owned()).collect()
+}
+
+/// The code spans of a text.
+fn spans(text: &str) -> Vec<&str> {
+    text.split('`').skip(1).step_by(2).collect()
+}
+
+#[test]
+fn every_note_that_is_documented_is_one_that_is_shown() {
+    let operations = fs::read_to_string(workspace().join("docs/operations.md")).unwrap();
+    let reasons = first_column(&operations, "\n## Reasons and what to do\n");
+    let documented: BTreeSet<&str> = reasons.iter().flat_map(|cell| spans(cell)).collect();
+    let known: BTreeSet<&str> = Reason::ALL
+        .iter()
+        .filter(|reason| **reason != Reason::None)
+        .map(|reason| reason.name())
+        .collect();
+    assert_eq!(documented, known);
+
+    let codes = first_column(&operations, "\n## Exit codes\n");
+    let codes: Vec<u8> = codes.iter().filter_map(|cell| cell.parse().ok()).collect();
+    assert_eq!(codes, ExitCode::ALL.map(ExitCode::code));
+
+    // The messages of the logs, word by word.
+    let logs = operations
+        .split_once("\n| message | what to do |")
+        .unwrap()
+        .1;
+    let rows = logs
+        .lines()
+        .skip(2)
+        .take_while(|line| line.starts_with("| "));
+    let sources: String = files(&[".rs"])
+        .into_iter()
+        .filter(|(path, _)| path.to_string_lossy().contains("/status/src/"))
+        .map(|(_, text)| text)
+        .collect();
+    let mut count = 0;
+    for row in rows {
+        for message in spans(row.split('|').nth(1).unwrap_or_default()) {
+            assert!(sources.contains(message), "no source has `{message}`");
+            count += 1;
+        }
+    }
+    assert!(count >= 5, "only {count} messages");
 }
 
 #[test]

@@ -127,7 +127,7 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
     let refused = |args: &str, reason: &str| {
         let finished = rig.run(args, 5);
         let expected = format!("refused ({reason})");
-        assert!(says(&finished.stdout, &expected), "{args}: {finished:#?}");
+        assert!(says(&finished.stderr, &expected), "{args}: {finished:#?}");
     };
     refused(&here, "not-started");
     refused("takeoff --altitude 5", "not-started");
@@ -161,7 +161,7 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
         5,
     );
     assert!(
-        says(&finished.stdout, "goto: refused (too-far)"),
+        says(&finished.stderr, "goto was refused (too-far)"),
         "{finished:#?}"
     );
     let state = processes.watch.until("at rest", |state| {
@@ -177,7 +177,7 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
     let finished = path.wait_exit();
     assert_eq!(finished.code(), Some(5), "{finished:#?}");
     assert!(
-        says(&finished.stdout, "goto: aborted (stopped)"),
+        says(&finished.stderr, "ended early (stopped)"),
         "{finished:#?}"
     );
     processes.end();

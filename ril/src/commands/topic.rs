@@ -11,7 +11,7 @@ use runtime::exit::Failure;
 use serde::Serialize;
 
 use super::stream::Watched;
-use super::{Session, configuration, echo, json_line, measure};
+use super::{Session, configuration, echo, json_line, measure, robot};
 use crate::cli::{TopicCommand, TopicInfoArgs, TopicListArgs};
 use crate::fields::Selection;
 use crate::measure::bandwidth::BandwidthMeter;
@@ -55,6 +55,16 @@ fn list(args: &TopicListArgs) -> Result<(), Failure> {
     let session = Session::join(&args.common)?;
     let topics = dynamic::topics(&session.ipc);
     let mut out = io::stdout().lock();
+    if topics.is_empty() {
+        let robot = session.ipc.robot();
+        // Standard error may be closed; that does no harm.
+        let _ = writeln!(
+            io::stderr(),
+            "note: robot {robot} has no topic{}{}",
+            robot::others_alive(robot),
+            robot::other_domains()
+        );
+    }
     if !args.json {
         return out
             .write_all(table(&topics).as_bytes())
