@@ -71,7 +71,7 @@ fn parameters_are_listed_with_who_may_write_them() {
         "writable": true, "writable_in_flight": false,
     });
     assert_eq!(gain["port"], expected);
-    assert_eq!(gain["value"], 1.0);
+    assert_eq!(gain["value"], 0.8);
     let without = rig.run("param list --no-values --json", 0).stdout;
     assert!(json(&without[0]).get("value").is_none(), "{without:#?}");
     drop(bridge);

@@ -63,39 +63,59 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
         }
         session.wait(topics.ports(), Some(give_up))?;
     };
-    let is_met = standings.iter().all(|standing| standing.is_met);
-    let mut out = io::stdout().lock();
-    if args.json {
-        let conditions = args.conditions.iter().zip(&standings);
-        let object = WaitObject {
-            schema: SCHEMA,
-            robot: session.ipc.robot().get(),
-            met: is_met,
-            after_s: now.since(began).as_millis() as f64 / 1000.0,
-            conditions: conditions
-                .map(|(condition, standing)| ConditionObject {
-                    condition: condition.to_string(),
-                    met: standing.is_met,
-                    value: standing.value.clone(),
-                })
-                .collect(),
-        };
-        json_line(&mut out, &object)?;
-    } else if is_met {
-        for (condition, standing) in args.conditions.iter().zip(&standings) {
-            writeln!(out, "{condition}: {}", standing.value).map_err(Failure::output)?;
-        }
-    }
-    if is_met {
+    let end = End {
+        robot: session.ipc.robot().get(),
+        is_met: standings.iter().all(|standing| standing.is_met),
+        after_s: now.since(began).as_millis() as f64 / 1000.0,
+        conditions: &args.conditions,
+        standings: &standings,
+    };
+    end.print(args.json)?;
+    if end.is_met {
         return Ok(());
     }
     topics.look_for_providers(&session)?;
-    let text = format!(
-        "not in {:?}: {}",
-        args.timeout,
-        missing(&args.conditions, &standings)
-    );
+    let missing = missing(&args.conditions, &standings);
+    let text = format!("not in {:?}: {missing}", args.timeout);
     Err(Failure::new(ExitCode::Timeout, text))
+}
+
+/// How it ended.
+struct End<'a> {
+    robot: u32,
+    is_met: bool,
+    after_s: f64,
+    conditions: &'a [Condition],
+    standings: &'a [Standing],
+}
+
+impl End<'_> {
+    fn print(&self, as_json: bool) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        let mut conditions = self.conditions.iter().zip(self.standings);
+        if as_json {
+            let object = WaitObject {
+                schema: SCHEMA,
+                robot: self.robot,
+                met: self.is_met,
+                after_s: self.after_s,
+                conditions: conditions
+                    .map(|(condition, standing)| ConditionObject {
+                        condition: condition.to_string(),
+                        met: standing.is_met,
+                        value: standing.value.clone(),
+                    })
+                    .collect(),
+            };
+            return json_line(&mut out, &object);
+        }
+        if !self.is_met {
+            return Ok(());
+        }
+        conditions.try_for_each(|(condition, standing)| {
+            writeln!(out, "{condition}: {}", standing.value).map_err(Failure::output)
+        })
+    }
 }
 
 /// What is not as it should be, in words.

@@ -3,6 +3,7 @@
 //! [`recording::Format`] is the one place to add another format of files: everything else goes by the trait
 //! [`Recording`](recording::Recording).
 
+pub mod duration;
 pub mod recording;
 pub mod row;
 pub mod summary;

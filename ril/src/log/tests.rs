@@ -1,6 +1,7 @@
+use super::duration::duration;
 use super::recording::{Entry, Format};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
-use super::summary::{Summarizer, Summary, duration};
+use super::summary::{Summarizer, Summary};
 
 /// 2006-08-28T20:39:26Z.
 const CREATED_UNIX_S: u64 = 1_156_797_566;

@@ -442,6 +442,53 @@ fn without_a_bridge_the_processes_fail_and_the_rest_says_why_it_was_not_checked(
 }
 
 #[test]
+fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
+    let relayed = |link: ipc_types::payload::RelayLink| {
+        let mut facts = ready();
+        facts.live.is_relayed = true;
+        if let Ok(Ok(providers)) = facts
+            .machine
+            .domain
+            .as_mut()
+            .map(|domain| &mut domain.providers)
+        {
+            for provided in providers {
+                provided.by.process = "relay".to_owned();
+            }
+        }
+        facts.machine.relay = Some(doctor::LinkFacts {
+            link: Ok(Some(link)),
+            now: NOW,
+        });
+        judge(&facts, &Limits::default())
+    };
+    let link = ipc_types::payload::RelayLink {
+        published_ns: NOW.0,
+        state: ipc_types::code::RelayLinkState::Up.code(),
+        clock_valid: 1,
+        ..Default::default()
+    };
+    let checks = relayed(link);
+    let of = |checks: &[Check], id: &str| {
+        let check = checks.iter().find(|check| check.id == id);
+        check.cloned().expect("a check of this name")
+    };
+    assert_eq!(of(&checks, "relay-link").verdict, Some(Verdict::Pass));
+    assert_eq!(of(&checks, "log-room").verdict, None);
+    assert_eq!(
+        of(&checks, "bridge").value,
+        "relayed from another machine (process 7)"
+    );
+    let checks = relayed(ipc_types::payload::RelayLink {
+        state: ipc_types::code::RelayLinkState::Down.code(),
+        ..link
+    });
+    assert_eq!(of(&checks, "relay-link").verdict, Some(Verdict::Fail));
+    let here = judge(&ready(), &Limits::default());
+    assert!(here.iter().all(|check| check.id != "relay-link"));
+}
+
+#[test]
 fn limits_are_those_of_the_configuration() {
     let config = "[preflight]\nbattery_v = { warn = 26.0, fail = 25.5 }\ngps_quality_pass = [1]\n";
     let config = runtime::config::parse::<crate::config::Config>(config, "ril.toml").unwrap();

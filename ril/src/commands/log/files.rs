@@ -85,6 +85,15 @@ pub(super) fn folders(place: &LogPlaceArgs) -> Result<Vec<PathBuf>, Failure> {
     Ok(folders)
 }
 
+/// The folders as messages name them.
+pub(super) fn names(folders: &[PathBuf]) -> String {
+    let names: Vec<String> = folders
+        .iter()
+        .map(|folder| folder.display().to_string())
+        .collect();
+    names.join(", ")
+}
+
 /// The files of logs in `folders`, the oldest first. A folder that is not there has none.
 ///
 /// # Errors

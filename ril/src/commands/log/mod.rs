@@ -1,31 +1,25 @@
 //! `ril log list | summary | tail | csv`: what status wrote. It needs no process and joins no shared memory.
 //!
-//! [`files`] finds and opens files, [`tail`] follows one; [`log`](crate::log) reads and sums up.
+//! [`files`] finds and opens files, [`list`] lists them, [`tail`] follows one; [`log`](crate::log) reads and sums up.
 
 mod files;
+mod list;
 mod tail;
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
 use runtime::exit::{ExitCode, Failure};
-use serde::Serialize;
-use status::log::clock::IsoTime;
 
-use self::files::{Found, LogFile, folders};
+use self::files::{LogFile, folders};
 use super::{configuration, json_line};
-use crate::cli::{
-    LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, RobotChoice,
-};
+use crate::cli::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogPlaceArgs, RobotChoice};
 use crate::log::recording::{Damage, Entry, ReadError};
 use crate::log::row::{Chosen, UTC, UtcSource, UtcTimes};
-use crate::log::summary::{Summarizer, duration};
+use crate::log::summary::Summarizer;
 
 /// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
 const MAX_NAMED: u64 = 5;
-
-/// Name of the layout of a file in a list.
-const FILE_SCHEMA: &str = "ril.LogFile.v1";
 
 /// `ril log …`
 ///
@@ -34,111 +28,10 @@ const FILE_SCHEMA: &str = "ril.LogFile.v1";
 /// Code 2 when a file or folder cannot be read or is no log, 8 when a part of a log is damaged, after all that could be read.
 pub fn log(args: &LogArgs, choice: RobotChoice) -> Result<(), Failure> {
     match &args.command {
-        LogCommand::List(args) => list(args, choice),
+        LogCommand::List(args) => list::list(args, choice),
         LogCommand::Summary(args) => summary(args),
         LogCommand::Tail(args) => tail::tail(args),
         LogCommand::Csv(args) => csv(args),
-    }
-}
-
-/// One file of a list, for programs.
-#[derive(Serialize)]
-struct FileObject<'a> {
-    schema: &'static str,
-    file: String,
-    robot: u32,
-    /// Name of the log; empty when it has none.
-    log: &'a str,
-    /// When the file was created, UTC, as its name says.
-    start_utc: String,
-    /// From the first row to the last; nothing when there is no row, or the file cannot be read.
-    duration_s: Option<f64>,
-    size_bytes: u64,
-    /// Why its rows cannot be read.
-    trouble: Option<String>,
-}
-
-fn list(args: &LogListArgs, choice: RobotChoice) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
-    let folders = folders(&args.place)?;
-    let mut found = files::find(&folders)?;
-    if choice == RobotChoice::Explicit {
-        found.retain(|file| file.robot() == args.place.common.robot.get());
-    }
-    let mut out = BufWriter::new(io::stdout().lock());
-    if found.is_empty() {
-        let names: Vec<String> = folders
-            .iter()
-            .map(|folder| folder.display().to_string())
-            .collect();
-        // Standard error may be closed; that does no harm.
-        let _ = writeln!(
-            io::stderr(),
-            "no log in {}: `[[log]]` of status.toml makes some, and --dir names another folder",
-            names.join(", ")
-        );
-    } else if !args.json {
-        writeln!(
-            out,
-            "{:<20} {:>8} {:>9} {:>5} FILE",
-            "START (UTC)", "DURATION", "SIZE", "ROBOT"
-        )
-        .map_err(Failure::output)?;
-    }
-    for file in &found {
-        let seconds = file.duration_s();
-        if args.json {
-            let object = FileObject {
-                schema: FILE_SCHEMA,
-                file: file.path.display().to_string(),
-                robot: file.robot(),
-                log: file.series.name(),
-                start_utc: start(file),
-                duration_s: seconds.as_ref().ok().copied().flatten(),
-                size_bytes: file.size_bytes,
-                trouble: seconds
-                    .as_ref()
-                    .err()
-                    .map(|failure| failure.chain().join(": ")),
-            };
-            json_line(&mut out, &object)?;
-            continue;
-        }
-        let shown = match &seconds {
-            Ok(Some(seconds)) => duration(*seconds),
-            Ok(None) => "no row".to_owned(),
-            Err(_) => "damaged".to_owned(),
-        };
-        let (path, size) = (file.path.display(), size(file.size_bytes));
-        writeln!(
-            out,
-            "{:<20} {shown:>8} {size:>9} {:>5} {path}",
-            start(file),
-            file.robot()
-        )
-        .map_err(Failure::output)?;
-    }
-    out.flush().map_err(Failure::output)
-}
-
-/// When the file was created, to the second.
-fn start(file: &Found) -> String {
-    let unix_ns = file.created_unix_s().saturating_mul(1_000_000_000);
-    let time = IsoTime::from_unix_ns(unix_ns).to_string();
-    time.split('.').next().unwrap_or_default().to_owned() + "Z"
-}
-
-fn size(bytes: u64) -> String {
-    const KIB: f64 = 1024.0;
-    let bytes = bytes as f64;
-    if bytes < KIB {
-        format!("{bytes} B")
-    } else if bytes < KIB * KIB {
-        format!("{:.1} KiB", bytes / KIB)
-    } else {
-        format!("{:.1} MiB", bytes / KIB / KIB)
     }
 }
 
@@ -152,11 +45,7 @@ fn chosen_file(named: Option<&PathBuf>, place: &LogPlaceArgs) -> Result<LogFile,
             let mut found = files::find(&folders)?;
             found.retain(|file| file.robot() == robot);
             let newest = found.last().ok_or_else(|| {
-                let names: Vec<String> = folders
-                    .iter()
-                    .map(|folder| folder.display().to_string())
-                    .collect();
-                let names = names.join(", ");
+                let names = files::names(&folders);
                 Failure::usage(format!(
                     "no log of robot {robot} in {names}: name a file, or the folder with --dir"
                 ))

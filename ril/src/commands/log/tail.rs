@@ -19,7 +19,7 @@ use super::files::{LogFile, folder_of, last_rows, successor, unreadable};
 use super::{MAX_NAMED, chosen_file};
 use crate::cli::LogTailArgs;
 use crate::commands::{configuration, json_line};
-use crate::log::recording::{Entry, Recording};
+use crate::log::recording::{Entry, Recording, Row};
 use crate::log::row::{Chosen, JsonRow, UtcSource, UtcTimes};
 
 /// The columns that are shown when none is chosen: with the time they fit into 80 characters.
@@ -132,16 +132,7 @@ impl<'a> Tail<'a> {
                     }
                 }
                 Some(Entry::Row(row)) => {
-                    let time = times.of(&row);
-                    let line = match self.args.json {
-                        true => {
-                            let (chosen, row) = (&*chosen, &row);
-                            let mut line = Vec::new();
-                            json_line(&mut line, &JsonRow { chosen, time, row })?;
-                            String::from_utf8_lossy(&line).into_owned()
-                        }
-                        false => chosen.line(time, &row) + "\n",
-                    };
+                    let line = line(chosen, times, &row, self.args.json)?;
                     kept.push_back(line);
                     match self.begin_with {
                         Some(rows) if kept.len() > rows => drop(kept.pop_front()),
@@ -181,6 +172,22 @@ impl<'a> Tail<'a> {
         };
         Ok((chosen, UtcTimes::new(source)))
     }
+}
+
+/// A row as it is printed.
+fn line(
+    chosen: &Chosen,
+    times: &mut UtcTimes,
+    row: &Row<'_>,
+    as_json: bool,
+) -> Result<String, Failure> {
+    let time = times.of(row);
+    if !as_json {
+        return Ok(chosen.line(time, row) + "\n");
+    }
+    let mut line = Vec::new();
+    json_line(&mut line, &JsonRow { chosen, time, row })?;
+    Ok(String::from_utf8_lossy(&line).into_owned())
 }
 
 /// Why a process that follows a log woke up.
