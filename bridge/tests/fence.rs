@@ -101,6 +101,8 @@ fn check(fence: &str, from: [f64; 3], to: [f64; 3], expected: Expected) {
             expected.map(|(rule, _)| rule),
             "{from:?} to {to:?}: {breach:?}"
         );
+        let all = fence.breaches_of_leg(&at(from), &at(to));
+        assert_eq!(all.first().copied(), breach, "the first of {all:?}");
         if let (Some(breach), Some((_, amount_m))) = (breach, expected) {
             // Maps of different middles differ by 10⁻⁵.
             let error_m = (breach.amount_m - amount_m).abs();

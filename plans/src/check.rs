@@ -326,7 +326,7 @@ impl NamedFence<'_> {
             }
         }
         for leg in &flight.legs {
-            if let Some(breach) = self.fence.check_leg(&leg.from, &leg.to) {
+            for breach in self.fence.breaches_of_leg(&leg.from, &leg.to) {
                 let finding = self.finding(&breach, "is reached");
                 findings.push(finding.item(leg.item).leg(leg.number));
             }

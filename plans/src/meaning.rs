@@ -164,23 +164,26 @@ impl Reader<'_> {
     fn ignored(&self, action: &Action) -> Vec<String> {
         let parameters: &[(usize, &str)] = match action {
             Action::Waypoint { .. } => &[
-                (1, "acceptance radius of {} m"),
-                (2, "pass at {} m"),
-                (3, "heading {} degrees"),
+                (1, "an acceptance radius of {} m"),
+                (2, "a pass at {} m"),
+                (3, "the heading {} degrees"),
             ],
-            Action::TakeOff { .. } => &[(3, "heading {} degrees")],
-            Action::Land { .. } => &[(1, "precision landing mode {}"), (3, "heading {} degrees")],
+            Action::TakeOff { .. } => &[(3, "the heading {} degrees")],
+            Action::Land { .. } => &[
+                (1, "the precision landing mode {}"),
+                (3, "the heading {} degrees"),
+            ],
             Action::Hold { .. } if self.command != command::DELAY => {
-                &[(2, "radius of {} m"), (3, "heading {} degrees")]
+                &[(2, "a radius of {} m"), (3, "the heading {} degrees")]
             }
-            Action::Speed { .. } => &[(2, "throttle {} %")],
+            Action::Speed { .. } => &[(2, "a throttle of {} %")],
             _ => &[],
         };
         let mut ignored: Vec<String> = parameters
             .iter()
             .map(|(index, text)| (finite_or_zero(self.params[*index]), text))
             .filter(|(value, text)| {
-                *value != 0.0 && !(text.starts_with("throttle") && *value < 0.0)
+                *value != 0.0 && !(text.starts_with("a throttle") && *value < 0.0)
             })
             .map(|(value, text)| text.replace("{}", &value.to_string()))
             .collect();
@@ -287,7 +290,7 @@ mod tests {
         let meaning = Meaning::of(&item(16, 3, [0.0, 2.0, 0.0, 90.0, 37.0, -6.0, 9.0])).unwrap();
         assert_eq!(
             meaning.ignored,
-            ["acceptance radius of 2 m", "heading 90 degrees"]
+            ["an acceptance radius of 2 m", "the heading 90 degrees"]
         );
         let speed = Meaning::of(&item(178, 2, [1.0, 4.0, -1.0, 0.0, 0.0, 0.0, 0.0])).unwrap();
         assert_eq!(speed.action, Action::Speed { speed_mps: 4.0 });

@@ -42,6 +42,7 @@ mod config;
 mod plane;
 mod span;
 
+use std::cmp::Ordering;
 use std::fmt;
 
 use dsp_protocol::Waypoint;
@@ -104,6 +105,15 @@ pub struct Breach {
     pub area: Option<usize>,
 }
 
+impl Breach {
+    /// What cannot be judged.
+    const UNJUDGEABLE: Breach = Breach {
+        rule: FenceRule::Unjudgeable,
+        amount_m: 0.0,
+        area: None,
+    };
+}
+
 /// The rules of a fence. Of several that are broken at the same point, the first one in this order is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FenceRule {
@@ -146,6 +156,13 @@ struct Offence {
     spans: Vec<Span>,
 }
 
+impl Offence {
+    /// Which of two the leg meets first.
+    fn by_place(&self, other: &Offence) -> Ordering {
+        self.spans[0].from.total_cmp(&other.spans[0].from)
+    }
+}
+
 impl Fence {
     /// First breach along the straight leg from `from` to `to`, both included.
     ///
@@ -155,19 +172,26 @@ impl Fence {
             return None;
         }
         if !self.can_judge(from, to) {
-            return Some(Breach {
-                rule: FenceRule::Unjudgeable,
-                amount_m: 0.0,
-                area: None,
-            });
+            return Some(Breach::UNJUDGEABLE);
         }
         // `min_by` returns the first one of equals, which is the order of the rules.
-        let first = self
-            .altitude_offences(from, to)
-            .chain(self.exclusion_offences(from, to))
-            .chain(self.inclusion_offence(from, to))
-            .min_by(|a, b| a.spans[0].from.total_cmp(&b.spans[0].from))?;
+        let first = self.offences(from, to).min_by(Offence::by_place)?;
         Some(self.measure(&first, from, to))
+    }
+
+    /// Every breach along the same leg, one for each rule and exclusion area, in the order in which the leg meets them: for
+    /// a plan, whose author wants to know all of them at once.
+    pub fn breaches_of_leg(&self, from: &Waypoint, to: &Waypoint) -> Vec<Breach> {
+        if self.is_empty() {
+            return Vec::new();
+        }
+        if !self.can_judge(from, to) {
+            return vec![Breach::UNJUDGEABLE];
+        }
+        let mut offences: Vec<Offence> = self.offences(from, to).collect();
+        offences.sort_by(Offence::by_place);
+        let measure = |offence| self.measure(offence, from, to);
+        offences.iter().map(measure).collect()
     }
 
     /// First breach of a whole path flown from `start`, and the number of its leg. The leg from `start` to the first
@@ -216,6 +240,12 @@ impl Fence {
             && known(to)
             && (self.areas.is_empty()
                 || (on_map(from) && on_map(to) && ground_length_m(from, to) <= MAX_EXTENT_M))
+    }
+
+    fn offences(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = Offence> {
+        self.altitude_offences(from, to)
+            .chain(self.exclusion_offences(from, to))
+            .chain(self.inclusion_offence(from, to))
     }
 
     fn altitude_offences(

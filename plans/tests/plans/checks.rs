@@ -173,7 +173,10 @@ max_altitude_m = 39.0
 
 #[test]
 fn the_plan_s_own_fence_is_judged_as_the_bridge_would() {
-    let plan = super::files::plan("mission.plan");
+    let mut plan = super::files::plan("mission.plan");
+    if let plans::model::FenceShape::Circle { radius_m, .. } = &mut plan.fence[1].shape {
+        *radius_m = 110.0;
+    }
     let found = findings(&plan, &site(), "", &FAST);
     insta::assert_snapshot!(describe(&found), @r###"
     forbids not-possible [8]: complex item `StructureScan` without simple items is nothing that the helicopter can do
@@ -181,8 +184,8 @@ fn the_plan_s_own_fence_is_judged_as_the_bridge_would() {
     forbids not-possible [11]: item of the type `HologramItem` is nothing that the helicopter can do
     warns not-used []: 2 rally points are not used
     warns not-done [6]: DO_SET_CAM_TRIGG_DIST (206) is not done
-    warns not-done [9]: asks for acceptance radius of 2 m, which is not done
-    warns not-done [9]: asks for heading 90 degrees, which is not done
+    warns not-done [9]: asks for an acceptance radius of 2 m, which is not done
+    warns not-done [9]: asks for the heading 90 degrees, which is not done
     warns return [12]: returns home in a straight line, as high as the item before it, and lands
     "###);
 }

@@ -44,6 +44,8 @@ fn python(folder: &Path) -> Result<PathBuf, String> {
         "--quiet",
         "--disable-pip-version-check",
         "--no-cache-dir",
+        // Its loader needs none of the others.
+        "--no-deps",
         "--retries",
         "1",
         PACKAGE,

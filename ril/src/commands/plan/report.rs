@@ -103,8 +103,11 @@ impl<'a> Report<'a> {
         text += &self.findings(columns);
         let count = |severity| self.count(severity);
         text += &format!(
-            "\n{} forbid the flight, {} warn, {} not checked\n",
-            count(Severity::Forbids),
+            "\n{} the flight, {} warn, {} not checked\n",
+            match count(Severity::Forbids) {
+                1 => "1 finding forbids".to_owned(),
+                count => format!("{count} findings forbid"),
+            },
             count(Severity::Warns),
             count(Severity::NotChecked)
         );
@@ -135,11 +138,7 @@ impl<'a> Report<'a> {
         };
         let rules = match rules {
             Some((rules, file)) => {
-                format!(
-                    "{} with {} fence areas",
-                    file.display(),
-                    rules.fence.areas()
-                )
+                format!("{} with {}", file.display(), areas(rules.fence.areas()))
             }
             None => "not known".to_owned(),
         };
@@ -162,8 +161,8 @@ impl<'a> Report<'a> {
         text += &line(
             "rules",
             &format!(
-                "of the robot: {rules}; the plan's own fence has {} areas",
-                plan.fence.len()
+                "of the robot: {rules}; the plan's own fence has {}",
+                areas(plan.fence.len())
             ),
         );
         text + &line("flight", &self.flight())
@@ -248,6 +247,14 @@ impl<'a> Report<'a> {
         findings
             .filter(|finding| finding.severity == severity)
             .count()
+    }
+}
+
+/// A number of areas of a fence.
+fn areas(count: usize) -> String {
+    match count {
+        1 => "1 area".to_owned(),
+        count => format!("{count} areas"),
     }
 }
 

@@ -105,8 +105,8 @@ pub fn text(rows: &[Row]) -> String {
     for row in rows {
         text += &row.text();
     }
-    text += "ALTITUDE in metres: +25.0 above take-off, 25.0 sea above sea level, 25.0 gnd above\n";
-    text += "terrain, 25.0 ? not said above what. Items in brackets are not flown.\n";
+    text += "ALTITUDE: m above take-off (+), sea level (sea), terrain (gnd), unknown (?).\n";
+    text += "Items in brackets are not flown.\n";
     text
 }
 

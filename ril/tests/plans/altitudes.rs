@@ -1,0 +1,62 @@
+//! `ril takeoff` and `ril goto` with units, relative altitudes, and coordinates as words of their own.
+
+use ril_tests::process::Signal;
+
+use crate::common::{Rig, end, json, says};
+
+/// The helicopter's altitude, m, with the zero of telemetry.
+fn altitude_m(rig: &Rig) -> f64 {
+    let sample = json(
+        &rig.run("echo dsp --count 1 --json --field geographic", 0)
+            .stdout[0],
+    );
+    sample["geographic"]["altitude_m"].as_f64().unwrap()
+}
+
+#[test]
+fn altitudes_have_units_and_are_relative_to_the_helicopter() {
+    let rig = Rig::new();
+    let sim = rig.sim(1, "--speed 10");
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    let ground_m = altitude_m(&rig);
+    rig.run("start", 0);
+    rig.run("takeoff 33ft", 0);
+    let hover_m = altitude_m(&rig);
+    assert!(
+        (hover_m - ground_m - 10.06).abs() < 2.0,
+        "{hover_m} over {ground_m}"
+    );
+
+    let finished = rig.run("goto 37.4112 -6.0010 +5m", 0);
+    assert!(
+        says(&finished.stdout, "1 of 1 waypoints sent"),
+        "{finished:#?}"
+    );
+    let high_m = altitude_m(&rig);
+    assert!(
+        (high_m - hover_m - 5.0).abs() < 2.0,
+        "{high_m} over {hover_m}"
+    );
+
+    rig.run(&format!("goto 37.4111 -6.0010 {:.1}m", ground_m + 8.0), 0);
+    let low_m = altitude_m(&rig);
+    assert!(
+        (low_m - ground_m - 8.0).abs() < 2.0,
+        "{low_m} over {ground_m}"
+    );
+    rig.run("land", 0);
+    for process in [bridge, sim] {
+        end(process, Signal::INT);
+    }
+}
+
+#[test]
+fn a_relative_altitude_without_a_bridge_sends_nothing_and_says_why() {
+    let rig = Rig::new();
+    let finished = rig.run("goto -37.4112 -6.0010 +5m --timeout 0.05 --robot 7", 3);
+    assert!(
+        says(&finished.stderr, "start `ril bridge --robot 7`"),
+        "{finished:#?}"
+    );
+}

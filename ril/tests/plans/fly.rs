@@ -1,0 +1,247 @@
+//! `ril plan fly` with a simulated robot.
+
+use std::fs;
+
+use ipc_types::code::Functionality;
+use ril_tests::Process;
+use ril_tests::process::{Finished, Signal};
+
+use super::check::SQUARE;
+use crate::common::{Rig, end, json, says};
+
+/// A simulator and a bridge, started.
+struct Robot {
+    sim: Process,
+    bridge: Process,
+}
+
+impl Robot {
+    fn start(rig: &Rig) -> Robot {
+        let sim = rig.sim(1, "--speed 10");
+        let bridge = rig.bridge(1);
+        rig.watch(1).until_ready();
+        rig.run("start", 0);
+        Robot { sim, bridge }
+    }
+
+    fn end(self) {
+        for process in [self.bridge, self.sim] {
+            end(process, Signal::INT);
+        }
+    }
+}
+
+/// The lines of `finished` that contain `text`, as one.
+fn lines_with(finished: &Finished, text: &str) -> String {
+    let lines = finished.stdout.iter().filter(|line| line.contains(text));
+    lines.map(String::as_str).collect::<Vec<_>>().join("\n")
+}
+
+fn cruise_speed(rig: &Rig) -> String {
+    rig.run("param get cruise_speed_mps", 0).stdout.join("")
+}
+
+#[test]
+fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
+    let rig = Rig::new();
+    let robot = Robot::start(&rig);
+    let plan = SQUARE.replace("4 0 3 206 25", "4 0 2 178 1 8 -1 0 0 0 0 1\n5 0 3 206 25");
+    rig.write("square.waypoints", &plan.replace("5 0 2 20", "6 0 2 20"));
+    let finished = rig.run("plan fly square.waypoints", 0);
+    let expected = [
+        "plan: take-off to 15.0 m",
+        "m over the point of take-off",
+        "plan: path of 2 waypoints, items 2 to 3",
+        "plan: item 2 reached",
+        "plan: item 3 reached",
+        "plan: hover for 3s, item 3",
+        "plan: cruise at 8 m/s, item 4",
+        "plan: path to item 6",
+        "plan: item 6 reached",
+        "plan: landing, item 6",
+        "plan: done; the helicopter has landed",
+    ];
+    assert_eq!(finished.stdout.len(), expected.len(), "{finished:#?}");
+    for (line, expected) in finished.stdout.iter().zip(expected) {
+        assert!(line.contains(expected), "{expected}: {finished:#?}");
+    }
+    // What the helicopter does not do is told before.
+    assert!(
+        says(&finished.stderr, "DO_SET_CAM_TRIGG_DIST (206) is not done"),
+        "{finished:#?}"
+    );
+    assert_eq!(cruise_speed(&rig), "cruise_speed_mps = 5");
+    let state = json(&rig.run("state --json", 0).stdout[0]);
+    assert_eq!(state["link"]["waypoints_sent"], 3);
+    robot.end();
+}
+
+#[test]
+fn a_plan_that_breaks_a_rule_is_not_flown() {
+    let rig = Rig::new();
+    rig.write(
+        "bridge.toml",
+        "[link]\npc_timeout_ms = 60000\n[fence]\nceiling_m = 26.0\n",
+    );
+    let robot = Robot::start(&rig);
+    rig.write("square.waypoints", SQUARE);
+    let finished = rig.run("plan fly square.waypoints", 8);
+    assert!(finished.stdout.is_empty(), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "item 2, leg 1: fence-ceiling by "),
+        "{finished:#?}"
+    );
+    // It stands on the ground, and the plan does not take off.
+    rig.write(
+        "path.waypoints",
+        "QGC WPL 110\n1 0 3 16 0 0 0 0 37.4111 -6.001 12 1\n",
+    );
+    let finished = rig.run("plan fly path.waypoints --json", 8);
+    let finding = json(&finished.stdout[0]);
+    assert_eq!(
+        (&finding["rule"], &finding["items"][0]),
+        (&"not-flying".into(), &1.into())
+    );
+    assert_eq!(finding["next"], "let it take off first: `--takeoff 20m`");
+    let state = json(&rig.run("state --json", 0).stdout[0]);
+    assert_eq!(state["link"]["waypoints_sent"], 0);
+    assert_eq!(
+        state["module"]["functionality"],
+        Functionality::AtRest.name()
+    );
+
+    let finished = rig.run("plan fly path.waypoints --takeoff 5m --json", 0);
+    let events: Vec<_> = finished.stdout.iter().map(|line| json(line)).collect();
+    let last = events.last().unwrap();
+    assert_eq!(
+        (&last["schema"], &last["event"]),
+        (&"ril.PlanProgress.v1".into(), &"done".into())
+    );
+    assert!(
+        events
+            .iter()
+            .any(|event| event["schema"] == "hero.RequestReport.v2" || event["request"] == "goto")
+    );
+    // In the air nothing is known of the take-off but what the operator says.
+    let finished = rig.run("plan fly path.waypoints", 8);
+    assert!(
+        says(&finished.stderr, "the plan: home-unknown"),
+        "{finished:#?}"
+    );
+    rig.run("plan fly path.waypoints --home 37.411,-6.001,10", 0);
+    robot.end();
+}
+
+#[test]
+fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
+    let rig = Rig::new();
+    let robot = Robot::start(&rig);
+    // 500 m between the last two, 10 s of the test's time.
+    rig.write(
+        "far.waypoints",
+        "QGC WPL 110
+0 1 0 16 0 0 0 0 37.411 -6.001 10 1
+1 0 3 22 0 0 0 0 0 0 12 1
+2 0 3 16 0 0 0 0 37.4111 -6.001 12 1
+3 0 3 16 0 0 0 0 37.4156 -6.001 12 1
+4 0 3 16 0 0 0 0 37.4157 -6.001 12 1
+",
+    );
+    let mut flight = rig.start("plan fly far.waypoints");
+    flight.wait_for_text("plan: item 2 reached");
+    rig.run("hold", 0);
+    let finished = flight.wait_exit();
+    assert_eq!(finished.code(), Some(5), "{finished:#?}");
+    assert!(
+        says(
+            &finished.stderr,
+            "the plan ended early, before the end of item 3"
+        ),
+        "{finished:#?}"
+    );
+    assert!(says(&finished.stderr, "replaced"), "{finished:#?}");
+    let command = finished
+        .stderr
+        .iter()
+        .find_map(|line| Some(line.split_once("`ril ")?.1.split_once('`')?.0.to_owned()))
+        .expect("a command that goes on");
+    assert!(command.contains("--from 3 --home 37.41"), "{command}");
+    let finished = rig.run(&command, 0);
+    assert_eq!(
+        lines_with(&finished, "plan: path"),
+        "plan: path of 2 waypoints, items 3 to 4"
+    );
+    assert_eq!(
+        finished.stdout.last().unwrap(),
+        "plan: done; the helicopter hovers"
+    );
+
+    // A signal ends the command and not the path.
+    rig.write(
+        "back.waypoints",
+        "QGC WPL 110\n1 0 0 16 0 0 0 0 37.411 -6.001 25 1\n2 0 0 21 0 0 0 0 0 0 0 1\n",
+    );
+    let mut flight = rig.start("plan fly back.waypoints --home 37.411,-6.001,10");
+    flight.wait_for_text("plan: path to item 1");
+    rig.watch(1).until("the path is flown", |state| {
+        state.movement.waypoints_sent == 1
+            && state.functionality() == Some(Functionality::FollowingPath)
+    });
+    flight.signal(Signal::INT);
+    let finished = flight.wait_exit();
+    assert_eq!(finished.code(), Some(7), "{finished:#?}");
+    assert!(says(&finished.stderr, "--from 1"), "{finished:#?}");
+    robot.end();
+}
+
+#[test]
+fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_bridge_reads_it() {
+    let rig = Rig::new();
+    const RULES: &str = "# ours\n[link]\npc_timeout_ms = 60000 # patient\n";
+    let file = rig.write("bridge.toml", RULES);
+    let robot = Robot::start(&rig);
+    let plan = r#"{"fileType":"Plan","version":1,"mission":{"version":2,"plannedHomePosition":[37.411,-6.001,10],"items":[
+        {"type":"SimpleItem","command":22,"frame":3,"autoContinue":true,"params":[0,0,0,null,0,0,12]},
+        {"type":"SimpleItem","command":16,"frame":3,"autoContinue":true,"params":[0,0,0,null,37.4111,-6.001,12]},
+        {"type":"SimpleItem","command":21,"frame":3,"autoContinue":true,"params":[0,0,0,null,0,0,0]}]},
+        "geoFence":{"version":2,"circles":[],"polygons":[
+        {"inclusion":true,"version":1,"polygon":[[37.41,-6.003],[37.41,-5.999],[37.412,-5.999],[37.412,-6.003]]}]}}"#;
+    rig.write("fenced.plan", plan);
+    let areas =
+        |rig: &Rig| json(&rig.run("state --json", 0).stdout[0])["safety"]["fence_areas"].clone();
+
+    // Another file than the bridge's: both stay as they are.
+    let other = rig.write("other.toml", RULES);
+    let finished = rig.run(
+        "plan fly fenced.plan --fence --bridge other.toml --timeout 1",
+        5,
+    );
+    assert!(
+        says(&finished.stderr, "it does not read other.toml"),
+        "{finished:#?}"
+    );
+    assert_eq!(fs::read_to_string(&other).unwrap(), RULES);
+
+    rig.run("plan fly fenced.plan", 0);
+    assert_eq!(areas(&rig), 0);
+    let finished = rig.run("plan fly fenced.plan --fence", 0);
+    assert!(
+        says(&finished.stdout, "fence reload: done"),
+        "{finished:#?}"
+    );
+    assert_eq!(areas(&rig), 1);
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(
+        text.starts_with(RULES) && text.contains("plan: inclusion 1"),
+        "{text}"
+    );
+    // It is the bridge's own now.
+    rig.run("takeoff 5m", 0);
+    let finished = rig.run("goto 37.4125,-6.001,20m", 5);
+    assert!(
+        says(&finished.stdout, "fence-inclusion, leg 1"),
+        "{finished:#?}"
+    );
+    rig.run("land", 0);
+    robot.end();
+}
