@@ -38,6 +38,11 @@ impl Sample {
         }
     }
 
+    /// Its age, s; nothing when it claims to be of the future.
+    pub fn age_s(self) -> Option<f64> {
+        self.age_s
+    }
+
     /// Whether it is too old to say how things are now.
     pub fn is_stale(self) -> bool {
         self.stale

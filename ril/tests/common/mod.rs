@@ -88,6 +88,22 @@ impl Rig {
         finished
     }
 
+    /// What `ril status --json` shows of a robot. Its exit code says whether the link is up and the data is new, which a machine that
+    /// stalls decides as well.
+    #[track_caller]
+    pub fn state(&self, robot: u32) -> serde_json::Value {
+        let finished = self.state_of(&format!("state --json --robot {robot}"));
+        json(&finished.stdout[0])
+    }
+
+    /// Runs `ril status` with these words, which must find a bridge.
+    #[track_caller]
+    pub fn state_of(&self, args: &str) -> Finished {
+        let finished = self.start(args).wait_exit();
+        assert!(matches!(finished.code(), Some(0 | 4 | 6)), "ril {args}: {finished:#?}");
+        finished
+    }
+
     /// Starts a simulator with its link `dsp-N`; it is there when this returns.
     pub fn sim(&self, robot: u32, options: &str) -> Process {
         let mut sim = self.start(&format!(
