@@ -31,8 +31,8 @@ pub use topic::{
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
 };
 pub use value::waypoints;
-pub use watch::WatchArgs;
 use value::{protect_coordinates, seconds};
+pub use watch::WatchArgs;
 
 /// What each exit code means, for the end of the help.
 pub const EXIT_CODES: &str = "\

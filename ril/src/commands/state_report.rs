@@ -146,7 +146,8 @@ impl StateReport {
     pub fn trouble(&self) -> Option<(ExitCode, String)> {
         let robot = self.robot;
         if !self.processes.bridge {
-            let text = format!("no bridge of robot {robot} runs: start `ril bridge --robot {robot}`");
+            let text =
+                format!("no bridge of robot {robot} runs: start `ril bridge --robot {robot}`");
             return Some((ExitCode::ServiceAbsent, text));
         }
         if self.relay.as_ref().is_some_and(|relay| !relay.is_up()) {

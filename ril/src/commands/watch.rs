@@ -71,7 +71,11 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
         termination,
         waiter: Waiter::new(),
         requests: config.request,
-        glyphs: if args.ascii || is_console() { Glyphs::Ascii } else { Glyphs::Unicode },
+        glyphs: if args.ascii || is_console() {
+            Glyphs::Ascii
+        } else {
+            Glyphs::Unicode
+        },
         has_bell: !args.no_bell,
         is_changed: true,
         next_drawing: MonotonicNs(0),
@@ -95,15 +99,27 @@ fn robots(args: &WatchArgs, domain: &Domain) -> Result<Vec<RobotId>, Failure> {
         }
     }
     if robots.is_empty() {
-        for key in [ModuleState::KEY, HeroTelemetry::KEY, <MovementData as ipc_types::Request>::KEY] {
+        for key in [
+            ModuleState::KEY,
+            HeroTelemetry::KEY,
+            <MovementData as ipc_types::Request>::KEY,
+        ] {
             let alive = domain.robots(key).or_fail(ExitCode::Internal)?;
-            robots.extend(alive.into_iter().filter(|robot| !robots.contains(robot)).collect::<Vec<_>>());
+            robots.extend(
+                alive
+                    .into_iter()
+                    .filter(|robot| !robots.contains(robot))
+                    .collect::<Vec<_>>(),
+            );
         }
         robots.sort_by_key(|robot| robot.get());
         robots.truncate(MAX_ROBOTS);
     }
     if robots.len() > MAX_ROBOTS {
-        let text = format!("{} robots are named, and a screen has {MAX_ROBOTS}", robots.len());
+        let text = format!(
+            "{} robots are named, and a screen has {MAX_ROBOTS}",
+            robots.len()
+        );
         return Err(Failure::usage(text));
     }
     if robots.is_empty() {
@@ -128,7 +144,9 @@ fn path(file: &Path) -> Result<Vec<WaypointPosition>, Failure> {
     let failed = |error| Failure::usage(format!("{name}: cannot be read: {error}"));
     let metadata = fs::metadata(file).map_err(failed)?;
     if !metadata.is_file() || metadata.len() > MAX_PATH_BYTES {
-        let text = format!("{name}: no file of waypoints: a regular file of at most {MAX_PATH_BYTES} bytes");
+        let text = format!(
+            "{name}: no file of waypoints: a regular file of at most {MAX_PATH_BYTES} bytes"
+        );
         return Err(Failure::usage(text));
     }
     let text = fs::read_to_string(file).map_err(failed)?;
@@ -245,7 +263,10 @@ impl Screen {
                 (false, true) => ports::Detail::All,
                 (false, false) => ports::Detail::State,
             };
-            for port in ports.sources(detail, self.app.robots()[index].process(crate::watch::model::Process::Status, now)) {
+            for port in ports.sources(
+                detail,
+                self.app.robots()[index].process(crate::watch::model::Process::Status, now),
+            ) {
                 sources.push((Woken::Other, port));
             }
         }

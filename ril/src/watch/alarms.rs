@@ -203,7 +203,9 @@ mod tests {
     #[test]
     fn the_worst_comes_first_and_a_flood_is_bounded() {
         let mut alarms = Alarms::default();
-        let mut flood: Vec<Finding> = (0..1000).map(|code| finding(Kind::DspError(code), "")).collect();
+        let mut flood: Vec<Finding> = (0..1000)
+            .map(|code| finding(Kind::DspError(code), ""))
+            .collect();
         flood.insert(
             0,
             Finding {
@@ -214,6 +216,9 @@ mod tests {
         flood.insert(1, finding(Kind::BridgeGone, ""));
         assert_eq!(alarms.update(flood, at(0)).len(), MAX_ALARMS);
         let kinds: Vec<Kind> = alarms.lasting().map(|alarm| alarm.kind).collect();
-        assert_eq!((kinds[0], kinds[MAX_ALARMS - 1]), (Kind::BridgeGone, Kind::StatusGone));
+        assert_eq!(
+            (kinds[0], kinds[MAX_ALARMS - 1]),
+            (Kind::BridgeGone, Kind::StatusGone)
+        );
     }
 }

@@ -50,9 +50,8 @@ pub struct Chart {
 impl Chart {
     /// The chart of a fence, which the bridge's own code has checked, and of a path.
     pub fn new(file: &FenceFile, path: &[WaypointPosition]) -> Chart {
-        let place = |waypoint: &WaypointPosition| {
-            Place::new(waypoint.latitude_deg, waypoint.longitude_deg)
-        };
+        let place =
+            |waypoint: &WaypointPosition| Place::new(waypoint.latitude_deg, waypoint.longitude_deg);
         Chart {
             fence: file.fence.area.iter().map(Outline::of).collect(),
             floor_m: file.fence.floor_m,
@@ -65,7 +64,9 @@ impl Chart {
 impl Outline {
     fn of(area: &AreaConfig) -> Outline {
         let polygon = area.polygon.iter().flatten();
-        let mut corners: Vec<Place> = polygon.filter_map(|[lat, lon]| Place::new(*lat, *lon)).collect();
+        let mut corners: Vec<Place> = polygon
+            .filter_map(|[lat, lon]| Place::new(*lat, *lon))
+            .collect();
         if let (Some([latitude, longitude]), Some(radius_m)) = (area.centre, area.radius_m) {
             let radius_deg = radius_m / METRES_PER_DEGREE;
             let scale = latitude.to_radians().cos().max(0.01);
@@ -94,7 +95,10 @@ mod tests {
         let example = include_str!("../../../bridge/bridge.toml");
         let fence = example.split("# floor_m").nth(1).unwrap();
         let fence = fence.split("[errors]").next().unwrap().replace("# ", "");
-        let text = format!("[serial]\nport = \"x\"\n[fence]\nfloor_m{}", fence.replace("\n#\n", "\n"));
+        let text = format!(
+            "[serial]\nport = \"x\"\n[fence]\nfloor_m{}",
+            fence.replace("\n#\n", "\n")
+        );
         let file: FenceFile = runtime::config::parse(&text, "bridge.toml").unwrap();
         let chart = Chart::new(&file, &[]);
         assert_eq!((chart.floor_m, chart.ceiling_m), (Some(5.0), Some(120.0)));

@@ -194,7 +194,10 @@ mod tests {
     fn a_process_that_is_gone_is_not_looked_for_until_it_is_back() {
         let mut feed = feed();
         feed.provider(false, at(0));
-        assert_eq!((feed.at(at(0)), feed.next(at(0))), (Freshness::Absent, None));
+        assert_eq!(
+            (feed.at(at(0)), feed.next(at(0))),
+            (Freshness::Absent, None)
+        );
         feed.sample(at(5), at(5));
         assert_eq!(feed.at(at(5)), Freshness::Fresh);
         feed.provider(false, at(600));

@@ -61,7 +61,9 @@ impl Journal {
 
     /// The newest `count` lines, oldest first.
     pub fn newest(&self, count: usize) -> impl Iterator<Item = &Line> {
-        self.lines.iter().skip(self.lines.len().saturating_sub(count))
+        self.lines
+            .iter()
+            .skip(self.lines.len().saturating_sub(count))
     }
 }
 

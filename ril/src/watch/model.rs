@@ -195,7 +195,11 @@ impl Robot {
                 }
                 Change::Ended(alarm) => {
                     let is_known = self.bridge_feed.at(now).is_fresh();
-                    let what = if is_known { "over" } else { "not known any more" };
+                    let what = if is_known {
+                        "over"
+                    } else {
+                        "not known any more"
+                    };
                     let text = format!("{what}: {}", alarm.text);
                     self.journal.add(now, Weight::Note, text);
                 }
@@ -285,7 +289,9 @@ impl Robot {
         if before.link.state() != state.link.state() && state.link.state() == Some(LinkState::Up) {
             self.journal.add(now, Weight::Note, "link to the DSP up");
         }
-        if is_same_bridge && before.link.dsp_boots != 0 && before.link.dsp_boots < state.link.dsp_boots
+        if is_same_bridge
+            && before.link.dsp_boots != 0
+            && before.link.dsp_boots < state.link.dsp_boots
         {
             self.journal.add(now, Weight::Warning, "the DSP rebooted");
         }
@@ -310,7 +316,12 @@ impl Robot {
         }
     }
 
-    fn note_activity(&mut self, before: Option<&ModuleState>, state: &ModuleState, now: MonotonicNs) {
+    fn note_activity(
+        &mut self,
+        before: Option<&ModuleState>,
+        state: &ModuleState,
+        now: MonotonicNs,
+    ) {
         let flying = self.pilot.flying;
         let of = |state: &ModuleState| {
             let functionality = state.functionality()?;
@@ -365,7 +376,11 @@ impl Robot {
         }
         let has_no_fix = self.pilot.gps.is_some_and(|gps| !gps.is_there());
         if has_no_fix && self.pilot.flying == Some(true) {
-            add(Kind::NoFix, Weight::Alarm, "no GPS fix in flight".to_owned());
+            add(
+                Kind::NoFix,
+                Weight::Alarm,
+                "no GPS fix in flight".to_owned(),
+            );
         }
         if matches!(self.status_feed.at(now), Freshness::Gone(_)) {
             let text = "`ril run status` has ended: telemetry is the bridge's own, and no logs are written";
@@ -404,7 +419,10 @@ impl Robot {
         match link.state() {
             Some(LinkState::Up) => None,
             Some(state) => Some((Kind::DspLink, format!("link to the DSP {state}"))),
-            None => Some((Kind::DspLink, format!("link to the DSP unknown-{}", link.state))),
+            None => Some((
+                Kind::DspLink,
+                format!("link to the DSP unknown-{}", link.state),
+            )),
         }
     }
 
@@ -417,7 +435,8 @@ impl Robot {
         let safety = &state.safety;
         if safety.rule != 0 {
             let rule = safety.rule();
-            let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
+            let name =
+                rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
             let by = rule.and_then(|rule| details::amount(rule, safety.amount));
             let by = by.map_or_else(String::new, |by| format!(" {by}"));
             let action = safety.action().map_or("unknown action", SafetyAction::name);
@@ -431,11 +450,22 @@ impl Robot {
         if let Some(error) = self.dsp_error
             && now.since(error.at) < DSP_ERROR_SHOWN
         {
-            let weight = if error.is_fatal { Weight::Alarm } else { Weight::Warning };
-            add(Kind::DspError(error.code), weight, details::dsp_error(error.code));
+            let weight = if error.is_fatal {
+                Weight::Alarm
+            } else {
+                Weight::Warning
+            };
+            add(
+                Kind::DspError(error.code),
+                weight,
+                details::dsp_error(error.code),
+            );
         }
         if state.is_blocked() && state.imi_error != 0 {
-            let text = format!("movements are blocked until `ril start`: {}", state.imi_error());
+            let text = format!(
+                "movements are blocked until `ril start`: {}",
+                state.imi_error()
+            );
             add(Kind::Blocked(state.imi_error), Weight::Warning, text);
         }
     }

@@ -113,7 +113,10 @@ mod tests {
     fn only_what_changed_is_written() {
         let before = buffer("abcdef", Style::new());
         let after = buffer("abXYef", Style::new());
-        assert_eq!(bytes(Some(&before), &after, true), "\x1b[2;3H\x1b[0mXY\x1b[0m");
+        assert_eq!(
+            bytes(Some(&before), &after, true),
+            "\x1b[2;3H\x1b[0mXY\x1b[0m"
+        );
         assert_eq!(bytes(Some(&after), &after, true), "");
     }
 

@@ -158,7 +158,11 @@ mod tests {
             (Order::Land, "hold\x1bland\n", false),
             (Order::Land, "land land\n", false),
         ] {
-            assert_eq!(answer(order, text) == Answer::Confirmed, confirms, "{text:?}");
+            assert_eq!(
+                answer(order, text) == Answer::Confirmed,
+                confirms,
+                "{text:?}"
+            );
         }
     }
 

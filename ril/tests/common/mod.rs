@@ -67,7 +67,7 @@ impl Rig {
     }
 
     /// `command` in the folder, and without what would change what `ril` does.
-    fn place(&self, mut command: Command) -> Command {
+    pub fn place(&self, mut command: Command) -> Command {
         command.current_dir(self.folder());
         for variable in VARIABLES {
             command.env_remove(variable);
@@ -100,7 +100,10 @@ impl Rig {
     #[track_caller]
     pub fn state_of(&self, args: &str) -> Finished {
         let finished = self.start(args).wait_exit();
-        assert!(matches!(finished.code(), Some(0 | 4 | 6)), "ril {args}: {finished:#?}");
+        assert!(
+            matches!(finished.code(), Some(0 | 4 | 6)),
+            "ril {args}: {finished:#?}"
+        );
         finished
     }
 

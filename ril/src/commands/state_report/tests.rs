@@ -422,11 +422,18 @@ fn a_line_is_another_situation_only_when_something_happened() {
     later.geodetic.altitude_m = 26.0;
     let after = at(later, &state);
     assert_eq!(before.situation(), after.situation());
-    assert!(before.line().ends_with("25.0 m, 3.1 m/s, 24.1 V"), "{}", before.line());
+    assert!(
+        before.line().ends_with("25.0 m, 3.1 m/s, 24.1 V"),
+        "{}",
+        before.line()
+    );
     let mut reached = state;
     reached.movement.waypoints_reached = 2;
     assert_ne!(at(later, &reached).situation(), after.situation());
-    assert_ne!(at(flight(3, ago(3000)), &state).situation(), after.situation());
+    assert_ne!(
+        at(flight(3, ago(3000)), &state).situation(),
+        after.situation()
+    );
     let silent = now_over(LinkState::Silent);
     assert!(at(later, &silent).line().contains("link silent"));
 }

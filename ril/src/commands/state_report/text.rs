@@ -55,13 +55,23 @@ impl StateReport {
         };
         let stale = |is_stale: bool| if is_stale { ", STALE" } else { "" };
         match flight.stale {
-            Some(is_stale) => write!(f, "data        telemetry {}{}", age(flight.age_s), stale(is_stale))?,
+            Some(is_stale) => write!(
+                f,
+                "data        telemetry {}{}",
+                age(flight.age_s),
+                stale(is_stale)
+            )?,
             None => write!(f, "data        no telemetry")?,
         }
         match &self.module {
             Some(module) => {
                 let sample = module.sample;
-                writeln!(f, "; bridge's state {}{}", age(sample.age_s()), stale(sample.is_stale()))?;
+                writeln!(
+                    f,
+                    "; bridge's state {}{}",
+                    age(sample.age_s()),
+                    stale(sample.is_stale())
+                )?;
             }
             None if self.processes.bridge => writeln!(f, "; no state of the bridge")?,
             None => writeln!(f, "; no bridge runs")?,
@@ -79,7 +89,11 @@ impl StateReport {
         if let Some(link) = &self.link {
             writeln!(f, "link        {link}")?;
             let without = without_bridge(link.pc_timeout_supported);
-            writeln!(f, "DSP path    {}; when the bridge is gone: {without}", link.dsp_path)?;
+            writeln!(
+                f,
+                "DSP path    {}; when the bridge is gone: {without}",
+                link.dsp_path
+            )?;
         }
         if let Some(safety) = &self.safety {
             writeln!(f, "safety      {safety}")?;
@@ -96,14 +110,26 @@ impl StateReport {
     /// All that `--watch` tells of in a line. Another text than before is a change; numbers that always change are not in it.
     pub fn situation(&self) -> String {
         let mut parts = vec![self.flight.in_words()];
-        parts.extend(self.flight.pilot_switch.map(|switch| format!("switch {switch}")));
+        parts.extend(
+            self.flight
+                .pilot_switch
+                .map(|switch| format!("switch {switch}")),
+        );
         parts.extend(self.flight.gps_fix.map(|fix| format!("fix {fix}")));
         parts.extend(self.module.as_ref().map(|module| match module.blocked {
             true => format!("module {}, blocked", module.status),
             false => format!("module {}", module.status),
         }));
-        parts.extend(self.link.as_ref().map(|link| format!("link {}", link.state)));
-        if let Some(violation) = self.safety.as_ref().and_then(|safety| safety.violation.as_ref()) {
+        parts.extend(
+            self.link
+                .as_ref()
+                .map(|link| format!("link {}", link.state)),
+        );
+        if let Some(violation) = self
+            .safety
+            .as_ref()
+            .and_then(|safety| safety.violation.as_ref())
+        {
             parts.push(format!("{}: {}", violation.rule, violation.action));
         }
         parts.extend(self.trouble().map(|(_, trouble)| trouble));
@@ -114,9 +140,15 @@ impl StateReport {
     pub fn line(&self) -> String {
         let flight = &self.flight;
         let numbers = [
-            flight.altitude_m.map(|altitude_m| format!("{altitude_m:.1} m")),
-            flight.ground_speed_mps.map(|speed_mps| format!("{speed_mps:.1} m/s")),
-            flight.battery_v.map(|battery_v| format!("{battery_v:.1} V")),
+            flight
+                .altitude_m
+                .map(|altitude_m| format!("{altitude_m:.1} m")),
+            flight
+                .ground_speed_mps
+                .map(|speed_mps| format!("{speed_mps:.1} m/s")),
+            flight
+                .battery_v
+                .map(|battery_v| format!("{battery_v:.1} V")),
         ];
         let numbers: Vec<String> = numbers.into_iter().flatten().collect();
         match numbers.is_empty() {
@@ -165,11 +197,17 @@ impl Flight {
     fn supply(&self) -> String {
         let parts = [
             self.battery_v.map(|volts| format!("battery {volts:.1} V")),
-            self.fuel_percent.map(|percent| format!("fuel {percent:.0} %")),
-            self.pilot_switch.map(|switch| format!("pilot's switch {switch}")),
+            self.fuel_percent
+                .map(|percent| format!("fuel {percent:.0} %")),
+            self.pilot_switch
+                .map(|switch| format!("pilot's switch {switch}")),
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
-        if parts.is_empty() { "-".to_owned() } else { parts.join(", ") }
+        if parts.is_empty() {
+            "-".to_owned()
+        } else {
+            parts.join(", ")
+        }
     }
 
     fn fix(&self) -> String {

@@ -136,8 +136,14 @@ impl Ports {
             true => &mut self.hero,
             false => &mut self.dsp,
         };
-        let movement = self.movement.as_mut().filter(|client| client.outstanding() > 0);
-        let control = self.control.as_mut().filter(|client| client.outstanding() > 0);
+        let movement = self
+            .movement
+            .as_mut()
+            .filter(|client| client.outstanding() > 0);
+        let control = self
+            .control
+            .as_mut()
+            .filter(|client| client.outstanding() > 0);
         let is_all = detail == Detail::All;
         let topics = [
             (detail != Detail::Orders).then_some(&mut self.state as &mut dyn Source),
@@ -152,10 +158,13 @@ impl Ports {
     /// When an order is to be looked at although no report comes.
     pub fn next(&self) -> Option<MonotonicNs> {
         let now = MonotonicNs(0);
-        let due = self.orders.iter().filter_map(|order| match order.exchange.next(now) {
-            Next::Wait(until) => until,
-            _ => None,
-        });
+        let due = self
+            .orders
+            .iter()
+            .filter_map(|order| match order.exchange.next(now) {
+                Next::Wait(until) => until,
+                _ => None,
+            });
         due.min()
     }
 
@@ -173,21 +182,30 @@ impl Ports {
             Order::Stop => (Verb::Stop, true),
         };
         if self.orders.len() >= MAX_ORDERS {
-            let text = format!("{}: not sent, {MAX_ORDERS} orders have no final report yet", verb.name());
+            let text = format!(
+                "{}: not sent, {MAX_ORDERS} orders have no final report yet",
+                verb.name()
+            );
             robot.order(now, Weight::Warning, text);
             return Ok(());
         }
         let deadline_ms = config.deadline_ms;
         let (request_id, sent) = if is_control {
             let request = control_request(ControlCommand::Stop, deadline_ms);
-            (request.request_id, send(&self.ipc, &mut self.control, &request)?)
+            (
+                request.request_id,
+                send(&self.ipc, &mut self.control, &request)?,
+            )
         } else {
             let request = match order {
                 Order::Land => MovementData::land(fresh_request_id()),
                 _ => MovementData::hold(fresh_request_id()),
             };
             let request = complete(request, true, deadline_ms);
-            (request.request_id, send(&self.ipc, &mut self.movement, &request)?)
+            (
+                request.request_id,
+                send(&self.ipc, &mut self.movement, &request)?,
+            )
         };
         match sent {
             Ok(()) => {
@@ -221,7 +239,8 @@ impl Ports {
         }
         for report in &reports {
             for order in &mut self.orders {
-                let is_end = FinalReport::of(report).is_some_and(|end| end.exit_code() != ExitCode::Ok);
+                let is_end =
+                    FinalReport::of(report).is_some_and(|end| end.exit_code() != ExitCode::Ok);
                 // How it ends is written when it is over, with the explanation.
                 if order.exchange.take(report, now).is_some()
                     && !is_end

@@ -50,7 +50,9 @@ pub(super) enum Input {
 pub(super) fn refuse_others() -> Result<(), Failure> {
     let advice = "`ril status --json` and `ril status --watch` need none";
     if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
-        let text = format!("`ril watch` draws on a terminal, and standard input or output is none: {advice}");
+        let text = format!(
+            "`ril watch` draws on a terminal, and standard input or output is none: {advice}"
+        );
         return Err(Failure::usage(text));
     }
     let term = std::env::var_os("TERM").unwrap_or_default();
@@ -158,7 +160,12 @@ impl Terminal {
         if !self.pending.is_empty() {
             return false;
         }
-        paint::changes(self.shown.as_ref(), &buffer, self.has_colour, &mut self.pending);
+        paint::changes(
+            self.shown.as_ref(),
+            &buffer,
+            self.has_colour,
+            &mut self.pending,
+        );
         self.shown = Some(buffer);
         self.write();
         true
@@ -206,9 +213,7 @@ fn own_output() -> io::Result<OwnedFd> {
     match opened {
         Ok(file) => Ok(file.into()),
         // After `su` the terminal is another user's: it can be written, but not opened.
-        Err(error) if error.kind() == ErrorKind::PermissionDenied => {
-            stdout().try_clone_to_owned()
-        }
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => stdout().try_clone_to_owned(),
         Err(error) => Err(error),
     }
 }
@@ -327,7 +332,10 @@ impl Signals {
     fn take(&mut self) -> bool {
         let mut bytes = [0; 64];
         let mut came = false;
-        while (&self.receiver).read(&mut bytes).is_ok_and(|count| count > 0) {
+        while (&self.receiver)
+            .read(&mut bytes)
+            .is_ok_and(|count| count > 0)
+        {
             came = true;
         }
         came

@@ -16,7 +16,9 @@ fn types(app: &mut App, text: &str) -> Vec<Action> {
         '\t' => Key::Tab,
         letter => Key::Char(letter),
     };
-    text.chars().map(|letter| app.key(key(letter), NOW)).collect()
+    text.chars()
+        .map(|letter| app.key(key(letter), NOW))
+        .collect()
 }
 
 #[test]

@@ -42,7 +42,11 @@ fn a_flight_is_told_in_order() {
 fn a_bridge_that_is_killed_is_one_alarm_and_one_bell_and_comes_back() {
     let mut robot = flown();
     let lost = at(20_500);
-    assert!(robot.looks_due(lost).any(|process| process == Process::Bridge));
+    assert!(
+        robot
+            .looks_due(lost)
+            .any(|process| process == Process::Bridge)
+    );
     robot.provider(Process::Bridge, false, lost);
     for ms in (20_500..30_000).step_by(250) {
         robot.judge(at(ms));
@@ -89,7 +93,10 @@ fn a_safety_rule_is_told_once_with_what_the_bridge_does() {
         robot.judge(at(20_250));
     }
     let lines = told(&robot);
-    let about: Vec<_> = lines.iter().filter(|line| line.contains("fence-ceiling")).collect();
+    let about: Vec<_> = lines
+        .iter()
+        .filter(|line| line.contains("fence-ceiling"))
+        .collect();
     assert_eq!(about, ["fence-ceiling by 4.2 m: hold"]);
     let shown = robot.alarms().lasting().next().unwrap();
     assert_eq!(shown.text, "fence-ceiling by 5.1 m: hold");
@@ -116,7 +123,11 @@ fn a_dsp_error_is_shown_for_a_while_and_stays_in_the_journal() {
         robot.judge(at(ms));
     }
     assert!(alarms(&robot).is_empty());
-    assert!(told(&robot).iter().any(|line| line.contains("invalid command")));
+    assert!(
+        told(&robot)
+            .iter()
+            .any(|line| line.contains("invalid command"))
+    );
 }
 
 #[test]

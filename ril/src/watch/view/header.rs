@@ -47,7 +47,11 @@ pub(super) fn draw(robot: &Robot, clock: Clock, area: Rect, buffer: &mut Buffer)
     let (text, style) = flying(robot, clock);
     x = put(buffer, area, x + 2, text, style);
     if let Some(switch) = robot.pilot().switch {
-        let style = if switch == ipc_types::code::PilotSwitch::Auto { GOOD } else { WARNING };
+        let style = if switch == ipc_types::code::PilotSwitch::Auto {
+            GOOD
+        } else {
+            WARNING
+        };
         put(buffer, area, x + 2, &format!("switch {switch}"), style);
     }
     let time = format!(" {}Z", clock.time_of_day(clock.now));
@@ -61,7 +65,11 @@ pub(super) fn draw_alarm(robot: &Robot, clock: Clock, area: Rect, buffer: &mut B
         put(buffer, area, 1, "no alarm", OLD);
         return;
     };
-    let word = if worst.weight == Weight::Alarm { "ALARM" } else { "WARNING" };
+    let word = if worst.weight == Weight::Alarm {
+        "ALARM"
+    } else {
+        "WARNING"
+    };
     let more = match alarms.count() {
         0 => String::new(),
         more => format!(", and {more} more"),
@@ -75,16 +83,29 @@ pub(super) fn draw_alarm(robot: &Robot, clock: Clock, area: Rect, buffer: &mut B
 /// The keys, or the prompt.
 pub(super) fn draw_keys(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer) {
     let Some(prompt) = app.prompt() else {
-        let robots = if app.robots().len() > 1 { "  1-9 Tab robot" } else { "" };
+        let robots = if app.robots().len() > 1 {
+            "  1-9 Tab robot"
+        } else {
+            ""
+        };
         let zoom = app.zoom().name();
         let text = format!("h hold  l land  s stop{robots}  z zoom ({zoom})  q quit");
         put(buffer, area, 1, &text, OLD);
         return;
     };
     let (word, robot) = (prompt.order().word(), prompt.robot());
-    let ask = format!(" robot {robot}: type {word} and Enter > {}_ ", prompt.typed());
+    let ask = format!(
+        " robot {robot}: type {word} and Enter > {}_ ",
+        prompt.typed()
+    );
     let x = put(buffer, area, 0, &ask, ALARM);
     let left = prompt.ends().since(clock.now).as_secs() + 1;
     let effect = prompt.order().effect();
-    put(buffer, area, x + 1, &format!("{left} s, Esc: no. To {effect}"), TITLE);
+    put(
+        buffer,
+        area,
+        x + 1,
+        &format!("{left} s, Esc: no. To {effect}"),
+        TITLE,
+    );
 }

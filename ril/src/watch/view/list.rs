@@ -39,7 +39,11 @@ pub(super) fn draw(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer) {
             ..row
         };
         put(buffer, cell(DOING, ALTITUDE), 0, &doing, doing_style);
-        let old = if robot.telemetry_freshness(clock.now).is_fresh() { "" } else { "?" };
+        let old = if robot.telemetry_freshness(clock.now).is_fresh() {
+            ""
+        } else {
+            "?"
+        };
         if let Some(altitude_m) = robot.pilot().altitude_m {
             let text = format!("{altitude_m:.1} m{old}");
             put(buffer, cell(ALTITUDE, BATTERY), 0, &text, style);
@@ -50,7 +54,13 @@ pub(super) fn draw(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer) {
         }
         if let Some(worst) = robot.alarms().lasting().next() {
             let text = format!("{} {}", worst.weight.mark(), worst.text);
-            put(buffer, cell(ALARM, area.width + 1), 0, &text, style_of(worst.weight));
+            put(
+                buffer,
+                cell(ALARM, area.width + 1),
+                0,
+                &text,
+                style_of(worst.weight),
+            );
         }
     }
 }

@@ -114,7 +114,10 @@ fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     if app.zoom() == Zoom::Fence {
         places.extend(app.chart().fence.iter().flat_map(|area| &area.corners));
     }
-    places.iter().map(|place| offset_m(origin, *place)).collect()
+    places
+        .iter()
+        .map(|place| offset_m(origin, *place))
+        .collect()
 }
 
 /// The inside of the map's frame, and which part of the world it shows.
@@ -133,7 +136,12 @@ impl Sheet<'_> {
                 true => ("#", Color::Yellow),
                 false => ("x", Color::Red),
             };
-            let closed: Vec<Place> = area.corners.iter().chain(area.corners.first()).copied().collect();
+            let closed: Vec<Place> = area
+                .corners
+                .iter()
+                .chain(area.corners.first())
+                .copied()
+                .collect();
             self.lines(&closed, Some(letter), colour);
         }
         self.lines(&app.chart().path, Some(glyphs.pick("·", ".")), Color::Cyan);
@@ -198,7 +206,9 @@ impl Sheet<'_> {
         let (east, north) = offset_m(self.origin, *place);
         let dot = |value: f64, bounds: [f64; 2], dots: u16| {
             let part = (value - bounds[0]) / (bounds[1] - bounds[0]);
-            (0.0..=1.0).contains(&part).then(|| (part * (f64::from(dots) - 1.0)).round() as u16)
+            (0.0..=1.0)
+                .contains(&part)
+                .then(|| (part * (f64::from(dots) - 1.0)).round() as u16)
         };
         let (width, height) = (self.inner.width, self.inner.height);
         let from_top = [-self.extent.north_m[1], -self.extent.north_m[0]];

@@ -81,7 +81,11 @@ pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
     }
     let robots = u16::try_from(app.robots().len()).unwrap_or(u16::MAX);
     let spare = area.height - 3 - VALUES;
-    let list = if robots > 1 { robots.min(spare - MIN_LOG) } else { 0 };
+    let list = if robots > 1 {
+        robots.min(spare - MIN_LOG)
+    } else {
+        0
+    };
     let log = (spare - list).min(MAX_LOG.max(area.height / 4));
     let body = area.height - 3 - list - log;
     let row = |y: u16, height: u16| Rect {
@@ -104,7 +108,13 @@ pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
     };
     map::draw(app, glyphs, map, buffer);
     values::draw(app, clock, glyphs, values, buffer);
-    log::draw(app.robot(), clock, glyphs, row(2 + list + body, log), buffer);
+    log::draw(
+        app.robot(),
+        clock,
+        glyphs,
+        row(2 + list + body, log),
+        buffer,
+    );
     header::draw_keys(app, clock, row(area.height - 1, 1), buffer);
 }
 
@@ -120,9 +130,19 @@ fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
     header::draw(app.robot(), clock, row(0), buffer);
     header::draw_alarm(app.robot(), clock, row(1), buffer);
     let pilot = app.robot().pilot();
-    let altitude = pilot.altitude_m.map_or("-".to_owned(), |m| format!("{m:.1} m"));
-    let battery = pilot.battery_v.map_or("-".to_owned(), |v| format!("{v:.1} V"));
-    put(buffer, row(2), 0, &format!("altitude {altitude}, battery {battery}"), Style::new());
+    let altitude = pilot
+        .altitude_m
+        .map_or("-".to_owned(), |m| format!("{m:.1} m"));
+    let battery = pilot
+        .battery_v
+        .map_or("-".to_owned(), |v| format!("{v:.1} V"));
+    put(
+        buffer,
+        row(2),
+        0,
+        &format!("altitude {altitude}, battery {battery}"),
+        Style::new(),
+    );
     let (width, height) = (area.width, area.height);
     let advice = format!("terminal {width} x {height}: all needs {MIN_WIDTH} x {MIN_HEIGHT}");
     put(buffer, row(3), 0, &advice, TITLE);

@@ -35,7 +35,10 @@ fn text(buffer: &Buffer) -> String {
 #[track_caller]
 fn assert_screen(buffer: &Buffer, expected: &str) {
     let shown = text(buffer);
-    assert!(shown == expected, "the screen is\n{shown}\nand not\n{expected}");
+    assert!(
+        shown == expected,
+        "the screen is\n{shown}\nand not\n{expected}"
+    );
 }
 
 #[test]
@@ -87,9 +90,18 @@ fn a_bridge_that_is_gone_stands_out_without_colour() {
     let buffer = drawn(&app, clock(25_000), Glyphs::Unicode, 80, 24);
     let shown = text(&buffer);
     let lines: Vec<&str> = shown.lines().collect();
-    assert!(lines[0].contains("GONE, 5 s old: flying the path"), "{shown}");
-    assert!(lines[1].contains("ALARM  the bridge is gone: start `ril bridge --robot 1`"), "{shown}");
-    assert!(shown.contains("STALE, 5 s old") && shown.contains("altitude ?"), "{shown}");
+    assert!(
+        lines[0].contains("GONE, 5 s old: flying the path"),
+        "{shown}"
+    );
+    assert!(
+        lines[1].contains("ALARM  the bridge is gone: start `ril bridge --robot 1`"),
+        "{shown}"
+    );
+    assert!(
+        shown.contains("STALE, 5 s old") && shown.contains("altitude ?"),
+        "{shown}"
+    );
     assert!(buffer[(2, 1)].modifier.contains(Modifier::REVERSED));
 }
 
@@ -102,7 +114,10 @@ fn a_question_is_asked_on_the_last_line() {
     let buffer = drawn(&app, clock(20_000), Glyphs::Unicode, 80, 24);
     let shown = text(&buffer);
     let last = shown.lines().last().unwrap();
-    assert!(last.starts_with(" robot 1: type land and Enter > la_ "), "{last}");
+    assert!(
+        last.starts_with(" robot 1: type land and Enter > la_ "),
+        "{last}"
+    );
     assert!(last.contains("Esc: no"), "{last}");
 }
 
@@ -114,7 +129,12 @@ fn without_any_process_it_says_what_is_missing() {
     }
     app.judge(at(0));
     let shown = text(&drawn(&app, clock(0), Glyphs::Unicode, 80, 24));
-    for expected in ["no bridge runs", "no telemetry", "no position yet", "not running"] {
+    for expected in [
+        "no bridge runs",
+        "no telemetry",
+        "no position yet",
+        "not running",
+    ] {
         assert!(shown.contains(expected), "{expected}:\n{shown}");
     }
 }
@@ -129,7 +149,12 @@ fn text_of_another_process_does_not_command_the_terminal() {
     status.doing[..8].copy_from_slice(b"\x1b[2Jdoom");
     app.robots_mut()[0].status(&status, at(20_000));
     let buffer = drawn(&app, clock(20_000), Glyphs::Unicode, 80, 24);
-    assert!(!buffer.content.iter().any(|cell| cell.symbol().contains('\x1b')));
+    assert!(
+        !buffer
+            .content
+            .iter()
+            .any(|cell| cell.symbol().contains('\x1b'))
+    );
     assert!(text(&buffer).contains("doom"));
 }
 

@@ -155,7 +155,9 @@ fn path(robot: &Robot) -> String {
         (Some(kind), _) => format!("last order: {kind}"),
         (None, _) => return "-".to_owned(),
     };
-    let distance_m = movement.distance_to_go().filter(|distance| distance.is_finite());
+    let distance_m = movement
+        .distance_to_go()
+        .filter(|distance| distance.is_finite());
     if let Some(distance_m) = distance_m {
         text += &format!(", {distance_m:.1} m to go");
     }
@@ -165,9 +167,15 @@ fn path(robot: &Robot) -> String {
 fn supply(robot: &Robot) -> String {
     let pilot = robot.pilot();
     let battery = pilot.battery_v.map(|volts| format!("battery {volts:.1} V"));
-    let fuel = pilot.fuel_percent.map(|percent| format!("fuel {percent:.0} %"));
+    let fuel = pilot
+        .fuel_percent
+        .map(|percent| format!("fuel {percent:.0} %"));
     let parts: Vec<String> = [battery, fuel].into_iter().flatten().collect();
-    if parts.is_empty() { "-".to_owned() } else { parts.join(", ") }
+    if parts.is_empty() {
+        "-".to_owned()
+    } else {
+        parts.join(", ")
+    }
 }
 
 fn switch(robot: &Robot) -> (&'static str, Style) {
@@ -184,7 +192,10 @@ fn dsp_link(robot: &Robot, clock: Clock) -> (String, Style) {
     };
     let link = &state.link;
     let known = link.state();
-    let name = known.map_or_else(|| format!("unknown-{}", link.state), |state| state.to_string());
+    let name = known.map_or_else(
+        || format!("unknown-{}", link.state),
+        |state| state.to_string(),
+    );
     let heard = link.last_message().filter(|at| *at <= clock.now);
     let age = heard.map_or("-".to_owned(), |at| {
         format!("{:.1} s", clock.now.since(at).as_secs_f64())
@@ -193,8 +204,15 @@ fn dsp_link(robot: &Robot, clock: Clock) -> (String, Style) {
     let lost = [refused.checksum, refused.truncated, refused.missed_messages]
         .into_iter()
         .fold(0_u32, u32::saturating_add);
-    let text = format!("{name} {age}, {lost} lost, {} repeated", link.commands_repeated);
-    let style = if known == Some(LinkState::Up) { GOOD } else { WARNING };
+    let text = format!(
+        "{name} {age}, {lost} lost, {} repeated",
+        link.commands_repeated
+    );
+    let style = if known == Some(LinkState::Up) {
+        GOOD
+    } else {
+        WARNING
+    };
     (text, style)
 }
 
@@ -229,9 +247,9 @@ fn relay(robot: &Robot, clock: Clock) -> (String, Style) {
     };
     let freshness = robot.process(Process::Relay, clock.now);
     let state = link.state().map_or("unknown", |state| state.name());
-    let lost = link.lost_on_air().map_or("-".to_owned(), |part| {
-        format!("{:.1} % lost", part * 100.0)
-    });
+    let lost = link
+        .lost_on_air()
+        .map_or("-".to_owned(), |part| format!("{:.1} % lost", part * 100.0));
     let heard = link.last_heard().filter(|at| *at <= clock.now);
     let age = heard.map_or("-".to_owned(), |at| {
         format!("{:.1} s", clock.now.since(at).as_secs_f64())
