@@ -224,7 +224,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     rig.run("land", 5);
     rig.run("hold", 0);
     was_replaced(path);
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["link"]["dsp_path"], "empty");
 
     let path = flight.far_away(&rig);
@@ -237,7 +237,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     let path = flight.far_away(&rig);
     rig.run("land --preempt", 0);
     was_replaced(path);
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["movement"]["kind"], "land");
     assert_eq!(state["link"]["dsp_path"], "empty");
     flight.end();

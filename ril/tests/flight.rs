@@ -108,7 +108,7 @@ fn a_whole_mission_by_hand() {
         (&word["request"], &word["stage"]),
         (&"stop".into(), &"done".into())
     );
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["module"]["status"], "ended");
     assert_eq!(state["module"]["blocked"], true);
     assert_eq!(state["link"]["waypoints_sent"], 2);
@@ -140,7 +140,7 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
     refused("takeoff --altitude 150", "busy");
     refused("stop", "unable-to-abort");
     refused(&here, "busy");
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["module"]["functionality"], "taking-off");
     assert_eq!(state["module"]["unable_to_abort"], true);
     assert_eq!(state["module"]["error"], "impossible-to-stop-module");
@@ -217,7 +217,7 @@ fn two_robots_do_not_see_each_other() {
     }
     rig.run("start --robot 2", 0);
     rig.run("takeoff --robot 2 --altitude 5", 0);
-    let state = |robot: u32| json(&rig.run(&format!("status --json --robot {robot}"), 0).stdout[0]);
+    let state = |robot: u32| rig.state(robot);
     assert_eq!(state(2)["module"]["status"], "ended");
     assert_eq!(state(2)["movement"]["kind"], "takeoff");
     assert_eq!(state(1)["module"]["status"], "waiting-data-to-start");

@@ -173,19 +173,19 @@ fn without_a_relay_status_says_how_to_start_one_and_a_silent_one_is_a_timeout() 
 fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
     let rig = Rig::new();
     let relay = StandInRelay::start(&rig.domain, up());
-    let shown = rig.run("status", 0);
+    let shown = rig.state_of("status");
     let expected = "relay       relayed over tcp/10.0.0.2:7447, link up, round trip 12.3 ms, 0.50 % lost on the air";
     assert!(says(&shown.stdout, expected), "{shown:#?}");
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["relayed"], true);
     assert_eq!(state["relay"]["clock"]["uncertainty_s"], 0.0025);
     drop(relay);
 
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish_state(&ModuleState::default());
-    let shown = rig.run("status", 0);
+    let shown = rig.state_of("status");
     assert!(!says(&shown.stdout, "relayed"), "{shown:#?}");
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(
         (&state["relayed"], &state["relay"]),
         (&false.into(), &serde_json::Value::Null)

@@ -314,7 +314,7 @@ fn a_bridge_without_a_port_refuses_a_start_and_one_that_was_stopped_is_not_waite
     let expected = "start was refused (link-down)";
     assert!(says(&finished.stderr, expected), "{finished:#?}");
     rig.run("goto -37,-6,20", 5);
-    let state = json(&rig.run("status --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["link"]["state"], "gone");
     let mut watch = rig.watch(1);
     watch.until("both are counted", |state| state.refused.requests == 2);

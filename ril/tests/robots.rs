@@ -47,7 +47,7 @@ fn a_command_that_moves_a_helicopter_refuses_to_guess_among_several() {
         Some(MovementKind::Hold)
     );
     // What only looks has a default.
-    rig.run("status", 0);
+    rig.state_of("status");
     rig.run("param list", 0);
     rig.run("param get yaw_gain", 0);
 

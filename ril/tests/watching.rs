@@ -214,7 +214,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
         received_ns: old,
         ..position(1.0)
     });
-    let shown = json(&rig.run("status --json", 0).stdout[0]);
+    let shown = rig.state(1);
     assert_eq!(shown["schema"], "ril.State.v3");
     assert_eq!(shown["robot"], 1);
     assert_eq!(shown["module"]["status"], "running");
@@ -224,7 +224,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
     assert!(shown["dsp"]["age_ms"].as_u64().unwrap() >= 5000, "{shown}");
     assert!(shown["hero"].is_null(), "there is no status");
 
-    let text = rig.run("status", 0).stdout;
+    let text = rig.state_of("status").stdout;
     assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
     assert!(says(&text, "s old, STALE"), "{text:#?}");
     assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
@@ -238,6 +238,6 @@ fn the_state_shows_names_ages_and_what_is_stale() {
 
     let status = StandInStatus::start(&rig.domain);
     status.publish(&HeroTelemetry::default());
-    let shown = json(&rig.run("status --json", 0).stdout[0]);
+    let shown = rig.state(1);
     assert_eq!(shown["hero"]["sequence"], 1);
 }

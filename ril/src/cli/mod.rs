@@ -266,6 +266,10 @@ pub struct StateArgs {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
+
+    /// Go on until a signal: on a terminal show all anew in its place, elsewhere print a line at every change
+    #[arg(long)]
+    pub watch: bool,
 }
 
 /// `ril doctor`

@@ -162,6 +162,11 @@ impl LinkReport {
         self.sample.is_stale()
     }
 
+    /// Whether the relay says that the link is up, and has said so lately.
+    pub fn is_up(&self) -> bool {
+        self.up
+    }
+
     /// What `link` says at `now`.
     pub fn new(link: &RelayLink, now: MonotonicNs) -> LinkReport {
         // Without `..`: a field that is added must be shown.

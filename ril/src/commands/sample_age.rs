@@ -38,6 +38,11 @@ impl Sample {
         }
     }
 
+    /// Its age, ms; nothing when it claims to be of the future.
+    pub fn age_ms(self) -> Option<u64> {
+        self.age_ms
+    }
+
     /// Whether it is too old to say how things are now.
     pub fn is_stale(self) -> bool {
         self.stale

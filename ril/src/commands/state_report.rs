@@ -1,39 +1,67 @@
 //! What `ril status` shows, as a value made of samples and the time: as text for people, as JSON for programs.
 //!
-//! It reads no clock and no port. What never happened is nothing, and what is too old is marked stale. The text is in
-//! `text`.
+//! It reads no clock and no port. What never happened is nothing, and what is too old is marked stale. What a pilot asks first is in
+//! `flight`, what the bridge says in `bridge`, the text in `text`.
 
+mod bridge;
+mod flight;
 #[cfg(test)]
 mod tests;
 mod text;
 
-use dsp_protocol::DspErrorCode;
-use ipc_types::code::{Functionality, LinkState, ModuleId, ModuleStatus};
+use ipc_types::code::ModuleId;
 use ipc_types::module::State;
-use ipc_types::payload::{
-    DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters, SafetyState,
-};
-use ipc_types::{MonotonicNs, TelemetryGroup};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{MonotonicNs, RobotId};
+use runtime::exit::ExitCode;
 use serde::Serialize;
 
 use super::relay_report::LinkReport;
-use super::sample_age::{Sample, age_ms, named};
-use crate::messages::details;
+use super::sample_age::{Sample, named};
+use bridge::{DspErrors, Link, Module, Movement, Refused, Safety};
+use flight::Flight;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";
+
+/// What there is of a robot: the newest sample of each topic, and which processes live.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Samples<'a> {
+    /// The bridge's state.
+    pub state: Option<&'a ModuleState>,
+    /// Raw telemetry.
+    pub dsp: Option<&'a DspTelemetry>,
+    /// Telemetry in SI units.
+    pub hero: Option<&'a HeroTelemetry>,
+    /// The state of the process status.
+    pub status: Option<&'a State>,
+    /// Whether a process provides the bridge's state.
+    pub has_bridge: bool,
+    /// Whether a process provides the state of status.
+    pub has_status: bool,
+}
+
+impl Samples<'_> {
+    /// Whether nothing came of the robot.
+    pub fn is_empty(&self) -> bool {
+        self.state.is_none() && self.dsp.is_none() && self.hero.is_none() && self.status.is_none()
+    }
+}
 
 /// Everything that `ril status` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StateReport {
     schema: &'static str,
     robot: u32,
-    module: Module,
+    flight: Flight,
+    processes: Processes,
+    /// The bridge as a module, and all that it says; nothing when no state of it was received.
+    module: Option<Module>,
     movement: Option<Movement>,
-    link: Link,
-    refused: Refused,
-    dsp_errors: DspErrors,
-    safety: Safety,
+    link: Option<Link>,
+    refused: Option<Refused>,
+    dsp_errors: Option<DspErrors>,
+    safety: Option<Safety>,
     /// Raw telemetry; nothing when none was received.
     dsp: Option<Sample>,
     /// Telemetry in SI units; nothing when none was received.
@@ -46,15 +74,11 @@ pub struct StateReport {
     relay: Option<LinkReport>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Module {
-    id: String,
-    status: String,
-    functionality: String,
-    blocked: bool,
-    unable_to_abort: bool,
-    error: String,
-    sample: Sample,
+/// Which processes live.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Processes {
+    bridge: bool,
+    status: bool,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -67,117 +91,33 @@ struct StatusState {
     sample: Sample,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Movement {
-    kind: String,
-    request_id: u64,
-    path_id: u64,
-    waypoints_total: u32,
-    waypoints_sent: u32,
-    waypoints_reached: u32,
-    distance_to_go_m: Option<f32>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Link {
-    state: String,
-    state_since_ms: Option<u64>,
-    port_openings: u32,
-    dsp_boots: u32,
-    last_message_age_ms: Option<u64>,
-    last_telemetry_age_ms: Option<u64>,
-    bytes_received: u64,
-    messages_received: u64,
-    telemetry_published: u32,
-    telemetry_incoherent: u32,
-    commands_acknowledged: u32,
-    commands_repeated: u32,
-    commands_failed: u32,
-    acks_unmatched: u32,
-    waypoints_sent: u32,
-    waypoints_repeated: u32,
-    delivery_verified: bool,
-    dsp_path: String,
-    /// Nothing before the DSP has answered the start-up sequence: it has not been asked.
-    pc_timeout_supported: Option<bool>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Safety {
-    /// Nothing when no rule is violated.
-    violation: Option<Violation>,
-    pilot_switch: String,
-    fence_areas: u32,
-    interventions: u32,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Violation {
-    rule: String,
-    amount: Option<f64>,
-    /// Unit of `amount`; nothing for a rule that has none.
-    unit: Option<&'static str>,
-    action: String,
-    /// The amount as people read it.
-    #[serde(skip)]
-    by: Option<String>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Refused {
-    stray: u32,
-    unknown_header: u32,
-    truncated: u32,
-    checksum: u32,
-    padding: u32,
-    value: u32,
-    implausible_groups: u32,
-    implausible: Vec<&'static str>,
-    requests: u32,
-    transmit_overflows: u32,
-    other_profile: u32,
-    missed_messages: u32,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct DspErrors {
-    total: u32,
-    escalated: u32,
-    unknown: u32,
-    last: Option<String>,
-    last_code: Option<u32>,
-    by_code: Vec<DspErrorCount>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct DspErrorCount {
-    code: u16,
-    text: &'static str,
-    count: u32,
-}
-
 impl StateReport {
-    /// What `state`, the newest telemetry and the state of status say at `now`.
-    pub fn new(
-        robot: u32,
-        state: &ModuleState,
-        dsp: Option<Sample>,
-        hero: Option<Sample>,
-        status: Option<&State>,
-        now: MonotonicNs,
-    ) -> StateReport {
+    /// What the newest samples say at `now`.
+    pub fn new(robot: RobotId, samples: &Samples<'_>, now: MonotonicNs) -> StateReport {
+        let state = samples.state;
+        let sample = |sequence, at| Sample::new(sequence, at, now);
         StateReport {
             schema: SCHEMA,
-            robot,
-            module: Module::new(state, now),
-            movement: (state.movement.kind != 0).then(|| Movement::new(&state.movement)),
-            link: Link::new(&state.link, now),
-            refused: Refused::new(&state.refused),
-            dsp_errors: DspErrors::new(&state.dsp_errors),
-            safety: Safety::new(&state.safety),
-            dsp,
-            hero,
-            status: status.map(|status| StatusState::new(status, now)),
+            robot: robot.get(),
+            flight: Flight::new(samples, now),
+            processes: Processes {
+                bridge: samples.has_bridge,
+                status: samples.has_status,
+            },
+            module: state.map(|state| Module::new(state, now)),
+            movement: state
+                .map(|state| &state.movement)
+                .filter(|movement| movement.kind != 0)
+                .map(Movement::new),
+            link: state.map(|state| Link::new(&state.link, now)),
+            refused: state.map(|state| Refused::new(&state.refused)),
+            dsp_errors: state.map(|state| DspErrors::new(&state.dsp_errors)),
+            safety: state.map(|state| Safety::new(&state.safety)),
+            dsp: samples.dsp.map(|dsp| sample(dsp.sequence, dsp.received())),
+            hero: samples
+                .hero
+                .map(|hero| sample(hero.sequence, MonotonicNs(hero.published_ns))),
+            status: samples.status.map(|status| StatusState::new(status, now)),
             relayed: false,
             relay: None,
         }
@@ -192,6 +132,53 @@ impl StateReport {
             ..self
         }
     }
+
+    /// How the command ends.
+    ///
+    /// * 3: no bridge runs;
+    /// * 4: the bridge says nothing, or its state or the newest telemetry is old;
+    /// * 6: the relay's link to the robot, or the robot's link to the DSP, is not up.
+    pub fn exit_code(&self) -> ExitCode {
+        self.trouble().map_or(ExitCode::Ok, |(code, _)| code)
+    }
+
+    /// Why the command ends with another code than 0, and what to do; nothing when all is well.
+    pub fn trouble(&self) -> Option<(ExitCode, String)> {
+        let robot = self.robot;
+        if !self.processes.bridge {
+            let text =
+                format!("no bridge of robot {robot} runs: start `ril bridge --robot {robot}`");
+            return Some((ExitCode::ServiceAbsent, text));
+        }
+        if self.relay.as_ref().is_some_and(|relay| !relay.is_up()) {
+            let text = format!(
+                "the relay's link to robot {robot} is not up: `ril relay status --robot {robot}` says more"
+            );
+            return Some((ExitCode::LinkDown, text));
+        }
+        let is_fresh = |sample: Option<Sample>| sample.is_some_and(|sample| !sample.is_stale());
+        if !is_fresh(self.module.as_ref().map(|module| module.sample)) {
+            let text = format!(
+                "the bridge of robot {robot} runs and says nothing: is it stopped, or is the machine overloaded?"
+            );
+            return Some((ExitCode::Timeout, text));
+        }
+        let link = self.link.as_ref()?;
+        if !link.is_up() {
+            let text = format!(
+                "the link to the DSP of robot {robot} is {}: `ril doctor --robot {robot}` finds out why",
+                link.state
+            );
+            return Some((ExitCode::LinkDown, text));
+        }
+        if link.telemetry_published > 0 && self.flight.is_stale() {
+            let text = format!(
+                "telemetry of robot {robot} is old, although the link to the DSP is up: does the DSP send its status?"
+            );
+            return Some((ExitCode::Timeout, text));
+        }
+        None
+    }
 }
 
 impl StatusState {
@@ -203,198 +190,6 @@ impl StatusState {
             blocked: state.is_blocked(),
             error: state.error().to_string(),
             sample: Sample::new(state.sequence, MonotonicNs(state.published_ns), now),
-        }
-    }
-}
-
-impl Module {
-    fn new(state: &ModuleState, now: MonotonicNs) -> Module {
-        Module {
-            id: named(ModuleId::from_code(state.module_id), state.module_id),
-            status: named(ModuleStatus::from_code(state.status), state.status),
-            functionality: named(
-                Functionality::from_code(state.functionality),
-                state.functionality,
-            ),
-            blocked: state.is_blocked(),
-            unable_to_abort: state.is_unable_to_abort(),
-            error: state.imi_error().to_string(),
-            sample: Sample::new(state.sequence, state.published(), now),
-        }
-    }
-}
-
-impl Movement {
-    fn new(movement: &MovementState) -> Movement {
-        Movement {
-            kind: named(movement.kind(), movement.kind),
-            request_id: movement.request_id,
-            path_id: movement.path_id,
-            waypoints_total: movement.waypoints_total,
-            waypoints_sent: movement.waypoints_sent,
-            waypoints_reached: movement.waypoints_reached,
-            distance_to_go_m: movement.distance_to_go().filter(|m| m.is_finite()),
-        }
-    }
-}
-
-impl Link {
-    fn new(link: &LinkHealth, now: MonotonicNs) -> Link {
-        // Without `..`: a field that is added must be shown.
-        let LinkHealth {
-            last_message_ns: _,
-            last_telemetry_ns,
-            state_since_ns,
-            bytes_received,
-            messages_received,
-            state,
-            port_openings,
-            dsp_boots,
-            commands_acknowledged,
-            commands_repeated,
-            commands_failed,
-            acks_unmatched,
-            waypoints_sent,
-            waypoints_repeated,
-            delivery_verified,
-            telemetry_published,
-            telemetry_incoherent,
-            dsp_path,
-            pc_timeout_supported,
-        } = *link;
-        let since = (state_since_ns > 0).then_some(MonotonicNs(state_since_ns));
-        let is_asked = matches!(link.state(), Some(LinkState::Up | LinkState::Silent));
-        let last_telemetry = (telemetry_published > 0).then_some(MonotonicNs(last_telemetry_ns));
-        Link {
-            state: named(LinkState::from_code(state), state),
-            // 0 stands for "never": it is no time of the host.
-            state_since_ms: since.and_then(|time| age_ms(time, now)),
-            port_openings,
-            dsp_boots,
-            last_message_age_ms: link.last_message().and_then(|time| age_ms(time, now)),
-            last_telemetry_age_ms: last_telemetry.and_then(|time| age_ms(time, now)),
-            bytes_received,
-            messages_received,
-            telemetry_published,
-            telemetry_incoherent,
-            commands_acknowledged,
-            commands_repeated,
-            commands_failed,
-            acks_unmatched,
-            waypoints_sent,
-            waypoints_repeated,
-            delivery_verified: delivery_verified == 1,
-            dsp_path: named(link.dsp_path(), dsp_path),
-            pc_timeout_supported: (is_asked || pc_timeout_supported == 1)
-                .then_some(pc_timeout_supported == 1),
-        }
-    }
-}
-
-impl Refused {
-    fn new(counters: &RefusedCounters) -> Refused {
-        let RefusedCounters {
-            stray,
-            unknown_header,
-            truncated,
-            checksum,
-            padding,
-            value,
-            implausible_groups,
-            implausible_mask,
-            requests,
-            transmit_overflows,
-            other_profile,
-            missed_messages,
-        } = *counters;
-        // The mask has sixteen bits; others would be of a later layout.
-        let mask = (implausible_mask & u32::from(u16::MAX)) as u16;
-        Refused {
-            stray,
-            unknown_header,
-            truncated,
-            checksum,
-            padding,
-            value,
-            implausible_groups,
-            implausible: TelemetryGroup::in_mask(mask)
-                .map(TelemetryGroup::name)
-                .collect(),
-            requests,
-            transmit_overflows,
-            other_profile,
-            missed_messages,
-        }
-    }
-
-    /// The counters by name.
-    fn counters(&self) -> [(&'static str, u32); 11] {
-        [
-            ("stray", self.stray),
-            ("unknown header", self.unknown_header),
-            ("truncated", self.truncated),
-            ("checksum", self.checksum),
-            ("padding", self.padding),
-            ("value", self.value),
-            ("implausible groups", self.implausible_groups),
-            ("requests", self.requests),
-            ("transmit overflows", self.transmit_overflows),
-            ("other profile", self.other_profile),
-            ("missed messages", self.missed_messages),
-        ]
-    }
-}
-
-impl DspErrors {
-    fn new(counters: &DspErrorCounters) -> DspErrors {
-        let counts = DspErrorCode::KNOWN.into_iter().zip(counters.known);
-        let by_code = counts
-            .filter(|(_, count)| *count > 0)
-            .map(|(code, count)| DspErrorCount {
-                code: code.0,
-                text: code.text(),
-                count,
-            })
-            .collect();
-        DspErrors {
-            total: counters.total,
-            escalated: counters.escalated,
-            unknown: counters.unknown,
-            last: counters.last().map(details::dsp_error),
-            last_code: counters.last(),
-            by_code,
-        }
-    }
-}
-
-impl Safety {
-    fn new(safety: &SafetyState) -> Safety {
-        // Without `..`: a field that is added must be shown.
-        let SafetyState {
-            amount,
-            rule,
-            action,
-            pilot_switch,
-            fence_areas,
-            interventions,
-            reserved: _,
-        } = *safety;
-        let known = safety.rule();
-        let violation = (rule != 0).then(|| Violation {
-            rule: named(known, rule),
-            amount: known
-                .and_then(details::unit)
-                .and(Some(amount))
-                .filter(|amount| amount.is_finite()),
-            unit: known.and_then(details::unit),
-            action: named(safety.action(), action),
-            by: known.and_then(|rule| details::amount(rule, amount)),
-        });
-        Safety {
-            violation,
-            pilot_switch: named(safety.pilot_switch(), pilot_switch),
-            fence_areas,
-            interventions,
         }
     }
 }

@@ -67,7 +67,7 @@ impl Rig {
     }
 
     /// `command` in the folder, and without what would change what `ril` does.
-    fn place(&self, mut command: Command) -> Command {
+    pub fn place(&self, mut command: Command) -> Command {
         command.current_dir(self.folder());
         for variable in VARIABLES {
             command.env_remove(variable);
@@ -85,6 +85,25 @@ impl Rig {
     pub fn run(&self, args: &str, code: i32) -> Finished {
         let finished = self.start(args).wait_exit();
         assert_eq!(finished.code(), Some(code), "ril {args}: {finished:#?}");
+        finished
+    }
+
+    /// What `ril status --json` shows of a robot. Its exit code says whether the link is up and the data is new, which a machine that
+    /// stalls decides as well.
+    #[track_caller]
+    pub fn state(&self, robot: u32) -> serde_json::Value {
+        let finished = self.state_of(&format!("state --json --robot {robot}"));
+        json(&finished.stdout[0])
+    }
+
+    /// Runs `ril status` with these words, which must find a bridge.
+    #[track_caller]
+    pub fn state_of(&self, args: &str) -> Finished {
+        let finished = self.start(args).wait_exit();
+        assert!(
+            matches!(finished.code(), Some(0 | 4 | 6)),
+            "ril {args}: {finished:#?}"
+        );
         finished
     }
 

@@ -7,14 +7,15 @@ use runtime::duration::Shown;
 
 use crate::messages::count;
 
-use super::{
-    DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety, StateReport, StatusState,
-};
+use super::bridge::{DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety};
+use super::flight::Flight;
+use super::{StateReport, StatusState};
 
 impl fmt::Display for StateReport {
     /// Lines with a title each; the last without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
+        self.write_flight(f)?;
         match &self.relay {
             Some(link) => writeln!(f, "relay       {}", link.in_short())?,
             None if self.relayed => {
@@ -22,25 +23,15 @@ impl fmt::Display for StateReport {
             }
             None => {}
         }
-        writeln!(f, "module      {}", self.module)?;
+        match &self.module {
+            Some(module) => writeln!(f, "module      {module}")?,
+            None => writeln!(f, "module      no sample")?,
+        }
         match &self.status {
             Some(status) => writeln!(f, "status      {status}")?,
             None => writeln!(f, "status      no sample")?,
         }
-        match &self.movement {
-            Some(movement) => writeln!(f, "movement    {movement}")?,
-            None => writeln!(f, "movement    none yet")?,
-        }
-        writeln!(f, "link        {}", self.link)?;
-        writeln!(
-            f,
-            "DSP path    {}; when the bridge is gone: {}",
-            self.link.dsp_path,
-            without_bridge(self.link.pc_timeout_supported)
-        )?;
-        writeln!(f, "safety      {}", self.safety)?;
-        writeln!(f, "refused     {}", self.refused)?;
-        writeln!(f, "DSP errors  {}", self.dsp_errors)?;
+        self.write_bridge(f)?;
         for (title, sample) in [("dsp", self.dsp), ("hero", self.hero)] {
             match sample {
                 Some(sample) => writeln!(f, "{title:<12}{sample}")?,
@@ -48,6 +39,187 @@ impl fmt::Display for StateReport {
             }
         }
         Ok(())
+    }
+}
+
+impl StateReport {
+    /// What a pilot asks first.
+    fn write_flight(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let flight = &self.flight;
+        writeln!(f, "flight      {}", flight.in_words())?;
+        if flight.flying.is_some() {
+            writeln!(f, "altitude    {}", flight.altitude())?;
+            writeln!(f, "position    {}", flight.position())?;
+            writeln!(f, "speed       {}", flight.speed())?;
+            writeln!(f, "supply      {}", flight.supply())?;
+            writeln!(f, "GPS         {}", flight.fix())?;
+        }
+        let age = |age: Option<u64>| match age {
+            Some(age) => format!("{age} ms old"),
+            None => "of unknown age".to_owned(),
+        };
+        let stale = |is_stale: bool| if is_stale { ", STALE" } else { "" };
+        match flight.stale {
+            Some(is_stale) => write!(
+                f,
+                "data        telemetry {}{}",
+                age(flight.age_ms),
+                stale(is_stale)
+            )?,
+            None => write!(f, "data        no telemetry")?,
+        }
+        match &self.module {
+            Some(module) => {
+                let sample = module.sample;
+                writeln!(
+                    f,
+                    "; bridge's state {}{}",
+                    age(sample.age_ms()),
+                    stale(sample.is_stale())
+                )?;
+            }
+            None if self.processes.bridge => writeln!(f, "; no state of the bridge")?,
+            None => writeln!(f, "; no bridge runs")?,
+        }
+        Ok(())
+    }
+
+    /// What the bridge says.
+    fn write_bridge(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.movement, &self.module) {
+            (Some(movement), _) => writeln!(f, "movement    {movement}")?,
+            (None, Some(_)) => writeln!(f, "movement    none yet")?,
+            (None, None) => {}
+        }
+        if let Some(link) = &self.link {
+            writeln!(f, "link        {link}")?;
+            let without = without_bridge(link.pc_timeout_supported);
+            writeln!(
+                f,
+                "DSP path    {}; when the bridge is gone: {without}",
+                link.dsp_path
+            )?;
+        }
+        if let Some(safety) = &self.safety {
+            writeln!(f, "safety      {safety}")?;
+        }
+        if let Some(refused) = &self.refused {
+            writeln!(f, "refused     {refused}")?;
+        }
+        if let Some(errors) = &self.dsp_errors {
+            writeln!(f, "DSP errors  {errors}")?;
+        }
+        Ok(())
+    }
+
+    /// All that `--watch` tells of in a line. Another text than before is a change; numbers that always change are not in it.
+    pub fn situation(&self) -> String {
+        let mut parts = vec![self.flight.in_words()];
+        parts.extend(
+            self.flight
+                .pilot_switch
+                .map(|switch| format!("switch {switch}")),
+        );
+        parts.extend(self.flight.gps_fix.map(|fix| format!("fix {fix}")));
+        parts.extend(self.module.as_ref().map(|module| match module.blocked {
+            true => format!("module {}, blocked", module.status),
+            false => format!("module {}", module.status),
+        }));
+        parts.extend(
+            self.link
+                .as_ref()
+                .map(|link| format!("link {}", link.state)),
+        );
+        if let Some(violation) = self
+            .safety
+            .as_ref()
+            .and_then(|safety| safety.violation.as_ref())
+        {
+            parts.push(format!("{}: {}", violation.rule, violation.action));
+        }
+        parts.extend(self.trouble().map(|(_, trouble)| trouble));
+        parts.join("; ")
+    }
+
+    /// The situation with the numbers of this moment.
+    pub fn line(&self) -> String {
+        let flight = &self.flight;
+        let numbers = [
+            flight
+                .altitude_m
+                .map(|altitude_m| format!("{altitude_m:.1} m")),
+            flight
+                .ground_speed_mps
+                .map(|speed_mps| format!("{speed_mps:.1} m/s")),
+            flight
+                .battery_v
+                .map(|battery_v| format!("{battery_v:.1} V")),
+        ];
+        let numbers: Vec<String> = numbers.into_iter().flatten().collect();
+        match numbers.is_empty() {
+            true => self.situation(),
+            false => format!("{}; {}", self.situation(), numbers.join(", ")),
+        }
+    }
+}
+
+impl Flight {
+    fn in_words(&self) -> String {
+        match (&self.phase, self.flying) {
+            (Some(phase), Some(_)) if phase == self.up_or_down() => phase.clone(),
+            (Some(phase), _) => format!("{}, {phase}", self.up_or_down()),
+            (None, _) => self.up_or_down().to_owned(),
+        }
+    }
+
+    fn altitude(&self) -> String {
+        let Some(altitude_m) = self.altitude_m else {
+            return "-".to_owned();
+        };
+        match self.climb_mps {
+            Some(climb_mps) => format!("{altitude_m:.1} m, climb {climb_mps:+.1} m/s"),
+            None => format!("{altitude_m:.1} m"),
+        }
+    }
+
+    fn position(&self) -> String {
+        match (self.latitude_deg, self.longitude_deg) {
+            (Some(latitude), Some(longitude)) => format!("{latitude:.7}° {longitude:.7}°"),
+            _ => "-".to_owned(),
+        }
+    }
+
+    fn speed(&self) -> String {
+        let Some(speed_mps) = self.ground_speed_mps else {
+            return "-".to_owned();
+        };
+        match self.course_deg {
+            Some(course) => format!("{speed_mps:.1} m/s over ground, course {course:03.0}°"),
+            None => format!("{speed_mps:.1} m/s over ground"),
+        }
+    }
+
+    fn supply(&self) -> String {
+        let parts = [
+            self.battery_v.map(|volts| format!("battery {volts:.1} V")),
+            self.fuel_percent
+                .map(|percent| format!("fuel {percent:.0} %")),
+            self.pilot_switch
+                .map(|switch| format!("pilot's switch {switch}")),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        if parts.is_empty() {
+            "-".to_owned()
+        } else {
+            parts.join(", ")
+        }
+    }
+
+    fn fix(&self) -> String {
+        match (self.gps_fix, self.gps_quality) {
+            (Some(fix), Some(quality)) => format!("{fix} ({quality})"),
+            _ => "-".to_owned(),
+        }
     }
 }
 
