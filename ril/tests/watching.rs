@@ -226,7 +226,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
 
     let text = rig.state_of("status").stdout;
     assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
-    assert!(says(&text, "s old, STALE"), "{text:#?}");
+    assert!(says(&text, "ms old, STALE"), "{text:#?}");
     assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
     assert!(
         says(&text, "link        up since an unknown time"),

@@ -152,8 +152,8 @@ fn a_bridge_that_has_seen_nothing_says_so() {
     let expected = "\
 robot       1
 flight      no telemetry, at rest
-data        no telemetry; bridge's state 0.000 s old
-module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0.000 s old
+data        no telemetry; bridge's state 0 ms old
+module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0 ms old
 status      no sample
 movement    none yet
 link        gone since an unknown time; port opened 0 times, DSP boots seen 0
@@ -188,20 +188,20 @@ fn everything_that_happened_is_shown_with_its_age() {
         "speed       3.1 m/s over ground, course 270°\n",
         "supply      battery 24.1 V, fuel 80 %, pilot's switch auto\n",
         "GPS         RTK fixed (4)\n",
-        "data        telemetry 1.000 s old; bridge's state 0.120 s old\n",
-        "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 0.120 s old\n",
+        "data        telemetry 1000 ms old; bridge's state 120 ms old\n",
+        "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 120 ms old\n",
         "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
-        "up for 12.300 s; port opened 2 times",
-        "last message 0.015 s ago, last telemetry 2.500 s ago\n",
+        "up for 12.3s; port opened 2 times",
+        "last message 15 ms ago, last telemetry 2500 ms ago\n",
         "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",
         "safety      fence-ceiling by 4.2 m: hold; pilot's switch auto, 3 fence areas, 2 interventions\n",
         "refused     checksum 3, implausible groups 1 (groups: sonar)\n",
         "DSP errors  4, 1 of them fatal; last dsp-error-777 (unknown)\n",
         "3 × 102: checksum error from the PC\n",
         "1 × unknown codes\n",
-        "dsp         sample 30, 2.500 s old, STALE\n",
-        "hero        sample 29, 1.000 s old\n",
-        "status      hero-status running, translating telemetry; no-error; sample 4, 0.300 s old\n",
+        "dsp         sample 30, 2500 ms old, STALE\n",
+        "hero        sample 29, 1000 ms old\n",
+        "status      hero-status running, translating telemetry; no-error; sample 4, 300 ms old\n",
     ] {
         assert!(
             text.contains(expected),
@@ -282,7 +282,7 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
         ("/module/error", "impossible-to-stop-module".into()),
         ("/movement/kind", "goto".into()),
         ("/link/state", "up".into()),
-        ("/link/last_message_age_ms", 0.015.into()),
+        ("/link/last_message_age_ms", 15.into()),
         ("/refused/checksum", 3.into()),
         ("/refused/implausible", vec!["sonar"].into()),
         ("/dsp_errors/by_code/0/code", 102.into()),
@@ -306,7 +306,7 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
         ("/flight/gps_fix", "RTK fixed".into()),
         ("/flight/pilot_switch", "auto".into()),
         ("/flight/stale", true.into()),
-        ("/flight/age_ms", 1.001.into()),
+        ("/flight/age_ms", 1001.into()),
         ("/processes/bridge", true.into()),
         ("/dsp", serde_json::Value::Null),
         ("/hero/stale", true.into()),
@@ -403,7 +403,7 @@ robot       1
 flight      no telemetry
 data        no telemetry; no bridge runs
 module      no sample
-status      hero-status running, translating telemetry; no-error; sample 4, 0.300 s old
+status      hero-status running, translating telemetry; no-error; sample 4, 300 ms old
 dsp         no sample
 hero        no sample
 ";
