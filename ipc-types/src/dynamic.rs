@@ -129,11 +129,7 @@ impl Domain {
     }
 }
 
-fn services(
-    domain: &Domain,
-    robot: RobotId,
-    is_meant: fn(&Schema) -> bool,
-) -> Vec<ServiceFacts> {
+fn services(domain: &Domain, robot: RobotId, is_meant: fn(&Schema) -> bool) -> Vec<ServiceFacts> {
     if !domain.is_enterable() {
         return Vec::new();
     }

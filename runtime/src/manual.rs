@@ -184,7 +184,10 @@ mod tests {
             tool.contains(".SH \"EXIT STATUS\"\n.TP\n\\fB0\\fR\ndone\n.TP\n\\fB78\\fR\n"),
             "{tool}"
         );
-        assert!(tool.starts_with(".ie") || tool.contains(".TH TOOL 1"), "{tool}");
+        assert!(
+            tool.starts_with(".ie") || tool.contains(".TH TOOL 1"),
+            "{tool}"
+        );
         assert!(get.contains(".SH NOTES\nIt changes nothing."), "{get}");
         assert!(get.contains("\\fBtool\\fR(1)"), "{get}");
     }

@@ -90,7 +90,13 @@ mod tests {
 
     #[test]
     fn what_cannot_be_understood_is_skipped() {
-        for line in ["", "ril nonsense", "ril state --robot", "ril state --robot x", "ril --help"] {
+        for line in [
+            "",
+            "ril nonsense",
+            "ril state --robot",
+            "ril state --robot x",
+            "ril --help",
+        ] {
             assert_eq!(context(line), (1, None), "{line}");
         }
     }

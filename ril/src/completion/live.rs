@@ -156,7 +156,10 @@ mod tests {
         };
         let fields = fields(&context);
         let is_there = |name: &str| fields.iter().any(|field| field.value == name);
-        assert!(is_there("geodetic.altitude_m") && is_there("velocity"), "{fields:?}");
+        assert!(
+            is_there("geodetic.altitude_m") && is_there("velocity"),
+            "{fields:?}"
+        );
     }
 
     #[test]

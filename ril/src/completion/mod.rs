@@ -94,7 +94,9 @@ fn with_live_values(command: Command, context: &Arc<Context>) -> Command {
         .mut_args(|arg| match look_up(&verb, &arg) {
             Some(look_up) => {
                 let context = Arc::clone(context);
-                arg.add(ArgValueCandidates::new(move || candidates(look_up, &context)))
+                arg.add(ArgValueCandidates::new(move || {
+                    candidates(look_up, &context)
+                }))
             }
             None => arg,
         })
@@ -154,7 +156,9 @@ mod tests {
                 found.push((command.get_name().to_owned(), one));
             }
         }
-        command.get_subcommands().for_each(|inner| look_ups(inner, found));
+        command
+            .get_subcommands()
+            .for_each(|inner| look_ups(inner, found));
     }
 
     #[test]
@@ -177,9 +181,8 @@ mod tests {
 
     #[test]
     fn the_words_before_the_cursor_are_those_after_the_dashes() {
-        let args = |line: &str| -> Vec<OsString> {
-            line.split_whitespace().map(OsString::from).collect()
-        };
+        let args =
+            |line: &str| -> Vec<OsString> { line.split_whitespace().map(OsString::from).collect() };
         for (line, expected) in [
             ("ril -- ril state --ro", "ril state"),
             ("ril --", ""),
@@ -194,7 +197,10 @@ mod tests {
         for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
             let script = script(shell).unwrap();
             assert!(script.contains(VARIABLE), "{script}");
-            assert!(!script.contains('\u{b}') && !script.contains("/target/"), "{script}");
+            assert!(
+                !script.contains('\u{b}') && !script.contains("/target/"),
+                "{script}"
+            );
         }
         assert!(script(Shell::Zsh).unwrap().starts_with("#compdef ril\n"));
     }
