@@ -83,7 +83,9 @@ fn each_unit_starts_a_process_that_there_is_with_a_file_that_is_installed() {
             line[0]
         );
         let read = |line: &[&str]| Cli::read(line.iter().map(OsString::from));
-        let command = match read(&line) {
+        // Before there was `ril run`, the process was the verb itself.
+        let former: Vec<&str> = line.iter().copied().filter(|word| *word != "run").collect();
+        let command = match read(&line).or_else(|_| read(&former)) {
             Ok((cli, _)) => cli.command,
             Err(error) => panic!("{name}: {error}"),
         };
