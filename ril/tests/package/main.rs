@@ -8,12 +8,18 @@ mod completion;
 mod manual;
 mod units;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// A path of the repository.
 fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+/// Says that something is not tested, past the test harness, which would hide it.
+fn skipped(why: &str) {
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
 }
 
 /// Whether this machine has a program; when not, that is said, because something is then not tested.
@@ -25,7 +31,7 @@ fn has(program: &str, not_tested: &str) -> bool {
         .stderr(Stdio::null())
         .status();
     if found.is_err() {
-        eprintln!("SKIPPED: this machine has no {program}: {not_tested}");
+        skipped(&format!("this machine has no {program}: {not_tested}"));
     }
     found.is_ok()
 }

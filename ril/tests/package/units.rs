@@ -150,7 +150,7 @@ fn the_services_are_hardly_exposed() {
         "the hardening of the units is not measured",
     ) || offline.is_ok_and(|output| !output.status.success())
     {
-        eprintln!("SKIPPED: the hardening of the units is not measured");
+        super::skipped("the hardening of the units is not measured");
         return;
     }
     let rig = Rig::new();
