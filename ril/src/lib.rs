@@ -41,7 +41,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use cli::RobotChoice;
-use commands::{doctor, echo, param, relay, request, shell, state, topic};
+use commands::{doctor, echo, param, relay, request, state, topic};
 use runtime::exit::{self, Failure};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -82,7 +82,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),
-        Command::Completions(args) => shell::completions(&args),
-        Command::Man(args) => shell::man(&args),
+        Command::Completions(args) => commands::shell::completions(&args),
+        Command::Man(args) => commands::shell::man(&args),
     }
 }
