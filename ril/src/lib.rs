@@ -57,7 +57,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
-use commands::{doctor, echo, param, plan, relay, request, shell, state, topic};
+use commands::{doctor, echo, param, plan, relay, request, state, topic};
 use messages::ErrorObject;
 use runtime::exit::{self, Failure};
 
@@ -149,7 +149,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),
         Command::Bw(args) => commands::measure::bw(&args),
-        Command::Completions(args) => shell::completions(&args),
-        Command::Man(args) => shell::man(&args),
+        Command::Completions(args) => commands::shell::completions(&args),
+        Command::Man(args) => commands::shell::man(&args),
     }
 }
