@@ -28,6 +28,7 @@ use ipc_types::{
     Client, Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter,
     fresh_request_id,
 };
+use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use serde::Serialize;
@@ -340,8 +341,8 @@ impl<'a> Stage<'a> {
                 return Err(Failure::new(
                     ExitCode::Timeout,
                     format!(
-                        "the demonstration took more than {} s",
-                        TIME_LIMIT.as_secs()
+                        "the demonstration took more than {}",
+                        Shown(TIME_LIMIT)
                     ),
                 ));
             }
