@@ -14,8 +14,7 @@ use ipc_types::payload::{
 use ipc_types::service::Request;
 use ipc_types::{Client, Losses, MonotonicNs, RobotId, SendError, Wake, fresh_request_id};
 use ril::commands::exchange::{Exchange, Next, Until};
-use ril::commands::sample_age::Sample;
-use ril::commands::state_report::StateReport;
+use ril::commands::state_report::{Samples, StateReport};
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 use ril::measure::bandwidth::BandwidthMeter;
 use ril::measure::delay::DelayMeter;
@@ -63,15 +62,17 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
         show(seed, &hero);
         show(seed, &state);
 
-        let shown = |sequence, time| Some(Sample::new(sequence, MonotonicNs(time), NOW));
-        let report = StateReport::new(
-            1,
-            &state,
-            shown(dsp.sequence, dsp.received_ns),
-            shown(hero.sequence, hero.published_ns),
-            Some(&garbage.payload()),
-            NOW,
-        );
+        let status = garbage.payload();
+        let samples = Samples {
+            state: Some(&state),
+            dsp: Some(&dsp),
+            hero: Some(&hero),
+            status: Some(&status),
+            has_bridge: true,
+            has_status: true,
+        };
+        let report = StateReport::new(RobotId::DEFAULT, &samples, NOW);
+        check_text(seed, &report.line());
         check_text(seed, &report.to_string());
         let shown = serde_json::to_value(&report).unwrap();
         let age = &shown["dsp"]["age_s"];
