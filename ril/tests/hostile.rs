@@ -71,6 +71,7 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
             has_status: true,
         };
         let report = StateReport::new(RobotId::DEFAULT, &samples, NOW);
+        check_text(seed, &report.line());
         check_text(seed, &report.to_string());
         let shown = serde_json::to_value(&report).unwrap();
         let age = &shown["dsp"]["age_ms"];

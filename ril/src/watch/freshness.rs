@@ -11,6 +11,10 @@ pub const OVERDUE_AFTER: Duration = Duration::from_millis(500);
 /// How often a process that lives and says nothing is looked for.
 pub const LOOK_PERIOD: Duration = Duration::from_millis(500);
 
+/// By how much a sample may seem to be of the future: a relay translates times with an error of some milliseconds, and a sample can
+/// come while the clock is read. A sample of later is of no age that can be known.
+const CLOCK_ERROR: Duration = Duration::from_millis(100);
+
 /// How often the age of an old sample is shown anew.
 const AGE_PERIOD: Duration = Duration::from_secs(1);
 
@@ -121,7 +125,7 @@ impl Feed {
                 _ => Freshness::Absent,
             };
         };
-        let age = (heard.published <= now).then(|| now.since(heard.published));
+        let age = (heard.published <= now + CLOCK_ERROR).then(|| now.since(heard.published));
         if self.provided == Some(false) {
             Freshness::Gone(age)
         } else if age.is_none_or(|age| age > self.stale_after) {
@@ -212,5 +216,7 @@ mod tests {
         assert_eq!(feed.at(at(5)), Freshness::Stale(None));
         assert_eq!(feed.at(at(5)).age().as_deref(), Some("of unknown age"));
         assert_eq!(feed.next(at(5)), Some(at(505)), "only for a look");
+        feed.sample(at(30), at(5));
+        assert_eq!(feed.at(at(5)), Freshness::Fresh, "an error of the clock");
     }
 }

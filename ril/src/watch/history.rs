@@ -1,4 +1,4 @@
-//! [`History`]: a value over time for a sparkline: one number for each half second, of the last minutes.
+//! [`History`]: a value over time for a sparkline: one number for each second, of the last minutes.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -6,9 +6,9 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 /// Time of one bar of a sparkline.
-pub const SLOT: Duration = Duration::from_millis(500);
+pub const SLOT: Duration = Duration::from_secs(1);
 
-/// Bars that are kept: two minutes, and more than a wide terminal shows.
+/// Bars that are kept: four minutes, and more than a wide terminal shows.
 pub const MAX_SLOTS: usize = 240;
 
 /// See the module's documentation.
@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn a_slot_has_its_last_value_and_a_pause_is_a_gap() {
         let mut history = History::default();
-        for (ms, value) in [(0, 1.0), (400, 2.0), (600, 3.0), (2100, 9.0)] {
+        for (ms, value) in [(0, 1.0), (800, 2.0), (1200, 3.0), (4200, 9.0)] {
             history.push(Some(value), at(ms));
         }
         let bars = history.bars(10, 8, 1.0);
@@ -81,7 +81,7 @@ mod tests {
     fn it_is_bounded_and_takes_what_is_no_number_as_nothing() {
         let mut history = History::default();
         for index in 0..10_000 {
-            history.push(Some(f64::from(index)), at(u64::from(index as u32) * 500));
+            history.push(Some(f64::from(index)), at(u64::from(index as u32) * 1000));
         }
         assert_eq!(history.bars(usize::MAX, 8, 1.0).len(), MAX_SLOTS);
         history.push(Some(f64::NAN), MonotonicNs(u64::MAX));
@@ -95,7 +95,7 @@ mod tests {
     fn noise_stays_low() {
         let mut history = History::default();
         history.push(Some(10.0), at(0));
-        history.push(Some(10.1), at(500));
+        history.push(Some(10.1), at(1000));
         assert_eq!(history.bars(9, 8, 5.0), [Some(1), Some(1)]);
     }
 }

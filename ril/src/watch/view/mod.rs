@@ -30,8 +30,8 @@ const VALUES: u16 = 13;
 /// Least lines of the journal, its title included.
 const MIN_LOG: u16 = 4;
 
-/// Most lines of the journal, its title included: what is older is of no use in flight.
-const MAX_LOG: u16 = 16;
+/// Lines of the journal, its title included, on a terminal of the least height; on a higher one a quarter of it, and the map gets the rest.
+const USUAL_LOG: u16 = 8;
 
 /// Width of the values, characters.
 const VALUES_WIDTH: u16 = 44;
@@ -86,7 +86,7 @@ pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
     } else {
         0
     };
-    let log = (spare - list).min(MAX_LOG.max(area.height / 4));
+    let log = (spare - list).min(USUAL_LOG.max(area.height / 4));
     let body = area.height - 3 - list - log;
     let row = |y: u16, height: u16| Rect {
         y: area.y + y,

@@ -1,0 +1,221 @@
+//! Makes the picture of `ril watch` that the README shows, from a simulated flight of real processes:
+//!
+//! ```sh
+//! cargo run -p ril --example picture -- docs/watch.svg
+//! ```
+//!
+//! A helicopter takes off inside a geofence with a mast in it and flies a square. The picture is what `ril watch` draws when it
+//! is on its way to the third corner. The processes are this program itself: with the first argument `be-ril` it is `ril`.
+
+mod svg;
+
+use std::ffi::OsString;
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, ExitCode};
+use std::time::SystemTime;
+
+use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
+use ipc_types::{MonotonicNs, RobotId, StateOf, StatusModule, Subscriber, Waiter};
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ril::watch::app::App;
+use ril::watch::chart::{Chart, FenceFile};
+use ril::watch::keys::Key;
+use ril::watch::model::Process as Kind;
+use ril::watch::view::{self, Clock, Glyphs};
+use ril_tests::process::{Process, Signal};
+use ril_tests::{PtyFolder, TestDomain};
+
+const BE_RIL: &str = "be-ril";
+
+/// Size of the terminal.
+const COLUMNS: u16 = 104;
+const ROWS: u16 = 30;
+
+/// The corners of the square, each to be flown at 20 m over the simulator's ground.
+const CORNERS: [[f64; 2]; 4] = [
+    [37.41130, -6.00112],
+    [37.41130, -6.00050],
+    [37.41105, -6.00050],
+    [37.41105, -6.00112],
+];
+
+/// The bridge's configuration: no flight of a machine that stalls ends early, and a fence.
+const BRIDGE: &str = "\
+[link]
+pc_timeout_ms = 60000
+[fence]
+ceiling_m = 120.0
+[[fence.area]]
+name = \"field\"
+kind = \"inclusion\"
+polygon = [[37.41092, -6.00125], [37.41140, -6.00125], [37.41140, -6.00030], [37.41092, -6.00030]]
+[[fence.area]]
+name = \"mast\"
+kind = \"exclusion\"
+centre = [37.41118, -6.00080]
+radius_m = 7.0
+";
+
+fn main() -> ExitCode {
+    let mut args = std::env::args_os();
+    let name = args.next();
+    let Some(first) = args.next() else {
+        eprintln!("name the file: cargo run -p ril --example picture -- docs/watch.svg");
+        return ExitCode::from(2);
+    };
+    if first == BE_RIL {
+        return ril::main(name.into_iter().chain(args));
+    }
+    let picture = fly_and_draw();
+    if let Err(error) = fs::write(&first, picture) {
+        eprintln!("{}: {error}", first.display());
+        return ExitCode::FAILURE;
+    }
+    ExitCode::SUCCESS
+}
+
+/// A flight, up to the picture.
+fn fly_and_draw() -> String {
+    let domain = TestDomain::new();
+    let folder = PtyFolder::new();
+    let config = folder.link("bridge.toml");
+    fs::write(&config, BRIDGE).expect("a folder that can be written");
+    let start = |args: &str| {
+        let mut command = Command::new(std::env::current_exe().expect("a name"));
+        command
+            .arg(BE_RIL)
+            .args(args.split_whitespace().map(OsString::from));
+        command.current_dir(folder.path());
+        Process::spawn(&domain, command)
+    };
+    let ready = |args: &str| {
+        let mut process = start(args);
+        process.wait_for_text("ready");
+        process
+    };
+    let sim = ready("sim --link dsp");
+    let bridge = ready("bridge --port dsp");
+    let status = ready("status");
+    let mut screen = Watched::new(&domain);
+    let is_up = |state: &ModuleState| {
+        state.link.state() == Some(ipc_types::code::LinkState::Up)
+            && state.link.telemetry_published > 0
+    };
+    screen.until(is_up);
+    let path: Vec<String> = CORNERS
+        .iter()
+        .map(|[lat, lon]| format!("{lat},{lon},30"))
+        .collect();
+    for order in ["start".to_owned(), "takeoff --altitude 20".to_owned()] {
+        let mut process = start(&order);
+        screen.until_ended(&mut process);
+    }
+    let order = start(&format!("goto {}", path.join(" ")));
+    screen.until(|state| {
+        state.movement.waypoints_reached == 2 && state.movement.distance_to_go_m < 58.0
+    });
+    let picture = svg::svg(&screen.drawn(), "ril watch");
+    drop(screen);
+    drop(order);
+    for mut process in [status, bridge, sim] {
+        process.signal(Signal::TERM);
+        process.wait_exit();
+    }
+    picture
+}
+
+/// What `ril watch` would show.
+struct Watched {
+    app: App,
+    state: Subscriber<ModuleState>,
+    hero: Subscriber<HeroTelemetry>,
+    status: Subscriber<StateOf<StatusModule>>,
+    newest: Option<ModuleState>,
+}
+
+impl Watched {
+    fn new(domain: &TestDomain) -> Watched {
+        let ipc = domain.join_as(RobotId::DEFAULT, "picture");
+        let fence: FenceFile =
+            runtime::config::parse(BRIDGE, PathBuf::from("bridge.toml")).expect("a fence");
+        let path = CORNERS.map(|[latitude_deg, longitude_deg]| WaypointPosition {
+            latitude_deg,
+            longitude_deg,
+            altitude_m: 30.0,
+        });
+        let mut app = App::new(&[RobotId::DEFAULT], Chart::new(&fence, &path));
+        let now = MonotonicNs::now();
+        // All of the fence.
+        for _ in 0..2 {
+            app.key(Key::Char('z'), now);
+        }
+        for process in [Kind::Bridge, Kind::Status] {
+            app.robots_mut()[0].provider(process, true, now);
+        }
+        Watched {
+            app,
+            state: ipc.subscriber().expect("a port"),
+            hero: ipc.subscriber().expect("a port"),
+            status: ipc.subscriber().expect("a port"),
+            newest: None,
+        }
+    }
+
+    /// Takes what comes until a state is right.
+    fn until(&mut self, is_right: impl Fn(&ModuleState) -> bool) {
+        while !self.newest.as_ref().is_some_and(&is_right) {
+            self.take();
+        }
+    }
+
+    /// Takes what comes until a command has ended.
+    fn until_ended(&mut self, process: &mut Process) {
+        while process
+            .lines()
+            .iter()
+            .all(|line| !line.text.contains(": done"))
+        {
+            self.take();
+        }
+        process.wait_exit();
+    }
+
+    fn take(&mut self) {
+        let waiter = Waiter::new();
+        let mut sources: [((), &mut dyn ipc_types::Source); 3] = [
+            ((), &mut self.state),
+            ((), &mut self.hero),
+            ((), &mut self.status),
+        ];
+        waiter.wait(&mut sources, None).expect("a wait");
+        let now = MonotonicNs::now();
+        let robot = &mut self.app.robots_mut()[0];
+        self.status
+            .drain(|status| robot.status(status, now))
+            .expect("samples");
+        let newest = &mut self.newest;
+        self.state
+            .drain(|state| {
+                robot.state(state, now);
+                *newest = Some(*state);
+            })
+            .expect("samples");
+        self.hero
+            .drain(|hero| robot.hero(hero, now))
+            .expect("samples");
+        self.app.judge(now);
+    }
+
+    fn drawn(&self) -> Buffer {
+        let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+        let clock = Clock {
+            now: MonotonicNs::now(),
+            utc_s: since_1970.as_secs(),
+        };
+        let mut buffer = Buffer::empty(Rect::new(0, 0, COLUMNS, ROWS));
+        view::draw(&self.app, clock, Glyphs::Unicode, &mut buffer);
+        buffer
+    }
+}
