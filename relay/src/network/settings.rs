@@ -31,6 +31,17 @@ const ROUTER_WAIT_FOR_ROOM_US: u32 = 1000;
 /// 16 others, which have one batch at most. What finds no room is dropped, and sent or asked for again.
 const MESSAGE_BATCHES: usize = 16;
 
+/// Zenoh's thread stands still until a link that it closes has sent everything, for ten seconds unless another time was in the
+/// environment when it was compiled. One station that is out of reach would hold up all others for so long, and its own way back.
+const _: () = assert!(
+    is_zero(option_env!("TCP_LINGER_TIMEOUT")) && is_zero(option_env!("TLS_LINGER_TIMEOUT")),
+    "build the relay in its repository, where .cargo/config.toml sets TCP_LINGER_TIMEOUT=0 and TLS_LINGER_TIMEOUT=0, or set them"
+);
+
+const fn is_zero(text: Option<&str>) -> bool {
+    matches!(text, Some(text) if matches!(text.as_bytes(), b"0"))
+}
+
 /// What Zenoh reads about its threads when the first one of them is started.
 const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
 

@@ -11,3 +11,4 @@ mod refusals;
 mod rig;
 mod robots;
 mod schemas;
+mod stall;
