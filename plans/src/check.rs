@@ -250,7 +250,7 @@ impl Limits<'_> {
         for (index, step) in flight.steps.iter().enumerate() {
             let Step::Path(_) = step else { continue };
             let legs = || flight.legs.iter().filter(|leg| leg.step == index);
-            let (Some(first), Some(last)) = (legs().next(), legs().last()) else {
+            let (Some(first), Some(last)) = (legs().next(), legs().next_back()) else {
                 continue;
             };
             let length_m: f64 = legs().map(Leg::length_m).sum();
