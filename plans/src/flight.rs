@@ -3,14 +3,15 @@
 //! What the helicopter offers: a vertical take-off to a height, paths of waypoints whose altitude has the zero of telemetry, a
 //! cruise speed, hovering, and landing on the spot. An item that needs anything else is a finding, never left out in silence.
 
-use bridge::flight::arrival::{distance_m, ground_distance_m};
+use bridge::flight::arrival::distance_m;
 use bridge::flight::assembly::MAX_WAYPOINTS;
 use dsp_protocol::Waypoint;
-use dsp_protocol::downlink::Geographic;
 
+use crate::altitude::in_telemetry;
 use crate::finding::{Finding, Findings};
 use crate::model::{Action, Altitude, Item, OtherKind, Plan, Position};
 use crate::site::{Site, Start};
+pub use crate::steps::{Flight, Leg, PathPoint, Step, ground_m, quantised};
 
 /// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
 /// as reached.
@@ -18,83 +19,6 @@ const SAME_PLACE_M: f64 = 1.1;
 
 /// The least height of a take-off that is made up where the plan has none, m: what the DSP takes.
 const LEAST_TAKE_OFF_M: f64 = 0.5;
-
-/// What the helicopter does at once.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Step {
-    /// Take off vertically.
-    TakeOff {
-        /// The item; nothing for the take-off that the operator asked for.
-        item: Option<u32>,
-        /// Over the point of take-off, m.
-        height_m: f64,
-    },
-    /// Fly a path, at most [`MAX_WAYPOINTS`]; afterwards the helicopter hovers.
-    Path(Vec<PathPoint>),
-    /// Hover.
-    Wait {
-        /// The item.
-        item: u32,
-        /// Seconds.
-        duration_s: f64,
-    },
-    /// Set the cruise speed.
-    Speed {
-        /// The item.
-        item: u32,
-        /// m/s.
-        speed_mps: f64,
-    },
-    /// Land vertically.
-    Land {
-        /// The item.
-        item: u32,
-    },
-}
-
-/// A waypoint of a path.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathPoint {
-    /// The item that it belongs to.
-    pub item: u32,
-    /// As the DSP gets it; the altitude has the zero of telemetry.
-    pub waypoint: Waypoint,
-}
-
-/// A straight way between two points, of all paths together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Leg {
-    /// From 1, of the whole flight.
-    pub number: u32,
-    /// The item that it leads to.
-    pub item: u32,
-    /// Which step it belongs to, from 0.
-    pub step: usize,
-    /// Where it begins.
-    pub from: Waypoint,
-    /// Where it ends.
-    pub to: Waypoint,
-    /// Where the helicopter is when its path is sent.
-    pub path_start: Waypoint,
-}
-
-impl Leg {
-    /// Along the ground and up or down, m.
-    pub fn length_m(&self) -> f64 {
-        distance_m(&self.from, &self.to)
-    }
-}
-
-/// A plan as the helicopter flies it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Flight {
-    /// In order.
-    pub steps: Vec<Step>,
-    /// In order.
-    pub legs: Vec<Leg>,
-    /// What could not be turned into steps, and what the operator must know of it.
-    pub findings: Findings,
-}
 
 impl Flight {
     /// What `plan` becomes at `site`.
@@ -118,37 +42,6 @@ impl Flight {
         };
         builder.build(plan);
         builder.flight
-    }
-
-    /// The items that steps stand for.
-    pub fn is_flown(&self, item: u32) -> bool {
-        self.steps.iter().any(|step| match step {
-            Step::TakeOff { item: of, .. } => *of == Some(item),
-            Step::Path(points) => points.iter().any(|point| point.item == item),
-            Step::Wait { item: of, .. }
-            | Step::Speed { item: of, .. }
-            | Step::Land { item: of } => *of == item,
-        })
-    }
-}
-
-/// Metres along the ground.
-pub fn ground_m(from: &Waypoint, to: &Waypoint) -> f64 {
-    let from = Geographic {
-        latitude_deg: from.latitude_deg,
-        longitude_deg: from.longitude_deg,
-        altitude_m: from.altitude_m,
-    };
-    ground_distance_m(&from, to)
-}
-
-/// As it travels to the DSP: in steps of 10⁻⁷ degrees and 1 mm.
-pub fn quantised(at: Waypoint) -> Waypoint {
-    let round = |value: f64, steps: f64| (value * steps).round() / steps;
-    Waypoint {
-        latitude_deg: round(at.latitude_deg, 1e7),
-        longitude_deg: round(at.longitude_deg, 1e7),
-        altitude_m: round(at.altitude_m, 1e3),
     }
 }
 
@@ -481,40 +374,11 @@ impl Builder<'_> {
 
     /// The altitude with the zero of telemetry, m; nothing, and a finding, when the file does not give it.
     fn resolve(&mut self, item: &Item, altitude: Altitude) -> Option<f64> {
-        let finding = match altitude {
-            Altitude::AboveTakeOff(metres) => return Some(self.site.home.altitude_m + metres),
-            Altitude::AboveSea(metres) => {
-                self.sea_level(item);
-                return Some(metres - self.site.zero_above_sea_m.unwrap_or(0.0));
-            }
-            Altitude::AboveTerrain(_) => Finding::forbids(
-                "above-terrain",
-                "has an altitude above terrain, which the helicopter does not know",
-            )
-            .remedy("give altitudes above take-off or above sea level"),
-            Altitude::Unstated(Some(_)) => Finding::forbids(
-                "altitude-reference",
-                "has an altitude, and the file does not say above what",
-            )
-            .remedy("say it: `--altitude-is take-off` or `--altitude-is sea`"),
-            Altitude::Unstated(None) => Finding::forbids("altitude-missing", "has no altitude")
-                .remedy("say it: `--altitude 30m` for all items without one, above take-off"),
-        };
-        self.find(finding.item(item.number));
-        None
-    }
-
-    fn sea_level(&mut self, item: &Item) {
-        if self.site.zero_above_sea_m.is_none() {
-            self.find(
-                Finding::warns(
-                    "sea-level",
-                    "has an altitude above sea level, which is taken for telemetry's",
-                )
-                .remedy("check it against the altitude that telemetry shows at a known place; `[plan] zero_above_sea_m` in ril.toml")
-                .item(item.number),
-            );
+        let (metres, finding) = in_telemetry(altitude, self.site);
+        if let Some(finding) = finding {
+            self.find(finding.item(item.number));
         }
+        metres
     }
 
     fn find(&mut self, finding: Finding) {

@@ -10,6 +10,8 @@ use crate::model::{Action, Altitude, LeftOut, OtherKind, Plan, Position};
 
 /// A list of points that could be what is meant.
 struct Candidate<'a> {
+    /// Such as `route`.
+    kind: &'static str,
     /// Such as `route 1`.
     name: String,
     points: Vec<&'a Waypoint>,
@@ -39,9 +41,6 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
         push(&mut plan, &origin, label, action)?;
     }
     for other in candidates {
-        let is_a_path = other
-            .name
-            .starts_with(|first| Some(first) == path.name.chars().next());
         plan.left_out.push(LeftOut {
             what: format!(
                 "{} ({} points) stands beside {}, which is flown",
@@ -50,7 +49,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
                 path.name
             ),
             // Two routes, or two tracks: which one is meant is not known.
-            kind: match is_a_path {
+            kind: match other.kind == path.kind {
                 true => OtherKind::Flight,
                 false => OtherKind::Payload,
             },
@@ -65,7 +64,8 @@ fn candidates(gpx: &Gpx) -> Vec<Candidate<'_>> {
     for (index, route) in gpx.routes.iter().enumerate() {
         let name = format!("route {}", index + 1);
         let points = route.points.iter().collect();
-        found.push(Candidate { name, points });
+        let kind = "route";
+        found.push(Candidate { kind, name, points });
     }
     for (index, track) in gpx.tracks.iter().enumerate() {
         let name = format!("track {}", index + 1);
@@ -74,9 +74,11 @@ fn candidates(gpx: &Gpx) -> Vec<Candidate<'_>> {
             .iter()
             .flat_map(|part| &part.points)
             .collect();
-        found.push(Candidate { name, points });
+        let kind = "track";
+        found.push(Candidate { kind, name, points });
     }
     found.push(Candidate {
+        kind: "waypoints",
         name: "waypoints".to_owned(),
         points: gpx.waypoints.iter().collect(),
     });

@@ -252,7 +252,7 @@ fn what_flies_must_have_taken_off() {
         take_off_m: Some(15.0),
         ..site()
     };
-    assert_eq!(rules(&asked), [lands.clone()]);
+    assert_eq!(rules(&asked), std::slice::from_ref(&lands));
     let flying = Site {
         start: Start::Flying(Waypoint {
             altitude_m: 30.0,

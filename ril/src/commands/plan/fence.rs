@@ -45,7 +45,7 @@ pub fn put(
         .map_err(|error| Failure::usage(format!("{name}: cannot be read: {error}")))?;
     let after = with_areas(&before, areas)
         .map_err(|reason| Failure::usage(format!("--fence: {name}: {reason}")))?;
-    let expected: BridgeConfig = runtime::config::parse(&after, &name.to_string())?;
+    let expected: BridgeConfig = runtime::config::parse(&after, name.to_string())?;
     let unwritten = |error: io::Error| {
         Failure::usage(format!(
             "--fence: {name} cannot be written: {error}; the fence is as before"

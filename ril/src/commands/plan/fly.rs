@@ -3,26 +3,25 @@
 use std::io::{self, Write};
 use std::time::Duration;
 
-use ipc_types::payload::{
-    ModuleState, MovementData, ParameterRequest, RequestReport, WaypointPosition,
-};
-use ipc_types::{MonotonicNs, Source, Subscriber, fresh_request_id};
+use dsp_protocol::port;
+use ipc_types::payload::{MovementData, ParameterRequest, RequestReport, WaypointPosition};
+use ipc_types::{MonotonicNs, fresh_request_id};
 use plans::flight::{PathPoint, Step};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::{ExitCode, Failure};
 
-use super::super::conversation::{Companion, Conversation, Format};
+use super::super::conversation::{Conversation, Format};
 use super::super::exchange::Until;
 use super::super::request::complete;
 use super::super::robot::refuse_to_guess;
 use super::super::{Session, configuration, json_line};
 use super::gather::{Known, gather};
 use super::journal::Journal;
+use super::path_watch::PathWatch;
 use super::report::Report;
-use super::text::{columns, distance, duration};
+use super::text::{columns, duration};
 use super::{fence, read};
 use crate::cli::{PlanFlyArgs, RobotChoice};
 use crate::messages::Verb;
-use dsp_protocol::port;
 
 /// `ril plan fly`
 ///
@@ -174,12 +173,7 @@ impl Flyer<'_> {
         let format = self.format();
         let mut bridge =
             Conversation::<MovementData>::open(self.session, Verb::GoTo, self.timeout)?;
-        let mut watch = PathWatch {
-            states: self.session.ipc.subscriber().or_fail(ExitCode::Internal)?,
-            path_id,
-            journal: &mut self.journal,
-            json: self.json,
-        };
+        let mut watch = PathWatch::open(self.session, path_id, &mut self.journal, self.json)?;
         let report = bridge.hold_beside(&requests, Until::Final, format, Some(&mut watch))?;
         let reached = report.map_or(0, |report| report.waypoints_reached);
         watch.reached(reached as usize, None)?;
@@ -263,58 +257,6 @@ impl Flyer<'_> {
             true => Ok(()),
             false => writeln!(io::stdout().lock(), "plan: {text}").map_err(Failure::output),
         }
-    }
-}
-
-/// Tells which waypoints of a path have been reached, from the bridge's published state.
-struct PathWatch<'a> {
-    states: Subscriber<ModuleState>,
-    path_id: u64,
-    journal: &'a mut Journal,
-    json: bool,
-}
-
-impl PathWatch<'_> {
-    fn reached(&mut self, count: usize, to_go_m: Option<f64>) -> Result<(), Failure> {
-        let items = self.journal.reached(count);
-        let mut out = io::stdout().lock();
-        if self.json {
-            return match items.is_empty() {
-                true => Ok(()),
-                false => json_line(&mut out, &self.journal.event("reached")),
-            };
-        }
-        for item in items {
-            let to_go = to_go_m.map_or(String::new(), |metres| {
-                format!(", {} to go", distance(metres))
-            });
-            writeln!(out, "plan: item {item} reached{to_go}").map_err(Failure::output)?;
-        }
-        Ok(())
-    }
-}
-
-impl Companion for PathWatch<'_> {
-    fn source(&mut self) -> &mut dyn Source {
-        &mut self.states
-    }
-
-    fn look(&mut self) -> Result<(), Failure> {
-        let mut newest = None;
-        let path_id = self.path_id;
-        self.states
-            .drain(|state| {
-                if state.movement.path_id == path_id {
-                    newest = Some(state.movement);
-                }
-            })
-            .or_fail(ExitCode::Internal)?;
-        let Some(movement) = newest else {
-            return Ok(());
-        };
-        let to_go_m =
-            (movement.distance_valid == 1).then_some(f64::from(movement.distance_to_go_m));
-        self.reached(movement.waypoints_reached as usize, to_go_m)
     }
 }
 

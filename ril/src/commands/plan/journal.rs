@@ -1,10 +1,10 @@
 //! What of a plan has been flown, and with which command it goes on. Pure values.
 
+use dsp_protocol::Waypoint;
 use plans::flight::Step;
 use serde::Serialize;
 
 use crate::cli::PlanFlyArgs;
-use dsp_protocol::Waypoint;
 
 /// What happens in a flight, for programs.
 #[derive(Debug, PartialEq, Serialize)]

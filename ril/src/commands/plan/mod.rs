@@ -7,6 +7,7 @@ mod fence;
 mod fly;
 mod gather;
 mod journal;
+mod path_watch;
 mod report;
 mod table;
 mod text;

@@ -72,7 +72,7 @@ fn new_row(known: &Known, item: &Item, marks: &[&Mark]) -> Row {
         longitude_deg: position.map(|position| position.longitude_deg),
         altitude_m,
         altitude_above,
-        telemetry_altitude_m: legs().last().map(|leg| leg.to.altitude_m),
+        telemetry_altitude_m: legs().next_back().map(|leg| leg.to.altitude_m),
         hold_s: match item.action {
             Action::Waypoint { hold_s, .. } => Some(hold_s).filter(|seconds| *seconds > 0.0),
             Action::Hold { duration_s, .. } => duration_s,

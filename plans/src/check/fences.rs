@@ -1,0 +1,161 @@
+//! Each leg, and each end of a climb, against the robot's fence and against the plan's own, both as the bridge judges them.
+
+use bridge::safety::fence::{Area, AreaConfig, AreaKind, Breach, Fence, FenceConfig, FenceRule};
+use dsp_protocol::Waypoint;
+
+use crate::finding::{Finding, Findings};
+use crate::flight::{Flight, Step};
+use crate::model::{FenceArea, FenceShape, Plan, Position};
+use crate::site::{Site, Start};
+
+/// Checks the flight against the fence that the robot has.
+pub fn check_robot(fence: &Fence, flight: &Flight, site: &Site, findings: &mut Findings) {
+    let fence = NamedFence {
+        fence,
+        prefix: "",
+        owner: "the robot's fence",
+        remedy: "change the plan, or `[fence]` of bridge.toml and `ril fence reload`",
+    };
+    fence.check(flight, site, findings);
+}
+
+/// Checks the flight against the plan's own fence.
+pub fn check_plan(plan: &Plan, flight: &Flight, site: &Site, findings: &mut Findings) {
+    let fence = plan_fence(plan, findings);
+    let fence = NamedFence {
+        fence: &fence,
+        prefix: "plan-",
+        owner: "the plan's own fence",
+        remedy: "change the plan",
+    };
+    fence.check(flight, site, findings);
+}
+
+/// A fence, and how findings call it.
+struct NamedFence<'a> {
+    fence: &'a Fence,
+    prefix: &'static str,
+    owner: &'static str,
+    remedy: &'static str,
+}
+
+impl NamedFence<'_> {
+    fn check(&self, flight: &Flight, site: &Site, findings: &mut Findings) {
+        let mut ground = match site.start {
+            Start::Ground(at) => at,
+            Start::Flying(_) => site.home,
+        };
+        for step in &flight.steps {
+            if let Step::TakeOff { item, height_m } = step {
+                let top = Waypoint {
+                    altitude_m: ground.altitude_m + height_m,
+                    ..ground
+                };
+                if let Some(breach) = self.fence.check_point(&top) {
+                    let mut finding = self.finding(&breach, "ends its climb");
+                    finding.items.extend(item);
+                    findings.push(finding);
+                }
+            }
+            if let Step::Path(path) = step
+                && let Some(last) = path.last()
+            {
+                ground = Waypoint {
+                    altitude_m: site.home.altitude_m,
+                    ..last.waypoint
+                };
+            }
+        }
+        for leg in &flight.legs {
+            for breach in self.fence.breaches_of_leg(&leg.from, &leg.to) {
+                let finding = self.finding(&breach, "is reached");
+                findings.push(finding.item(leg.item).leg(leg.number));
+            }
+        }
+    }
+
+    fn finding(&self, breach: &Breach, what: &str) -> Finding {
+        let rule = match (self.prefix, breach.rule) {
+            ("", FenceRule::Unjudgeable) => "fence-unjudgeable",
+            ("", FenceRule::Floor) => "fence-floor",
+            ("", FenceRule::Ceiling) => "fence-ceiling",
+            ("", FenceRule::Exclusion) => "fence-exclusion",
+            ("", FenceRule::Inclusion) => "fence-inclusion",
+            (_, FenceRule::Unjudgeable) => "plan-fence-unjudgeable",
+            (_, FenceRule::Floor) => "plan-fence-floor",
+            (_, FenceRule::Ceiling) => "plan-fence-ceiling",
+            (_, FenceRule::Exclusion) => "plan-fence-exclusion",
+            (_, FenceRule::Inclusion) => "plan-fence-inclusion",
+        };
+        let owner = self.owner;
+        let area = breach.area.and_then(|area| self.fence.area_name(area));
+        let text = match (breach.rule, area) {
+            (FenceRule::Unjudgeable, _) => {
+                format!(
+                    "{what} by a leg that {owner} cannot judge: too long, or too near to a pole"
+                )
+            }
+            (FenceRule::Floor, _) => format!("{what} below the floor of {owner}"),
+            (FenceRule::Ceiling, _) => format!("{what} above the ceiling of {owner}"),
+            (FenceRule::Exclusion, Some(area)) => {
+                format!("{what} through the exclusion area `{area}` of {owner}")
+            }
+            (FenceRule::Inclusion, Some(area)) => {
+                format!("{what} outside the inclusion areas of {owner}; the nearest is `{area}`")
+            }
+            (_, None) => format!("{what} in breach of {owner}"),
+        };
+        Finding::forbids(rule, text)
+            .by_m(breach.amount_m)
+            .remedy(self.remedy)
+    }
+}
+
+/// The plan's own fence as the bridge judges it. An area that the bridge does not take is a finding.
+fn plan_fence(plan: &Plan, findings: &mut Findings) -> Fence {
+    let mut config = FenceConfig::default();
+    for area in &plan.fence {
+        match Area::try_from(area_config(area)) {
+            Ok(area) => config.area.push(area),
+            Err(error) => findings.push(
+                Finding::forbids(
+                    "plan-fence",
+                    format!("the plan's own fence is not valid: {error}"),
+                )
+                .remedy("mend the fence in the program that made the plan"),
+            ),
+        }
+    }
+    Fence::try_from(config).unwrap_or_else(|error| {
+        let text = format!("the plan's own fence is not valid: {error}");
+        findings.push(Finding::forbids("plan-fence", text));
+        Fence::default()
+    })
+}
+
+/// An area with the members of `[[fence.area]]`.
+pub fn area_config(area: &FenceArea) -> AreaConfig {
+    let mut config = AreaConfig {
+        name: area.name.clone(),
+        kind: match area.is_inclusion {
+            true => AreaKind::Inclusion,
+            false => AreaKind::Exclusion,
+        },
+        polygon: None,
+        centre: None,
+        radius_m: None,
+        floor_m: None,
+        ceiling_m: None,
+    };
+    match &area.shape {
+        FenceShape::Polygon(vertices) => {
+            let pair = |at: &Position| [at.latitude_deg, at.longitude_deg];
+            config.polygon = Some(vertices.iter().map(pair).collect());
+        }
+        FenceShape::Circle { centre, radius_m } => {
+            config.centre = Some([centre.latitude_deg, centre.longitude_deg]);
+            config.radius_m = Some(*radius_m);
+        }
+    }
+    config
+}

@@ -1,0 +1,122 @@
+//! The checks of a flight, before anything of it is sent: the limits of the bridge and of the DSP, the fences, time and fuel.
+//!
+//! What the bridge checks when a request comes is asked of the bridge's own code: how it reads requests, how it measures
+//! distances, and its geofence. So a plan without a finding is refused by none of these rules.
+
+mod endurance;
+mod fences;
+mod limits;
+
+use bridge::BridgeConfig;
+use dsp_protocol::{Command, Waypoint};
+
+pub use fences::area_config;
+
+use crate::finding::{Finding, Findings, Severity};
+use crate::flight::{Flight, ground_m};
+use crate::model::Plan;
+use crate::site::{Endurance, HomeSource, Site};
+
+/// A planned home farther away than this from the point of take-off is worth a word, m.
+const HOME_MOVED_M: f64 = 100.0;
+
+/// So far may telemetry's altitude at home and the planned one be apart, m: a good GPS altitude and a map's.
+const HOME_HEIGHT_M: f64 = 15.0;
+
+/// All findings about `plan`, which becomes `flight` at `site`; the most severe first. `rules` is the bridge's configuration,
+/// if it is known.
+pub fn check(
+    plan: &Plan,
+    flight: &Flight,
+    site: &Site,
+    rules: Option<&BridgeConfig>,
+    endurance: &Endurance,
+) -> Vec<Finding> {
+    let defaults = BridgeConfig::default();
+    let mut findings = flight.findings.clone();
+    check_home(plan, site, &mut findings);
+    if flight.steps.is_empty() {
+        findings.push(Finding::forbids(
+            "empty",
+            "there is nothing in it that can be flown",
+        ));
+    }
+    limits::check(rules.unwrap_or(&defaults), flight, endurance, &mut findings);
+    match rules {
+        Some(rules) => fences::check_robot(&rules.fence, flight, site, &mut findings),
+        None => findings.push(
+            Finding::not_checked(
+                "robot-rules",
+                "the robot's geofence is not known, and its limits are taken to be the defaults",
+            )
+            .remedy("name its configuration: `--bridge bridge.toml`"),
+        ),
+    }
+    fences::check_plan(plan, flight, site, &mut findings);
+    endurance::check(flight, endurance, &mut findings);
+    findings.sorted()
+}
+
+fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
+    if site.home_source == HomeSource::Assumed {
+        let (severity, text) = match site.is_for_flight {
+            true => (
+                Severity::Forbids,
+                "home is not known: the helicopter is in the air already",
+            ),
+            false => (
+                Severity::NotChecked,
+                "home is not known: the take-off is taken to be below the first place of the plan, at altitude 0",
+            ),
+        };
+        findings.push(
+            Finding::new(severity, "home-unknown", text)
+                .remedy("say where the take-off was, or will be: `--home LAT,LON,ALT`"),
+        );
+    }
+    let Some(planned) = plan.planned_home else {
+        return;
+    };
+    if matches!(site.home_source, HomeSource::Plan | HomeSource::Assumed) {
+        return;
+    }
+    let there = Waypoint {
+        latitude_deg: planned.position.latitude_deg,
+        longitude_deg: planned.position.longitude_deg,
+        altitude_m: 0.0,
+    };
+    let distance_m = ground_m(&site.home, &there);
+    if distance_m > HOME_MOVED_M {
+        findings.push(
+            Finding::warns(
+                "home-moved",
+                "the plan was made for another place of take-off",
+            )
+            .by_m(distance_m),
+        );
+    }
+    let height_m = planned.above_sea_m.map(|above_sea_m| {
+        site.home.altitude_m + site.zero_above_sea_m.unwrap_or(0.0) - above_sea_m
+    });
+    if let Some(height_m) = height_m.filter(|height_m| height_m.abs() > HOME_HEIGHT_M) {
+        findings.push(
+            Finding::warns(
+                "home-height",
+                "home is not as high above sea level as the plan has it",
+            )
+            .by_m(height_m.abs())
+            .remedy("check `[plan] zero_above_sea_m` in ril.toml"),
+        );
+    }
+}
+
+/// The parameter that the bridge writes to a 32-bit port at each start-up, if it is configured.
+pub fn configured(rules: &BridgeConfig, port: u16) -> Option<f64> {
+    rules.parameters.writes().find_map(|write| match write {
+        Command::Write32 {
+            port: number,
+            value,
+        } if number == port => Some(f64::from(value)),
+        _ => None,
+    })
+}

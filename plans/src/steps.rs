@@ -1,0 +1,117 @@
+//! What the helicopter does for a plan: steps, and the legs of its paths.
+
+use bridge::flight::arrival::{distance_m, ground_distance_m};
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::Geographic;
+
+use crate::finding::Findings;
+
+/// What the helicopter does at once.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Take off vertically.
+    TakeOff {
+        /// The item; nothing for the take-off that the operator asked for.
+        item: Option<u32>,
+        /// Over the point of take-off, m.
+        height_m: f64,
+    },
+    /// Fly a path, at most [`MAX_WAYPOINTS`](bridge::flight::assembly::MAX_WAYPOINTS); afterwards the helicopter hovers.
+    Path(Vec<PathPoint>),
+    /// Hover.
+    Wait {
+        /// The item.
+        item: u32,
+        /// Seconds.
+        duration_s: f64,
+    },
+    /// Set the cruise speed.
+    Speed {
+        /// The item.
+        item: u32,
+        /// m/s.
+        speed_mps: f64,
+    },
+    /// Land vertically.
+    Land {
+        /// The item.
+        item: u32,
+    },
+}
+
+/// A waypoint of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathPoint {
+    /// The item that it belongs to.
+    pub item: u32,
+    /// As the DSP gets it; the altitude has the zero of telemetry.
+    pub waypoint: Waypoint,
+}
+
+/// A straight way between two points, of all paths together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// From 1, of the whole flight.
+    pub number: u32,
+    /// The item that it leads to.
+    pub item: u32,
+    /// Which step it belongs to, from 0.
+    pub step: usize,
+    /// Where it begins.
+    pub from: Waypoint,
+    /// Where it ends.
+    pub to: Waypoint,
+    /// Where the helicopter is when its path is sent.
+    pub path_start: Waypoint,
+}
+
+impl Leg {
+    /// Along the ground and up or down, m.
+    pub fn length_m(&self) -> f64 {
+        distance_m(&self.from, &self.to)
+    }
+}
+
+/// A plan as the helicopter flies it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flight {
+    /// In order.
+    pub steps: Vec<Step>,
+    /// In order.
+    pub legs: Vec<Leg>,
+    /// What could not be turned into steps, and what the operator must know of it.
+    pub findings: Findings,
+}
+
+impl Flight {
+    /// The items that steps stand for.
+    pub fn is_flown(&self, item: u32) -> bool {
+        self.steps.iter().any(|step| match step {
+            Step::TakeOff { item: of, .. } => *of == Some(item),
+            Step::Path(points) => points.iter().any(|point| point.item == item),
+            Step::Wait { item: of, .. }
+            | Step::Speed { item: of, .. }
+            | Step::Land { item: of } => *of == item,
+        })
+    }
+}
+
+/// Metres along the ground.
+pub fn ground_m(from: &Waypoint, to: &Waypoint) -> f64 {
+    let from = Geographic {
+        latitude_deg: from.latitude_deg,
+        longitude_deg: from.longitude_deg,
+        altitude_m: from.altitude_m,
+    };
+    ground_distance_m(&from, to)
+}
+
+/// As it travels to the DSP: in steps of 10⁻⁷ degrees and 1 mm.
+pub fn quantised(at: Waypoint) -> Waypoint {
+    let round = |value: f64, steps: f64| (value * steps).round() / steps;
+    Waypoint {
+        latitude_deg: round(at.latitude_deg, 1e7),
+        longitude_deg: round(at.longitude_deg, 1e7),
+        altitude_m: round(at.altitude_m, 1e3),
+    }
+}
