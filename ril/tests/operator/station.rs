@@ -41,7 +41,8 @@ groups = ['time', 'geographic', 'gps_velocity', 'gps_quality', 'supply', 'dsp_er
 ";
 
 /// Telemetry that is old on a machine that stalls is not the robot's fault.
-pub const OPERATOR: &str = "[preflight]\nmax_age_s = 60.0\nlog_room_mib = 0\n";
+pub const OPERATOR: &str =
+    "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 60.0\nlog_room_mib = 0\n";
 
 /// Simulator, bridge and status of robot 1, with the configurations above.
 pub struct Station {

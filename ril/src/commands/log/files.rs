@@ -170,8 +170,7 @@ impl LogFile {
         let mut input = BufReader::new(open(path)?);
         let beginning = input.fill_buf().or_fail_usage(path)?;
         let beginning = &beginning[..beginning.len().min(BEGINNING_BYTES)];
-        let format = Format::of(beginning)
-            .map_err(|reason| Failure::usage(format!("{}: {reason}", path.display())))?;
+        let format = format(beginning, path)?;
         Ok(LogFile {
             path: path.to_owned(),
             recording: format.read(input),
@@ -232,29 +231,51 @@ pub(super) fn open(path: &Path) -> Result<File, Failure> {
 /// A reader of the end of the log at `path`: of at least `rows` rows, if it has so many. It goes on when the file grows. The
 /// numbers of its lines mean nothing.
 pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
-    let mut header = Vec::new();
     let mut file = open(path)?;
-    let limit = MAX_LINE_BYTES as u64 + 1;
-    let mut beginning = BufReader::new((&mut file).take(limit));
-    beginning
-        .read_until(b'\n', &mut header)
-        .or_fail_usage(path)?;
-    drop(beginning);
+    let header = first_line(&mut file, path)?;
+    match format(&header, path)? {
+        Format::Tsv => {
+            let rest = from_a_line(file, header.len() as u64, rows, path)?;
+            Ok(Format::Tsv.read(io::Cursor::new(header).chain(rest)))
+        }
+    }
+}
+
+/// The format of the file at `path`, which begins with `beginning`.
+fn format(beginning: &[u8], path: &Path) -> Result<Format, Failure> {
+    Format::of(beginning).map_err(|reason| Failure::usage(format!("{}: {reason}", path.display())))
+}
+
+/// The first line of a file with its end, or as much of it as a line of a log can have.
+fn first_line(file: &mut File, path: &Path) -> Result<Vec<u8>, Failure> {
+    let mut line = Vec::new();
+    let mut beginning = BufReader::new(file.take(MAX_LINE_BYTES as u64 + 1));
+    beginning.read_until(b'\n', &mut line).or_fail_usage(path)?;
+    Ok(line)
+}
+
+/// The end of a file of lines, from the beginning of a line on: at least `rows` of them, and none before `first`.
+fn from_a_line(
+    mut file: File,
+    first: u64,
+    rows: u32,
+    path: &Path,
+) -> Result<BufReader<File>, Failure> {
     let length = file.metadata().or_fail_usage(path)?.len();
     // The reader passes over a line that is longer; it is no row.
     let room = (u64::from(rows) + 2) * (MAX_LINE_BYTES as u64);
-    let start = length.saturating_sub(room).max(header.len() as u64);
+    let start = length.saturating_sub(room).max(first);
     file.seek(SeekFrom::Start(start)).or_fail_usage(path)?;
     let mut rest = BufReader::new(file);
-    if start > header.len() as u64 {
+    if start > first {
         // From the middle of a line to its end.
         let mut cut = Vec::new();
         (&mut rest)
-            .take(limit)
+            .take(MAX_LINE_BYTES as u64 + 1)
             .read_until(b'\n', &mut cut)
             .or_fail_usage(path)?;
     }
-    Ok(Format::Tsv.read(io::Cursor::new(header).chain(rest)))
+    Ok(rest)
 }
 
 /// The failure that the file `name` cannot be read.
