@@ -466,7 +466,7 @@ fn spans(text: &str) -> Vec<&str> {
 
 #[test]
 fn every_note_that_is_documented_is_one_that_is_shown() {
-    let operations = fs::read_to_string(workspace().join("docs/operations.md")).unwrap();
+    let operations = fs::read_to_string(workspace().join("docs/reference.md")).unwrap();
     let reasons = first_column(&operations, "\n## Reasons and what to do\n");
     let documented: BTreeSet<&str> = reasons.iter().flat_map(|cell| spans(cell)).collect();
     let known: BTreeSet<&str> = Reason::ALL

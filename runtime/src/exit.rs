@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::config::ConfigError;
 use crate::signal;
 
-/// What a process tells its caller. `docs/operations.md` says what to do about each.
+/// What a process tells its caller. `docs/reference.md` says what to do about each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum ExitCode {

@@ -1,6 +1,6 @@
 //! [`Recording`]: a flight as status has logged it, as telemetry again.
 //!
-//! It reads the text that `status` writes (tab-separated values, docs/operations.md): what was flown once, on the
+//! It reads the text that `status` writes (tab-separated values, docs/reference.md): what was flown once, on the
 //! simulator or in earnest, is what a consumer is tested against from then on.
 
 use std::fmt::Display;
