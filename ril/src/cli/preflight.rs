@@ -9,12 +9,14 @@ use runtime::args::CommonArgs;
 use super::EXIT_CODES;
 use super::value::duration;
 
+/// What the checks are judged by, for the end of the help.
+const NOTES: &str = "\
+It changes nothing. `[preflight]` of ril.toml has the limits. The exit code is 0
+when no check failed, and 8 when one did.";
+
 /// `ril preflight`
-///
-/// It changes nothing. It ends with exit code 0 when no check failed, and with 8 when one did; --strict counts a warning as a
-/// failure. `[preflight]` of ril.toml has the limits.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
+#[command(after_help = format!("{NOTES}\n\n{EXIT_CODES}"))]
 pub struct PreflightArgs {
     /// What every process takes.
     #[command(flatten)]

@@ -10,7 +10,7 @@ use super::value::duration;
 
 /// `ril robots`
 ///
-/// A robot is live when a process of it lives. --robot has no effect.
+/// A robot is live when a process of it lives. It lists all robots, whatever --robot says.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct RobotsArgs {

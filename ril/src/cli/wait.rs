@@ -9,15 +9,24 @@ use super::EXIT_CODES;
 use super::value::duration;
 use crate::wait::condition::Condition;
 
+/// What a condition is, for the end of the help.
+const CONDITIONS: &str = "\
+Conditions:
+  up               the link to the DSP is up
+  landed, flying   the helicopter is on the ground, or in the air
+  hovering         in the air, without a movement, slower than 0.5 m/s
+  FIELD OP VALUE   a number of the robot's telemetry (`ril topic info hero`);
+                   OP is >, >=, <, <=, = or !=; quote it: \"altitude>20m\"
+  Short names of fields, and their units:
+    altitude m (with the zero of telemetry and `ril goto`), height m (sonar),
+    speed m/s (over ground), climb m/s, battery V, fuel %, heading deg, fix
+  An angle may be named in degrees: geodetic.latitude_deg";
+
 /// `ril wait`
 ///
-/// A condition is `up` (the link to the DSP is up), `landed`, `flying`, `hovering` (in the air, without a movement and slower
-/// than 0.5 m/s), or a field of the robot's telemetry, an operator (>, >=, <, <=, =, !=) and a value with or without its unit,
-/// such as "altitude>20m" or "supply.battery_v<=22.5". Short names: altitude (m, with the zero of telemetry and `ril goto`), speed
-/// (m/s over ground), climb (m/s), battery (V), fuel (%), heading (deg), fix (quality of the GPS fix), height (m over ground, by
-/// sonar). An angle may be named with _deg instead of _rad.
+/// Several conditions must be fulfilled at the same time. A sample that is older than 1 s fulfils nothing.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
+#[command(after_help = format!("{CONDITIONS}\n\n{EXIT_CODES}"))]
 pub struct WaitArgs {
     /// What every process takes.
     #[command(flatten)]

@@ -9,8 +9,7 @@ use super::recording::Row;
 /// Name of the layout of a row in JSON.
 pub const SCHEMA: &str = "ril.LogRow.v1";
 
-/// The name of the column of the time in UTC.
-pub const UTC: &str = "utc";
+pub use status::log::tsv::UTC;
 
 /// Where times in UTC come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,6 +20,7 @@ pub const BRIDGE: &str = "\
 [serial]
 port = 'dsp-1'
 [link]
+ack_timeout_ms = 10000
 pc_timeout_ms = 60000
 silent_after_ms = 60000
 [safety]
@@ -41,8 +42,7 @@ groups = ['time', 'geographic', 'gps_velocity', 'gps_quality', 'supply', 'dsp_er
 ";
 
 /// Telemetry that is old on a machine that stalls is not the robot's fault.
-pub const OPERATOR: &str =
-    "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 60.0\nlog_room_mib = 0\n";
+pub const OPERATOR: &str = "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 60.0\nlog_room_mib = 0\nlink_loss_percent = { warn = 100.0, fail = 100.0 }\n";
 
 /// Simulator, bridge and status of robot 1, with the configurations above.
 pub struct Station {

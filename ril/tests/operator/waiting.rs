@@ -109,6 +109,8 @@ fn mistakes_are_usage_errors_and_a_signal_is_no_success() {
         let finished = rig.run(args, 2);
         assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
     }
+    let help = rig.run("wait --help", 0).stdout;
+    assert!(says(&help, "hovering         in the air"), "{help:#?}");
     let bridge = rig.bridge(1);
     let mut waiting = rig.start("wait --for up --timeout 600");
     until_joined(&rig, "ril");

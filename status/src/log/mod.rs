@@ -13,6 +13,8 @@
 //! hanging, and **what the queue refuses is the one loss count**. Each sample that was offered is a row in a file, or
 //! lost: `lost = offered − rows`.
 //!
+//! [`read`] is the other side: it reads the files again, while they are written or long after.
+//!
 //! What can be lost without a count:
 //!
 //! * A kill of the process costs the rows of the last second: they are handed to the operating system every

@@ -1,6 +1,6 @@
 //! `ril log list | summary | tail | csv`: what status wrote. It needs no process and joins no shared memory.
 //!
-//! [`files`] finds and opens files, [`list`] lists them, [`tail`] follows one; [`log`](crate::log) reads and sums up.
+//! `files` finds and opens files, `list` lists them, `tail` follows one; [`log`](crate::log) reads and sums up.
 
 mod files;
 mod list;
