@@ -102,7 +102,7 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
         (&finding["rule"], &finding["items"][0]),
         (&"not-flying".into(), &1.into())
     );
-    assert_eq!(finding["next"], "let it take off first: `--takeoff 20m`");
+    assert_eq!(finding["next_step"], "let it take off first: `--takeoff 20m`");
     let state = json(&rig.run("state --json", 0).stdout[0]);
     assert_eq!(state["link"]["waypoints_sent"], 0);
     assert_eq!(

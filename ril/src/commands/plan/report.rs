@@ -37,7 +37,7 @@ struct FindingObject<'a> {
     leg: Option<u32>,
     amount_m: Option<f64>,
     text: &'a str,
-    next: &'a str,
+    next_step: &'a str,
 }
 
 /// The whole for programs.
@@ -202,7 +202,7 @@ impl<'a> Report<'a> {
                 leg: finding.leg,
                 amount_m: finding.amount_m,
                 text: &finding.text,
-                next: &finding.remedy,
+                next_step: &finding.remedy,
             };
             json_line(out, &object)?;
         }
