@@ -37,7 +37,7 @@ fn a_real_flight_is_listed_summed_up_and_converted() {
     let station = Station::start(&rig, "--speed 10");
     rig.run("start", 0);
     rig.run("takeoff --altitude 10", 0);
-    rig.run("goto 37.4111,-6.001,20 --timeout 600", 0);
+    rig.run("goto 37.4111,-6.001,20 --timeout 600s", 0);
     rig.run("land", 0);
     station.end();
     let list = on_terminal(&rig, "log list", 0);

@@ -67,7 +67,7 @@ impl Station {
         let bridge = rig.bridge(1);
         let status = rig.status(1);
         rig.watch(1).until_ready();
-        rig.run("wait --for up --for landed --timeout 600", 0);
+        rig.run("wait --for up --for landed --timeout 600s", 0);
         Station {
             sim,
             bridge,

@@ -11,7 +11,7 @@ fn a_flight_is_followed_by_conditions() {
     let station = Station::start(&rig, "--speed 10");
     rig.run("start", 0);
     let climb = rig.start("takeoff --altitude 10");
-    let finished = rig.run("wait --for altitude>=19 --for flying --timeout 600", 0);
+    let finished = rig.run("wait --for altitude>=19 --for flying --timeout 600s", 0);
     assert!(
         finished.stdout[0].starts_with("altitude>=19: "),
         "{finished:#?}"
@@ -32,12 +32,12 @@ fn a_flight_is_followed_by_conditions() {
             .contains("m/s")
     );
     // What is never so ends in time, with how things are.
-    let finished = rig.run("wait --for landed --for up --timeout 0.05", 4);
+    let finished = rig.run("wait --for landed --for up --timeout 50ms", 4);
     assert!(says(&finished.stderr, "landed ("), "{finished:#?}");
-    let finished = rig.run("wait --for battery<1 --timeout 0.05 --json", 4);
+    let finished = rig.run("wait --for battery<1 --timeout 50ms --json", 4);
     assert_eq!(json(&finished.stdout[0])["met"], false);
     let landing = rig.start("land");
-    let lines = on_terminal(&rig, "wait --for landed --timeout 600", 0);
+    let lines = on_terminal(&rig, "wait --for landed --timeout 600s", 0);
     assert_eq!(lines, ["landed: on the ground"]);
     done(landing);
     station.end();
@@ -46,7 +46,7 @@ fn a_flight_is_followed_by_conditions() {
 #[test]
 fn it_waits_for_processes_that_are_yet_to_start() {
     let rig = Rig::new();
-    let waiting = rig.start("wait --for up --for fix=4 --timeout 600");
+    let waiting = rig.start("wait --for up --for fix=4 --timeout 600s");
     let station = Station::start(&rig, "");
     assert_eq!(done(waiting), ["up: link up", "fix=4: 4"]);
     station.end();
@@ -60,7 +60,7 @@ fn a_process_that_does_not_run_is_named_at_the_end() {
         ("landed", "status"),
         ("altitude>1", "status"),
     ] {
-        let finished = rig.run(&format!("wait --for {condition} --timeout 0.05"), 3);
+        let finished = rig.run(&format!("wait --for {condition} --timeout 50ms"), 3);
         assert!(
             says(&finished.stderr, process),
             "{condition}: {finished:#?}"
@@ -75,18 +75,18 @@ fn a_dead_link_is_no_landing() {
     let sim = rig.sim(1, "");
     let bridge = rig.bridge(1);
     let status = rig.status(1);
-    rig.run("wait --for landed --timeout 600", 0);
+    rig.run("wait --for landed --timeout 600s", 0);
     end(sim, Signal::INT);
     rig.watch(1).until("the last sample is old", |state| {
         let last = ipc_types::MonotonicNs(state.link.last_telemetry_ns);
         ipc_types::MonotonicNs::now().since(last) > std::time::Duration::from_millis(1100)
     });
-    let finished = rig.run("wait --for landed --timeout 0.05", 4);
+    let finished = rig.run("wait --for landed --timeout 50ms", 4);
     assert!(
         says(&finished.stderr, "landed (the telemetry is old)"),
         "{finished:#?}"
     );
-    let finished = rig.run("wait --for up --timeout 0.05", 4);
+    let finished = rig.run("wait --for up --timeout 50ms", 4);
     assert!(says(&finished.stderr, "up (link gone)"), "{finished:#?}");
     for process in [status, bridge] {
         end(process, Signal::INT);
@@ -112,7 +112,7 @@ fn mistakes_are_usage_errors_and_a_signal_is_no_success() {
     let help = rig.run("wait --help", 0).stdout;
     assert!(says(&help, "hovering         in the air"), "{help:#?}");
     let bridge = rig.bridge(1);
-    let mut waiting = rig.start("wait --for up --timeout 600");
+    let mut waiting = rig.start("wait --for up --timeout 600s");
     until_joined(&rig, "ril");
     waiting.signal(Signal::INT);
     let finished = waiting.wait_exit();
