@@ -54,7 +54,7 @@ fn altitudes_have_units_and_are_relative_to_the_helicopter() {
 #[test]
 fn a_relative_altitude_without_a_bridge_sends_nothing_and_says_why() {
     let rig = Rig::new();
-    let finished = rig.run("goto -37.4112 -6.0010 +5m --timeout 0.05 --robot 7", 3);
+    let finished = rig.run("goto -37.4112 -6.0010 +5m --timeout 50ms --robot 7", 3);
     assert!(
         says(&finished.stderr, "start `ril bridge --robot 7`"),
         "{finished:#?}"

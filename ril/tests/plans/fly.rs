@@ -102,7 +102,10 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
         (&finding["rule"], &finding["items"][0]),
         (&"not-flying".into(), &1.into())
     );
-    assert_eq!(finding["next_step"], "let it take off first: `--takeoff 20m`");
+    assert_eq!(
+        finding["next_step"],
+        "let it take off first: `--takeoff 20m`"
+    );
     let state = json(&rig.run("state --json", 0).stdout[0]);
     assert_eq!(state["link"]["waypoints_sent"], 0);
     assert_eq!(
@@ -213,7 +216,7 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
     // Another file than the bridge's: both stay as they are.
     let other = rig.write("other.toml", RULES);
     let finished = rig.run(
-        "plan fly fenced.plan --fence --bridge other.toml --timeout 1",
+        "plan fly fenced.plan --fence --bridge other.toml --timeout 1s",
         5,
     );
     assert!(

@@ -253,20 +253,22 @@ fn fence_and_path_of_files_are_drawn_and_wrong_ones_are_refused() {
         "bridge.toml",
         "[fence]\n[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\ncentre = [37.411, -6.001]\nradius_m = 40.0\n",
     );
-    rig.write("square.path", "37.4110,-6.0010,25\n37.4112,-6.0010,25\n");
-    let mut screen = Screen::start(&rig, "watch --path square.path", 80, 24);
+    let line =
+        |number, latitude| format!("{number}\t0\t3\t16\t0\t0\t0\t0\t{latitude}\t-6.001\t25\t1\n");
+    let lines = [line(0, "37.411"), line(1, "37.411"), line(2, "37.4112")];
+    rig.write(
+        "legs.waypoints",
+        &format!("QGC WPL 110\n{}", lines.concat()),
+    );
+    let mut screen = Screen::start(&rig, "watch --plan legs.waypoints", 80, 24);
     screen.types("zz");
     screen.shows("fence: ");
     screen.until("fence and waypoints", |screen| {
         screen.contains("#####") && screen.contains('2') && screen.contains('·')
     });
     screen.quits();
-    rig.write("wild.path", "91,0,0\n");
-    let mut screen = Screen::start(&rig, "watch --path wild.path", 80, 24);
+    rig.write("wild.waypoints", &format!("QGC WPL 110\n{}", line(0, "91")));
+    let mut screen = Screen::start(&rig, "watch --plan wild.waypoints", 80, 24);
     assert_eq!(screen.ends(true).code(), Some(2));
-    assert!(
-        screen.errors().contains("line 1: the latitude 91"),
-        "{}",
-        screen.errors()
-    );
+    assert!(screen.errors().contains("latitude"), "{}", screen.errors());
 }

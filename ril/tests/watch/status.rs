@@ -16,7 +16,7 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
     let bridge = rig.bridge(1);
     let status = rig.status(1);
     rig.watch(1).until_ready();
-    let finished = rig.state_of("state --timeout 60");
+    let finished = rig.state_of("state --timeout 60s");
     let titles: Vec<&str> = finished
         .stdout
         .iter()
@@ -64,7 +64,7 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
     watch.until("the link is down", |state| {
         state.link.state() != Some(LinkState::Up)
     });
-    let finished = rig.run("state --timeout 60", 6);
+    let finished = rig.run("state --timeout 60s", 6);
     assert!(
         says(&finished.stdout, "link        "),
         "it is shown all the same: {finished:#?}"
@@ -76,13 +76,13 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
     drop(watch);
     end(bridge, Signal::TERM);
     // Status alone is shown, too.
-    let finished = rig.run("state --timeout 2", 3);
+    let finished = rig.run("state --timeout 2s", 3);
     assert!(says(&finished.stdout, "no bridge runs"), "{finished:#?}");
     assert!(
         says(&finished.stdout, "status      hero-status"),
         "{finished:#?}"
     );
-    let shown = json(&rig.run("state --timeout 2 --json", 3).stdout[0]);
+    let shown = json(&rig.run("state --timeout 2s --json", 3).stdout[0]);
     assert!(shown["module"].is_null());
     assert_eq!(
         shown["processes"],
@@ -102,7 +102,7 @@ fn old_telemetry_over_a_link_that_is_up_is_code_4() {
         received_ns: MonotonicNs::now().0 - 5_000_000_000,
         ..DspTelemetry::default()
     });
-    let finished = rig.run("state --timeout 0.2", 4);
+    let finished = rig.run("state --timeout 200ms", 4);
     assert!(says(&finished.stdout, ", STALE"), "{finished:#?}");
 }
 
