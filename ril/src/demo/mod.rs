@@ -340,10 +340,7 @@ impl<'a> Stage<'a> {
             if Instant::now() >= self.deadline {
                 return Err(Failure::new(
                     ExitCode::Timeout,
-                    format!(
-                        "the demonstration took more than {}",
-                        Shown(TIME_LIMIT)
-                    ),
+                    format!("the demonstration took more than {}", Shown(TIME_LIMIT)),
                 ));
             }
             self.sleep()?;
