@@ -90,7 +90,9 @@ impl Chain {
             domain,
             binary,
             &folder,
-            &["run", "sim", "--link", "dsp", "--seed", "1", "--speed", &speed],
+            &[
+                "run", "sim", "--link", "dsp", "--seed", "1", "--speed", &speed,
+            ],
         );
         // A machine that stalls for seconds must end no flight.
         std::fs::write(

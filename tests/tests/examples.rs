@@ -314,7 +314,10 @@ fn a_program_in_python_flies_a_mission() {
         command.arg("5");
         command
     });
-    says_that_nothing_runs(python_example(python, "mission.py"), "start `ril run status`");
+    says_that_nothing_runs(
+        python_example(python, "mission.py"),
+        "start `ril run status`",
+    );
 }
 
 #[test]
