@@ -25,8 +25,16 @@ pub use reason::explain;
 use reason::explain_for_port;
 pub use verb::Verb;
 
+/// How a request ended, in one line: what happened, why, and what to do next.
+pub fn ending(verb: Verb, end: &FinalReport) -> String {
+    match ending_parts(verb, end) {
+        (text, Some(next_step)) => format!("{text}: {next_step}"),
+        (text, None) => text,
+    }
+}
+
 /// How a request ended: what happened and why, and apart from that what to do next, where there is something to do.
-pub fn ending(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
+pub fn ending_parts(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
     let what = match end.stage {
         Stage::Refused => "was refused",
         Stage::Aborted => "was begun and ended early",

@@ -140,7 +140,7 @@ fn reports_of_any_bits_are_shown_and_end_nothing_before_its_time() {
                 }
                 serde_json::to_string(&ReportObject::new(verb, &report)).unwrap();
                 if let Some(end) = FinalReport::of(&report) {
-                    check_text(seed, &messages::ending(verb, &end).0);
+                    check_text(seed, &messages::ending(verb, &end));
                 }
             }
             is_answered |= exchange.take(&report, NOW).is_some();

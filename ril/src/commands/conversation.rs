@@ -224,7 +224,7 @@ impl<'a, R: Request> Conversation<'a, R> {
         match end.exit_code() {
             ExitCode::Ok => Ok(Some(end.report)),
             code => {
-                let (text, next_step) = messages::ending(self.verb, end);
+                let (text, next_step) = messages::ending_parts(self.verb, end);
                 let failure = Failure::new(code, text);
                 Err(match next_step {
                     Some(next_step) => failure.with_next_step(next_step),

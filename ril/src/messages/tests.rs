@@ -107,9 +107,7 @@ fn an_ending_says_what_why_and_what_to_do() {
 }
 
 fn end(verb: Verb, report: RequestReport) -> String {
-    let (text, next_step) = ending(verb, &FinalReport::of(&report).unwrap());
-    let parts: Vec<String> = [text].into_iter().chain(next_step).collect();
-    parts.join(": ")
+    ending(verb, &FinalReport::of(&report).unwrap())
 }
 
 #[test]
