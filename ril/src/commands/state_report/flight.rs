@@ -75,3 +75,64 @@ impl Flight {
         }
     }
 }
+
+/// In words.
+impl Flight {
+    pub(super) fn in_words(&self) -> String {
+        match (&self.phase, self.flying) {
+            (Some(phase), Some(_)) if phase == self.up_or_down() => phase.clone(),
+            (Some(phase), _) => format!("{}, {phase}", self.up_or_down()),
+            (None, _) => self.up_or_down().to_owned(),
+        }
+    }
+
+    pub(super) fn altitude(&self) -> String {
+        let Some(altitude_m) = self.altitude_m else {
+            return "-".to_owned();
+        };
+        match self.climb_mps {
+            Some(climb_mps) => format!("{altitude_m:.1} m, climb {climb_mps:+.1} m/s"),
+            None => format!("{altitude_m:.1} m"),
+        }
+    }
+
+    pub(super) fn position(&self) -> String {
+        match (self.latitude_deg, self.longitude_deg) {
+            (Some(latitude), Some(longitude)) => format!("{latitude:.7}° {longitude:.7}°"),
+            _ => "-".to_owned(),
+        }
+    }
+
+    pub(super) fn speed(&self) -> String {
+        let Some(speed_mps) = self.ground_speed_mps else {
+            return "-".to_owned();
+        };
+        match self.course_deg {
+            Some(course) => format!("{speed_mps:.1} m/s over ground, course {course:03.0}°"),
+            None => format!("{speed_mps:.1} m/s over ground"),
+        }
+    }
+
+    pub(super) fn supply(&self) -> String {
+        let parts = [
+            self.battery_v.map(|volts| format!("battery {volts:.1} V")),
+            self.fuel_percent
+                .map(|percent| format!("fuel {percent:.0} %")),
+            self.pilot_switch
+                .map(|switch| format!("pilot's switch {switch}")),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        if parts.is_empty() {
+            "-".to_owned()
+        } else {
+            parts.join(", ")
+        }
+    }
+
+    pub(super) fn fix(&self) -> String {
+        match (self.gps_fix, self.gps_quality) {
+            (Some(fix), Some(quality)) => format!("{fix} ({quality})"),
+            _ => "-".to_owned(),
+        }
+    }
+}

@@ -3,13 +3,14 @@
 //! Writing never waits: a terminal that takes nothing, such as an ssh connection that hangs, must not keep the process from its orders
 //! and its end. What it has not taken is written later, and no other picture before it is through.
 
+mod guard;
+
 use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, IsTerminal, Read};
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::net::UnixStream;
-use std::panic;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,9 +22,7 @@ use runtime::exit::Failure;
 use rustix::fs::OFlags;
 use rustix::io::Errno;
 use rustix::stdio::{stdin, stdout};
-use rustix::termios::{
-    OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr, ttyname,
-};
+use rustix::termios::ttyname;
 use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGWINCH};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
@@ -31,6 +30,7 @@ use signal_hook::{SigId, flag};
 use crate::live::Size;
 use crate::watch::keys::{Key, Keys};
 use crate::watch::paint;
+use guard::Guard;
 
 /// Most bytes of keys that one read takes; what is more wakes the next wait.
 const MAX_KEYS: usize = 256;
@@ -216,86 +216,6 @@ fn own_output() -> io::Result<OwnedFd> {
         Err(error) if error.kind() == ErrorKind::PermissionDenied => stdout().try_clone_to_owned(),
         Err(error) => Err(error),
     }
-}
-
-/// Gives the terminal back when it is dropped, and before a panic is told.
-struct Guard {
-    raw: Termios,
-    saved: Arc<Saved>,
-}
-
-/// How the terminal was.
-struct Saved {
-    settings: Termios,
-    is_taken: AtomicBool,
-}
-
-impl Guard {
-    fn enter() -> io::Result<Guard> {
-        let settings = tcgetattr(stdin())?;
-        let mut raw = settings.clone();
-        raw.make_raw();
-        let saved = Arc::new(Saved {
-            settings,
-            is_taken: AtomicBool::new(true),
-        });
-        let guard = Guard {
-            raw,
-            saved: Arc::clone(&saved),
-        };
-        guard.set_raw()?;
-        let before = panic::take_hook();
-        panic::set_hook(Box::new(move |info| {
-            // What is told on the other screen goes with it.
-            saved.give_back();
-            before(info);
-        }));
-        Ok(guard)
-    }
-
-    fn set_raw(&self) -> io::Result<()> {
-        Ok(tcsetattr(stdin(), OptionalActions::Now, &self.raw)?)
-    }
-}
-
-impl Drop for Guard {
-    fn drop(&mut self) {
-        self.saved.give_back();
-    }
-}
-
-impl Saved {
-    /// Once.
-    fn give_back(&self) {
-        if !self.is_taken.swap(false, Ordering::AcqRel) {
-            return;
-        }
-        // Best effort: a terminal that is gone needs nothing. What was typed and not read is not the shell's: it may be the rest of a
-        // word that confirms an order.
-        let _ = tcflush(stdin(), QueueSelector::IFlush);
-        let _ = write_without_waiting(stdout(), paint::LEAVE);
-        let _ = tcsetattr(stdin(), OptionalActions::Now, &self.settings);
-    }
-}
-
-/// Writes `bytes` if the terminal takes them at once, or after what it has not taken was thrown away.
-fn write_without_waiting(to: BorrowedFd<'_>, bytes: &[u8]) -> io::Result<()> {
-    use rustix::event::{PollFd, PollFlags, Timespec, poll};
-    let takes = || {
-        let mut polled = [PollFd::from_borrowed_fd(to, PollFlags::OUT)];
-        let now = Timespec {
-            tv_sec: 0,
-            tv_nsec: 0,
-        };
-        poll(&mut polled, Some(&now)).is_ok_and(|ready| ready > 0)
-    };
-    if !takes() {
-        tcflush(to, QueueSelector::OFlush)?;
-    }
-    if takes() {
-        rustix::io::write(to, bytes)?;
-    }
-    Ok(())
 }
 
 /// Signals about the terminal, as a descriptor.

@@ -1,8 +1,9 @@
 //! What a robot's samples make of it.
 
-use ipc_types::code::{Functionality, RelayLinkState, SafetyRule};
+use ipc_types::code::{Functionality, RelayLinkState, SafetyAction, SafetyRule};
 
 use super::*;
+use crate::watch::alarms::Kind;
 use crate::watch::fixture::{at, fly, hero, on_path, state, translating};
 
 fn flown() -> Robot {
