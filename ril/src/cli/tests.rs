@@ -207,7 +207,7 @@ fn a_usage_error_says_why() {
             &["goto", "37,6,20", "--file", "path"],
             "cannot be used with",
         ),
-        (&["takeoff"], "--altitude"),
+        (&["takeoff"], "<ALTITUDE>"),
         (&["takeoff", "--altitude", "5", "--preempt"], "--preempt"),
         (&["param"], "Usage: ril param"),
         (&["param", "set", "yaw_gain"], "<VALUE>"),
