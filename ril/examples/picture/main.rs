@@ -1,7 +1,8 @@
-//! Makes the picture of `ril watch` that the README shows, from a simulated flight of real processes:
+//! Makes the pictures that the README shows: of `ril watch` from a simulated flight of real processes, and of `ril plan check`.
 //!
 //! ```sh
-//! cargo run -p ril --example picture -- docs/watch.svg
+//! cargo run -p ril --example picture -- watch docs/watch.svg
+//! cargo run -p ril --example picture -- plan docs/plan-check.svg
 //! ```
 //!
 //! A helicopter takes off inside a geofence with a mast in it and flies a square. The picture is what `ril watch` draws when it
@@ -19,6 +20,7 @@ use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
 use ipc_types::{MonotonicNs, RobotId, StateOf, StatusModule, Subscriber, Waiter};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
+use ratatui::style::{Color, Style};
 use ril::watch::app::App;
 use ril::watch::chart::{Chart, FenceFile};
 use ril::watch::keys::Key;
@@ -32,6 +34,9 @@ const BE_RIL: &str = "be-ril";
 /// Size of the terminal.
 const COLUMNS: u16 = 104;
 const ROWS: u16 = 30;
+
+/// Width of what `ril plan` prints.
+const PLAN_COLUMNS: u16 = 80;
 
 /// The corners of the square, each to be flown at 20 m over the simulator's ground.
 const CORNERS: [[f64; 2]; 4] = [
@@ -61,19 +66,60 @@ radius_m = 7.0
 fn main() -> ExitCode {
     let mut args = std::env::args_os();
     let name = args.next();
-    let Some(first) = args.next() else {
-        eprintln!("name the file: cargo run -p ril --example picture -- docs/watch.svg");
-        return ExitCode::from(2);
-    };
+    let first = args.next().unwrap_or_default();
     if first == BE_RIL {
         return ril::main(name.into_iter().chain(args));
     }
-    let picture = fly_and_draw();
-    if let Err(error) = fs::write(&first, picture) {
-        eprintln!("{}: {error}", first.display());
+    let file = args.next();
+    let (picture, file) = match (first.to_str(), file) {
+        (Some("watch"), Some(file)) => (fly_and_draw(), file),
+        (Some("plan"), Some(file)) => (check_and_draw(), file),
+        _ => {
+            eprintln!(
+                "name picture and file: cargo run -p ril --example picture -- watch docs/watch.svg"
+            );
+            return ExitCode::from(2);
+        }
+    };
+    if let Err(error) = fs::write(&file, picture) {
+        eprintln!("{}: {error}", file.display());
         return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS
+}
+
+/// A take-off, a leg through the exclusion area, a camera that the helicopter does not have, and a landing.
+const PLAN: &str = "\
+QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t37.41095\t-6.00110\t10\t1
+1\t0\t3\t22\t0\t0\t0\t0\t37.41095\t-6.00110\t20\t1
+2\t0\t3\t16\t0\t0\t0\t0\t37.41130\t-6.00112\t20\t1
+3\t0\t3\t16\t0\t0\t0\t0\t37.41105\t-6.00050\t20\t1
+4\t0\t2\t206\t25\t0\t0\t0\t0\t0\t0\t1
+5\t0\t3\t21\t0\t0\t0\t0\t37.41105\t-6.00050\t0\t1
+";
+
+/// What `ril plan check` says of a plan inside the geofence of the pictures.
+fn check_and_draw() -> String {
+    let domain = TestDomain::new();
+    let folder = PtyFolder::new();
+    fs::write(folder.link("bridge.toml"), BRIDGE).expect("a folder that can be written");
+    fs::write(folder.link("survey.waypoints"), PLAN).expect("the same");
+    let mut command = Command::new(std::env::current_exe().expect("a name"));
+    command.args([BE_RIL, "plan", "check", "survey.waypoints"]);
+    command.current_dir(folder.path());
+    let lines = Process::spawn(&domain, command).wait_exit().stdout;
+    let height = u16::try_from(lines.len()).expect("a screen");
+    let mut buffer = Buffer::empty(Rect::new(0, 0, PLAN_COLUMNS, height));
+    for (row, line) in (0..).zip(&lines) {
+        let colour = match line.split_whitespace().next() {
+            Some("FORBIDS") => Color::Red,
+            Some("warns") => Color::Yellow,
+            _ => Color::Reset,
+        };
+        buffer.set_string(0, row, line, Style::new().fg(colour));
+    }
+    svg::svg(&buffer, "ril plan check survey.waypoints")
 }
 
 /// A flight, up to the picture.
@@ -95,9 +141,9 @@ fn fly_and_draw() -> String {
         process.wait_for_text("ready");
         process
     };
-    let sim = ready("sim --link dsp");
-    let bridge = ready("bridge --port dsp");
-    let status = ready("status");
+    let sim = ready("run sim --link dsp");
+    let bridge = ready("run bridge --port dsp");
+    let status = ready("run status");
     let mut screen = Watched::new(&domain);
     let is_up = |state: &ModuleState| {
         state.link.state() == Some(ipc_types::code::LinkState::Up)

@@ -132,8 +132,13 @@ impl Cli {
             })?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         if let Command::Goto(goto) = &cli.command {
-            goto.targets()
-                .map_err(|text| command.error(ErrorKind::ValueValidation, text))?;
+            goto.targets().map_err(|text| {
+                // With the usage of `ril goto`, not that of `ril`.
+                if let Some(goto) = command.find_subcommand_mut("goto") {
+                    return goto.error(ErrorKind::ValueValidation, text);
+                }
+                command.error(ErrorKind::ValueValidation, text)
+            })?;
         }
         Ok((cli, RobotChoice::of(&matches)))
     }

@@ -2,6 +2,7 @@
 
 use ril_tests::process::Signal;
 
+use super::PATIENT;
 use crate::common::{Rig, end, json, says};
 
 /// The helicopter's altitude, m, with the zero of telemetry.
@@ -16,6 +17,7 @@ fn altitude_m(rig: &Rig) -> f64 {
 #[test]
 fn altitudes_have_units_and_are_relative_to_the_helicopter() {
     let rig = Rig::new();
+    rig.write("bridge.toml", PATIENT);
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
@@ -56,7 +58,7 @@ fn a_relative_altitude_without_a_bridge_sends_nothing_and_says_why() {
     let rig = Rig::new();
     let finished = rig.run("goto -37.4112 -6.0010 +5m --timeout 50ms --robot 7", 3);
     assert!(
-        says(&finished.stderr, "start `ril bridge --robot 7`"),
+        says(&finished.stderr, "start `ril run bridge --robot 7`"),
         "{finished:#?}"
     );
 }

@@ -6,6 +6,7 @@ use ipc_types::code::Functionality;
 use ril_tests::Process;
 use ril_tests::process::{Finished, Signal};
 
+use super::PATIENT;
 use super::check::SQUARE;
 use crate::common::{Rig, end, json, says};
 
@@ -17,6 +18,9 @@ struct Robot {
 
 impl Robot {
     fn start(rig: &Rig) -> Robot {
+        if !rig.folder().join("bridge.toml").exists() {
+            rig.write("bridge.toml", PATIENT);
+        }
         let sim = rig.sim(1, "--speed 10");
         let bridge = rig.bridge(1);
         rig.watch(1).until_ready();
@@ -77,11 +81,33 @@ fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
 }
 
 #[test]
+fn a_plan_whose_output_is_closed_says_that_it_ended_early() {
+    let rig = Rig::new();
+    let robot = Robot::start(&rig);
+    rig.write("square.waypoints", SQUARE);
+    let line = "{ \"$0\" plan fly square.waypoints; echo \"code $?\" >&2; } | head -n 1";
+    let finished = Process::spawn(&rig.domain, rig.shell(line)).wait_exit();
+    assert!(says(&finished.stderr, "code 7"), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "standard output was closed"),
+        "{finished:#?}"
+    );
+    assert!(
+        says(
+            &finished.stderr,
+            "go on with `ril plan fly square.waypoints --from"
+        ),
+        "{finished:#?}"
+    );
+    robot.end();
+}
+
+#[test]
 fn a_plan_that_breaks_a_rule_is_not_flown() {
     let rig = Rig::new();
     rig.write(
         "bridge.toml",
-        "[link]\npc_timeout_ms = 60000\n[fence]\nceiling_m = 26.0\n",
+        &format!("{PATIENT}[fence]\nceiling_m = 26.0\n"),
     );
     let robot = Robot::start(&rig);
     rig.write("square.waypoints", SQUARE);
@@ -200,8 +226,8 @@ fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
 #[test]
 fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_bridge_reads_it() {
     let rig = Rig::new();
-    const RULES: &str = "# ours\n[link]\npc_timeout_ms = 60000 # patient\n";
-    let file = rig.write("bridge.toml", RULES);
+    let rules = format!("# ours\n{PATIENT}");
+    let file = rig.write("bridge.toml", &rules);
     let robot = Robot::start(&rig);
     let plan = r#"{"fileType":"Plan","version":1,"mission":{"version":2,"plannedHomePosition":[37.411,-6.001,10],"items":[
         {"type":"SimpleItem","command":22,"frame":3,"autoContinue":true,"params":[0,0,0,null,0,0,12]},
@@ -214,16 +240,13 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
         |rig: &Rig| json(&rig.run("state --json", 0).stdout[0])["safety"]["fence_areas"].clone();
 
     // Another file than the bridge's: both stay as they are.
-    let other = rig.write("other.toml", RULES);
-    let finished = rig.run(
-        "plan fly fenced.plan --fence --bridge other.toml --timeout 1s",
-        5,
-    );
+    let other = rig.write("other.toml", &rules);
+    let finished = rig.run("plan fly fenced.plan --fence --bridge other.toml", 5);
     assert!(
         says(&finished.stderr, "it does not read other.toml"),
         "{finished:#?}"
     );
-    assert_eq!(fs::read_to_string(&other).unwrap(), RULES);
+    assert_eq!(fs::read_to_string(&other).unwrap(), rules);
 
     rig.run("plan fly fenced.plan", 0);
     assert_eq!(areas(&rig), 0);
@@ -235,14 +258,14 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
     assert_eq!(areas(&rig), 1);
     let text = fs::read_to_string(&file).unwrap();
     assert!(
-        text.starts_with(RULES) && text.contains("plan: inclusion 1"),
+        text.starts_with(&rules) && text.contains("plan: inclusion 1"),
         "{text}"
     );
     // It is the bridge's own now.
     rig.run("takeoff 5m", 0);
     let finished = rig.run("goto 37.4125,-6.001,20m", 5);
     assert!(
-        says(&finished.stdout, "fence-inclusion, leg 1"),
+        says(&finished.stderr, "fence-inclusion, leg 1"),
         "{finished:#?}"
     );
     rig.run("land", 0);

@@ -205,6 +205,12 @@ mod tests {
         let twice = with_areas(&once, &[circle("c", true)]).unwrap();
         assert_eq!(names(&twice), ["plan: c"]);
         assert!(twice.starts_with(text), "{twice}");
+        let example = include_str!("../../../../bridge/bridge.toml");
+        let with_example = with_areas(example, &[circle("d", true)]).unwrap();
+        assert_eq!(names(&with_example), ["plan: d"]);
+        let lines_of = |text: &str| -> Vec<String> { text.lines().map(str::to_owned).collect() };
+        let after = lines_of(&with_example);
+        assert!(lines_of(example).iter().all(|line| after.contains(line)));
     }
 
     #[test]

@@ -66,7 +66,7 @@ pub fn fly(args: &PlanFlyArgs, choice: RobotChoice) -> Result<(), Failure> {
     };
     let result = flyer.fly();
     flyer.restore_speed();
-    result.map_err(|failure| {
+    result.map_err(explain_closed_output).map_err(|failure| {
         let journal = &flyer.journal;
         match journal.next_item().zip(journal.resume(args, &known.site.home)) {
             Some((item, command)) => failure.context(format!(
@@ -76,6 +76,17 @@ pub fn fly(args: &PlanFlyArgs, choice: RobotChoice) -> Result<(), Failure> {
             None => failure,
         }
     })
+}
+
+/// Where output is all that a command is for, it ends quietly when its reader has gone. This one is for more.
+fn explain_closed_output(failure: Failure) -> Failure {
+    match failure.chain().is_empty() {
+        false => failure,
+        true => Failure::new(
+            ExitCode::OutcomeUnknown,
+            "standard output was closed: what was sent is flown to its end, and nothing else; `ril hold` makes the helicopter hover",
+        ),
+    }
 }
 
 fn put_fence(

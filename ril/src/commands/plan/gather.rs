@@ -163,7 +163,7 @@ fn site(
 ) -> Site {
     let present = robot.and_then(|robot| robot.present);
     let zero_above_sea_m = config.zero_above_sea_m.unwrap_or(0.0);
-    let (home, home_source) = home(plan, args.home, present, zero_above_sea_m);
+    let (home, home_source) = home(plan, args.home, present, zero_above_sea_m, is_for_flight);
     Site {
         home,
         home_source,
@@ -185,6 +185,7 @@ fn home(
     asked: Option<HomeArg>,
     present: Option<Present>,
     zero_above_sea_m: f64,
+    is_for_flight: bool,
 ) -> (Waypoint, HomeSource) {
     let on_ground = present.filter(|present| !present.is_flying);
     let planned = plan.planned_home.map(|home| Waypoint {
@@ -208,7 +209,7 @@ fn home(
         return (present.at, HomeSource::Robot);
     }
     // A robot in the air has taken off somewhere, and the plan does not know where.
-    if let (Some(planned), None) = (planned, present) {
+    if let Some(planned) = planned.filter(|_| present.is_none() || !is_for_flight) {
         return (planned, HomeSource::Plan);
     }
     let first = plan.items.iter().find_map(|item| item.action.position());
@@ -250,7 +251,7 @@ fn of_robot(robot: &Robot, rules: Option<&BridgeConfig>, is_for_flight: bool) ->
             false => Severity::Warns,
         };
         let text = format!("the robot breaks the safety rule {rule} now");
-        findings.push(Finding::new(severity, "robot-safety", text).remedy("`ril state` shows it"));
+        findings.push(Finding::new(severity, "robot-safety", text).remedy("`ril status` shows it"));
     }
     let areas = rules.map(|rules| rules.fence.areas() as u32);
     if areas.is_some_and(|areas| areas != safety.fence_areas) {
@@ -269,7 +270,7 @@ fn of_robot(robot: &Robot, rules: Option<&BridgeConfig>, is_for_flight: bool) ->
                 "robot-position",
                 "the robot runs, but does not say where it is",
             )
-            .remedy("`ril state` shows its link and its telemetry"),
+            .remedy("`ril status` shows its link and its telemetry"),
         );
     }
     findings

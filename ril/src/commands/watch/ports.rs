@@ -282,7 +282,7 @@ fn write_end(verb: Verb, outcome: &Outcome, robot: &mut Robot, now: MonotonicNs)
     match outcome {
         Outcome::Accepted => {}
         Outcome::Final(end) if end.exit_code() == ExitCode::Ok => {}
-        Outcome::Final(end) => robot.order(now, Weight::Alarm, messages::ending(verb, end).0),
+        Outcome::Final(end) => robot.order(now, Weight::Alarm, messages::ending(verb, end)),
         Outcome::NoAnswer(_) => {
             let text = format!(
                 "{}: no answer in time, the bridge may hang; look whether it took effect all the same",
