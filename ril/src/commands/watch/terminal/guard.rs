@@ -90,3 +90,61 @@ fn write_without_waiting(to: BorrowedFd<'_>, bytes: &[u8]) -> io::Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::io::Read;
+    use std::process::{Command, Stdio};
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    use super::*;
+
+    /// Set in the process that is to panic.
+    const IN_CHILD: &str = "RIL_TEST_PANICS_ON_A_TERMINAL";
+
+    #[test]
+    fn a_panic_gives_the_terminal_back_before_it_is_told() {
+        if std::env::var_os(IN_CHILD).is_some() {
+            let _guard = Guard::enter().unwrap();
+            rustix::io::write(stdout(), paint::ENTER).unwrap();
+            panic!("tested on purpose");
+        }
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = openpt(flags).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let name = ptsname(&master, Vec::new()).unwrap();
+        let name = name.to_str().unwrap();
+        let slave = || File::options().read(true).write(true).open(name).unwrap();
+        let terminal = slave();
+        let before = format!("{:?}", tcgetattr(&terminal).unwrap());
+        // This test alone, in a process whose terminal it is.
+        let (_, module) = module_path!().split_once("::").unwrap();
+        let test = format!("{module}::a_panic_gives_the_terminal_back_before_it_is_told");
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", &test, "--nocapture", "--test-threads=1"])
+            .env(IN_CHILD, "1")
+            .env("RUST_BACKTRACE", "0")
+            .stdin(Stdio::from(slave()))
+            .stdout(Stdio::from(slave()))
+            .stderr(Stdio::from(slave()))
+            .spawn()
+            .unwrap();
+        assert!(!child.wait().unwrap().success());
+        assert_eq!(format!("{:?}", tcgetattr(&terminal).unwrap()), before);
+        drop(terminal);
+        let mut bytes = Vec::new();
+        // Without a slave the end of what was written is an error.
+        let _ = File::from(master).read_to_end(&mut bytes);
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        let place = |what: &str| {
+            text.find(what)
+                .unwrap_or_else(|| panic!("{what:?} is not in {text:?}"))
+        };
+        let [enter, leave] =
+            [paint::ENTER, paint::LEAVE].map(|bytes| std::str::from_utf8(bytes).unwrap());
+        assert!(place(enter) < place(leave) && place(leave) < place("tested on purpose"));
+    }
+}
