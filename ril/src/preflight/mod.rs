@@ -1,6 +1,6 @@
 //! Whether a robot is ready to take off: the judgement of `ril preflight`.
 //!
-//! [`facts`] are gathered by the command and judged here: [`judge`] makes one [`Check`](check::Check) of each thing that must be in
+//! [`facts`] are gathered by the command and judged here: [`judge`] makes one [`Check`] of each thing that must be in
 //! order, with its value, its limit and what to do. What `ril doctor` finds about the machine is taken over from there
 //! (`machine`), not judged a second time. Pure: the same facts give the same checks. [`limits`] is `[preflight]` of
 //! `ril.toml`.
