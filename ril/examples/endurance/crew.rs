@@ -265,7 +265,12 @@ pub fn start_chain(site: &Site) -> [Process; 3] {
 #[track_caller]
 pub fn ask(site: &Site, args: &str) {
     let finished = site.run(args);
-    assert_eq!(finished.code(), Some(0), "ril {args}: {finished:#?}");
+    // What a machine shows that stalls is old.
+    let is_done = match finished.code() {
+        Some(4) => args == "state" && !finished.stdout.is_empty(),
+        code => code == Some(0),
+    };
+    assert!(is_done, "ril {args}: {finished:#?}");
 }
 
 /// Whether the process `id`, a child that nobody has waited for, still runs.

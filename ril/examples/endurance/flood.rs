@@ -94,6 +94,8 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
                     outcome.done += 1;
                 }
                 Some(0) => outcome.done += 1,
+                // What a machine shows that stalls is old.
+                Some(4) if order == "state" && !finished.stdout.is_empty() => outcome.done += 1,
                 code => {
                     let words = finished.stderr.join(", ");
                     outcome.failures.push(format!("{order}: {code:?} {words}"));
