@@ -21,9 +21,9 @@ pub fn in_telemetry(altitude: Altitude, site: &Site) -> (Option<f64>, Option<Fin
             "altitude-reference",
             "has an altitude, and the file does not say above what",
         )
-        .remedy("say it: `--altitude-is take-off` or `--altitude-is sea`"),
+        .remedy("state it: `--altitude-is take-off` or `--altitude-is sea`"),
         Altitude::Unstated(None) => Finding::forbids("altitude-missing", "has no altitude")
-            .remedy("say it: `--altitude 30m` for all items without one, above take-off"),
+            .remedy("state one: `--altitude 30m` for all items without one, above take-off"),
     };
     (None, Some(finding))
 }

@@ -37,6 +37,7 @@ impl Flight {
             flight: Flight {
                 steps: Vec::new(),
                 legs: Vec::new(),
+                stays: Vec::new(),
                 findings: Findings::default(),
             },
         };
@@ -146,11 +147,10 @@ impl Builder<'_> {
     fn other(&mut self, item: &Item, name: &str, kind: OtherKind) {
         let finding = match kind {
             OtherKind::Payload => Finding::warns("not-done", format!("{name} is not done")),
-            OtherKind::Flight => Finding::forbids(
-                "not-possible",
-                format!("{name} is nothing that the helicopter can do"),
-            )
-            .remedy("take the item out of the plan"),
+            OtherKind::Flight => {
+                Finding::forbids("not-possible", format!("the helicopter cannot do {name}"))
+                    .remedy("take the item out of the plan")
+            }
         };
         self.find(finding.item(item.number));
     }
@@ -250,6 +250,7 @@ impl Builder<'_> {
         if distance_m(&self.here, &there) > SAME_PLACE_M {
             self.fly_to(item, there);
         }
+        self.flight.stays.push(item.number);
         self.wait(item, duration_s);
     }
 

@@ -39,7 +39,7 @@
 //!
 //! let findings = check(&plan, &flight, &site, None, &Endurance::default());
 //! assert_eq!((findings[0].rule, findings[0].items[0]), ("not-possible", 3));
-//! assert_eq!(findings[0].text, "NAV_LOITER_TURNS (18) is nothing that the helicopter can do");
+//! assert_eq!(findings[0].text, "the helicopter cannot do NAV_LOITER_TURNS (18)");
 //! # Ok::<(), plans::ReadError>(())
 //! ```
 

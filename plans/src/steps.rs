@@ -79,20 +79,23 @@ pub struct Flight {
     pub steps: Vec<Step>,
     /// In order.
     pub legs: Vec<Leg>,
+    /// Items that are done by staying where the helicopter is.
+    pub stays: Vec<u32>,
     /// What could not be turned into steps, and what the operator must know of it.
     pub findings: Findings,
 }
 
 impl Flight {
-    /// The items that steps stand for.
+    /// Whether the helicopter does the item.
     pub fn is_flown(&self, item: u32) -> bool {
-        self.steps.iter().any(|step| match step {
-            Step::TakeOff { item: of, .. } => *of == Some(item),
-            Step::Path(points) => points.iter().any(|point| point.item == item),
-            Step::Wait { item: of, .. }
-            | Step::Speed { item: of, .. }
-            | Step::Land { item: of } => *of == item,
-        })
+        self.stays.contains(&item)
+            || self.steps.iter().any(|step| match step {
+                Step::TakeOff { item: of, .. } => *of == Some(item),
+                Step::Path(points) => points.iter().any(|point| point.item == item),
+                Step::Wait { item: of, .. }
+                | Step::Speed { item: of, .. }
+                | Step::Land { item: of } => *of == item,
+            })
     }
 }
 

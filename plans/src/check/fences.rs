@@ -122,7 +122,7 @@ fn plan_fence(plan: &Plan, findings: &mut Findings) -> Fence {
                     "plan-fence",
                     format!("the plan's own fence is not valid: {error}"),
                 )
-                .remedy("mend the fence in the program that made the plan"),
+                .remedy("correct the fence in the program that made the plan"),
             ),
         }
     }

@@ -71,7 +71,7 @@ fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
         };
         findings.push(
             Finding::new(severity, "home-unknown", text)
-                .remedy("say where the take-off was, or will be: `--home LAT,LON,ALT`"),
+                .remedy("state where the take-off was, or will be: `--home LAT,LON,ALT`"),
         );
     }
     let Some(planned) = plan.planned_home else {

@@ -129,7 +129,7 @@ fn read_item(plan: &mut Plan, item: &Object, origin: &str) -> Result<(), ReadErr
         }
         Some("ComplexItem") => read_complex(plan, item, origin),
         Some(other) => {
-            let name = format!("item of the type `{}`", clean(other));
+            let name = format!("an item of the type `{}`", clean(other));
             let kind = OtherKind::Flight;
             push(plan, origin, "", Action::Other { name, kind })
         }
@@ -149,7 +149,7 @@ fn read_complex(plan: &mut Plan, item: &Object, origin: &str) -> Result<(), Read
     };
     let parts = optional_array(transects, "Items", origin)?;
     if parts.is_empty() {
-        let name = format!("complex item `{name}` without simple items");
+        let name = format!("a complex item `{name}` without simple items");
         let kind = OtherKind::Flight;
         return push(plan, origin, "", Action::Other { name, kind });
     }

@@ -179,9 +179,9 @@ fn the_plan_s_own_fence_is_judged_as_the_bridge_would() {
     }
     let found = findings(&plan, &site(), "", &FAST);
     insta::assert_snapshot!(describe(&found), @r###"
-    forbids not-possible [8]: complex item `StructureScan` without simple items is nothing that the helicopter can do
+    forbids not-possible [8]: the helicopter cannot do a complex item `StructureScan` without simple items
     forbids above-terrain [10]: has an altitude above terrain, which the helicopter does not know
-    forbids not-possible [11]: item of the type `HologramItem` is nothing that the helicopter can do
+    forbids not-possible [11]: the helicopter cannot do an item of the type `HologramItem`
     forbids plan-fence-exclusion [4] leg 2 6.2 m: is reached through the exclusion area `exclusion 2` of the plan's own fence
     forbids plan-fence-exclusion [5] leg 3 5.5 m: is reached through the exclusion area `exclusion 2` of the plan's own fence
     forbids plan-fence-exclusion [9] leg 5 19.6 m: is reached through the exclusion area `exclusion 2` of the plan's own fence
@@ -199,8 +199,8 @@ fn items_that_cannot_be_done_are_named() {
     let plan = super::files::plan("mission.waypoints");
     insta::assert_snapshot!(describe(&findings(&plan, &site(), "", &FAST)), @r###"
     forbids above-terrain [4]: has an altitude above terrain, which the helicopter does not know
-    forbids not-possible [5]: NAV_LOITER_TURNS (18) is nothing that the helicopter can do
-    forbids not-possible [8]: DO_JUMP (177) is nothing that the helicopter can do
+    forbids not-possible [5]: the helicopter cannot do NAV_LOITER_TURNS (18)
+    forbids not-possible [8]: the helicopter cannot do DO_JUMP (177)
     warns not-used []: line 2, the first item, is taken for the planned home, as ArduPilot's ground stations write it: it is not flown to
     warns not-done [6]: DO_SET_SERVO (183) is not done
     warns not-done [9]: asks for a stop after the item (autocontinue is off), which is not done

@@ -91,10 +91,10 @@ fn a_plan_of_qgroundcontrol() {
     5 (item 5 (survey), part 1) waypoint at 37.4121 -6.0019, 30.0 m above take-off
     6 (item 5 (survey), part 2) DO_SET_CAM_TRIGG_DIST (206), Payload
     7 (item 5 (survey), part 3) waypoint at 37.4129 -6.0019, 30.0 m above take-off
-    8 (item 6) complex item `StructureScan` without simple items, Flight
+    8 (item 6) a complex item `StructureScan` without simple items, Flight
     9 (item 7) waypoint at 37.4118 -6.0012, 58.5 m above sea level; not an acceptance radius of 2 m; not the heading 90 degrees
     10 (item 8) waypoint at 37.4117 -6.0011, 12.0 m above terrain
-    11 (item 9) item of the type `HologramItem`, Flight
+    11 (item 9) an item of the type `HologramItem`, Flight
     12 (item 10) return
     fence `inclusion 1`: inclusion, 4 vertices
     fence `exclusion 2`: exclusion, 30 m round 37.4125 -6.0005

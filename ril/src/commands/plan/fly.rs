@@ -123,14 +123,14 @@ impl Flyer<'_> {
     /// Does one step after the other.
     fn fly(&mut self) -> Result<(), Failure> {
         while let Some(step) = self.journal.step().cloned() {
-            self.tell("begin", &describe(&step))?;
+            self.announce("begin", &describe(&step))?;
             match &step {
                 Step::TakeOff { height_m, .. } => {
                     let request = MovementData::take_off(fresh_request_id(), *height_m);
                     let report = self.movement(Verb::TakeOff, vec![request])?;
                     let height_m = report.and_then(|report| report.value());
                     if let Some(height_m) = height_m.filter(|height_m| height_m.is_finite()) {
-                        self.say(&format!("{height_m:.1} m over the point of take-off"))?;
+                        self.print(&format!("{height_m:.1} m over the point of take-off"))?;
                     }
                 }
                 Step::Path(points) => self.path(points)?,
@@ -147,7 +147,7 @@ impl Flyer<'_> {
             self.journal.step_done();
         }
         let is_down = matches!(self.known.flight.steps.last(), Some(Step::Land { .. }));
-        self.tell(
+        self.announce(
             "done",
             match is_down {
                 true => "done; the helicopter has landed",
@@ -248,7 +248,7 @@ impl Flyer<'_> {
             .collect()
     }
 
-    /// In text the steps are told, not the reports about each waypoint.
+    /// In text the steps are printed, not the reports about each waypoint.
     fn format(&self) -> Format {
         match self.json {
             true => Format::Json,
@@ -256,14 +256,14 @@ impl Flyer<'_> {
         }
     }
 
-    fn tell(&self, event: &'static str, text: &str) -> Result<(), Failure> {
+    fn announce(&self, event: &'static str, text: &str) -> Result<(), Failure> {
         match self.json {
             true => json_line(&mut io::stdout().lock(), &self.journal.event(event)),
-            false => self.say(text),
+            false => self.print(text),
         }
     }
 
-    fn say(&self, text: &str) -> Result<(), Failure> {
+    fn print(&self, text: &str) -> Result<(), Failure> {
         match self.json {
             true => Ok(()),
             false => writeln!(io::stdout().lock(), "plan: {text}").map_err(Failure::output),
