@@ -120,3 +120,26 @@ fn a_right_configuration_is_checked_without_opening_the_network_or_shared_memory
     }
     assert!(!folder.path().join("ipc").exists());
 }
+
+#[test]
+fn a_right_configuration_is_printed_with_the_origin_of_each_value() {
+    let folder = folder("[commands]\nstations = [\"gcs\"]\n");
+    let output = relay(
+        folder.path(),
+        "robot --check-config --listen tcp/127.0.0.1:7001 --may-command watcher",
+    );
+    assert!(output.status.success(), "{output:?}");
+    let text = String::from_utf8(output.stdout).expect("text");
+    for (key, expected) in [
+        (
+            "commands.stations",
+            ["[\"gcs\", \"watcher\"]", "# --may-command"],
+        ),
+        ("commands.deadline_ms", ["5000", "# built-in"]),
+        ("robot.listen", ["[\"tcp/127.0.0.1:7001\"]", "# --listen"]),
+    ] {
+        let line = text.lines().find(|line| line.starts_with(key));
+        let line = line.unwrap_or_else(|| panic!("{key} is missing in\n{text}"));
+        assert!(expected.iter().all(|part| line.contains(part)), "{line}");
+    }
+}

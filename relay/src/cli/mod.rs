@@ -4,11 +4,14 @@ mod args;
 
 use std::io::Write;
 use std::os::fd::AsFd;
+use std::path::Path;
 
 use ipc_types::{WaitError, Wake};
 use module_kit::SetUp;
 use module_kit::process::{self, Process, Sources};
+use runtime::args::CommonArgs;
 use runtime::config::Fault;
+use runtime::config::resulting::{Origin, Resulting};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
@@ -55,15 +58,28 @@ fn make_certificates(args: CertifyArgs) -> Result<(), Failure> {
 
 fn robot(args: RobotArgs) -> Result<(), Failure> {
     let common = args.common.clone();
+    let mut given = vec![
+        Given("robot.listen", "--listen", args.listen.clone()),
+        Given("robot.connect", "--connect", args.connect.clone()),
+        Given(
+            "commands.stations",
+            "--may-command",
+            args.may_command.clone(),
+        ),
+    ];
     let set_up = SetUp::<Config>::begin_with(&common, DEFAULT_FILE, |config| {
         replace(&mut config.robot.listen, args.listen);
         replace(&mut config.robot.connect, args.connect);
-        add(&mut config.commands.stations, args.may_command);
+        if !args.may_command.is_empty() {
+            add(&mut config.commands.stations, args.may_command);
+            let stations = config.commands.stations.clone();
+            given.push(Given("commands.stations", "--may-command", stations));
+        }
         config.security.insecure |= args.insecure;
         check(config, Side::Robot)
     })?;
     let Some(set_up) = set_up else {
-        return Ok(());
+        return print_configuration(&common, &given);
     };
     let ipc = set_up.join("relay")?;
     let side = RobotSide::open(ipc, set_up.config.clone(), set_up.termination.as_fd());
@@ -72,6 +88,15 @@ fn robot(args: RobotArgs) -> Result<(), Failure> {
 
 fn station(args: StationArgs) -> Result<(), Failure> {
     let common = args.common.clone();
+    let given = [
+        Given("station.listen", "--listen", args.listen.clone()),
+        Given("station.connect", "--connect", args.connect.clone()),
+        Given(
+            "station.name",
+            "--name",
+            args.name.iter().cloned().collect(),
+        ),
+    ];
     let set_up = SetUp::<Config>::begin_with(&common, DEFAULT_FILE, |config| {
         replace(&mut config.station.listen, args.listen);
         replace(&mut config.station.connect, args.connect);
@@ -79,7 +104,7 @@ fn station(args: StationArgs) -> Result<(), Failure> {
         check(config, Side::Station)
     })?;
     let Some(set_up) = set_up else {
-        return Ok(());
+        return print_configuration(&common, &given);
     };
     let config = &set_up.config;
     let name = config.station.name.clone().unwrap_or_else(host_name);
@@ -95,17 +120,37 @@ fn station(args: StationArgs) -> Result<(), Failure> {
 
 fn router(args: RouterArgs) -> Result<(), Failure> {
     let common = args.common.clone();
+    let given = [
+        Given("router.listen", "--listen", args.listen.clone()),
+        Given("router.connect", "--connect", args.connect.clone()),
+    ];
     let set_up = SetUp::<Config>::begin_with(&common, DEFAULT_FILE, |config| {
         replace(&mut config.router.listen, args.listen);
         replace(&mut config.router.connect, args.connect);
         check(config, Side::Router)
     })?;
     let Some(set_up) = set_up else {
-        return Ok(());
+        return print_configuration(&common, &given);
     };
     let network = Network::open(&set_up.config, Side::Router, set_up.termination.as_fd());
     let router = network.map(|network| Router { network });
     go(router.map_err(crate::Failure::from), &set_up)
+}
+
+/// What the command line gives: the key of the configuration, the option, and the texts that the key has with it.
+struct Given(&'static str, &'static str, Vec<String>);
+
+/// Prints the configuration that was checked, and where each value comes from.
+fn print_configuration(common: &CommonArgs, given: &[Given]) -> Result<(), Failure> {
+    let file = common.config.as_deref();
+    let example = include_str!("../../relay.toml");
+    let mut resulting = Resulting::load::<Config>(file, Path::new(DEFAULT_FILE), example)?;
+    for Given(key, option, texts) in given {
+        let value =
+            (!texts.is_empty()).then(|| (texts.clone().into(), Origin::CommandLine(option)));
+        resulting = resulting.with(key, value);
+    }
+    resulting.print()
 }
 
 fn ros2_packages(args: &Ros2PackagesArgs) -> Result<(), Failure> {
