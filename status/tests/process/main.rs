@@ -241,4 +241,11 @@ fn wrong_command_lines_and_configurations_have_their_exit_codes() {
         assert!(errors.contains(expected_text), "{arguments:?}: {errors}");
         assert!(domain.residue().is_empty(), "{:?}", domain.residue());
     }
+    let mut command = command(&domain);
+    command.args(["--check-config", "--config", &right]);
+    let output = files::while_no_port_opens(|| command.output()).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("right.toml is right"), "{text}");
+    assert!(text.contains("calibration.sonar.m_per_step"), "{text}");
 }
