@@ -1,5 +1,6 @@
 //! `relay`: what telemetry on another machine costs, beside plain Zenoh, and a star of many robots through one router.
 
+mod holding;
 mod load;
 mod pair;
 mod star;

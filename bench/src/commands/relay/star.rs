@@ -8,6 +8,7 @@ use anyhow::Result;
 use ipc_types::MonotonicNs;
 use relay::config::MAX_ROBOTS;
 
+use super::holding::Holding;
 use super::load::{Load, Watch};
 use crate::latency::WARM_UP;
 use crate::pace::sleep_until;
@@ -16,7 +17,6 @@ use crate::relayed::Reading;
 use crate::site::Site;
 use crate::statistics::Times;
 use crate::traffic::{Traffic, free_port};
-use crate::usage::Holding;
 
 /// How large the star is.
 #[derive(Clone, Copy, Debug)]
