@@ -4,7 +4,7 @@
 use ipc_types::payload::HeroTelemetry;
 use mavlink::dialects::common::{MavFrame, MavMessage, ODOMETRY_DATA};
 
-use crate::peers::Mark;
+use crate::peers::ends::Mark;
 
 /// The element of the covariance that carries the bits of the index.
 const INDEX: usize = 20;

@@ -9,8 +9,10 @@ use ipc_types::code::{ImiError, LinkState, ModuleId, Reason};
 use ipc_types::payload::{
     DspErrorCounters, ModuleControl, ModuleState, MovementData, ParameterRequest,
 };
+use module_kit::journal::raw;
+use serde::{Deserialize, Serialize};
 
-use crate::config::{BridgeConfig, MovementLimits};
+use crate::config::{BridgeConfig, MovementLimits, Parameters};
 use crate::flight::request::{RequestKey, parse_control, parse_movement, parse_parameter};
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
@@ -18,19 +20,24 @@ use crate::link::dsp_path::DspPath;
 use crate::link::{Link, LinkEvent};
 use crate::outputs::Outputs;
 use crate::safety::fence::Fence;
+use crate::snapshot::NotASnapshot;
 use crate::{errors, translate};
 
 /// A state may be published early by this part of its period, if the bridge is awake anyway.
 const EARLY: u32 = 5;
 
 /// See the module's documentation.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Bridge {
+    #[serde(skip)]
     limits: MovementLimits,
+    #[serde(skip)]
     state_period: std::time::Duration,
     link: Link,
     flight: Flight,
+    #[serde(with = "raw")]
     dsp_errors: DspErrorCounters,
+    #[serde(with = "raw")]
     published: ModuleState,
     next_state: MonotonicNs,
     /// Something changed that the published state shows at once.
@@ -58,6 +65,34 @@ impl Bridge {
             is_changed: true,
             is_closed: false,
         }
+    }
+
+    /// After a snapshot: takes over what the configuration says, and the geofence in force.
+    ///
+    /// # Errors
+    /// The snapshot cannot be one.
+    pub(crate) fn configure(
+        &mut self,
+        config: &BridgeConfig,
+        fence: Fence,
+    ) -> Result<(), NotASnapshot> {
+        self.limits = config.movement.clone();
+        self.state_period = config.state.period();
+        self.link.configure(config);
+        self.flight
+            .configure(config, generator(&config.trajectory), fence)
+    }
+
+    /// The parameters `new` in the place of `old`, unless others were set at run time.
+    pub(crate) fn replace_parameters(&mut self, old: &Parameters, new: &Parameters) {
+        if self.link.parameters() == old {
+            *self.link.parameters_mut() = new.clone();
+        }
+    }
+
+    /// The geofence in force.
+    pub fn fence(&self) -> &Fence {
+        self.flight.fence()
     }
 
     /// The serial port was opened.
@@ -191,6 +226,11 @@ impl Bridge {
     /// The bytes to write to the port now; [`Bridge::transmitted`] says how many of them were.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
         self.link.transmit(now)
+    }
+
+    /// The bytes of the last [`Bridge::transmit`] that have not been written.
+    pub fn unsent(&self) -> &[u8] {
+        self.link.unsent()
     }
 
     /// The first `count` bytes of [`Bridge::transmit`] have been written.

@@ -5,7 +5,7 @@ use ipc_types::code::{ImiError, Reason};
 use ipc_types::payload::DspErrorCounters;
 
 /// Which DSP errors are fatal. The rest are counted and shown.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ErrorTable {
     /// Codes that mean hero-DSP-fatal-error.

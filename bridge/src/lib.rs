@@ -10,8 +10,9 @@
 //! ```
 //!
 //! [`link`] knows bytes, acknowledgements, start-up, liveness, and what the DSP's path buffer may hold; [`flight`] knows
-//! movements, paths, arrival and parameters; [`safety`] judges legs against the geofence; [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the shared-memory ports, the
-//! clock and the one wait.
+//! movements, paths, arrival and parameters; [`safety`] judges legs against the geofence; [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port,
+//! the shared-memory ports, the clock and the one wait. [`journaled`] stands between shell and core and writes the [`journal`], from
+//! which a recording replays every decision.
 //!
 //! ```
 //! use bridge::outputs::Notice;
@@ -38,11 +39,14 @@ pub mod config;
 mod core;
 pub mod errors;
 pub mod flight;
+pub mod journal;
+pub mod journaled;
 pub mod link;
 
 pub mod outputs;
 pub mod safety;
 pub mod shell;
+pub mod snapshot;
 mod timers;
 pub mod translate;
 

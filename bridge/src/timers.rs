@@ -3,6 +3,7 @@
 //! A machine names its timers in an enum, arms and stops them here, and handles the expired one in one exhaustive match.
 
 use ipc_types::MonotonicNs;
+use serde::{Deserialize, Serialize};
 
 /// Timers of one machine at most.
 const MAX_TIMERS: usize = 8;
@@ -17,9 +18,11 @@ pub trait TimerName: Copy + 'static {
 }
 
 /// Deadlines by name.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(bound = "")]
 pub struct TimerTable<N> {
     due: [Option<MonotonicNs>; MAX_TIMERS],
+    #[serde(skip)]
     names: std::marker::PhantomData<N>,
 }
 

@@ -176,6 +176,33 @@ impl<M: Direction> Decoder<M> {
     }
 }
 
+/// What a decoder holds, for a program that goes on where another one was.
+#[cfg(feature = "serde")]
+impl<M> serde::Serialize for Decoder<M> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let held = &self.buffer[..self.held];
+        let is_extended = self.profile == Profile::Extended;
+        serde::Serialize::serialize(&(is_extended, self.skipping, held), serializer)
+    }
+}
+
+/// Bytes that are no beginning of a message are rejected as if they had been received.
+#[cfg(feature = "serde")]
+impl<'de, M: Direction> serde::Deserialize<'de> for Decoder<M> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let (is_extended, skipping, held): (bool, bool, Vec<u8>) =
+            serde::Deserialize::deserialize(deserializer)?;
+        let profile = match is_extended {
+            true => Profile::Extended,
+            false => Profile::Classic,
+        };
+        let mut decoder = Decoder::with_profile(profile);
+        decoder.receive(&held);
+        decoder.skipping |= skipping;
+        Ok(decoder)
+    }
+}
+
 impl<M: Direction> Default for Decoder<M> {
     fn default() -> Self {
         Decoder::new()

@@ -4,6 +4,7 @@ use std::fmt;
 
 /// A DSP error code; unknown ones are carried along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DspErrorCode(pub u16);
 
 impl DspErrorCode {

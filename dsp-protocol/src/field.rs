@@ -150,6 +150,7 @@ macro_rules! record {
     ) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
         pub struct $record {
             $($(#[$doc])* pub $field: $type,)+
         }

@@ -6,6 +6,7 @@ use crate::group::Group;
 
 /// A set of [`Group`]s: the 16-bit status mask (`mascara`).
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StatusMask(pub u16);
 
 impl StatusMask {

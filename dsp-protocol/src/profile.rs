@@ -147,7 +147,16 @@ impl Profile {
 
 /// The number of a message in the extended profile: 0, 1 … 127, 0 ….
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(from = "u8"))]
 pub struct Sequence(u8);
+
+#[cfg(feature = "serde")]
+impl From<u8> for Sequence {
+    fn from(number: u8) -> Sequence {
+        Sequence::new(number)
+    }
+}
 
 impl Sequence {
     /// The number of the first message.

@@ -21,6 +21,7 @@ macro_rules! status {
     )+) => {
         /// A status message: the flying flag and the groups that the DSP's mask selects.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
         pub struct Status {
             /// The helicopter is in the air (`heli_volando`).
             pub flying: bool,

@@ -82,6 +82,7 @@ impl Message for Uplink {
 
 /// A command to the DSP.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Command {
     /// Read a 16-bit port (`COMANDO_LECTURA_16_BITS`).
     Read16 {

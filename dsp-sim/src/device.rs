@@ -27,6 +27,7 @@ pub mod firmware;
 mod movement;
 pub mod output;
 pub mod ports;
+mod take_off;
 mod tamper;
 
 use std::time::Duration;
@@ -43,9 +44,9 @@ use crate::helicopter::{Helicopter, Refused};
 use copies::Copies;
 use errors::ErrorQueue;
 use firmware::Firmware;
-use movement::TakeOff;
 use output::Output;
 use ports::Ports;
+use take_off::TakeOff;
 
 /// Free places of the path buffer without which flow control is 0: the second is for a waypoint on its way.
 const PLACES_TO_SEND: usize = 2;

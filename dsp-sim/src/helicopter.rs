@@ -35,6 +35,7 @@ pub mod path;
 pub mod pilot;
 pub mod sensors;
 pub mod smoother;
+mod step;
 mod tamper;
 pub mod vector;
 pub mod wind;
@@ -58,12 +59,11 @@ use path::{PATH_PLACES, PathBuffer};
 use pilot::{Pilot, PilotSwitch};
 use sensors::{Sensors, Trims, Truth};
 use smoother::{Reference, Smoother};
+pub use step::STEP_S;
 use vector::Vector;
 use wind::{Wind, WindModel};
 
-/// Length of a step of the simulation, s.
-pub const STEP_S: f64 = 0.005;
-/// The same in nanoseconds.
+/// [`STEP_S`] in nanoseconds.
 const STEP_NS: u64 = 5_000_000;
 /// Arrivals that are remembered; the oldest is forgotten first. Twice the waypoints of the longest test of this
 /// project.

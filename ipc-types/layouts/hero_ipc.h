@@ -25,10 +25,14 @@
 #define HERO_MOVEMENT_LAYOUT_HASH "054f1aaa18bd09c9"
 #define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v1/hero.RequestReport.v2"
 #define HERO_PARAMETERS_LAYOUT_HASH "68457090c7457483"
-#define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v1"
-#define HERO_RELAY_LINK_LAYOUT_HASH "3850353af0fc6875"
+#define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v2"
+#define HERO_RELAY_LINK_LAYOUT_HASH "657a275948d9ee4b"
 #define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v1"
 #define HERO_RELAY_STATIONS_LAYOUT_HASH "cd591e6b7779750e"
+#define HERO_BRIDGE_JOURNAL_LAYOUT "hero.BridgeJournal.v1"
+#define HERO_BRIDGE_JOURNAL_LAYOUT_HASH "a0a172067737e627"
+#define HERO_STATUS_JOURNAL_LAYOUT "hero.StatusJournal.v1"
+#define HERO_STATUS_JOURNAL_LAYOUT_HASH "394f9e703707f1ff"
 
 enum hero_control_command {
     HERO_CONTROL_COMMAND_START = 1,
@@ -174,6 +178,7 @@ enum hero_reason {
     HERO_REASON_RELAY_NOT_PERMITTED = 39,
     HERO_REASON_STILL_OPEN = 40,
     HERO_REASON_RELAY_TOO_MANY_STATIONS = 41,
+    HERO_REASON_REPLAYED = 42,
 };
 
 enum hero_imi_error {
@@ -842,7 +847,7 @@ HERO_ASSERT(offsetof(RequestReport, value_valid) == 62);
 HERO_ASSERT(offsetof(RequestReport, value) == 64);
 HERO_ASSERT(offsetof(RequestReport, port) == 72);
 
-#define HERO_RELAY_LINK_TYPE_NAME "hero.RelayLink.v1"
+#define HERO_RELAY_LINK_TYPE_NAME "hero.RelayLink.v2"
 typedef struct RelayLink {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -868,7 +873,7 @@ typedef struct RelayLink {
     uint32_t clock_resets;
     uint32_t outages;
     uint32_t orders_open;
-    uint32_t reserved;
+    uint32_t refusal;
     uint8_t link[64];
     uint8_t station[32];
 } RelayLink;
@@ -897,7 +902,7 @@ HERO_ASSERT(offsetof(RelayLink, clock_valid) == 148);
 HERO_ASSERT(offsetof(RelayLink, clock_resets) == 152);
 HERO_ASSERT(offsetof(RelayLink, outages) == 156);
 HERO_ASSERT(offsetof(RelayLink, orders_open) == 160);
-HERO_ASSERT(offsetof(RelayLink, reserved) == 164);
+HERO_ASSERT(offsetof(RelayLink, refusal) == 164);
 HERO_ASSERT(offsetof(RelayLink, link) == 168);
 HERO_ASSERT(offsetof(RelayLink, station) == 232);
 
@@ -942,5 +947,47 @@ HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
 HERO_ASSERT(offsetof(RelayStations, stations) == 24);
 HERO_ASSERT(offsetof(RelayStations, count) == 1432);
 HERO_ASSERT(offsetof(RelayStations, reserved) == 1436);
+
+#define HERO_BRIDGE_JOURNAL_TYPE_NAME "hero.BridgeJournal.v1"
+typedef struct BridgeJournal {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint32_t begins;
+    uint32_t length;
+    uint32_t beginnings;
+    uint32_t reserved;
+    uint8_t data[4056];
+} BridgeJournal;
+HERO_ASSERT(sizeof(BridgeJournal) == 4096);
+HERO_ASSERT(offsetof(BridgeJournal, sequence) == 0);
+HERO_ASSERT(offsetof(BridgeJournal, epoch_ns) == 8);
+HERO_ASSERT(offsetof(BridgeJournal, published_ns) == 16);
+HERO_ASSERT(offsetof(BridgeJournal, begins) == 24);
+HERO_ASSERT(offsetof(BridgeJournal, length) == 28);
+HERO_ASSERT(offsetof(BridgeJournal, beginnings) == 32);
+HERO_ASSERT(offsetof(BridgeJournal, reserved) == 36);
+HERO_ASSERT(offsetof(BridgeJournal, data) == 40);
+
+#define HERO_STATUS_JOURNAL_TYPE_NAME "hero.StatusJournal.v1"
+typedef struct StatusJournal {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint32_t begins;
+    uint32_t length;
+    uint32_t beginnings;
+    uint32_t reserved;
+    uint8_t data[984];
+} StatusJournal;
+HERO_ASSERT(sizeof(StatusJournal) == 1024);
+HERO_ASSERT(offsetof(StatusJournal, sequence) == 0);
+HERO_ASSERT(offsetof(StatusJournal, epoch_ns) == 8);
+HERO_ASSERT(offsetof(StatusJournal, published_ns) == 16);
+HERO_ASSERT(offsetof(StatusJournal, begins) == 24);
+HERO_ASSERT(offsetof(StatusJournal, length) == 28);
+HERO_ASSERT(offsetof(StatusJournal, beginnings) == 32);
+HERO_ASSERT(offsetof(StatusJournal, reserved) == 36);
+HERO_ASSERT(offsetof(StatusJournal, data) == 40);
 
 #endif

@@ -14,8 +14,10 @@ LAYOUTS = {
     "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v2", "4aa467ce33ac6017"),
     "movement": ("hero.MovementData.v2/hero.RequestReport.v2", "054f1aaa18bd09c9"),
     "parameters": ("hero.ParameterRequest.v1/hero.RequestReport.v2", "68457090c7457483"),
-    "relay/link": ("hero.RelayLink.v1", "3850353af0fc6875"),
+    "relay/link": ("hero.RelayLink.v2", "657a275948d9ee4b"),
     "relay/stations": ("hero.RelayStations.v1", "cd591e6b7779750e"),
+    "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
+    "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
 }
 
 
@@ -163,6 +165,7 @@ class Reason(enum.IntEnum):
     RELAY_NOT_PERMITTED = 39
     STILL_OPEN = 40
     RELAY_TOO_MANY_STATIONS = 41
+    REPLAYED = 42
 
 
 class ImiError(enum.IntEnum):
@@ -1088,14 +1091,14 @@ class RelayLink(ctypes.Structure):
         ("clock_resets", ctypes.c_uint32),
         ("outages", ctypes.c_uint32),
         ("orders_open", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("refusal", ctypes.c_uint32),
         ("link", ctypes.c_uint8 * 64),
         ("station", ctypes.c_uint8 * 32),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayLink.v1"
+        return "hero.RelayLink.v2"
 
 
 assert ctypes.sizeof(RelayLink) == 264
@@ -1123,7 +1126,7 @@ assert RelayLink.clock_valid.offset == 148
 assert RelayLink.clock_resets.offset == 152
 assert RelayLink.outages.offset == 156
 assert RelayLink.orders_open.offset == 160
-assert RelayLink.reserved.offset == 164
+assert RelayLink.refusal.offset == 164
 assert RelayLink.link.offset == 168
 assert RelayLink.station.offset == 232
 
@@ -1182,3 +1185,59 @@ assert RelayStations.published_ns.offset == 16
 assert RelayStations.stations.offset == 24
 assert RelayStations.count.offset == 1432
 assert RelayStations.reserved.offset == 1436
+
+
+class BridgeJournal(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("begins", ctypes.c_uint32),
+        ("length", ctypes.c_uint32),
+        ("beginnings", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("data", ctypes.c_uint8 * 4056),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.BridgeJournal.v1"
+
+
+assert ctypes.sizeof(BridgeJournal) == 4096
+assert BridgeJournal.sequence.offset == 0
+assert BridgeJournal.epoch_ns.offset == 8
+assert BridgeJournal.published_ns.offset == 16
+assert BridgeJournal.begins.offset == 24
+assert BridgeJournal.length.offset == 28
+assert BridgeJournal.beginnings.offset == 32
+assert BridgeJournal.reserved.offset == 36
+assert BridgeJournal.data.offset == 40
+
+
+class StatusJournal(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("begins", ctypes.c_uint32),
+        ("length", ctypes.c_uint32),
+        ("beginnings", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("data", ctypes.c_uint8 * 984),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.StatusJournal.v1"
+
+
+assert ctypes.sizeof(StatusJournal) == 1024
+assert StatusJournal.sequence.offset == 0
+assert StatusJournal.epoch_ns.offset == 8
+assert StatusJournal.published_ns.offset == 16
+assert StatusJournal.begins.offset == 24
+assert StatusJournal.length.offset == 28
+assert StatusJournal.beginnings.offset == 32
+assert StatusJournal.reserved.offset == 36
+assert StatusJournal.data.offset == 40

@@ -49,6 +49,22 @@ macro_rules! codes {
             }
         }
 
+        /// As its number.
+        impl serde::Serialize for $name {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_u32(self.code())
+            }
+        }
+
+        /// From its number; one that is not of the contract is refused.
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let code = u32::deserialize(deserializer)?;
+                let unknown = || serde::de::Error::custom(format_args!("unknown number {code}"));
+                $name::from_code(code).ok_or_else(unknown)
+            }
+        }
+
         impl std::fmt::Display for $name {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.pad(self.name())
@@ -354,6 +370,8 @@ codes! {
         /// As many other stations as the robot's relay takes requests from are active: the request was not sent. Reported by the
         /// relay, never by the bridge.
         RelayTooManyStations = 41 => "relay-too-many-stations",
+        /// This is a recorded flight that is played, and no robot: nothing is carried out. Reported by the replay, never by the bridge.
+        Replayed = 42 => "replayed",
     }
 }
 
@@ -379,7 +397,9 @@ codes! {
 pub const IMI_DSP_OFFSET: u32 = 200;
 
 /// A number of the Inter Modular Interface as it lies in shared memory: named, a DSP error, or unknown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub struct ImiCode(pub u32);
 
 impl ImiCode {

@@ -4,6 +4,8 @@
 //! Samples and requests come as bytes, as long as the schema says. That the schema is the right one is checked when the
 //! service is opened: the hash of its layout must be the one that the service carries.
 
+mod check;
+mod error;
 mod requests;
 
 use std::os::fd::BorrowedFd;
@@ -13,66 +15,20 @@ use std::time::Duration;
 use crate::domain::Domain;
 use crate::generation;
 use crate::ipc::Ipc;
-use crate::module::{Module as _, RelayModule};
-use crate::open::{Expected, Offer, OpenError};
-use crate::payload::Number;
+use crate::open::{Expected, Offer};
 use crate::provider::{Provider, ProviderWatch};
 use crate::publisher::{BytesPublisher, PublishError};
 use crate::robot::RobotId;
-use crate::schema::{LoadError, Schema, SchemaError};
+use crate::schema::{LoadError, Schema};
 use crate::sequence::Losses;
-use crate::service::{
-    EPOCH_OFFSET, Pattern, REQUEST_ID_OFFSET, SEQUENCE_OFFSET, ServiceId, is_key, own, service_name,
-};
+use crate::service::{HISTORY, LATEST, Pattern, ServiceId, own, service_name};
 use crate::session::service_folder;
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};
 
+use check::{check_key, is_request, is_sample, parse};
+pub use error::DynamicError;
 pub use requests::{DynamicClient, DynamicServer};
-
-/// A service cannot be used by its schema.
-#[derive(Debug, thiserror::Error)]
-pub enum DynamicError {
-    /// The samples do not begin with `sequence` and `epoch_ns`, so it is none of the contract's.
-    #[error(
-        "the samples of `{0}` do not begin with `uint64 sequence` and `uint64 epoch_ns`: it is no topic of a robot's module"
-    )]
-    NoTopic(String),
-    /// The requests do not begin with `request_id`, so it is none of the contract's.
-    #[error(
-        "the requests of `{0}` do not begin with `uint64 request_id`: it is no request service of a robot's module"
-    )]
-    NoRequest(String),
-    /// The key cannot be that of a module's service.
-    #[error(
-        "`{0}` is no key of a module: use `<module>/<service>` in lower snake case, such as `battery_watch/cell_voltages`"
-    )]
-    InvalidKey(String),
-    /// The key is one of the relay's.
-    #[error(
-        "`{0}` has the name of the RIL's own module `relay`, which no other can have: choose another name for the module"
-    )]
-    OwnModule(String),
-    /// The robot has a service of this key, which carries something else.
-    #[error("`{key}` is a service of the robot's own: it can only carry `{expected}`")]
-    OwnService {
-        /// Key of the service.
-        key: String,
-        /// What it carries.
-        expected: String,
-    },
-    /// The text is not that of a schema.
-    #[error("the schema of `{key}` is not usable")]
-    Schema {
-        /// Key of the service.
-        key: String,
-        /// What is wrong with it.
-        source: SchemaError,
-    },
-    /// The service cannot be opened.
-    #[error(transparent)]
-    Open(#[from] OpenError),
-}
 
 /// A topic or a request service that has, or had, a provider.
 #[derive(Clone, Debug, PartialEq)]
@@ -223,6 +179,29 @@ impl DynamicSubscriber {
     ///
     /// When the topic carries something else: see [`DynamicError`].
     pub fn open(ipc: &Ipc, key: &str, schema: &Schema) -> Result<DynamicSubscriber, DynamicError> {
+        DynamicSubscriber::open_with(ipc, key, schema, LATEST)
+    }
+
+    /// The same with the samples that were published before, at most [`HISTORY`] of them: for a process that hears of a topic
+    /// shortly after its publisher began, and wants all of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`DynamicSubscriber::open`].
+    pub fn open_with_history(
+        ipc: &Ipc,
+        key: &str,
+        schema: &Schema,
+    ) -> Result<DynamicSubscriber, DynamicError> {
+        DynamicSubscriber::open_with(ipc, key, schema, HISTORY)
+    }
+
+    fn open_with(
+        ipc: &Ipc,
+        key: &str,
+        schema: &Schema,
+        history: usize,
+    ) -> Result<DynamicSubscriber, DynamicError> {
         if !is_sample(schema) {
             return Err(DynamicError::NoTopic(key.to_owned()));
         }
@@ -232,7 +211,7 @@ impl DynamicSubscriber {
             layout_hash: schema.layout_hash(),
         };
         Ok(DynamicSubscriber {
-            bytes: BytesSubscriber::open(ipc.session(), key, expected, schema.size())?,
+            bytes: BytesSubscriber::open(ipc.session(), key, expected, schema.size(), history)?,
             schema: schema.clone(),
             key: key.to_owned(),
         })
@@ -319,7 +298,7 @@ impl DynamicPublisher {
     ///
     /// # Errors
     ///
-    /// See [`DynamicError`]; [`OpenError::AlreadyProvided`] in it names the live process that publishes.
+    /// See [`DynamicError`]; [`OpenError::AlreadyProvided`](crate::OpenError::AlreadyProvided) in it names the live process that publishes.
     pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicPublisher, DynamicError> {
         let text = schema;
         let schema = parse(key, text)?;
@@ -381,51 +360,6 @@ impl sealed::Source for DynamicPublisher {
     fn sense(&self) -> sealed::Sense<'_> {
         self.bytes.sense()
     }
-}
-
-fn parse(key: &str, schema: &str) -> Result<Schema, DynamicError> {
-    Schema::parse(schema).map_err(|source| DynamicError::Schema {
-        key: key.to_owned(),
-        source,
-    })
-}
-
-/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be provided too, because a
-/// relay does so on another machine.
-fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
-    if key.split('/').next() == Some(RelayModule::NAME) {
-        return Err(DynamicError::OwnModule(key.to_owned()));
-    }
-    let Some(own) = own(key).map(ServiceId::contract) else {
-        return match is_key(key) && key.contains('/') {
-            true => Ok(()),
-            false => Err(DynamicError::InvalidKey(key.to_owned())),
-        };
-    };
-    match own.pattern == pattern && own.layout_hash() == layout_hash {
-        true => Ok(()),
-        false => Err(DynamicError::OwnService {
-            key: key.to_owned(),
-            expected: own.layout(),
-        }),
-    }
-}
-
-/// Whether samples begin as those of every topic do.
-fn is_sample(schema: &Schema) -> bool {
-    has_number(schema, "sequence", SEQUENCE_OFFSET) && has_number(schema, "epoch_ns", EPOCH_OFFSET)
-}
-
-/// Whether requests begin as all of the contract's do.
-fn is_request(schema: &Schema) -> bool {
-    has_number(schema, "request_id", REQUEST_ID_OFFSET)
-}
-
-/// Whether there is a `uint64` of this name at this offset.
-fn has_number(schema: &Schema, path: &str, offset: usize) -> bool {
-    schema.number(path).is_some_and(|leaf| {
-        leaf.number == Number::U64 && leaf.len.is_none() && leaf.offset == offset
-    })
 }
 
 #[cfg(test)]

@@ -121,6 +121,12 @@ impl Ipc {
         Ok(self.session.watch(key).look()?)
     }
 
+    /// Counts the beginnings and ends of the robot's services, in all processes, wrapping around: another value than before is
+    /// a reason to look for services that are new. Costs no system call.
+    pub fn generations(&self) -> u32 {
+        self.session.doorbell().generations()
+    }
+
     pub(crate) fn session(&self) -> &Arc<Session> {
         &self.session
     }

@@ -13,6 +13,7 @@
 //! * [`ipc`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
 //!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once; with the feature `tokio`
 //!   `Async`, a port in that event loop;
+//! * [`discovery`]: which services of a robot are new;
 //! * [`dynamic`]: topics and requests of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;
 //! * [`scheduling`]: how a thread that waits comes to run sooner;
@@ -57,6 +58,7 @@ mod bytes_client;
 pub mod client;
 mod client_port;
 pub mod code;
+pub mod discovery;
 pub mod domain;
 mod domain_error;
 mod doorbell;
@@ -70,6 +72,7 @@ mod housekeeper;
 pub mod inspect;
 mod iox;
 pub mod ipc;
+pub mod journal;
 mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
 #[allow(unsafe_code)]
@@ -77,6 +80,7 @@ pub mod module;
 pub mod open;
 pub mod payload;
 mod pollable;
+mod port_set;
 pub mod provider;
 pub mod publisher;
 mod random;
@@ -116,8 +120,10 @@ pub use dynamic::{
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
+pub use journal::JournalPiece;
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
+pub use port_set::PortSet;
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};
 pub use request_handle::RequestHandle;
@@ -125,7 +131,7 @@ pub use request_id::fresh_request_id;
 pub use robot::RobotId;
 pub use scheduling::{SchedulingRole, request_short_slice};
 pub use schema::Schema;
-pub use sequence::Losses;
+pub use sequence::{Losses, SequenceTracker};
 pub use server::{ReportError, ServeError, Server};
 pub use service::{Request, ServiceId, Topic};
 pub use session::JoinError;

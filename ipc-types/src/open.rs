@@ -275,13 +275,18 @@ pub(crate) struct Offer {
     align: usize,
     /// Of a request: where its `path_id` lies, if it has one, bytes.
     pub(crate) path_offset: Option<usize>,
+    /// Of a topic: subscribers that it can have.
+    pub(crate) max_subscribers: usize,
     /// The text of the payload's schema.
     pub(crate) schema: String,
 }
 
 impl Offer {
     pub(crate) fn of_topic<T: Topic>() -> Offer {
-        Offer::of_contract(T::KEY, &Contract::of_topic::<T>())
+        Offer {
+            max_subscribers: T::MAX_SUBSCRIBERS,
+            ..Offer::of_contract(T::KEY, &Contract::of_topic::<T>())
+        }
     }
 
     /// The service `key`, which carries `R`.
@@ -306,6 +311,7 @@ impl Offer {
                 .iter()
                 .find(path_id)
                 .map(|field| field.offset),
+            max_subscribers: service::MAX_SUBSCRIBERS,
             schema: contract.schema(),
         }
     }
@@ -320,6 +326,7 @@ impl Offer {
             size: schema.size(),
             align: schema.align(),
             path_offset: None,
+            max_subscribers: service::MAX_SUBSCRIBERS,
             schema: text.to_owned(),
         }
     }
@@ -382,7 +389,7 @@ pub(crate) fn create_topic(
     };
     let builder = builder
         .max_publishers(service::MAX_PROVIDERS)
-        .max_subscribers(service::MAX_SUBSCRIBERS)
+        .max_subscribers(offer.max_subscribers)
         .max_nodes(service::MAX_NODES)
         .subscriber_max_buffer_size(service::SUBSCRIBER_BUFFER)
         .subscriber_max_borrowed_samples(service::MAX_BORROWED_SAMPLES)

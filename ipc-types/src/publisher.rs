@@ -23,9 +23,7 @@ use crate::iox::{Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
 use crate::pollable::Pollable;
 use crate::provider::ProviderLock;
-use crate::service::{
-    EPOCH_OFFSET, MAX_PROVIDERS, MAX_SUBSCRIBERS, Pattern, SEQUENCE_OFFSET, Topic, service_name,
-};
+use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, Pattern, SEQUENCE_OFFSET, Topic, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, sealed};
@@ -119,6 +117,18 @@ impl<T: Topic> Publisher<T> {
         self.bytes.epoch_ns
     }
 
+    /// Subscribers that are there now, in all processes. Costs a few nanoseconds.
+    pub fn subscribers(&self) -> usize {
+        let former = self.bytes.former.iter().map(|(port, _)| port);
+        let ports = former.chain([&self.bytes.port]);
+        ports.map(Port::subscribers).sum()
+    }
+
+    /// How often [`tend`](Publisher::tend) has met subscribers that joined.
+    pub fn joins(&self) -> u64 {
+        self.bytes.joins
+    }
+
     /// Generations of shared memory that this publisher has begun, the first included.
     pub fn generations(&self) -> u64 {
         self.bytes.generations
@@ -154,6 +164,7 @@ pub(crate) struct BytesPublisher {
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
+    joins: u64,
     pollable: Pollable,
     /// A copy of the last sample, for those that come to a new generation before the next one.
     latest: Vec<u8>,
@@ -177,6 +188,7 @@ struct Port {
     /// Subscribers that [`Publisher::tend`] has served, as the doorbell counts them.
     served: u32,
     tended: Arc<Tended>,
+    max_subscribers: usize,
     key: String,
     // Last: its node must outlive the ports.
     _generation: Generation,
@@ -232,6 +244,7 @@ impl Port {
                 subscribers,
                 served: session.doorbell().joined(place(key)),
                 tended,
+                max_subscribers: offer.max_subscribers,
                 key: key.to_owned(),
                 _generation: generation,
             })
@@ -268,10 +281,14 @@ impl Port {
         Ok(())
     }
 
+    fn subscribers(&self) -> usize {
+        self.service.dynamic_config().number_of_subscribers()
+    }
+
     /// Connects subscribers that have joined, which gives them the latest sample.
     fn connect(&self) {
-        let subscribers = self.service.dynamic_config().number_of_subscribers();
-        self.tended.count_places(subscribers, MAX_SUBSCRIBERS);
+        let subscribers = self.subscribers();
+        self.tended.count_places(subscribers, self.max_subscribers);
         for (taken, places) in [self.samples.places(), self.subscribers.places()] {
             self.tended.count_places(taken, places);
         }
@@ -289,6 +306,7 @@ impl BytesPublisher {
             former: ArrayVec::new(),
             retry: MonotonicNs::default(),
             generations: 1,
+            joins: 0,
             pollable: Pollable::default(),
             latest: vec![0; offer.size],
             epoch_ns: MonotonicNs::now().0,
@@ -331,6 +349,7 @@ impl BytesPublisher {
             return;
         }
         self.port.served = joined;
+        self.joins += 1;
         self.port.connect();
         for (former, _) in &self.former {
             former.connect();

@@ -13,12 +13,12 @@ pub struct Losses {
     pub publisher_restarts: u64,
 }
 
-/// Remembers the last sample and judges the next.
+/// Remembers the last sample of a topic and judges the next, by the numbers that both begin with.
 ///
 /// A service has one publisher, whose samples come in order; the former one's are drained before the first of the next. So
 /// another start is a restart, whatever the clocks say.
 #[derive(Debug, Default)]
-pub(crate) struct SequenceTracker {
+pub struct SequenceTracker {
     losses: Losses,
     last: Option<Last>,
 }
@@ -30,7 +30,8 @@ struct Last {
 }
 
 impl SequenceTracker {
-    pub(crate) fn losses(&self) -> Losses {
+    /// The counts so far.
+    pub fn losses(&self) -> Losses {
         self.losses
     }
 
@@ -38,7 +39,7 @@ impl SequenceTracker {
     ///
     /// The first sample of all begins the count wherever it stands. Another start is a new publisher, whose samples
     /// from 1 on were meant for this subscriber too.
-    pub(crate) fn accept(&mut self, epoch_ns: u64, sequence: u64) -> bool {
+    pub fn accept(&mut self, epoch_ns: u64, sequence: u64) -> bool {
         let lost = match self.last {
             None => 0,
             Some(last) if epoch_ns != last.epoch_ns => {

@@ -124,6 +124,8 @@ impl<'a> Sleep<'a> {
         deadline: MonotonicNs,
         history: &History,
     ) -> Result<Ended, WaitError> {
+        // A process that is rung all the time meets no safety bound.
+        self.drain_all_if_due(MonotonicNs::now(), history);
         let mut ready = self.look();
         while ready.is_empty() {
             let seen = doorbell.listen(bits);
@@ -159,10 +161,7 @@ impl<'a> Sleep<'a> {
         let mut slept = None;
         loop {
             let now = MonotonicNs::now();
-            if now.since(history.drained_all.get()) >= DRAIN_PERIOD {
-                self.drain_all();
-                history.drained_all.set(now);
-            }
+            self.drain_all_if_due(now, history);
             let mut ready = self.look();
             if slept == Some(Slept::TimedOut) && !ready.is_empty() {
                 history.count_missed();
@@ -203,6 +202,13 @@ impl<'a> Sleep<'a> {
             }
         }
         ready
+    }
+
+    fn drain_all_if_due(&self, now: MonotonicNs, history: &History) {
+        if now.since(history.drained_all.get()) >= DRAIN_PERIOD {
+            self.drain_all();
+            history.drained_all.set(now);
+        }
     }
 
     fn drain_all(&self) {
@@ -276,5 +282,35 @@ fn drain(source: &dyn Source) {
     } = source.sense()
     {
         receiver.drain();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::payload::HeroTelemetry;
+    use crate::source::sealed;
+    use crate::{Domain, Ipc, Publisher, RobotId, Subscriber, Waiter};
+
+    /// It would do so in every wait, with two system calls for each publisher.
+    #[test]
+    fn a_publisher_that_is_waited_with_does_not_empty_its_listener_itself() {
+        let domain = Domain::isolated();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
+        let mut publisher: Publisher<HeroTelemetry> = ipc.publisher().unwrap();
+        let mut subscriber: Subscriber<HeroTelemetry> = ipc.subscriber().unwrap();
+        let waiter = Waiter::new();
+        for _ in 0..3 {
+            publisher.publish(|_| {}).unwrap();
+            let sources: &mut [(_, &mut dyn Source)] = &mut [
+                ("telemetry", &mut subscriber),
+                ("publisher", &mut publisher),
+            ];
+            assert!(waiter.wait(sources, None).unwrap().has("telemetry"));
+        }
+        let Sense::Port { receiver, .. } = sealed::Source::sense(&publisher) else {
+            panic!("a publisher is a port");
+        };
+        assert!(!receiver.unwrap().empties_itself());
     }
 }

@@ -9,6 +9,7 @@ use std::time::Duration;
 use std::{hint, mem};
 
 use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::prelude::PortFactory;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
 use crate::anticipation::{Anticipated, Anticipation};
@@ -21,8 +22,7 @@ use crate::open::{self, Expected, OpenError};
 use crate::pollable::Pollable;
 use crate::sequence::{Losses, SequenceTracker};
 use crate::service::{
-    Contract, EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER,
-    Topic, word,
+    Contract, EPOCH_OFFSET, HISTORY, LATEST, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER, Topic, word,
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;
@@ -76,7 +76,7 @@ impl<T: Topic> Subscriber<T> {
     pub(crate) fn open(session: &Arc<Session>) -> Result<Subscriber<T>, OpenError> {
         let expected = Expected::of(&Contract::of_topic::<T>(), session.robot());
         Ok(Subscriber {
-            bytes: BytesSubscriber::open(session, T::KEY, expected, size_of::<T>())?,
+            bytes: BytesSubscriber::open(session, T::KEY, expected, size_of::<T>(), LATEST)?,
             payload: PhantomData,
         })
     }
@@ -302,7 +302,7 @@ impl Port {
         let subscribers = event(Channel::Subscribers)?;
         let port = open::port(
             &expected.name,
-            ("subscribers", MAX_SUBSCRIBERS),
+            ("subscribers", service.static_config().max_subscribers()),
             |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
             || {
                 service
@@ -364,11 +364,13 @@ fn bytes(payload: &[CustomPayloadMarker]) -> &[u8] {
 }
 
 impl BytesSubscriber {
+    /// `history` samples of those that were published before come at once, when there is a publisher already.
     pub(crate) fn open(
         session: &Arc<Session>,
         key: &str,
         expected: Expected,
         size: usize,
+        history: usize,
     ) -> Result<BytesSubscriber, OpenError> {
         let mut subscriber = BytesSubscriber {
             port: None,
@@ -385,7 +387,7 @@ impl BytesSubscriber {
             place: place(key),
             session: Arc::clone(session),
         };
-        match until_room(session, subscriber.place, || subscriber.follow(LATEST)) {
+        match until_room(session, subscriber.place, || subscriber.follow(history)) {
             // Its publisher has gone in this moment, or goes: the next one will be followed.
             Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
                 tracing::debug!(%error, "there is no publisher yet");

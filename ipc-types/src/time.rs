@@ -5,7 +5,9 @@ use std::ops::Add;
 use std::time::Duration;
 
 /// A moment of the host's `CLOCK_MONOTONIC`, in nanoseconds since boot. Not affected by changes of the wall clock.
-#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub struct MonotonicNs(pub u64);
 
 impl MonotonicNs {

@@ -151,9 +151,14 @@ impl WakeReceiver {
         self.pending.get() > 0
     }
 
+    /// Whether the listener is emptied whenever the owner asks, for want of a waiter that does it.
+    pub(crate) fn empties_itself(&self) -> bool {
+        self.keeper.get() != Keeper::Waiter
+    }
+
     /// Notifications since the last call, none while there is no listener.
     pub(crate) fn take(&self) -> u64 {
-        if self.keeper.get() != Keeper::Waiter {
+        if self.empties_itself() {
             self.empty();
         }
         self.pending.take()

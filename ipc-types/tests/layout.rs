@@ -17,29 +17,34 @@ use ipc_types::code::{
     SafetyRule, Stage,
 };
 use ipc_types::payload::{
-    FieldKind, FieldLayout, Layout, Number, RelayLink, RelayStations, RequestReport, SharedStruct,
-    export, layout_hash,
+    BridgeJournal, FieldKind, FieldLayout, Layout, Number, RelayLink, RelayStations, RequestReport,
+    SharedStruct, StatusJournal, export, layout_hash,
 };
 use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
 
-/// The relay's topics: the robot's own, but without a slot.
-const RELAY: [Contract; 2] = [
+/// The topics of the relay, and the journals: the robot's own, but without a slot.
+const WITHOUT_SLOT: [Contract; 4] = [
     Contract::of_topic::<RelayLink>(),
     Contract::of_topic::<RelayStations>(),
+    Contract::of_topic::<BridgeJournal>(),
+    Contract::of_topic::<StatusJournal>(),
 ];
 
 /// The contracts whose names and hashes of layouts consumers in other languages need.
 fn contracts() -> impl Iterator<Item = &'static Contract> {
-    SERVICES.iter().map(|spec| &spec.contract).chain(&RELAY)
+    SERVICES
+        .iter()
+        .map(|spec| &spec.contract)
+        .chain(&WITHOUT_SLOT)
 }
 
 /// All structs, each after those that it contains.
 fn layouts() -> Vec<&'static Layout> {
     let payloads = SERVICES.iter().map(|spec| spec.contract.payload);
-    let of_relay = RELAY.iter().map(|contract| contract.payload);
+    let others = WITHOUT_SLOT.iter().map(|contract| contract.payload);
     let all: Vec<_> = payloads
         .chain([RequestReport::LAYOUT])
-        .chain(of_relay)
+        .chain(others)
         .collect();
     export::with_nested(&all)
 }
@@ -123,8 +128,8 @@ fn table() -> String {
         )
         .unwrap();
     }
-    text.push_str("\n# Topics of the relay: key, pattern, layout, layout hash.\n");
-    for contract in &RELAY {
+    text.push_str("\n# Topics without a slot: key, pattern, layout, layout hash.\n");
+    for contract in &WITHOUT_SLOT {
         writeln!(
             text,
             "{} {:?} {} {:016x}",

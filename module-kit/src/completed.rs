@@ -10,12 +10,16 @@
 use std::collections::VecDeque;
 
 use ipc_types::payload::RequestReport;
+use serde::{Deserialize, Serialize};
 
 /// The last final reports, oldest first. An older one is forgotten, and asking again for it as a repetition is answered with
 /// `unknown`, which is true.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Completed {
+    #[serde(with = "reports")]
     ended: VecDeque<RequestReport>,
+    /// Not of a snapshot: after one, [`Completed::set_capacity`] says it.
+    #[serde(skip)]
     capacity: usize,
 }
 
@@ -26,6 +30,14 @@ impl Completed {
             ended: VecDeque::with_capacity(capacity),
             capacity,
         }
+    }
+
+    /// Makes room for so many reports, and forgets the oldest of those that have none: after a snapshot.
+    pub fn set_capacity(&mut self, capacity: usize) {
+        let surplus = self.ended.len().saturating_sub(capacity);
+        self.ended.drain(..surplus);
+        self.ended.reserve(capacity - self.ended.len());
+        self.capacity = capacity;
     }
 
     /// Remembers a final report.
@@ -41,6 +53,27 @@ impl Completed {
         self.ended
             .iter()
             .rfind(|report| report.request_id == request_id)
+    }
+}
+
+/// Reports as values of serde.
+mod reports {
+    use super::{Deserialize, RequestReport, VecDeque};
+    use crate::journal::raw::Raw;
+    use serde::{Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(
+        reports: &VecDeque<RequestReport>,
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        to.collect_seq(reports.iter().map(|report| Raw(*report)))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<VecDeque<RequestReport>, D::Error> {
+        let reports = VecDeque::<Raw<RequestReport>>::deserialize(from)?;
+        Ok(reports.into_iter().map(|Raw(report)| report).collect())
     }
 }
 

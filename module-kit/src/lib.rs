@@ -7,6 +7,7 @@
 //! * [`Requests`]: serves a request of the module's own, each executed once;
 //! * [`process`]: the loop of every process, that of bridge and status too: one wait, deadlines, watchdog, the end;
 //! * [`SetUp`]: the start of every process: logging, configuration, signals, domain;
+//! * [`journal`]: the inputs of a module's core in order, from which a recording replays its decisions;
 //! * [`completed`]: final reports that are remembered.
 //!
 //! [`runtime`] is what it stands on, and is there under this name too: options, [`ranged!`] values of a configuration, exit
@@ -16,6 +17,7 @@
 //! `ipc-types`.
 
 pub mod completed;
+pub mod journal;
 mod manager;
 pub mod process;
 pub mod requests;

@@ -26,12 +26,13 @@ use crate::rules::{OnStop, Refused, Rest, Standing};
 /// manager.done(now);
 /// assert_eq!(manager.state(1001).status(), Some(ModuleStatus::Ended));
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Manager {
     standing: Standing<ImiCode>,
     /// The error of the last control request that was refused, until the standing changes or one is accepted.
     refusal: ImiCode,
     functionality: u32,
+    #[serde(with = "doing")]
     doing: [u8; DOING_LEN],
     since: MonotonicNs,
     is_changed: bool,
@@ -172,6 +173,24 @@ impl Manager {
     /// Whether the state has changed since the last call.
     pub fn take_changed(&mut self) -> bool {
         std::mem::take(&mut self.is_changed)
+    }
+}
+
+/// What the module does, as a value of serde: arrays of more than 32 bytes are none.
+mod doing {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use super::DOING_LEN;
+
+    pub fn serialize<S: Serializer>(doing: &[u8; DOING_LEN], to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(doing)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[u8; DOING_LEN], D::Error> {
+        let bytes = Vec::<u8>::deserialize(from)?;
+        let length = bytes.len();
+        let wrong = |_| serde::de::Error::invalid_length(length, &"the bytes of `doing`");
+        bytes.try_into().map_err(wrong)
     }
 }
 

@@ -30,6 +30,9 @@ pub trait Process {
     /// than a descriptor does, and a signal ends the sleep by interrupting it, or [`SAFETY_BOUND`] does.
     const IS_PORTS_ALONE: bool = false;
 
+    /// Where the process stands in the flow of telemetry.
+    const ROLE: SchedulingRole = SchedulingRole::Provider;
+
     /// Adds what the process waits for: every publisher, subscriber, server and client, and descriptors.
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a, Self::Key>);
 
@@ -126,7 +129,7 @@ pub fn run<P: Process>(
         .watchdog_period()
         .map_or(ROUND_PERIOD, |watchdog| watchdog.min(ROUND_PERIOD));
     let mut next_round = MonotonicNs::now() + period;
-    request_short_slice(SchedulingRole::Provider);
+    request_short_slice(P::ROLE);
     supervisor.ready();
     // Nothing is known yet of what there is.
     let mut wake = Wake::TimedOut;

@@ -33,7 +33,7 @@ impl ErrorCode for ImiCode {
 }
 
 /// How a module that is not working came to rest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Rest<E> {
     /// Never started; a fatal error may have been noted.
     Waiting(E),
@@ -48,7 +48,7 @@ pub enum Rest<E> {
 }
 
 /// What a stop does to work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum OnStop {
     /// The work ends early: the module is aborted.
     Aborts,
@@ -59,7 +59,7 @@ pub enum OnStop {
 }
 
 /// What the manager needs to know of a module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Standing<E> {
     /// It does not work.
     Resting(Rest<E>),

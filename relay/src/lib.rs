@@ -14,7 +14,7 @@
 //! * [`config`]: the file `relay.toml`;
 //! * [`access`]: which certificate may do what; [`certify`] makes certificates.
 //!
-//! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh, [`ports`] the wait on shared memory.
+//! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh.
 
 pub mod access;
 mod background;
@@ -30,7 +30,6 @@ pub mod message;
 pub mod names;
 pub mod network;
 pub mod orders;
-pub mod ports;
 mod queue;
 mod random;
 pub mod request;

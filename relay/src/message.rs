@@ -132,7 +132,8 @@ pub struct Pong {
     pub sent_ns: u64,
     /// How long the robot has been suspended since its boot, ns.
     pub suspended_ns: u64,
-    /// For the requests of this life of the station; 0 when it may not command.
+    /// For the requests of this life of the station; 0 when it may not command, [`NO_PLACE`](crate::orders::message::NO_PLACE)
+    /// when it has to wait until another station needs its session no longer.
     pub session: u64,
     /// How many services the robot's relay carries. They only become more in one life.
     pub services: u16,

@@ -53,6 +53,9 @@ fn every_wrong_configuration_is_refused_with_line_and_next_step_by_the_check_and
         // Addresses.
         ("robot", "[robot]\nlisten = [\n\"tcp/127.0.0.1:1\",\n\"tcp/10.0.0.2\",\n]\n".to_owned(), "relay.toml:4", "such as tcp/10.0.0.2:7447"),
         ("robot", "[station]\nconnect = [\"tcp/10.0.0.256:1\"]\n".to_owned(), "relay.toml:2", "such as tcp/10.0.0.2:7447"),
+        ("robot", "[robot]\nlisten = [\"tcp/127.0.0.1:1\",\n\"tcp/127.0.0.1:1?\"]\n".to_owned(), "relay.toml:3", "take the sign out"),
+        ("station", "[station]\nconnect = [\"tcp/10.0.0.2:1#=eth0\"]\n".to_owned(), "relay.toml:2", "name=value"),
+        ("router", "[router]\nconnect = [\"tcp/10.0.0.2:1#iface=eth0?rel=1\"]\n".to_owned(), "relay.toml:2", "first those behind `?`"),
         ("router", "[router]\nlisten = [\"tls/0.0.0.0:1\"]\n".to_owned(), "relay.toml:2", "ril relay certify"),
         ("robot", "[network]\nmulticast = \"10.0.0.1:7446\"\n".to_owned(), "relay.toml:2", "such as 224.0.0.224:7446"),
         ("robot", "[network]\nthrough = \"router\"\n".to_owned(), "relay.toml:2", "add the endpoint of a router"),
@@ -98,6 +101,7 @@ fn what_comes_from_the_command_line_is_refused_without_a_line_of_the_file() {
         ("robot --may-command a/b", "letters, digits"),
         ("station --name a/b", "letters, digits"),
         ("router --connect tls/hub:1", "ril relay certify"),
+        ("station --connect tcp/10.0.0.2:1?", "take the sign out"),
     ] {
         let error = refused(folder.path(), &format!("{args} --check-config"));
         assert!(error.contains(next_step), "{error}");

@@ -1,7 +1,9 @@
 //! `ril`: the operator's tool of the HERO's Robot Implementation Layer, and its one installed binary.
 //!
 //! * [`cli`]: the command line, with the exit codes;
+//! * [`mod@alive`]: the robots of a domain that are alive;
 //! * [`config`]: the file `ril.toml`;
+//! * [`changes`]: what changes from one state of the bridge to the next, in words;
 //! * [`commands`]: the operator's commands, thin shells around pure values;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
@@ -11,12 +13,14 @@
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
 //! * [`preflight`]: whether a robot is ready to take off;
+//! * [`record`](mod@record): what a flight record is made of;
 //! * [`log`]: logs of flights, read and summed up;
 //! * [`wait`]: conditions of a robot that a script waits for;
-//! * [`robots`]: the robots of a user, as a table.
+//! * [`replay`]: keys and requests of a flight that is played;
+//! * [`robots`]: the robots of a user, as a table;
 //! * [`pilot`]: what a pilot asks first, of the newest telemetry;
 //! * [`watch`]: what `ril watch` knows and shows;
-//! * [`fields`]: the fields of samples by name, and which of them mean something.
+//! * [`words`]: numbers, times and paragraphs as people read them.
 //!
 //! `ril run bridge`, `ril run status` and `ril run sim` are those crates' own command lines; `ril relay` is a program of its own,
 //! `ril-relay`, which it starts. Nothing here decides what the helicopter
@@ -35,6 +39,8 @@
 //! assert_eq!(end.exit_code().code(), 6);
 //! ```
 
+pub mod alive;
+pub mod changes;
 pub mod cli;
 pub mod commands;
 pub mod completion;
@@ -48,9 +54,12 @@ pub mod measure;
 pub mod messages;
 pub mod pilot;
 pub mod preflight;
+pub mod record;
+pub mod replay;
 pub mod robots;
 pub mod wait;
 pub mod watch;
+pub mod words;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -144,7 +153,9 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Preflight(args) => commands::preflight::preflight(&args),
         Command::Wait(args) => commands::wait::wait(&args),
+        Command::Record(args) => commands::record::record(&args),
         Command::Log(args) => commands::log::log(&args, choice),
+        Command::Replay(args) => commands::replay::replay(&args, choice),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Hz(args) => commands::measure::hz(&args),
         Command::Delay(args) => commands::measure::delay(&args),

@@ -7,7 +7,6 @@ pub mod details;
 mod error_object;
 mod final_report;
 pub mod object;
-mod plural;
 mod reason;
 #[cfg(test)]
 mod tests;
@@ -20,7 +19,6 @@ use details::{details, port_label, port_value};
 pub use error_object::ErrorObject;
 pub use final_report::{FinalReport, exit_code};
 pub use object::ReportObject;
-pub use plural::count;
 pub use reason::explain;
 use reason::explain_for_port;
 pub use verb::Verb;

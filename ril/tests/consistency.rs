@@ -25,13 +25,14 @@ use runtime::exit::ExitCode;
 const COLUMNS: usize = 80;
 
 /// Verbs that run until they are ended, so that they are not run here.
-const RUNS_ON: [&str; 6] = [
+const RUNS_ON: [&str; 7] = [
     "run bridge",
     "run status",
     "run sim",
     "bridge",
     "sim",
     "demo",
+    "record",
 ];
 
 /// Verbs whose output is for a shell, a table program or a person at a terminal, and never JSON.

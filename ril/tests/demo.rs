@@ -62,13 +62,15 @@ fn it_flies_and_every_check_passes() {
     assert_eq!(report["schema"], "ril.Demo.v1");
     assert_eq!(report["passed"], true);
     let checks = report["checks"].as_array().unwrap();
-    assert_eq!(checks.len(), 9);
+    assert_eq!(checks.len(), 10);
     assert!(
         checks.iter().all(|check| check["passed"] == true),
         "{checks:#?}"
     );
     let log = fs::read_to_string(report["log"].as_str().unwrap()).unwrap();
     assert!(log.starts_with("flying\t"), "the log stays");
+    let record = report["record"].as_str().unwrap();
+    rig.run(&format!("log check {record}"), 0);
     assert_eq!(left_of(pid), Vec::<String>::new());
 }
 
@@ -138,7 +140,7 @@ fn its_processes_do_not_outlive_it_even_when_it_is_killed() {
             pidfd_open(child, PidfdFlags::empty()).unwrap()
         })
         .collect();
-    assert_eq!(children.len(), 3);
+    assert_eq!(children.len(), 4);
     demo.signal(Signal::KILL);
     demo.wait_exit();
     for child in &children {

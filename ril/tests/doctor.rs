@@ -122,7 +122,7 @@ fn a_killed_bridge_is_found_and_repaired_while_others_live() {
     // Status is in one generation of the dead bridge; the others go at once, and that one with the next bridge.
     let report = examine(&rig, "--repair", 8);
     let text = texts(&report);
-    assert!(text.contains("removed: 4 generations"), "{text}");
+    assert!(text.contains("removed: 5 generations"), "{text}");
     assert!(text.contains("robot 1 has 1 generation of"), "{text}");
     let bridge = rig.bridge(1);
     assert!(troubles(&rig, "", 0).is_empty());
@@ -139,7 +139,7 @@ fn what_the_last_process_left_is_found_and_removed() {
     drop(bridge);
     assert_eq!(troubles(&rig, "", 8), ["residue"]);
     let text = texts(&examine(&rig, "", 8));
-    let expected = format!("5 generations with bridge (process {pid})");
+    let expected = format!("6 generations with bridge (process {pid})");
     assert!(text.contains(&expected), "{text}");
     let text = texts(&examine(&rig, "--repair", 0));
     assert!(text.contains("removed: 1 robot in which"), "{text}");

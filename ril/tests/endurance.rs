@@ -16,6 +16,10 @@ mod healthy;
 mod kills;
 #[path = "../examples/endurance/port.rs"]
 mod port;
+// The short form does not judge times.
+#[path = "../examples/endurance/records.rs"]
+#[allow(dead_code)]
+mod records;
 #[path = "../examples/endurance/spread.rs"]
 mod spread;
 #[path = "../examples/endurance/starts.rs"]
@@ -78,6 +82,19 @@ fn a_consumer_in_c_can_be_killed_at_any_moment() {
 #[test]
 fn a_consumer_in_python_can_be_killed_at_any_moment() {
     kill(Kind::ConsumerInPython);
+}
+
+#[test]
+fn a_recorder_that_is_killed_leaves_a_file_without_a_hole() {
+    let plan = records::Plan {
+        kills: 12,
+        seed: SEED,
+        keep: None,
+    };
+    let outcome = records::run(&site("records"), &plan, &|| true);
+    assert!(outcome.is_whole(), "{outcome}");
+    assert_eq!(outcome.kills, 12);
+    assert!(outcome.messages > 0, "{outcome}");
 }
 
 #[test]

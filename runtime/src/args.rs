@@ -40,8 +40,12 @@ impl CommonArgs {
     }
 }
 
-/// Reads a robot id.
-fn robot(text: &str) -> Result<NonZeroU32, String> {
+/// Reads a robot id, for `value_parser`.
+///
+/// # Errors
+///
+/// What a robot id is.
+pub fn robot(text: &str) -> Result<NonZeroU32, String> {
     text.parse()
         .map_err(|_| "a robot id is an integer from 1 to 4294967295".to_owned())
 }

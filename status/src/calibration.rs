@@ -1,6 +1,6 @@
 //! From the raw numbers of sensors and servos to SI units: straight lines, whose figures come from the configuration.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 runtime::ranged! {
     fn zero_adc(f64) in -1.0e6..=1.0e6;
@@ -11,7 +11,7 @@ runtime::ranged! {
 }
 
 /// All calibrations. The defaults are those of the simulated helicopter.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Calibration {
     /// Sonar to height over ground.
@@ -27,7 +27,7 @@ pub struct Calibration {
 }
 
 /// Height over ground by sonar; by default 0 … 10.24 m over the 12 bits of the converter.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sonar {
     /// Converter value at 0 m.
@@ -55,7 +55,7 @@ impl Sonar {
 }
 
 /// Altitude by the barometer; by default −125 … 898.75 m over the 12 bits of the converter.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Barometer {
     /// Converter value at 0 m.
@@ -83,7 +83,7 @@ impl Barometer {
 }
 
 /// An angle by a potentiometer; by default −90° … 90° over the 12 bits of the converter.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Potentiometer {
     /// Converter value at 0°.
@@ -111,7 +111,7 @@ impl Potentiometer {
 }
 
 /// Travel of a servo by its pulse width.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Servo {
     /// Pulse width in the middle of the travel, µs.

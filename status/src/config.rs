@@ -1,7 +1,7 @@
 //! The configuration of the process, with complete defaults; `status.toml` shows and explains each value.
 
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::calibration::Calibration;
 use crate::estimator::config::EstimatorConfig;
@@ -14,7 +14,7 @@ pub const MAX_LOGS: usize = 16;
 pub const DEFAULT_FILE: &str = "status.toml";
 
 /// All of it.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// From raw numbers to SI units.
@@ -22,7 +22,7 @@ pub struct Config {
     /// What estimates values that no single sensor measures well.
     pub estimator: EstimatorConfig,
     /// Logs, none by default.
-    #[serde(deserialize_with = "logs")]
+    #[serde(deserialize_with = "logs", skip_serializing)]
     pub log: Vec<LogConfig>,
 }
 

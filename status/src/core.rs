@@ -10,6 +10,7 @@ use ipc_types::module::State;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{Module, MonotonicNs, StatusModule};
 use module_kit::{Manager, OnStop};
+use serde::{Deserialize, Serialize};
 
 use crate::calibration::Calibration;
 use crate::estimator::Estimator;
@@ -28,7 +29,7 @@ pub const SILENT_AFTER: Duration = Duration::from_secs(1);
 pub const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(5);
 
 /// What a subscriber counted since it began.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputCounts {
     /// Samples that were received.
     pub received: u64,
@@ -95,6 +96,7 @@ pub struct Status {
 }
 
 /// The state of the input.
+#[derive(Clone, Serialize, Deserialize)]
 struct Input {
     counts: InputCounts,
     /// When the last sample came, while the input is not silent.
@@ -105,14 +107,90 @@ struct Input {
 }
 
 /// The state of the output.
-#[derive(Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 struct Output {
     published: u64,
     /// Whether the last sample could not be published.
     failing: bool,
 }
 
+/// What a snapshot has of the process. Logs and events are not of it: nothing that is published follows from them.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Kept {
+    input: Input,
+    output: Output,
+    manager: Manager,
+    estimator: KeptEstimator,
+}
+
+/// What a snapshot has of the estimator.
+#[derive(Serialize, Deserialize)]
+enum KeptEstimator {
+    /// There is none.
+    Absent,
+    /// It cannot say what it knows.
+    Unknown,
+    /// What it knows.
+    Known(Vec<u8>),
+}
+
 impl Status {
+    /// What a snapshot has of the process.
+    pub(crate) fn keep(&self) -> Kept {
+        let estimator = match &self.estimator {
+            None => KeptEstimator::Absent,
+            Some(estimator) => match estimator.save() {
+                Some(bytes) => KeptEstimator::Known(bytes),
+                None => KeptEstimator::Unknown,
+            },
+        };
+        Kept {
+            input: self.input.clone(),
+            output: self.output.clone(),
+            manager: self.manager.clone(),
+            estimator,
+        }
+    }
+
+    /// The process that was kept, without logs; nothing when its estimator is not `estimator`.
+    pub(crate) fn from_kept(
+        kept: Kept,
+        calibration: Calibration,
+        mut estimator: Option<Box<dyn Estimator + Send>>,
+    ) -> Option<Status> {
+        let is_restored = match (&mut estimator, &kept.estimator) {
+            (None, KeptEstimator::Absent) => true,
+            (Some(estimator), KeptEstimator::Known(bytes)) => estimator.restore(bytes),
+            _ => false,
+        };
+        is_restored.then_some(Status {
+            calibration,
+            estimator,
+            logs: Logs::default(),
+            input: kept.input,
+            output: kept.output,
+            manager: kept.manager,
+            events: Vec::new(),
+        })
+    }
+
+    /// The same with another configuration: what it would do from here on. Another kind of estimator begins anew.
+    pub(crate) fn reconfigure(
+        &mut self,
+        calibration: Calibration,
+        estimator: Option<Box<dyn Estimator + Send>>,
+    ) {
+        let known = self
+            .estimator
+            .as_ref()
+            .and_then(|estimator| estimator.save());
+        self.calibration = calibration;
+        self.estimator = estimator;
+        if let (Some(estimator), Some(known)) = (&mut self.estimator, known) {
+            estimator.restore(&known);
+        }
+    }
+
     /// The process with `calibration` and without an estimator, which gives what comes to `logs`. It began at `now`.
     pub fn new(calibration: Calibration, logs: Logs, now: MonotonicNs) -> Status {
         let mut manager = Manager::new(now);

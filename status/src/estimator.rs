@@ -45,6 +45,16 @@ pub trait Estimator {
     /// units. A gap, another bridge and a reboot of the DSP show in the sample's own fields (`sequence`, `epoch_ns`,
     /// `dsp_boots`, `dsp_time_ms`, `received_ns`).
     fn update(&mut self, raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate;
+
+    /// All that it knows as bytes, for the journal; nothing when it has no way to say so. Recordings are then not replayed.
+    fn save(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Knows from now on what another one of its kind gave as these bytes, bit for bit; false when they are none of its own.
+    fn restore(&mut self, _bytes: &[u8]) -> bool {
+        false
+    }
 }
 
 /// Bit of `HeroEstimate::inputs`: the GPS altitude took part.

@@ -5,7 +5,9 @@ use std::fmt;
 use ipc_types::TelemetryGroup;
 
 /// A set of [`TelemetryGroup`]s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub struct GroupSet(pub u16);
 
 impl GroupSet {

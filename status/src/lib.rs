@@ -12,6 +12,7 @@
 //! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
 //! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a full
 //!   disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
+//! * [`journaled`] stands between shell and core and writes the [`journal`], from which a recording replays what was published;
 //! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
 //! * [`shell`] owns ports, clock, threads and the one wait; [`cli`] is the command line, [`config`] the file.
 //!
@@ -52,6 +53,8 @@ pub mod core;
 pub mod estimator;
 pub mod fields;
 pub mod group;
+pub mod journal;
+pub mod journaled;
 pub mod log;
 pub mod plausible;
 pub mod rate_limited;

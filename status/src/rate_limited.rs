@@ -5,7 +5,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 /// A counter whose reports to the operator are rate-limited.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct RateLimitedCounter {
     total: u64,
     /// The part of `total` that was reported.

@@ -10,8 +10,9 @@ mod tests;
 
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, StatusJournal};
 use ipc_types::{Ipc, MonotonicNs, Publisher, StateOf, StatusModule, Subscriber, WaitError, Wake};
+use module_kit::journal::Port as JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
@@ -20,12 +21,14 @@ use runtime::signal::Termination;
 use crate::config::Config;
 use crate::core::{InputCounts, Status, Summary};
 use crate::estimator::Estimator;
+use crate::journaled::Journaled;
 use crate::log::store::{FileStore, Store};
 use log_thread::{END_TIMEOUT, LogThreads};
 
 /// The process with its surroundings.
 pub struct Shell {
-    status: Status,
+    status: Journaled,
+    journal: JournalPort<StatusJournal>,
     log_threads: LogThreads,
     /// How long the end waits for the disks.
     end_timeout: Duration,
@@ -68,6 +71,8 @@ impl Shell {
         let state = ipc
             .publisher()
             .or_fail_with(ExitCode::Internal, "status cannot publish its state")?;
+        let journal = JournalPort::open(&ipc)
+            .or_fail_with(ExitCode::Internal, "status cannot publish its journal")?;
         let input = ipc
             .subscriber::<DspTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot receive telemetry")?;
@@ -77,8 +82,10 @@ impl Shell {
         if let Some(estimator) = config.estimator.build() {
             status = status.with_estimator(estimator);
         }
+        let writer = JournalPort::<StatusJournal>::writer();
         Ok(Shell {
-            status,
+            status: Journaled::new(status, config, writer),
+            journal,
             log_threads,
             end_timeout: END_TIMEOUT,
             input,
@@ -107,13 +114,16 @@ impl Shell {
         let mut summary = self.status.finish();
         self.log_events();
         // Frees the place in shared memory before the disks have answered.
-        drop((self.input, self.output, self.state, self.ipc));
+        self.journal
+            .finish(self.status.writer(), MonotonicNs::now());
+        drop((self.input, self.output, self.state, self.journal, self.ipc));
         self.log_threads.end(&mut summary.logs, self.end_timeout);
         result.map(|()| summary).or_fail(ExitCode::Internal)
     }
 
     /// Services every source that may have woken us, and does what is due.
     fn step(&mut self) {
+        self.journal.follow(self.status.writer());
         self.drain();
         let now = MonotonicNs::now();
         let losses = self.input.losses();
@@ -122,16 +132,17 @@ impl Shell {
             lost: losses.lost,
             publisher_restarts: losses.publisher_restarts,
         };
-        self.status.count(counts, now);
-        self.status.on_time(now);
+        self.status.step(counts, now);
         self.log_events();
-        if self.status.take_state_changed() {
-            self.publish_state(now);
-        }
+        self.publish_state(false, now);
+        self.journal.publish(self.status.writer(), now);
     }
 
-    fn publish_state(&mut self, now: MonotonicNs) {
-        let mut state = self.status.state();
+    /// Publishes the state: in any case, or if it has changed.
+    fn publish_state(&mut self, always: bool, now: MonotonicNs) {
+        let Some(mut state) = self.status.state(always, now) else {
+            return;
+        };
         state.published_ns = now.0;
         let result = self.state.publish(|sample| *sample = StateOf::new(state));
         let was_failing = std::mem::replace(&mut self.state_failing, result.is_err());
@@ -179,6 +190,7 @@ impl Process for Shell {
         sources.port(&mut self.input);
         sources.port(&mut self.output);
         sources.port(&mut self.state);
+        sources.port(self.journal.source());
     }
 
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
@@ -189,10 +201,14 @@ impl Process for Shell {
     /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes with the
     /// next wake, [`SAFETY_BOUND`](ipc_types::waiter::SAFETY_BOUND) later at the latest.
     fn round(&mut self, now: MonotonicNs) {
-        self.publish_state(now);
+        self.publish_state(true, now);
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
-        self.status.deadline()
+        let journal = self.journal.deadline(self.status.journal());
+        [self.status.deadline(), journal]
+            .into_iter()
+            .flatten()
+            .min()
     }
 }

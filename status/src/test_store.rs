@@ -10,7 +10,7 @@ use std::rc::Rc;
 use ipc_types::MonotonicNs;
 
 use crate::log::clock::ClockAnchor;
-use crate::log::file_name::file_name;
+use crate::log::file_name::{FileKind, file_name};
 use crate::log::store::{LogFile, Store};
 use crate::log::tsv::whole_rows;
 
@@ -194,11 +194,16 @@ impl Store for MemoryStore {
         Ok((before - bytes.len()) as u64)
     }
 
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, MemoryFile)> {
+    fn create(
+        &mut self,
+        directory: &Path,
+        stem: &str,
+        kind: FileKind,
+    ) -> io::Result<(PathBuf, MemoryFile)> {
         let mut disk = self.0.borrow_mut();
         disk.check(Act::Create)?;
         let path = (1..)
-            .map(|number| directory.join(file_name(stem, number)))
+            .map(|number| directory.join(file_name(stem, number, kind)))
             .find(|path| !disk.files.contains_key(path))
             .unwrap();
         disk.files.insert(path.clone(), Vec::new());

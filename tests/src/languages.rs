@@ -2,7 +2,7 @@
 //!
 //! * C and C++ need a compiler, `cc` and `c++`, or what `CC` and `CXX` name;
 //! * Python needs an interpreter from 3.9 on with the package `hero_ril`. `RIL_TEST_PYTHON` names one; else a virtual environment is
-//!   made in the target folder, for which `maturin` and `numpy` come from PyPI.
+//!   made in the target folder, for which `maturin`, `numpy`, and what flights are read and plotted with, come from PyPI.
 //!
 //! What is missing is said in words, and then the test is to be skipped visibly: [`skip`]. A user that cannot run cargo uses what
 //! was built before.
@@ -25,8 +25,12 @@ pub fn root() -> PathBuf {
     member.parent().expect("a workspace above").to_owned()
 }
 
-/// Runs a tool to its end, or says why that did not work.
-fn run(command: &mut Command) -> Result<(), String> {
+/// Runs a tool to its end.
+///
+/// # Errors
+///
+/// Why that did not work, with what it printed.
+pub fn run(command: &mut Command) -> Result<(), String> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command
         .output()
@@ -202,9 +206,16 @@ fn virtual_environment() -> Result<PathBuf, String> {
         command.args(arguments);
         command
     };
-    if run(Command::new(&python).args(["-c", "import maturin, numpy"])).is_err() {
+    let imports = "import maturin, numpy, mcap, pandas, matplotlib";
+    if run(Command::new(&python).args(["-c", imports])).is_err() {
         run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
-        run(&mut pip(&["maturin>=1.7,<2", "numpy"]))?;
+        run(&mut pip(&[
+            "maturin>=1.7,<2",
+            "numpy",
+            "mcap>=1.3,<2",
+            "pandas>=2",
+            "matplotlib",
+        ]))?;
     }
     run(cargo().arg("fetch").current_dir(&package))?;
     // From here on a failure is ours.
@@ -227,6 +238,20 @@ fn virtual_environment() -> Result<PathBuf, String> {
     let wheel = wheel.expect("a wheel").expect("a wheel").path();
     let wheel = wheel.to_str().expect("a path in UTF-8");
     run(&mut pip(&["--force-reinstall", "--no-deps", wheel])).expect("the wheel is installed");
+    Ok(python)
+}
+
+/// An interpreter in a virtual environment in `folder`, with what `requirement` names from PyPI and nothing else.
+///
+/// # Errors
+///
+/// Why there is none, such as that there is no network.
+pub fn python_with(requirement: &str, folder: &Path) -> Result<PathBuf, String> {
+    let python = folder.join("bin/python");
+    run(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet", "--no-cache-dir"])
+        .args(["--disable-pip-version-check", "--retries", "1", requirement]))?;
     Ok(python)
 }
 

@@ -3,6 +3,7 @@
 //! * [`domain`]: shared memory of a test's own, and the proof that nothing of it is left;
 //! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as they are told;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
+//! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
 //! * [`garbage`]: payloads of any bit pattern;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
@@ -99,6 +100,10 @@
 //! assert_eq!(control.next_request(), start);
 //! ```
 //!
+//! # A recorded flight
+//!
+//! [`Replay`] plays a recording (MCAP) with all its topics, message by message: a program is tested against what was flown once.
+//!
 //! `examples/consumer` and `examples/module` are projects of their own that use this library as a stranger would.
 
 pub mod chain;
@@ -108,6 +113,7 @@ pub mod languages;
 pub mod process;
 pub mod pty;
 pub mod recording;
+pub mod replay;
 pub mod script;
 pub mod stand_in;
 pub mod watchdog;
@@ -118,6 +124,7 @@ pub use garbage::Garbage;
 pub use process::Process;
 pub use pty::PtyFolder;
 pub use recording::Recording;
+pub use replay::Replay;
 pub use script::Script;
 pub use stand_in::{
     Answer, PortTable, Received, StandInBridge, StandInPort, StandInServer, StandInStatus,

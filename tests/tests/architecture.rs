@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 12] = [
+const ARROWS: [(&str, &[&str]); 16] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -25,18 +25,29 @@ const ARROWS: [(&str, &[&str]); 12] = [
         "status",
         &["dsp-protocol", "ipc-types", "module-kit", "runtime"],
     ),
-    ("relay", &["ipc-types", "module-kit", "runtime"]),
+    (
+        "relay",
+        &["ipc-types", "module-kit", "ros-messages", "runtime"],
+    ),
+    ("ros-messages", &["ipc-types"]),
+    ("recording", &["ipc-types", "ros-messages"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
     ("plans", &["bridge", "dsp-protocol", "ipc-types"]),
+    ("flight-report", &[]),
+    ("replay", &["bridge", "ipc-types", "module-kit", "status"]),
     (
         "ril",
         &[
             "bridge",
             "dsp-protocol",
             "dsp-sim",
+            "flight-report",
             "ipc-types",
             "module-kit",
             "plans",
+            "recording",
+            "replay",
+            "ros-messages",
             "runtime",
             "status",
         ],
@@ -50,6 +61,8 @@ const ARROWS: [(&str, &[&str]); 12] = [
             "dsp-sim",
             "ipc-types",
             "module-kit",
+            "recording",
+            "replay",
             "runtime",
             "status",
         ],
@@ -64,9 +77,10 @@ const TRANSPORT: &str = "iceoryx2";
 const KNOWS_NETWORK: &str = "relay";
 const NETWORK: &str = "zenoh";
 
-/// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too.
+/// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too, and on serde
+/// where a feature asks for it.
 const BARE: &str = "dsp-protocol";
-const BARE_MAY_HAVE: [&str; 1] = ["crc"];
+const BARE_MAY_HAVE: [&str; 2] = ["crc", "serde"];
 
 /// Words that the sources under `paths` never contain, outside comments.
 struct Ban {
@@ -84,8 +98,11 @@ const BANS: [Ban; 5] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "flight-report/src",
             "plans/src",
+            "recording/src",
             "relay/src",
+            "ros-messages/src",
         ],
         // Between the threads of Zenoh and the relay's own.
         except: &["queue.rs"],
@@ -99,7 +116,9 @@ const BANS: [Ban; 5] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "recording/src",
             "relay/src",
+            "ros-messages/src",
         ],
         except: &[],
         words: &["thread::sleep", "nanosleep", "thread::park"],
@@ -129,9 +148,12 @@ const BANS: [Ban; 5] = [
             "bridge/src",
             "status/src",
             "plans/src",
+            "flight-report/src",
             "module-kit/src/rules.rs",
             "module-kit/src/manager.rs",
             "module-kit/src/completed.rs",
+            "recording/src",
+            "ros-messages/src",
             "relay/src/clock",
             "relay/src/orders",
             "relay/src/description.rs",
@@ -310,7 +332,7 @@ fn an_arrow_that_is_not_drawn_is_named() {
         ),
         (
             "dsp-protocol",
-            dependency("serde", None),
+            dependency("thiserror", None),
             Some("no dependencies"),
         ),
         ("dsp-protocol", dependency("crc", None), None),

@@ -13,14 +13,15 @@ use dsp_sim::pty::Pty;
 use dsp_sim::simulator::{Setup, Simulator};
 use ipc_types::code::{ControlCommand, LinkState, Reason, Stage};
 use ipc_types::payload::{
-    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
-    WaypointPosition,
+    BridgeJournal, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
+    RequestReport, StatusJournal, WaypointPosition,
 };
 use ipc_types::service::Request;
 use ipc_types::{
-    Client, Descriptor, Domain, Ipc, RobotId, SendError, Subscriber, TelemetryGroup, Waiter,
+    Client, Descriptor, Domain, Ipc, RobotId, SendError, Subscriber, TelemetryGroup, Topic, Waiter,
     fresh_request_id,
 };
+use replay::{Verdict, Verifier};
 use ril_tests::TestDomain;
 use ril_tests::process::WAIT_LIMIT;
 use runtime::notify::Notifier;
@@ -152,7 +153,14 @@ fn await_link(states: &mut Subscriber<ModuleState>) {
     }
 }
 
-/// A consumer on a thread of its own: it drains telemetry until it is asked to end.
+/// Gives the pieces that have come to a verifier.
+fn verify<P: Topic>(journal: &mut Subscriber<P>, verifier: &mut Verifier) {
+    journal
+        .drain(|piece| verifier.take(P::KEY, piece.bytes()))
+        .expect("pieces");
+}
+
+/// A consumer on a thread of its own: it drains telemetry, and verifies the journals, until it is asked to end.
 fn consumer(domain: &Domain) -> (Running, mpsc::Receiver<Seen>) {
     let (sender, receiver) = mpsc::channel();
     let domain = domain.clone();
@@ -160,20 +168,32 @@ fn consumer(domain: &Domain) -> (Running, mpsc::Receiver<Seen>) {
         let ipc = join(&domain, "consumer");
         let mut raw = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
         let mut hero = ipc.subscriber::<HeroTelemetry>().expect("a subscriber");
+        let mut of_bridge = ipc.subscriber::<BridgeJournal>().expect("a subscriber");
+        let mut of_status = ipc.subscriber::<StatusJournal>().expect("a subscriber");
+        let mut verifier = Verifier::new();
         let waiter = Waiter::new();
         let mut seen = Seen::default();
         while !termination.requested() {
             let mut signals = Descriptor::new(termination.as_fd());
             waiter
                 .wait(
-                    &mut [((), &mut raw), ((), &mut hero), ((), &mut signals)],
+                    &mut [
+                        ((), &mut raw),
+                        ((), &mut hero),
+                        ((), &mut of_bridge),
+                        ((), &mut of_status),
+                        ((), &mut signals),
+                    ],
                     None,
                 )
                 .expect("a wait");
             raw.drain(|sample| seen.raw.push(*sample)).expect("samples");
             hero.drain(|sample| seen.hero.push(*sample))
                 .expect("samples");
+            verify(&mut of_bridge, &mut verifier);
+            verify(&mut of_status, &mut verifier);
         }
+        seen.verdict = verifier.finish();
         let (raw, hero) = (raw.losses(), hero.losses());
         assert_eq!((raw.lost, hero.lost), (0, 0), "samples were lost");
         sender.send(seen).expect("the test waits for it");
@@ -185,6 +205,7 @@ fn consumer(domain: &Domain) -> (Running, mpsc::Receiver<Seen>) {
 struct Seen {
     raw: Vec<DspTelemetry>,
     hero: Vec<HeroTelemetry>,
+    verdict: Verdict,
 }
 
 #[test]
@@ -204,6 +225,8 @@ fn a_mission_over_real_shared_memory_and_a_real_pty() {
         assert_done("start", &ask(&mut control, &start));
         let take_off = MovementData::take_off(fresh_request_id(), 5.0);
         assert_done("take-off", &ask(&mut movement, &take_off));
+        // A recorder that comes in flight.
+        let mut late = ipc.subscriber::<BridgeJournal>().expect("a subscriber");
         let home = Setup::default().model.home;
         // 11 m to the north, then 9 m to the east, and up.
         let path = [(1e-4, 0.0, 7.0), (1e-4, 1e-4, 9.0), (0.0, 0.0, 6.0)].map(
@@ -223,6 +246,11 @@ fn a_mission_over_real_shared_memory_and_a_real_pty() {
         assert_done("path", &flown);
         // Of those that were reached while the machine stalled, the bridge may have seen nothing.
         assert_eq!((flown.waypoints_total, flown.waypoints_sent), (3, 3));
+        let mut verifier = Verifier::new();
+        verify(&mut late, &mut verifier);
+        let in_flight = verifier.finish();
+        assert!(in_flight.is_verified(), "{in_flight:?}");
+        assert!(in_flight.bridge.samples > 50, "{in_flight:?}");
         assert_done(
             "landing",
             &ask(&mut movement, &MovementData::land(fresh_request_id())),
@@ -312,6 +340,19 @@ fn eight_clients_that_flood_keep_nobody_from_flying_a_mission() {
 
 /// Every sample came through the whole chain, in order, and says the same on both sides.
 fn check(seen: &Seen) {
+    let verdict = &seen.verdict;
+    assert!(verdict.is_verified(), "{verdict:?}");
+    assert_eq!(
+        (verdict.bridge.pieces_lost, verdict.status.pieces_lost),
+        (0, 0)
+    );
+    assert!(
+        verdict.bridge.samples > 150 && verdict.status.samples > 150,
+        "{verdict:?}"
+    );
+    // The recorder that came in flight broke nothing.
+    assert!(verdict.bridge.reports > 8, "{verdict:?}");
+    assert_eq!(verdict.bridge.spans.len(), 1, "{verdict:?}");
     assert!(seen.raw.len() > 150, "only {} samples", seen.raw.len());
     // Either side may have joined in the middle of the first sample.
     let translated: Vec<_> = seen

@@ -297,11 +297,49 @@ fn the_python_package_does_what_its_tests_say() {
     let Some(python) = or_skip("Python", python()) else {
         return;
     };
+    for tests in ["test_hero_ril.py", "test_flight.py"] {
+        let domain = TestDomain::new();
+        let mut command = Command::new(python);
+        command
+            .arg("-B")
+            .arg(root().join("bindings/python/tests").join(tests));
+        let finished = Process::spawn(&domain, command).wait_exit();
+        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    }
+}
+
+#[test]
+fn a_program_in_python_plots_a_recorded_flight() {
+    let Some(python) = or_skip("Python", python()) else {
+        return;
+    };
     let domain = TestDomain::new();
-    let mut command = Command::new(python);
-    command.arg(root().join("bindings/python/tests/test_hero_ril.py"));
-    let finished = Process::spawn(&domain, command).wait_exit();
+    let folder = PtyFolder::new();
+    let chain = Chain::hurried(&domain, &ril(), SPEED);
+    let mut record = Command::new(ril());
+    record
+        .args(["record", "--min-free", "0", "--output"])
+        .arg(folder.link("log"));
+    let mut recorder = Process::spawn(&domain, record);
+    recorder.wait_for_text("recording file=");
+    for order in [&["start"][..], &["takeoff", "--altitude", "5"], &["land"]] {
+        assert_eq!(chain.run(&domain, order).code(), Some(0), "{order:?}");
+    }
+    recorder.signal(Signal::TERM);
+    assert_eq!(recorder.wait_exit().code(), Some(0));
+    let picture = folder.link("flight.png");
+    let mut plot = python_example(python, "plot_flight.py");
+    plot.arg(folder.link("log/*.mcap"))
+        .arg(&picture)
+        .env("MPLBACKEND", "Agg")
+        .env("MPLCONFIGDIR", folder.path());
+    let finished = Process::spawn(&domain, plot).wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    assert!(
+        std::fs::metadata(&picture).is_ok_and(|file| file.len() > 10_000),
+        "{finished:#?}"
+    );
+    chain.end();
 }
 
 #[test]

@@ -1,21 +1,27 @@
 //! No circles of imports: of two files of a crate, at most one needs the other, directly or through others. So each file can be
-//! read with what it imports, and nothing else.
+//! read with what it names, and nothing else. A parent and its children are files as all others: what both need has a file
+//! of its own.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
 /// Folders of the crates.
-const CRATES: [&str; 12] = [
+const CRATES: &[&str] = &[
     "bench",
     "bindings/c",
     "bridge",
     "dsp-protocol",
     "dsp-sim",
+    "flight-report",
     "ipc-types",
     "module-kit",
     "plans",
+    "recording",
+    "relay",
+    "replay",
     "ril",
+    "ros-messages",
     "runtime",
     "status",
     "tests",
@@ -24,7 +30,7 @@ const CRATES: [&str; 12] = [
 /// A file by the path of its module, such as `link::commands`.
 type Module = String;
 
-/// What each file imports of its own crate.
+/// What each file names of its own crate.
 type Imports = BTreeMap<Module, BTreeSet<Module>>;
 
 /// The modules of the files below `folder`, without tests, each with its source.
@@ -56,32 +62,99 @@ fn modules(folder: &Path, path: &[String]) -> BTreeMap<Module, String> {
     found
 }
 
-/// The paths below `crate::` that a source imports, outside its tests.
-fn imported(source: &str) -> Vec<String> {
+/// What a source says outside its tests and comments.
+fn code(source: &str) -> String {
     let source = source.split("#[cfg(test)]\nmod tests {").next();
+    let lines = source.unwrap_or_default().lines();
+    let code: Vec<&str> = lines
+        .map(|line| line.split("//").next().unwrap_or_default())
+        .collect();
+    code.join("\n")
+}
+
+/// The modules that lie in files of their own below this one.
+fn children(code: &str) -> BTreeSet<&str> {
+    let lines = code.lines().map(str::trim);
+    let declared = lines.filter_map(|line| line.strip_suffix(';')?.rsplit_once("mod "));
+    let is_name = |name: &str| name.chars().all(is_of_word);
+    declared
+        .map(|(_, name)| name)
+        .filter(|name| is_name(name))
+        .collect()
+}
+
+fn is_of_word(letter: char) -> bool {
+    letter.is_ascii_alphanumeric() || letter == '_'
+}
+
+/// The paths that a file names of its own crate, in imports, in code and in attributes: from `crate`, from `super`, and through
+/// its own children. `$crate` of a macro is the place where it is used.
+fn named(code: &str) -> Vec<String> {
+    let children = children(code);
     let mut paths = Vec::new();
-    for statement in source.unwrap_or_default().split(';') {
-        // An import begins a line; what is before it ended without a semicolon.
-        let lines = statement.lines().map(str::trim_start);
-        let begin = lines.clone().position(|line| {
-            let line = line
-                .trim_start_matches("pub(crate) ")
-                .trim_start_matches("pub ");
-            line.starts_with("use crate::")
-        });
-        let Some(begin) = begin else { continue };
-        let text: String = lines.skip(begin).collect();
-        if let Some((_, tree)) = text.split_once("use crate::") {
-            flatten("", tree, &mut paths);
+    let mut rest = code;
+    while let Some(at) = rest.find("::") {
+        let (before, behind) = rest.split_at(at);
+        let first = before.rsplit(|letter| !is_of_word(letter)).next();
+        let first = first.unwrap_or_default();
+        let is_path = ["crate", "super", "self"].contains(&first) || children.contains(first);
+        let len = path_len(behind);
+        if is_path && !before.ends_with(&format!("${first}")) {
+            flatten(first, &behind[..len], &mut paths);
         }
+        rest = &behind[len..];
     }
     paths
+}
+
+/// How long the rest of a path is that begins with `::`, with the tree in braces at its end.
+fn path_len(rest: &str) -> usize {
+    let mut depth = 0;
+    let end = rest.char_indices().find(|(index, letter)| {
+        match letter {
+            '{' if depth > 0 || rest[..*index].ends_with("::") => depth += 1,
+            '}' if depth > 0 => {
+                depth -= 1;
+                return false;
+            }
+            _ => {}
+        }
+        let is_of_path = is_of_word(*letter) || [':', '*'].contains(letter);
+        depth == 0 && !is_of_path
+    });
+    let end = end.map_or(rest.len(), |(index, _)| index);
+    end.max(2)
+}
+
+/// The module `path` of the file `module`, from the root of the crate; nothing when it is none but the file's parents, as in
+/// `pub(in super::super)`.
+fn from_root(module: &str, path: &str) -> Option<String> {
+    let mut place: Vec<&str> = module.split("::").filter(|name| !name.is_empty()).collect();
+    let mut names = path.split("::").peekable();
+    match *names.peek()? {
+        "crate" => {
+            place.clear();
+            names.next();
+        }
+        "self" => _ = names.next(),
+        _ => {
+            while names.next_if_eq(&"super").is_some() {
+                place.pop()?;
+            }
+        }
+    }
+    names.peek()?;
+    place.extend(names);
+    Some(place.join("::"))
 }
 
 /// The paths of a tree such as `a::{b, c::{d, e}}`.
 fn flatten(prefix: &str, tree: &str, paths: &mut Vec<String>) {
     let (head, inner) = match tree.split_once('{') {
-        None => return paths.push(format!("{prefix}{}", tree.trim())),
+        None => {
+            let path = tree.split(" as ").next().unwrap_or_default();
+            return paths.push(format!("{prefix}{}", path.trim()));
+        }
         Some((head, inner)) => (head, inner.strip_suffix('}').unwrap_or(inner)),
     };
     let prefix = format!("{prefix}{}", head.trim());
@@ -115,9 +188,9 @@ fn imports(modules: &BTreeMap<Module, String>) -> Imports {
     modules
         .iter()
         .map(|(module, source)| {
-            let files = imported(source)
-                .into_iter()
-                .filter_map(|path| file_of(&path));
+            let paths = named(&code(source)).into_iter();
+            let paths = paths.filter_map(|path| from_root(module, &path));
+            let files = paths.filter_map(|path| file_of(&path));
             (
                 module.clone(),
                 files.filter(|file| file != module).collect(),
@@ -181,6 +254,40 @@ fn a_circle_through_three_files_is_found() {
         r#"a imports {"b"}"#,
         r#"b imports {"c::inner"}"#,
         r#"c::inner imports {"a"}"#,
+    ];
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn parents_children_and_attributes_count_too() {
+    let sources = [
+        ("a", "mod b;\nfn f() {\n    b::g();\n}"),
+        (
+            "a::b",
+            "#[serde(default = super::super::c::seed())]\nstruct Bee;",
+        ),
+        (
+            "c",
+            "use crate::{\n    a as first,\n};\nmacro_rules! m { () => { $crate::a::f() } }",
+        ),
+        ("d", "mod e;\npub use e::Eel;"),
+        (
+            "d::e",
+            "pub(in super::super) struct Eel;\n// super::f\nuse std::super_::x;",
+        ),
+        ("f", "#[command(after_help = crate::g::HELP)]\nstruct Fox;"),
+        ("g", "use self::h::Hen;\nmod h;"),
+        ("g::h", "type Hen = super::super::f::Fox;"),
+    ];
+    let modules = sources.map(|(module, source)| (module.to_owned(), source.to_owned()));
+    let found = on_circles(imports(&BTreeMap::from(modules)));
+    let expected = [
+        r#"a imports {"a::b"}"#,
+        r#"a::b imports {"c"}"#,
+        r#"c imports {"a"}"#,
+        r#"f imports {"g"}"#,
+        r#"g imports {"g::h"}"#,
+        r#"g::h imports {"f"}"#,
     ];
     assert_eq!(found, expected);
 }

@@ -15,7 +15,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap};
 use rustix::shm;
 use rustix::thread::futex;
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 use crate::plain::{self, WORDS};
 
 /// What lies in shared memory. All zero is a valid beginning.
@@ -61,7 +61,7 @@ impl Writer {
     }
 }
 
-impl super::Sender for Writer {
+impl super::ends::Sender for Writer {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         let shared = self.0;
         let before = shared.sequence.load(Ordering::Relaxed);
@@ -126,7 +126,7 @@ impl Reader {
     }
 }
 
-impl super::Receiver for Reader {
+impl super::ends::Receiver for Reader {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         loop {
             let sequence = self.shared.sequence.load(Ordering::SeqCst);

@@ -11,7 +11,7 @@ use iceoryx2::prelude::{Config, FileName, NodeBuilder, Path, SemanticString, Sig
 use ipc_types::Domain;
 use ipc_types::payload::HeroTelemetry;
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 
 type Variant = iceoryx2::prelude::ipc::Service;
 type Node = iceoryx2::prelude::Node<Variant>;
@@ -91,7 +91,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         self.publisher
             .loan_uninit()?
@@ -129,7 +129,7 @@ impl Spinning {
     }
 }
 
-impl super::Receiver for Spinning {
+impl super::ends::Receiver for Spinning {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         while self.drain(take)? == 0 {
             std::hint::spin_loop();
@@ -154,7 +154,7 @@ impl Blocking {
     }
 }
 
-impl super::Receiver for Blocking {
+impl super::ends::Receiver for Blocking {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         self.listener.timed_wait(|_| {}, PATIENCE)?;
         self.data.drain(take)?;

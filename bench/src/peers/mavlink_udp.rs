@@ -10,7 +10,7 @@ use ipc_types::payload::HeroTelemetry;
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MavHeader, MavlinkReader, MavlinkVersion, write_v2_msg};
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 use crate::mavlink_message;
 
 /// Where the receiver writes its port number.
@@ -37,7 +37,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         self.sequence = self.sequence.wrapping_add(1);
         let header = MavHeader {
@@ -75,7 +75,7 @@ impl Receiver {
     }
 }
 
-impl super::Receiver for Receiver {
+impl super::ends::Receiver for Receiver {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let (_, message) = self.0.read_message::<MavMessage>(MavlinkVersion::V2)?;
         take(mavlink_message::mark(&message).context("another message")?);

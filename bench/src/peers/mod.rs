@@ -4,6 +4,7 @@
 //! but for those that trade latency for throughput. The sample is a whole [`HeroTelemetry`] wherever the way can carry
 //! one.
 
+pub mod ends;
 mod futex;
 pub mod iceoryx2;
 #[cfg(feature = "peers")]
@@ -16,51 +17,16 @@ mod zenoh;
 #[cfg(feature = "peers")]
 mod zeromq;
 
+pub use ends::{Mark, PATIENCE, Receiver, Sender};
 pub use futex::segment;
 
 use std::fmt;
 use std::path::Path;
-use std::time::Duration;
 
 use anyhow::Result;
 use clap::ValueEnum;
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{SchedulingRole, request_short_slice};
-
-/// Longest time that a receiver waits for a sample before it gives up.
-pub const PATIENCE: Duration = Duration::from_secs(20);
-
-/// What tells one sample from another, whatever else a peer carries of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mark {
-    /// Counts from 1; a gap is a loss. It lies in `source_sequence`.
-    pub index: u64,
-    /// `CLOCK_MONOTONIC` just before the sample was given to the peer, ns. It lies in `published_ns`.
-    pub sent_ns: u64,
-}
-
-impl Mark {
-    /// The mark of `sample`.
-    fn of(sample: &HeroTelemetry) -> Mark {
-        Mark {
-            index: sample.source_sequence,
-            sent_ns: sample.published_ns,
-        }
-    }
-}
-
-/// The sending end.
-pub trait Sender {
-    /// Sends `sample`; never waits for the receiver.
-    fn send(&mut self, sample: &HeroTelemetry) -> Result<()>;
-}
-
-/// The receiving end.
-pub trait Receiver {
-    /// Waits, in the way of the peer, until there is a sample, and hands on the marks of all that are there, each as soon
-    /// as its values can be read.
-    fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()>;
-}
 
 /// A way from one process to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -7,7 +7,7 @@ use anyhow::Result;
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{Descriptor, Domain, Ipc, Losses, Publisher, RobotId, Subscriber, Topic, Waiter};
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 
 /// Takes part in the domain of the environment.
 pub fn join(process: &str) -> Result<Ipc> {
@@ -27,7 +27,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         self.0.publish(|slot| *slot = *sample)?;
         Ok(())
@@ -55,7 +55,7 @@ impl<T: Topic> Blocking<T> {
     }
 }
 
-impl super::Receiver for Blocking<HeroTelemetry> {
+impl super::ends::Receiver for Blocking<HeroTelemetry> {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         self.wait_and_drain(|sample| take(Mark::of(sample)))
     }
@@ -70,7 +70,7 @@ impl Spinning {
     }
 }
 
-impl super::Receiver for Spinning {
+impl super::ends::Receiver for Spinning {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         self.0.spin(PATIENCE);
         self.0.drain(|sample| take(Mark::of(sample)))?;
@@ -98,7 +98,7 @@ impl Waiting {
     }
 }
 
-impl super::Receiver for Waiting {
+impl super::ends::Receiver for Waiting {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let mut other = Descriptor::new(self.other.as_fd());
         self.waiter.wait(

@@ -7,7 +7,8 @@ use anyhow::Result;
 use ipc_types::payload::HeroTelemetry;
 use serde::Deserialize;
 
-use super::{Mark, unix_socket};
+use super::ends::Mark;
+use super::unix_socket;
 
 /// Room for a sample as text, which has about 1,300 bytes.
 const MAX_LEN: usize = 4096;
@@ -26,7 +27,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         self.text.clear();
         serde_json::to_writer(&mut self.text, sample)?;
@@ -72,7 +73,7 @@ impl Receiver {
     }
 }
 
-impl super::Receiver for Receiver {
+impl super::ends::Receiver for Receiver {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let count = self.socket.recv(&mut self.text)?;
         let seen: Seen = serde_json::from_slice(&self.text[..count])?;

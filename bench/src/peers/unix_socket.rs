@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use ipc_types::payload::HeroTelemetry;
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 use crate::plain;
 
 /// Where the receiver is found.
@@ -36,7 +36,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         self.0.send(&plain::to_bytes(sample))?;
         Ok(())
@@ -51,7 +51,7 @@ impl Receiver {
     }
 }
 
-impl super::Receiver for Receiver {
+impl super::ends::Receiver for Receiver {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let mut bytes = [0; plain::LEN];
         let count = self.0.recv(&mut bytes)?;

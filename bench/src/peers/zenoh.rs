@@ -9,7 +9,7 @@ use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::Sample;
 use zenoh::{Config, Session, Wait};
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 use crate::plain;
 
 const KEY: &str = "hero/telemetry";
@@ -54,7 +54,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         self.publisher
             .put(plain::to_bytes(sample).to_vec())
@@ -82,7 +82,7 @@ impl Receiver {
     }
 }
 
-impl super::Receiver for Receiver {
+impl super::ends::Receiver for Receiver {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let sample = self
             .subscriber

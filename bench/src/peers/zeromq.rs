@@ -7,7 +7,7 @@ use ipc_types::payload::HeroTelemetry;
 use tokio::runtime::{Builder, Runtime};
 use zeromq::{PubSocket, Socket, SocketRecv, SocketSend, SubSocket};
 
-use super::{Mark, PATIENCE};
+use super::ends::{Mark, PATIENCE};
 use crate::plain;
 
 fn address(site: &Path) -> String {
@@ -34,7 +34,7 @@ impl Sender {
     }
 }
 
-impl super::Sender for Sender {
+impl super::ends::Sender for Sender {
     fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
         let message = plain::to_bytes(sample).to_vec();
         self.runtime.block_on(self.socket.send(message.into()))?;
@@ -59,7 +59,7 @@ impl Receiver {
     }
 }
 
-impl super::Receiver for Receiver {
+impl super::ends::Receiver for Receiver {
     fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
         let message = self
             .runtime

@@ -5,14 +5,14 @@ use std::time::Duration;
 
 use dsp_protocol::{Group, Profile, StatusMask};
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{baud_rate, milliseconds, pc_timeout_ms};
+use super::range::{baud_rate, milliseconds, pc_timeout_ms};
 use crate::link::coherence::Rule;
 use crate::link::commands::ATTEMPTS;
 
 /// `[serial]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SerialConfig {
     /// Path of the port (`puerto_serie`).
@@ -49,11 +49,11 @@ impl SerialConfig {
 checked!(LinkConfig);
 
 /// `[link]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(remote = "Self", deny_unknown_fields, default)]
 pub struct LinkConfig {
     /// How messages are framed: the same as at the DSP.
-    #[serde(deserialize_with = "profile")]
+    #[serde(deserialize_with = "profile", serialize_with = "name_of_profile")]
     pub profile: Profile,
     /// After how long without a message from the bridge the DSP stops by itself; 0 never, and then the port is not touched.
     #[serde(deserialize_with = "pc_timeout_ms")]
@@ -133,12 +133,16 @@ fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Profile, D::Err
     })
 }
 
+fn name_of_profile<S: Serializer>(profile: &Profile, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(profile.name())
+}
+
 /// `[status]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StatusConfig {
     /// Names of the groups that the DSP shall send (`mascara`).
-    #[serde(deserialize_with = "groups")]
+    #[serde(deserialize_with = "groups", serialize_with = "names_of_groups")]
     pub groups: Vec<Group>,
     /// Which samples are published.
     pub coherence: Rule,
@@ -176,6 +180,10 @@ fn groups<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Group>, D::E
                 })
         })
         .collect()
+}
+
+fn names_of_groups<S: Serializer>(groups: &[Group], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(groups.iter().map(|group| group.name()))
 }
 
 /// `min`, doubled for each failure after the first, never more than `max`.

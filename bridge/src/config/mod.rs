@@ -4,13 +4,13 @@
 
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::errors::ErrorTable;
 use crate::safety::fence::Fence;
 
-/// Implements `Deserialize` for types that derive it as `#[serde(remote = "Self")]`: fields that are right each by itself
-/// are then checked together.
+/// Implements `Deserialize` and `Serialize` for types that derive them as `#[serde(remote = "Self")]`: fields that are right each by
+/// itself are then checked together.
 macro_rules! checked {
     ($($config:ident),+) => {
         $(
@@ -21,6 +21,12 @@ macro_rules! checked {
                     Ok(config)
                 }
             }
+
+            impl serde::Serialize for $config {
+                fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                    $config::serialize(self, to)
+                }
+            }
         )+
     };
 }
@@ -28,18 +34,21 @@ macro_rules! checked {
 mod link;
 mod movement;
 mod parameters;
+mod range;
 mod safety;
 
 pub use link::{LinkConfig, SerialConfig, StatusConfig};
 pub use movement::{ArrivalConfig, MovementLimits, TrajectoryConfig, TrajectoryKind};
 pub use parameters::Parameters;
+use range::state_period_ms;
 pub use safety::{BreachAction, SafetyConfig, SupplyLimits};
 
 /// All of `bridge.toml`.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BridgeConfig {
-    /// The port.
+    /// The port, which is none of the core's.
+    #[serde(skip_serializing)]
     pub serial: SerialConfig,
     /// Times of the line.
     pub link: LinkConfig,
@@ -63,22 +72,8 @@ pub struct BridgeConfig {
     pub parameters: Parameters,
 }
 
-runtime::ranged! {
-    fn baud_rate(u32) in 50..=4_000_000;
-    fn milliseconds(u64) in 1..=600_000;
-    fn pc_timeout_ms(u16) in 0..=60_000;
-    fn speed_mps(f64) in 0.01..=100.0;
-    fn spacing_m(f64) in 0.1..=10_000.0;
-    fn state_period_ms(u64) in 10..=1000;
-    fn tolerance_deg(f64) in 1e-7..=1.0;
-    fn tolerance_m(f64) in 0.01..=1000.0;
-    fn seconds(f64) in 0.1..=86_400.0;
-    fn distance_m(f64) in 1.0..=1_000_000.0;
-    fn altitude_m(f64) in -1000.0..=20_000.0;
-}
-
 /// `[state]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StateConfig {
     /// The state is published at every change and at least this often.

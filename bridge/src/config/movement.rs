@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
-use super::{
+use super::range::{
     altitude_m, distance_m, milliseconds, seconds, spacing_m, speed_mps, tolerance_deg, tolerance_m,
 };
 use crate::flight::arrival::Tolerance;
@@ -13,7 +13,7 @@ use crate::flight::arrival::Tolerance;
 checked!(MovementLimits);
 
 /// `[arrival]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArrivalConfig {
     /// Tolerance in latitude (`DELTA_DEG`).
@@ -70,7 +70,7 @@ impl ArrivalConfig {
 }
 
 /// `[movement]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(remote = "Self", deny_unknown_fields, default)]
 pub struct MovementLimits {
     /// Within what time a movement must have begun on the DSP, when its request does not say.
@@ -131,7 +131,7 @@ impl MovementLimits {
 }
 
 /// `[trajectory]`
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrajectoryConfig {
     /// Which generator stands between the waypoints of a path and the DSP.
@@ -142,7 +142,7 @@ pub struct TrajectoryConfig {
 }
 
 /// The trajectory generators that are built in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrajectoryKind {
     /// The waypoints themselves.

@@ -6,7 +6,8 @@ use dsp_protocol::Command;
 use dsp_protocol::port::{self, Access, Port, Port16};
 use runtime::config::in_range;
 use serde::de::{Error as _, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// `[parameters]`: values for the ports of `docs/protocol.md` section 6, by name; written
 /// in the order of the port numbers.
@@ -14,6 +15,13 @@ use serde::{Deserialize, Deserializer};
 pub struct Parameters(Vec<Command>);
 
 impl Parameters {
+    /// Those that these commands write, in their order; commands that write no port are left out.
+    pub(crate) fn of(writes: Vec<Command>) -> Parameters {
+        let is_write =
+            |write: &Command| matches!(write, Command::Write16 { .. } | Command::Write32 { .. });
+        Parameters(writes.into_iter().filter(is_write).collect())
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.0.len()
@@ -32,6 +40,11 @@ impl Parameters {
     /// The commands that write the parameters.
     pub fn writes(&self) -> impl Iterator<Item = Command> + '_ {
         self.0.iter().copied()
+    }
+
+    /// The commands as they lie here, for a snapshot.
+    pub(crate) fn commands(&self) -> &[Command] {
+        &self.0
     }
 
     /// The radius in which the DSP takes a waypoint for reached: the one that was written, or that of its boot.
@@ -74,6 +87,29 @@ fn port_of(command: &Command) -> Option<u16> {
 impl<'de> Deserialize<'de> for Parameters {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_map(ParametersVisitor)
+    }
+}
+
+/// By the names of the ports, as they are read.
+impl Serialize for Parameters {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut map = to.serialize_map(Some(self.0.len()))?;
+        for write in &self.0 {
+            match *write {
+                Command::Write16 { port, value } => {
+                    if let Some(port) = port::port16(port) {
+                        map.serialize_entry(port.name, &port.value_of(value))?;
+                    }
+                }
+                Command::Write32 { port, value } => {
+                    if let Some(port) = port::port32(port) {
+                        map.serialize_entry(port.name, &value)?;
+                    }
+                }
+                _ => {}
+            }
+        }
+        map.end()
     }
 }
 

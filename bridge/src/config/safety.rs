@@ -2,14 +2,14 @@
 
 use ipc_types::code::SafetyAction;
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
-use super::seconds;
+use super::range::seconds;
 
 checked!(SupplyLimits);
 
 /// `[safety]`: the rules that the bridge enforces in flight (`docs/safety.md`).
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyConfig {
     /// Whether the pilot's switch on manual refuses movements and ends the one under way.
@@ -41,7 +41,7 @@ impl Default for SafetyConfig {
 }
 
 /// What is done about a breach in flight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreachAction {
     /// It is shown and logged.
@@ -53,7 +53,7 @@ pub enum BreachAction {
 }
 
 /// Limits of a supply; one that is not given is not watched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(remote = "Self", deny_unknown_fields, default)]
 pub struct SupplyLimits {
     /// Below this it is shown and logged.

@@ -10,11 +10,12 @@ use std::time::Duration;
 
 use dsp_protocol::{Waypoint, downlink::Geographic};
 use ipc_types::MonotonicNs;
+use serde::{Deserialize, Serialize};
 
 use crate::flight::assembly::MAX_WAYPOINTS;
 
 /// Half the edges of the box around a waypoint (`DELTA_DEG`, `DELTA_M`).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tolerance {
     /// Degrees of latitude.
     pub latitude_deg: f64,
@@ -70,9 +71,11 @@ pub fn distance_m(a: &Waypoint, b: &Waypoint) -> f64 {
 }
 
 /// Watches one path being flown.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Tracker {
+    #[serde(skip)]
     tolerance: Tolerance,
+    #[serde(skip)]
     dwell: Duration,
     path: Vec<Waypoint>,
     reached: usize,
@@ -91,6 +94,11 @@ impl Tracker {
             left_last_box: false,
             in_last_box_since: None,
         }
+    }
+
+    /// Takes over what the configuration says, after a snapshot.
+    pub fn configure(&mut self, tolerance: Tolerance, dwell: Duration) {
+        (self.tolerance, self.dwell) = (tolerance, dwell);
     }
 
     /// Begins a path at the position `start`.

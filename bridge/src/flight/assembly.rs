@@ -13,6 +13,7 @@
 
 use dsp_protocol::Waypoint;
 use ipc_types::code::Reason;
+use serde::{Deserialize, Serialize};
 
 /// Waypoints of one path. The bridge takes the memory for one path under assembly, one under way and one in the trajectory
 /// generator when it starts: 3 × 1024 × 24 bytes. A waypoint more is refused as `path-too-long`.
@@ -48,7 +49,7 @@ pub enum Outcome {
 }
 
 /// A path under construction.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Assembler {
     path_id: Option<u64>,
     waypoints: Vec<Waypoint>,

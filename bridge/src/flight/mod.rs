@@ -19,10 +19,14 @@ pub mod arrival;
 pub mod assembly;
 pub mod dsp_order;
 mod end;
+mod enforcement;
+mod feed;
 pub mod motion;
 mod movement;
 pub mod observation;
+mod parameter_jobs;
 pub mod parameters;
+mod port_number;
 pub mod report;
 pub mod request;
 pub mod route;
@@ -36,6 +40,8 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, ImiError, Reason, Stage};
 use ipc_types::payload::{MovementState, SafetyState};
 use module_kit::completed::Completed;
+use module_kit::journal::raw;
+use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
@@ -44,11 +50,12 @@ use crate::link::dsp_path::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent, Sample};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
+use crate::snapshot::NotASnapshot;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
 use motion::{Motion, PathStep, Rest};
 use observation::{Observation, known_position};
-use parameters::ParameterRequests;
+use parameter_jobs::ParameterRequests;
 use report::{Refusal, Verdict};
 use request::{RequestHeader, RequestKey};
 use route::Route;
@@ -85,8 +92,9 @@ pub struct Context<'a, O> {
 }
 
 /// See the module's documentation.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Flight {
+    #[serde(skip)]
     config: BridgeConfig,
     motion: Motion,
     assembler: Assembler,
@@ -97,6 +105,7 @@ pub struct Flight {
     observation: Observation,
     safety: Safety,
     parameters: ParameterRequests,
+    #[serde(with = "raw")]
     movement: MovementState,
     timers: TimerTable<FlightTimer>,
     /// The error of the last control request that was refused, until the module's motion changes or a request is accepted.
@@ -129,6 +138,28 @@ impl Flight {
             is_ending: false,
             is_changed: true,
         }
+    }
+
+    /// After a snapshot: takes over what the configuration says.
+    ///
+    /// # Errors
+    /// The snapshot cannot be one.
+    pub(crate) fn configure(
+        &mut self,
+        config: &BridgeConfig,
+        trajectory: Box<dyn Trajectory>,
+        fence: Fence,
+    ) -> Result<(), NotASnapshot> {
+        self.route.configure(&config.arrival, trajectory)?;
+        self.safety.configure(config, fence);
+        self.completed.set_capacity(REMEMBERED);
+        self.config = config.clone();
+        Ok(())
+    }
+
+    /// The geofence in force.
+    pub(crate) fn fence(&self) -> &Fence {
+        self.safety.fence()
     }
 
     /// Takes an event of the link.

@@ -19,6 +19,7 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, ImiError, ModuleStatus, MovementKind};
 use module_kit::rules::{OnStop, Standing};
+use serde::{Deserialize, Serialize};
 
 use super::request::RequestHeader;
 
@@ -26,7 +27,7 @@ use super::request::RequestHeader;
 pub type Rest = module_kit::rules::Rest<ImiError>;
 
 /// What the module does.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Motion {
     /// No movement; a path may be under assembly.
     Idle(Rest),
@@ -53,7 +54,7 @@ pub enum Motion {
 }
 
 /// A movement's request.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Order {
     /// The request; nothing when a safety rule ordered the movement.
     pub requester: Option<RequestHeader>,
@@ -72,7 +73,7 @@ impl Order {
 }
 
 /// A take-off.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TakeOff {
     /// Whose request it is.
     pub order: Order,
@@ -87,7 +88,7 @@ pub struct TakeOff {
 }
 
 /// A landing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Landing {
     /// Whose request it is.
     pub order: Order,
@@ -96,7 +97,7 @@ pub struct Landing {
 }
 
 /// How far an order for take-off or landing is: the DSP forms these movements itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum DspOrder {
     /// What it needs is being written and read back.
     Preparing,
@@ -114,7 +115,7 @@ pub enum DspOrder {
 }
 
 /// What speaks against an order being carried out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Doubt {
     /// The DSP reported "invalid command" since it was given the order.
     pub is_refused: bool,
@@ -123,7 +124,7 @@ pub struct Doubt {
 }
 
 /// A path being flown. Its waypoints are in [`Route`](super::route::Route).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Following {
     /// The request that closed the path.
     pub order: Order,
@@ -132,7 +133,7 @@ pub struct Following {
 }
 
 /// How far a path is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PathStep {
     /// It waits until the DSP's path buffer is known to be empty.
     AwaitingEmpty,

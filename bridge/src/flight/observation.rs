@@ -5,6 +5,7 @@ use std::time::Duration;
 use dsp_protocol::Status;
 use dsp_protocol::downlink::{Geographic, Supply};
 use ipc_types::MonotonicNs;
+use serde::{Deserialize, Serialize};
 
 use crate::link::Sample;
 
@@ -13,7 +14,7 @@ const GPS_NO_FIX: u8 = 0;
 
 /// What was last seen. A value that is too old is not known any more; how old that is, the link's observed status period
 /// says ([`Link::status_fresh_for`](crate::link::Link::status_fresh_for)).
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Observation {
     fresh_for: Duration,
     flying: Option<(bool, MonotonicNs)>,

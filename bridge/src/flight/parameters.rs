@@ -3,61 +3,20 @@
 //! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands that
 //! it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
 
-use std::collections::VecDeque;
-
-use dsp_protocol::port::{self, Access, PORTS_16, PORTS_32, Port};
+use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port};
 use dsp_protocol::{Command, DspErrorCode};
-use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, ParameterOperation, PortKind, Reason, Stage};
 use ipc_types::payload::{ParameterRequest, PortInfo};
 
+use super::parameter_jobs::Job;
+pub use super::parameter_jobs::{MAX_OPEN, ParameterRequests};
+use super::port_number;
 use super::report::{Detail, Refusal, Verdict};
 use super::request::RequestHeader;
 use super::{Context, Flight, FlightTimer};
 use crate::link::FlightCommand;
 use crate::link::commands::AckData;
 use crate::outputs::Outputs;
-
-/// Parameter requests that may be open at once. One more is refused with `too-many-requests`.
-pub const MAX_OPEN: usize = 8;
-
-/// Requests to read and write ports.
-#[derive(Debug)]
-pub struct ParameterRequests {
-    /// The first one is with the DSP.
-    open: VecDeque<Job>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Job {
-    header: RequestHeader,
-    port: Port,
-    /// The command that writes the port; nothing when it is only read.
-    write: Option<Command>,
-    /// The write was acknowledged, and the port is being read.
-    is_written: bool,
-    deadline: MonotonicNs,
-}
-
-impl ParameterRequests {
-    /// None.
-    pub fn new() -> Self {
-        ParameterRequests {
-            open: VecDeque::with_capacity(MAX_OPEN),
-        }
-    }
-
-    /// The requests that have had no final report.
-    pub fn open(&self) -> impl Iterator<Item = &RequestHeader> {
-        self.open.iter().map(|job| &job.header)
-    }
-}
-
-impl Default for ParameterRequests {
-    fn default() -> Self {
-        ParameterRequests::new()
-    }
-}
 
 impl Flight {
     /// Takes a parameter request, or the reason why it cannot be one.
@@ -107,7 +66,7 @@ impl Flight {
         value: Option<f64>,
         cx: &mut Context<'_, O>,
     ) -> Result<(), Refusal> {
-        let port = numbered(number).ok_or(Reason::NoSuchPort)?;
+        let port = port_number::find(number).ok_or(Reason::NoSuchPort)?;
         let write = match value {
             Some(value) => Some(self.write_command(port, value, cx)?),
             None => None,
@@ -271,17 +230,6 @@ impl Flight {
     }
 }
 
-impl Job {
-    /// A write that was sent may have been carried out.
-    fn stage_of_failure(&self) -> Stage {
-        if self.write.is_some() {
-            Stage::Unknown
-        } else {
-            Stage::Aborted
-        }
-    }
-}
-
 /// The ports of the list: those of 16 bits, then those of 32 bits.
 fn port_at(index: usize) -> Option<Port> {
     PORTS_16.get(index).map(Port::Bits16).or_else(|| {
@@ -289,13 +237,6 @@ fn port_at(index: usize) -> Option<Port> {
             .get(index.checked_sub(PORTS_16.len())?)
             .map(Port::Bits32)
     })
-}
-
-fn numbered(number: u32) -> Option<Port> {
-    let number = u16::try_from(number).ok()?;
-    port::port16(number)
-        .map(Port::Bits16)
-        .or_else(|| port::port32(number).map(Port::Bits32))
 }
 
 fn access(port: Port) -> Access {

@@ -8,13 +8,14 @@ use std::time::Duration;
 use dsp_protocol::{Waypoint, port};
 use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
+use serde::{Deserialize, Serialize};
 
 use crate::config::MovementLimits;
 use crate::flight::assembly::Segment;
 
 /// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
 /// that service has. The core only compares and returns it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum RequestKey {
     /// A control request.
     Control(u64),
@@ -25,7 +26,7 @@ pub enum RequestKey {
 }
 
 /// What every request carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RequestHeader {
     /// To whom the reports go.
     pub key: RequestKey,

@@ -2,7 +2,7 @@
 //! battery and fuel, and the reaction to a lost link.
 //!
 //! A pure judge: it is given positions, supplies and requests, and says which rule is broken and what is to be done.
-//! [`Flight`] does it. Nothing is enforced against a landing but the pilot's switch: the ground is where a helicopter in trouble
+//! [`Flight`](super::Flight) does it. Nothing is enforced against a landing but the pilot's switch: the ground is where a helicopter in trouble
 //! belongs.
 
 use std::time::Duration;
@@ -12,29 +12,30 @@ use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, PilotSwitch, Reason, SafetyAction, SafetyRule};
 use ipc_types::payload::SafetyState;
+use serde::{Deserialize, Serialize};
 
 use super::arrival::here;
-use super::motion::{Motion, Order, Rest};
 use super::observation::Observation;
-use super::report::{Detail, Refusal, Verdict};
+use super::report::{Detail, Refusal};
 use super::request::Movement;
 use super::violation::Violation;
-use super::{Context, Flight};
 use crate::config::{BreachAction, BridgeConfig, SafetyConfig, SupplyLimits};
-use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::{Breach, Fence, FenceRule};
 
 /// The judge of the rules.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Safety {
-    config: SafetyConfig,
-    fence: Fence,
+    #[serde(skip)]
+    pub(super) config: SafetyConfig,
+    /// That of the configuration, or the one that was read since. A snapshot has it beside.
+    #[serde(skip)]
+    pub(super) fence: Fence,
     battery: SupplyWatch,
     fuel: SupplyWatch,
     /// When a path was lost with the link; nothing once the reaction has begun.
-    path_lost: Option<MonotonicNs>,
+    pub(super) path_lost: Option<MonotonicNs>,
     /// The most severe rule that is broken now.
-    present: Option<Violation>,
+    pub(super) present: Option<Violation>,
     interventions: u32,
 }
 
@@ -50,6 +51,19 @@ impl Safety {
             present: None,
             interventions: 0,
         }
+    }
+
+    /// After a snapshot: takes over what the configuration says, and the geofence in force.
+    pub(super) fn configure(&mut self, config: &BridgeConfig, fence: Fence) {
+        self.config = config.safety.clone();
+        self.battery.limits = config.safety.battery_v;
+        self.fuel.limits = config.safety.fuel_percent;
+        self.fence = fence;
+    }
+
+    /// The geofence in force.
+    pub(super) fn fence(&self) -> &Fence {
+        &self.fence
     }
 
     /// Another geofence holds from now on.
@@ -113,7 +127,7 @@ impl Safety {
     }
 
     /// What a report says of a rule that refuses or ends a movement.
-    fn intervene(&mut self, violation: Violation, leg: usize) -> Refusal {
+    pub(super) fn intervene(&mut self, violation: Violation, leg: usize) -> Refusal {
         self.count_intervention();
         Refusal {
             reason: violation.reason(),
@@ -126,12 +140,13 @@ impl Safety {
         }
     }
 
-    fn count_intervention(&mut self) {
+    /// One more movement was refused or ended.
+    pub(super) fn count_intervention(&mut self) {
         self.interventions = self.interventions.saturating_add(1);
     }
 
     /// Looks at the helicopter; returns the most severe rule that is broken.
-    fn look(
+    pub(super) fn look(
         &mut self,
         observation: &Observation,
         now: MonotonicNs,
@@ -187,117 +202,11 @@ impl Safety {
     }
 }
 
-impl Flight {
-    /// After each sample: a rule that is broken ends what it must end.
-    pub(super) fn enforce_safety<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let before = self.safety.present.map(key);
-        let flying = self.observation.flying(cx.now) == Some(true);
-        // Take-off and landing pass every altitude; they are vertical, and the fence was asked before.
-        let is_flown = flying && !self.motion.unable_to_abort();
-        let present = self.safety.look(&self.observation, cx.now, is_flown);
-        let is_new = before != present.map(key);
-        if is_new {
-            self.is_changed = true;
-            cx.out.notice(&Notice::Safety { violation: present });
-        }
-        self.react_to_lost_link(flying, cx);
-        let Some(violation) = present else { return };
-        match violation.action {
-            SafetyAction::Warn | SafetyAction::Refuse => {}
-            SafetyAction::Hold => self.end_for_safety(violation, cx),
-            SafetyAction::Land => {
-                self.end_for_safety(violation, cx);
-                if is_new {
-                    self.land_for_safety(flying, cx);
-                }
-            }
-        }
-    }
-
-    /// Ends a path because of a rule; the pilot's switch also ends take-off and landing. The module stays started.
-    fn end_for_safety<O: Outputs>(&mut self, violation: Violation, cx: &mut Context<'_, O>) {
-        self.break_path(violation.reason(), cx);
-        let leg = match self.motion {
-            Motion::Following(_) => self.movement.waypoints_reached as usize + 1,
-            Motion::TakingOff(_) | Motion::Landing(_)
-                if violation.rule == SafetyRule::PilotSwitch =>
-            {
-                0
-            }
-            _ => return,
-        };
-        let refusal = self.safety.intervene(violation, leg);
-        let verdict = Verdict::aborted(refusal.reason).about(refusal.detail);
-        self.give_up_movement(&verdict, Rest::Ready, cx);
-    }
-
-    /// Lands because of a rule, if nothing else is under way.
-    fn land_for_safety<O: Outputs>(&mut self, flying: bool, cx: &mut Context<'_, O>) {
-        let then = match self.motion {
-            Motion::Idle(rest) => rest,
-            Motion::Holding { .. } => Rest::Ready,
-            _ => return,
-        };
-        if flying && cx.link.is_up() {
-            self.safety.count_intervention();
-            let requester = None;
-            self.order_landing(Order { requester, then }, cx);
-        }
-    }
-
-    /// The link was lost on a path and is back: what the configuration says. The start-up has emptied the DSP's path buffer, so
-    /// the helicopter hovers.
-    fn react_to_lost_link<O: Outputs>(&mut self, flying: bool, cx: &mut Context<'_, O>) {
-        if !cx.link.is_up() {
-            return;
-        }
-        let Some(lost) = self.safety.path_lost.take() else {
-            return;
-        };
-        let violation = Violation {
-            rule: SafetyRule::LinkLoss,
-            action: action_of(self.safety.config.link_loss),
-            amount: cx.now.since(lost).as_secs_f64(),
-        };
-        cx.out.notice(&Notice::Safety {
-            violation: Some(violation),
-        });
-        if violation.action == SafetyAction::Land {
-            self.land_for_safety(flying, cx);
-        }
-    }
-
-    /// The geofence changed: what is left of the path under way is checked against it.
-    pub(super) fn check_path_under_way<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let (Motion::Following(_), Some(position)) =
-            (self.motion, self.observation.position(cx.now))
-        else {
-            return;
-        };
-        let mut from = here(&position);
-        let reached = self.movement.waypoints_reached as usize;
-        let breach = self
-            .route
-            .ahead()
-            .iter()
-            .enumerate()
-            .find_map(|(index, to)| {
-                let breach = self.safety.fence.check_leg(&from, to);
-                from = *to;
-                breach.map(|breach| (reached + index + 1, breach))
-            });
-        if let Some((leg, breach)) = breach {
-            let refusal = self.safety.intervene(refuse(breach), leg);
-            let verdict = Verdict::aborted(refusal.reason).about(refusal.detail);
-            self.give_up_movement(&verdict, Rest::Ready, cx);
-        }
-    }
-}
-
 /// Battery or fuel against its limits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct SupplyWatch {
     rule: SafetyRule,
+    #[serde(skip)]
     limits: SupplyLimits,
     /// Since when the supply is below each limit, in the order of their severity.
     below_since: [Option<MonotonicNs>; 4],
@@ -339,11 +248,6 @@ impl SupplyWatch {
     }
 }
 
-/// What tells one violation from another: amounts change all the time.
-fn key(violation: Violation) -> (SafetyRule, SafetyAction) {
-    (violation.rule, violation.action)
-}
-
 fn is_about_supply(violation: Violation) -> bool {
     matches!(violation.rule, SafetyRule::Battery | SafetyRule::Fuel)
         && violation.action != SafetyAction::Warn
@@ -357,7 +261,8 @@ fn switch(observation: &Observation, now: MonotonicNs) -> PilotSwitch {
     }
 }
 
-fn action_of(action: BreachAction) -> SafetyAction {
+/// The action that the configuration names.
+pub(super) fn action_of(action: BreachAction) -> SafetyAction {
     match action {
         BreachAction::Warn => SafetyAction::Warn,
         BreachAction::Hold => SafetyAction::Hold,
@@ -365,7 +270,8 @@ fn action_of(action: BreachAction) -> SafetyAction {
     }
 }
 
-fn refuse(breach: Breach) -> Violation {
+/// The violation that a breach of the geofence is, when it refuses something.
+pub(super) fn refuse(breach: Breach) -> Violation {
     let rule = match breach.rule {
         FenceRule::Inclusion => SafetyRule::FenceInclusion,
         FenceRule::Exclusion => SafetyRule::FenceExclusion,

@@ -16,6 +16,7 @@
 //! exist reads 0, so any other value without the bit is none: it is asked for again, three times in a row at most.
 
 use ipc_types::code::Reason;
+use serde::{Deserialize, Serialize};
 
 /// The bit that the port of a DSP that counts always has; an unknown port reads 0.
 const COUNTS: u16 = 0x8000;
@@ -55,7 +56,7 @@ pub enum Counted {
     Failed(Reason),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
     Asking,
     MaySend { count: u16, sendings: u32 },
@@ -64,7 +65,7 @@ enum Phase {
 }
 
 /// Delivery of one path.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Verification {
     phase: Phase,
     /// Values in a row that were no count.

@@ -1,9 +1,10 @@
 //! [`Violation`]: a safety rule that is broken, by how much, and what is to be done about it.
 
 use ipc_types::code::{Reason, SafetyAction, SafetyRule};
+use serde::{Deserialize, Serialize};
 
 /// A rule that is broken.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Violation {
     /// Which.
     pub rule: SafetyRule,

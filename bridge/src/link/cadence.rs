@@ -6,6 +6,7 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use serde::{Deserialize, Serialize};
 
 /// Gaps that are remembered. Their median is the period: an outage or a burst does not change it.
 const GAPS: usize = 5;
@@ -17,7 +18,7 @@ const PERIODS: u32 = 3;
 const MAX_PERIOD: Duration = Duration::from_secs(10);
 
 /// Observes the period of arrivals.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Cadence {
     last: Option<MonotonicNs>,
     gaps: [Duration; GAPS],

@@ -10,6 +10,8 @@
 //!
 //! A clock that goes back and keeps running from there is a reboot. This module never looks at anything but times.
 
+use serde::{Deserialize, Serialize};
+
 /// Whether `time_ms` follows `earlier_ms` closely: the usual case, also where the clock wraps at 2³² ms (49.7 days).
 const fn is_next(earlier_ms: u32, time_ms: u32) -> bool {
     let step_ms = time_ms.wrapping_sub(earlier_ms);
@@ -27,7 +29,7 @@ const fn is_newer(earlier_ms: u32, time_ms: u32) -> bool {
 const LEAP_MS: u32 = 60_000;
 
 /// Which rule decides. See the module's documentation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
     /// Samples in order are sent at once.
@@ -59,8 +61,9 @@ impl<S> Verdict<S> {
 }
 
 /// The filter: at most one sample is held at any time.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Coherence<S> {
+    #[serde(skip)]
     rule: Rule,
     /// Times of the last sample sent and of the one sent before it.
     last_ms: Option<u32>,
@@ -77,6 +80,11 @@ impl<S> Coherence<S> {
             before_last_ms: None,
             held: None,
         }
+    }
+
+    /// Takes over the rule, after a snapshot.
+    pub fn configure(&mut self, rule: Rule) {
+        self.rule = rule;
     }
 
     /// Forgets all times, as after the port was re-opened. A held sample is given up.

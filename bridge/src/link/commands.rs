@@ -18,6 +18,7 @@ use std::time::Duration;
 
 use dsp_protocol::{Command, Sequence};
 use ipc_types::MonotonicNs;
+use serde::{Deserialize, Serialize};
 
 /// Attempts in all before a command is given up.
 pub const ATTEMPTS: u32 = 3;
@@ -46,7 +47,7 @@ pub struct Ack {
 }
 
 /// The data of an acknowledgement.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum AckData {
     /// No data.
     None,
@@ -57,7 +58,7 @@ pub enum AckData {
 }
 
 /// A command to send, and its number.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sending {
     /// The command.
     pub command: Command,
@@ -106,7 +107,7 @@ pub enum Timeout<P> {
     Failed(P),
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Outstanding<P> {
     sending: Sending,
     /// Nothing when it was forgotten.
@@ -121,8 +122,9 @@ struct Outstanding<P> {
 }
 
 /// Commands on their way to the DSP; `P` says what each is for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CommandQueue<P> {
+    #[serde(skip)]
     timeout: Duration,
     waiting: VecDeque<(Command, P)>,
     outstanding: Option<Outstanding<P>>,
@@ -141,6 +143,11 @@ impl<P: Copy> CommandQueue<P> {
             next_number: Sequence::FIRST,
             late_until: [MonotonicNs(0); CODES],
         }
+    }
+
+    /// Takes over how long an attempt waits, after a snapshot.
+    pub fn configure(&mut self, timeout: Duration) {
+        self.timeout = timeout;
     }
 
     /// Queues a command.

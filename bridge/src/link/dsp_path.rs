@@ -11,9 +11,10 @@
 //! | Unknown | – | not sent | → Empty | – |
 
 use ipc_types::code::DspPathState;
+use serde::{Deserialize, Serialize};
 
 /// See the module's documentation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DspPath {
     /// It may hold anything.
     #[default]

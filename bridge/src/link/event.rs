@@ -2,12 +2,13 @@
 
 use dsp_protocol::{Command, DspErrorCode, Status, StatusMask};
 use ipc_types::MonotonicNs;
+use serde::{Deserialize, Serialize};
 
 use super::commands::AckData;
 use super::start_up::Step;
 
 /// What a command is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Purpose {
     /// A step of the start-up sequence.
     StartUp(Step),
@@ -31,7 +32,7 @@ pub enum Purpose {
 }
 
 /// What a command of the flight does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FlightCommand {
     /// Writes the take-off altitude.
     WriteTakeOffAltitude,
@@ -52,7 +53,7 @@ pub enum FlightCommand {
 }
 
 /// One status message, and when it came.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// The message without its implausible groups.
     pub status: Status,

@@ -22,8 +22,10 @@ pub mod dsp_path;
 pub mod event;
 mod liveness;
 pub mod outgoing;
+mod path_buffer;
 mod receive;
 mod session;
+mod snapshot;
 pub mod start_up;
 
 use std::collections::VecDeque;
@@ -32,6 +34,8 @@ use dsp_protocol::{Command, Decoder, Downlink, Sequence, Uplink, Waypoint};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{DspPathState, LinkState};
 use ipc_types::payload::{LinkHealth, RefusedCounters};
+use module_kit::journal::raw;
+use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, Parameters};
 use crate::timers::{TimerTable, timers};
@@ -67,7 +71,7 @@ timers! {
 }
 
 /// Where the link is. A state owns what is known in it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum State {
     /// There is no port.
     Gone,
@@ -91,14 +95,17 @@ pub enum NotQueued {
 }
 
 /// See the module's documentation.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Link {
+    #[serde(skip)]
     config: BridgeConfig,
     /// Written at each start-up: those of the configuration, and those set at run time.
+    #[serde(with = "snapshot::parameters")]
     parameters: Parameters,
     decoder: Decoder<Downlink>,
     coherence: Coherence<Sample>,
     commands: CommandQueue<Purpose>,
+    #[serde(with = "snapshot::outgoing")]
     outgoing: Outgoing,
     /// Number of the last waypoint that was sent.
     waypoint_number: Sequence,
@@ -106,7 +113,9 @@ pub struct Link {
     last_received: Option<Sequence>,
     messages: Cadence,
     statuses: Cadence,
+    #[serde(with = "raw")]
     health: LinkHealth,
+    #[serde(with = "raw")]
     rejected: RefusedCounters,
     state: State,
     timers: TimerTable<LinkTimer>,
@@ -116,6 +125,8 @@ pub struct Link {
     /// Something changed that the published state shows at once.
     is_changed: bool,
     discard_unsent: bool,
+    /// Empty between two inputs.
+    #[serde(skip)]
     events: VecDeque<LinkEvent>,
 }
 
@@ -143,6 +154,18 @@ impl Link {
             discard_unsent: false,
             events: VecDeque::with_capacity(EVENTS),
         }
+    }
+
+    /// After a snapshot: takes over what the configuration says.
+    pub(crate) fn configure(&mut self, config: &BridgeConfig) {
+        self.config = config.clone();
+        self.coherence.configure(config.status.coherence);
+        self.commands.configure(config.link.ack_timeout());
+    }
+
+    /// The bytes that wait for the port.
+    pub fn unsent(&self) -> &[u8] {
+        self.outgoing.as_bytes()
     }
 
     /// The port was opened: nothing is known of the DSP.

@@ -26,6 +26,15 @@ impl Default for Outgoing {
 }
 
 impl Outgoing {
+    /// These bytes wait; nothing when they are too many.
+    pub fn holding(bytes: &[u8]) -> Option<Outgoing> {
+        let mut outgoing = Outgoing::default();
+        let place = outgoing.bytes.get_mut(..bytes.len())?;
+        place.copy_from_slice(bytes);
+        outgoing.end = bytes.len();
+        Some(outgoing)
+    }
+
     /// Whether a message of `len` bytes fits.
     pub fn has_room(&self, len: usize) -> bool {
         self.as_bytes().len() + len <= CAPACITY

@@ -1,11 +1,12 @@
 //! The start-up sequence with the DSP (requirement D1; `docs/protocol.md` section 8.1): which command comes next.
 
 use dsp_protocol::{Command, port};
+use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, Parameters};
 
 /// A start-up that is under way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct StartUp {
     /// The step whose acknowledgement is awaited.
     pub step: Step,
@@ -25,7 +26,7 @@ impl StartUp {
 }
 
 /// One step of the start-up; each waits for the acknowledgement of the one before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Step {
     /// The status mask is written.
     Mask,

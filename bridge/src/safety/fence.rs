@@ -38,6 +38,7 @@
 //! ```
 
 mod area;
+mod bounds;
 mod config;
 mod plane;
 mod span;
@@ -46,29 +47,15 @@ use std::cmp::Ordering;
 use std::fmt;
 
 use dsp_protocol::Waypoint;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
-pub use area::{Area, AreaKind};
-pub use config::{
-    AreaConfig, AreaFault, BandFault, FenceConfig, FenceError, MAX_AREAS, MAX_VERTICES,
-};
+pub use area::{Area, AreaConfig, AreaKind};
+pub use bounds::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
+pub use config::{AreaFault, BandFault, FenceConfig, FenceError, MAX_AREAS, MAX_VERTICES};
 
 use area::Band;
 use plane::{ground_length_m, point_between};
 use span::{Span, rest, where_between};
-
-/// Closer than this counts as touching, metres.
-///
-/// A waypoint travels to the DSP in steps of 10⁻⁷ ° and 1 mm, so it can arrive 8 mm from where it was judged. The value
-/// is far above rounding errors too, which are below 10⁻⁶ m.
-pub const TOUCH_M: f64 = 0.01;
-
-/// Largest extent of an area from east to west and from north to south, and longest leg that is judged, metres: beyond
-/// it a flat map is no longer honest.
-pub const MAX_EXTENT_M: f64 = 100_000.0;
-
-/// No vertex, centre or leg is judged nearer to a pole than this, degrees of latitude: meridians are no longer parallel there.
-pub const MAX_LATITUDE_DEG: f64 = 85.0;
 
 /// How many points of the part of a leg in breach are looked at to find the worst one.
 const SAMPLES: u32 = 128;
@@ -77,8 +64,8 @@ const SAMPLES: u32 = 128;
 const REFINEMENTS: u32 = 32;
 
 /// Where the helicopter may be. The default allows everything.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(try_from = "FenceConfig")]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(try_from = "FenceConfig", into = "FenceConfig")]
 pub struct Fence {
     band: Band,
     areas: Vec<Area>,
@@ -160,6 +147,27 @@ impl Offence {
     /// Which of two the leg meets first.
     fn by_place(&self, other: &Offence) -> Ordering {
         self.spans[0].from.total_cmp(&other.spans[0].from)
+    }
+}
+
+/// The table that makes this fence.
+impl From<Fence> for FenceConfig {
+    fn from(fence: Fence) -> FenceConfig {
+        let end = |altitude_m: f64| altitude_m.is_finite().then_some(altitude_m);
+        FenceConfig {
+            floor_m: end(fence.band.floor_m),
+            ceiling_m: end(fence.band.ceiling_m),
+            area: fence.areas,
+        }
+    }
+}
+
+impl TryFrom<FenceConfig> for Fence {
+    type Error = FenceError;
+
+    fn try_from(config: FenceConfig) -> Result<Fence, FenceError> {
+        let (band, areas) = config.checked()?;
+        Ok(Fence { band, areas })
     }
 }
 

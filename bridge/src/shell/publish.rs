@@ -24,12 +24,12 @@ pub struct Services {
 
 /// What came in through the services.
 pub enum Incoming {
-    /// A control request.
-    Control(RequestKey, ModuleControl),
+    /// A control request and the process that sent it, if that is known; so are the others.
+    Control(RequestKey, Option<u32>, ModuleControl),
     /// A movement request.
-    Movement(RequestKey, MovementData),
+    Movement(RequestKey, Option<u32>, MovementData),
     /// A parameter request.
-    Parameter(RequestKey, ParameterRequest),
+    Parameter(RequestKey, Option<u32>, ParameterRequest),
     /// The sender of a request is gone.
     Gone(RequestKey),
 }
@@ -75,7 +75,7 @@ impl Services {
             RequestKey::Control,
             |key, sender, request| {
                 audit.control(sender, &request);
-                Incoming::Control(key, request)
+                Incoming::Control(key, sender, request)
             },
         );
         drain(
@@ -85,7 +85,7 @@ impl Services {
             RequestKey::Movement,
             |key, sender, request| {
                 audit.movement(sender, &request);
-                Incoming::Movement(key, request)
+                Incoming::Movement(key, sender, request)
             },
         );
         drain(
@@ -95,7 +95,7 @@ impl Services {
             RequestKey::Parameter,
             |key, sender, request| {
                 audit.parameter(sender, &request);
-                Incoming::Parameter(key, request)
+                Incoming::Parameter(key, sender, request)
             },
         );
     }

@@ -4,7 +4,9 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, LinkState, Reason};
+use ipc_types::payload::BridgeJournal;
 use ipc_types::{Ipc, MonotonicNs, OpenError, WaitError, Wake};
+use module_kit::journal::Port as JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -12,7 +14,8 @@ use runtime::signal::Termination;
 use super::publish::{Incoming, Services};
 use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
-use crate::core::Bridge;
+use crate::journal::Input;
+use crate::journaled::Journaled;
 use crate::link::commands::ATTEMPTS;
 use crate::safety::fence::Fence;
 
@@ -73,8 +76,9 @@ pub fn run(
     supervisor: &Notifier,
 ) -> Result<(), ShellError> {
     let mut shell = Shell {
-        bridge: Bridge::new(config),
+        bridge: Journaled::new(config, JournalPort::<BridgeJournal>::writer()),
         services: Services::open(ipc)?,
+        journal: JournalPort::open(ipc)?,
         port: Port::new(&config.serial),
         inbox: Vec::new(),
         buffer: vec![0; READ_LEN],
@@ -91,8 +95,9 @@ pub fn run(
 }
 
 struct Shell<'a> {
-    bridge: Bridge,
+    bridge: Journaled,
     services: Services,
+    journal: JournalPort<BridgeJournal>,
     port: Port,
     inbox: Vec<Incoming>,
     buffer: Vec<u8>,
@@ -113,6 +118,7 @@ impl Process for Shell<'_> {
         for service in self.services.sources() {
             sources.port(service);
         }
+        sources.port(self.journal.source());
         if let Some(line) = &self.port.open {
             sources.descriptor(Waker::Line, line.as_fd());
         }
@@ -121,6 +127,7 @@ impl Process for Shell<'_> {
     /// Services every source that may have woken the bridge. A wake that was for the serial link alone leaves the services out,
     /// and the other way round: the next wait looks at all of them again before it sleeps.
     fn drain(&mut self, wake: Wake<Waker>) -> Result<(), ShellError> {
+        self.journal.follow(self.bridge.writer());
         if !wake.is_only(Waker::Line) {
             self.serve(MonotonicNs::now());
         }
@@ -128,10 +135,11 @@ impl Process for Shell<'_> {
             self.read();
         }
         let now = MonotonicNs::now();
-        self.bridge.advance(now, &mut self.services);
+        self.bridge.apply(now, Input::Advance, &mut self.services);
         self.open_port(now)?;
         self.write(now);
         self.services.wake_senders();
+        self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
         Ok(())
     }
@@ -142,7 +150,8 @@ impl Process for Shell<'_> {
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
-        [self.end, self.port.next_try]
+        let journal = self.journal.deadline(self.bridge.journal());
+        [self.end, self.port.next_try, journal]
             .into_iter()
             .flatten()
             .chain([self.bridge.deadline()])
@@ -152,7 +161,7 @@ impl Process for Shell<'_> {
     /// Some time after it was asked to be, when the DSP holds nothing, or cannot be made to hold nothing.
     fn may_end(&mut self, now: MonotonicNs) -> bool {
         let end = *self.end.get_or_insert_with(|| {
-            self.bridge.wind_down(now, &mut self.services);
+            self.bridge.apply(now, Input::WindDown, &mut self.services);
             now + self.wind_down_time
         });
         self.bridge.has_wound_down() || now >= end
@@ -163,24 +172,39 @@ impl Shell<'_> {
     fn serve(&mut self, now: MonotonicNs) {
         self.services.drain(&mut self.inbox);
         for incoming in self.inbox.drain(..) {
-            let out = &mut self.services;
-            match incoming {
-                Incoming::Control(key, request)
+            let input = match incoming {
+                Incoming::Control(key, sender, request)
                     if request.command() == Some(ControlCommand::ReloadFence) =>
                 {
                     let fence = (self.read_fence)().map_err(|error| {
                         tracing::error!("the geofence stays as it is: {error}");
                         Reason::InvalidFence
                     });
-                    self.bridge.new_fence(now, key, &request, fence, out);
+                    Input::NewFence {
+                        key,
+                        sender,
+                        request,
+                        fence,
+                    }
                 }
-                Incoming::Control(key, request) => self.bridge.control(now, key, &request, out),
-                Incoming::Parameter(key, request) => {
-                    self.bridge.parameter(now, key, &request, out);
-                }
-                Incoming::Movement(key, request) => self.bridge.movement(now, key, &request, out),
-                Incoming::Gone(key) => self.bridge.sender_gone(now, key, out),
-            }
+                Incoming::Control(key, sender, request) => Input::Control {
+                    key,
+                    sender,
+                    request,
+                },
+                Incoming::Parameter(key, sender, request) => Input::Parameter {
+                    key,
+                    sender,
+                    request,
+                },
+                Incoming::Movement(key, sender, request) => Input::Movement {
+                    key,
+                    sender,
+                    request,
+                },
+                Incoming::Gone(key) => Input::SenderGone(key),
+            };
+            self.bridge.apply(now, input, &mut self.services);
         }
     }
 
@@ -193,8 +217,8 @@ impl Shell<'_> {
         match port.read(&mut self.buffer) {
             Ok(count) => {
                 let now = MonotonicNs::now();
-                self.bridge
-                    .receive(now, &self.buffer[..count], &mut self.services);
+                let bytes = Input::Received(&self.buffer[..count]);
+                self.bridge.apply(now, bytes, &mut self.services);
             }
             Err(gone) => self.close_port(&gone),
         }
@@ -205,7 +229,7 @@ impl Shell<'_> {
         let Some(port) = self.port.open.as_ref() else {
             return;
         };
-        if self.bridge.take_discard_unsent() {
+        if self.bridge.take_discard_unsent(now) {
             port.discard_unsent();
         }
         let bytes = self.bridge.transmit(now);
@@ -220,7 +244,8 @@ impl Shell<'_> {
 
     fn open_port(&mut self, now: MonotonicNs) -> Result<(), ShellError> {
         if self.port.try_open(now)? {
-            self.bridge.port_opened(now, &mut self.services);
+            self.bridge
+                .apply(now, Input::PortOpened, &mut self.services);
         }
         Ok(())
     }
@@ -228,8 +253,9 @@ impl Shell<'_> {
     fn close_port(&mut self, gone: &serial::Gone) {
         tracing::warn!(port = %self.port.config.port.display(), "{gone}; opening it again");
         self.port.close();
+        let now = MonotonicNs::now();
         self.bridge
-            .port_closed(MonotonicNs::now(), &mut self.services);
+            .apply(now, Input::PortClosed, &mut self.services);
     }
 
     /// One damaged byte may look like a header of the other profile; several, and no valid message, are no noise.
@@ -248,8 +274,10 @@ impl Shell<'_> {
 
     /// Every sender gets its final report before the services go; the port is given back as it was.
     fn end(mut self) {
-        self.bridge.close(MonotonicNs::now(), &mut self.services);
+        let now = MonotonicNs::now();
+        self.bridge.apply(now, Input::Close, &mut self.services);
         self.services.wake_senders();
+        self.journal.finish(self.bridge.writer(), now);
         let link = self.bridge.state().link;
         tracing::info!(
             telemetry = link.telemetry_published,

@@ -6,15 +6,6 @@ use crate::helicopter::{Helicopter, Phase};
 
 use super::Dsp;
 
-/// What the DSP knows of a take-off beyond what the helicopter does.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct TakeOff {
-    /// When a take-off begins that was acknowledged; only a firmware that begins late has one.
-    pub(super) begins_at: Option<Duration>,
-    /// Whether flow control has not said 1 since the take-off began.
-    pub(super) awaits_flow_control: bool,
-}
-
 impl Dsp {
     /// Whether port 10121 reads 1: from the order until the first flow control with 1, which ends the
     /// take-off. With following off no flow control comes, and the end of the climb is the end.

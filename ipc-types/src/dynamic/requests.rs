@@ -3,7 +3,8 @@
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use super::{DynamicError, check_key, is_request, parse};
+use super::check::{check_key, is_request, parse};
+use super::error::DynamicError;
 use crate::bytes_client::BytesClient;
 use crate::client_port::SendError;
 use crate::ipc::Ipc;

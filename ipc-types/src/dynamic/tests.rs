@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use super::*;
+use crate::open::OpenError;
 use crate::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use crate::service::Topic;
 use crate::{Domain, Publisher, RobotId, schema};

@@ -2,10 +2,10 @@
 //!
 //! Any bit pattern may lie in shared memory, therefore every number comes back as an `Option`.
 
-use super::{
-    DspErrorCounters, DspTelemetry, HeroTelemetry, LinkHealth, ModuleControl, ModuleState,
-    MovementData, MovementState, ParameterRequest, PortInfo, RequestReport, SafetyState,
-};
+use super::dsp_telemetry::DspTelemetry;
+use super::hero_telemetry::HeroTelemetry;
+use super::module_state::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
+use super::request::{ModuleControl, MovementData, ParameterRequest, PortInfo, RequestReport};
 use crate::code::{
     ControlCommand, DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus,
     MovementKind, ParameterOperation, PilotSwitch, PortKind, Reason, SafetyAction, SafetyRule,
@@ -104,6 +104,11 @@ impl ModuleState {
     /// When it was published.
     pub const fn published(&self) -> MonotonicNs {
         MonotonicNs(self.published_ns)
+    }
+
+    /// Whether all that is published of this robot is a recorded flight that is played.
+    pub const fn is_replayed(&self) -> bool {
+        self.safety.reserved != 0
     }
 }
 

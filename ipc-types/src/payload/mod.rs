@@ -19,6 +19,8 @@ mod dsp_telemetry;
 #[allow(unsafe_code)]
 mod hero_telemetry;
 #[allow(unsafe_code)]
+mod journal;
+#[allow(unsafe_code)]
 mod module_state;
 #[allow(unsafe_code)]
 mod relay;
@@ -30,6 +32,7 @@ pub use access::WaypointPosition;
 pub use define::{FieldType, SharedStruct};
 pub use dsp_telemetry::*;
 pub use hero_telemetry::*;
+pub use journal::{BRIDGE_JOURNAL_ROOM, BridgeJournal, STATUS_JOURNAL_ROOM, StatusJournal};
 pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, layout_hash};
 pub use module_state::*;
 pub use number::Number;

@@ -167,7 +167,8 @@ shared_struct! {
         pub fence_areas: u32,
         /// Movements refused or ended by a safety rule since `epoch_ns`.
         pub interventions: u32,
-        /// Always zero; keeps the size a multiple of eight.
+        /// 1 when all that is published of this robot is a recorded flight that `ril replay` plays; zero from a bridge. It was
+        /// spare before, so its name and the layout stay.
         pub reserved: u32,
     }
 }

@@ -19,7 +19,7 @@ shared_struct! {
     /// the relay that provides the robot's services there; at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds of this machine; 0 stands for "never". Counts begin with the relay's process.
-    pub struct RelayLink("hero.RelayLink.v1") = 264 {
+    pub struct RelayLink("hero.RelayLink.v2") = 264 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -70,8 +70,9 @@ shared_struct! {
         pub outages: u32,
         /// Requests that were sent and have no final report yet.
         pub orders_open: u32,
-        /// Always zero; keeps the size a multiple of eight.
-        pub reserved: u32,
+        /// Why the robot's relay takes no requests from this station: a [`Reason`], relay-not-permitted or
+        /// relay-too-many-stations; 0 when it takes them, when this station is configured to send none, and before the first answer.
+        pub refusal: u32,
         /// The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros.
         pub link: [u8; LINK_TEXT_LEN],
         /// The name of this station, ASCII, filled up with zeros.
@@ -164,6 +165,12 @@ impl RelayLink {
             .samples_received
             .saturating_add(self.samples_lost_on_air);
         (sent > 0).then(|| self.samples_lost_on_air as f64 / sent as f64)
+    }
+
+    /// Why the robot's relay takes no requests from this station, [`Reason::None`] when it takes them; nothing when the number is
+    /// none of the contract's.
+    pub const fn refusal(&self) -> Option<Reason> {
+        Reason::from_code(self.refusal)
     }
 
     /// The endpoint of the link; nothing when it is not printable ASCII.

@@ -4,7 +4,9 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use super::{MAX_TEXT_LEN, Schema, SchemaError};
+use super::bounds::MAX_TEXT_LEN;
+use super::definition::Schema;
+use super::parse::SchemaError;
 
 /// A schema cannot be had.
 #[derive(Debug, thiserror::Error)]

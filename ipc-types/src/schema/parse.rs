@@ -7,10 +7,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use super::bounds::{MAX_DEPTH, MAX_NUMBERS, MAX_TEXT_LEN};
+use super::message::{Field, Kind, Message};
 use super::text::{LAYOUT_MARK, SEPARATOR};
-use super::{Field, Kind, MAX_DEPTH, MAX_NUMBERS, MAX_PAYLOAD_SIZE, MAX_TEXT_LEN, Message, Schema};
-use crate::payload::Number;
 use crate::payload::layout::is_snake;
+use crate::payload::{MAX_PAYLOAD_SIZE, Number};
 
 /// Longest name that an error repeats, characters: it may come from a text that was made to fill a screen.
 const MAX_QUOTED: usize = 64;
@@ -74,7 +75,8 @@ fn quoted(name: &str) -> String {
         .collect()
 }
 
-pub(super) fn parse(text: &str) -> Result<Schema, SchemaError> {
+/// The name of the type that a text describes, and its outermost struct.
+pub(super) fn parse(text: &str) -> Result<(String, Arc<Message>), SchemaError> {
     if text.len() > MAX_TEXT_LEN {
         return Err(SchemaError::TooLong(text.len()));
     }
@@ -99,7 +101,7 @@ pub(super) fn parse(text: &str) -> Result<Schema, SchemaError> {
         by_name,
     };
     let root = resolver.resolve(0, 1)?;
-    Ok(Schema { type_name, root })
+    Ok((type_name, root))
 }
 
 /// `hero.DspTelemetry.v2` as `hero_msgs` and `DspTelemetry`.

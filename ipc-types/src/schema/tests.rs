@@ -6,8 +6,9 @@ use proptest::prelude::*;
 use super::*;
 use crate::module::State;
 use crate::payload::{
-    DspTelemetry, HeroTelemetry, MAX_STATIONS, ModuleControl, ModuleState, MovementData,
-    ParameterRequest, RelayLink, RelayStations, RequestReport,
+    DspTelemetry, HeroTelemetry, Layout, MAX_PAYLOAD_SIZE, MAX_STATIONS, ModuleControl,
+    ModuleState, MovementData, ParameterRequest, RelayLink, RelayStations, RequestReport,
+    SharedStruct,
 };
 use crate::service::SERVICES;
 

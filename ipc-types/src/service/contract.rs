@@ -88,6 +88,9 @@ pub trait Topic: SharedStruct + Wire {
     /// The module whose process publishes it, such as `bridge`.
     const PROVIDER: &'static str;
 
+    /// Subscribers that the topic can have, in all processes.
+    const MAX_SUBSCRIBERS: usize = super::bounds::MAX_SUBSCRIBERS;
+
     /// Writes the publisher's count and identity into the sample.
     fn stamp(&mut self, sequence: u64, epoch_ns: u64);
 

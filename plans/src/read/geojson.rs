@@ -6,13 +6,14 @@
 use ::geojson::{Feature as Source, GeoJson, Geometry, GeometryValue, Position as Coordinates};
 use serde_json::Value;
 
+use super::json::json;
 use super::shapes::{Feature, Properties, Shapes, Vertex};
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::model::{Altitude, Plan};
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    let geojson: GeoJson = super::json(text)?;
+    let geojson: GeoJson = json(text)?;
     let mut plan = Plan::empty(Format::GeoJson);
     match geojson {
         GeoJson::FeatureCollection(collection) => {

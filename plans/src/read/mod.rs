@@ -3,6 +3,7 @@
 mod geojson;
 mod gpx;
 mod items;
+mod json;
 mod kml;
 mod qgc_plan;
 mod shapes;
@@ -10,8 +11,6 @@ mod waypoint_list;
 mod xml;
 
 use std::path::Path;
-
-use serde::de::DeserializeOwned;
 
 use crate::error::ReadError;
 use crate::format::Format;
@@ -47,17 +46,4 @@ pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
         Format::Kml => kml::read(text),
         Format::Gpx => gpx::read(text),
     }
-}
-
-/// Parses JSON; a mistake is reported with its line.
-fn json<T: DeserializeOwned>(text: &str) -> Result<T, ReadError> {
-    serde_json::from_str(text).map_err(|error| {
-        // The message ends with the place, which is told apart.
-        let message = error.to_string();
-        let reason = items::clean_reason(message.split(" at line ").next().unwrap_or_default());
-        match error.line() {
-            0 => ReadError::file(reason),
-            line => ReadError::line(line, reason),
-        }
-    })
 }

@@ -6,6 +6,7 @@
 use serde_json::{Map, Value};
 
 use super::items::{clean, push, push_area, push_mavlink};
+use super::json::json;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::mavlink::{FRAMES_TERRAIN, MissionItem};
@@ -29,7 +30,7 @@ const KNOWN: [&str; 6] = [
 type Object = Map<String, Value>;
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    let value = super::json(text)?;
+    let value = json(text)?;
     let file = object(&value, "the file")?;
     let mut plan = Plan::empty(Format::QgcPlan);
     match file.get("mission") {

@@ -41,7 +41,7 @@ pub struct RobotArgs {
     #[arg(long, value_name = "STATION")]
     pub may_command: Vec<String>,
 
-    /// Takes requests without certificates from other machines too, as `security.insecure`: anyone there can fly the robot
+    /// Takes requests without certificates from other machines too, as `security.insecure`: every machine of the network can fly the robot
     #[arg(long)]
     pub insecure: bool,
 }

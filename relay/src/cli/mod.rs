@@ -233,6 +233,7 @@ fn check(config: &Config, side: Side) -> Result<(), Fault> {
     config.check()?;
     config.check_side(side)?;
     let warning = access::check(config, side)?;
+    network::check(config, side)?;
     certificate_files::check(&config.security)?;
     if let Some(warning) = warning {
         tracing::warn!("{warning}");

@@ -31,11 +31,23 @@ fn rules_and_patterns_choose_what_is_relayed() {
     let plan = |key| config.topics.plan(key);
     assert_eq!(plan("camera/picture"), None);
     assert_eq!(plan("relay/link"), None);
+    assert_eq!(plan("bridge/journal"), None);
     let raw = plan("dsp_telemetry").unwrap();
     assert_eq!((raw.period, raw.priority), (None, Priority::Data));
     let other = plan("hero_telemetry").unwrap();
     assert_eq!(other.period, Some(Duration::from_millis(100)));
     assert_eq!(other.priority, Priority::Low);
+}
+
+#[test]
+fn a_journal_is_relayed_only_if_it_is_named() {
+    for (include, is_relayed) in [("*", false), ("bridge/*", false), ("bridge/journal", true)] {
+        let text = format!("[topics]\ninclude = [\"{include}\"]\n");
+        let config = parse(&text).unwrap();
+        let plan = config.topics.plan("bridge/journal");
+        assert_eq!(plan.is_some(), is_relayed, "{include}");
+        assert_eq!(config.topics.plan("status/journal"), None, "{include}");
+    }
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use ipc_types::Topic;
+use ipc_types::payload::{BridgeJournal, StatusJournal};
 use ipc_types::service::{MAX_KEY_LEN, is_key};
 use serde::{Deserialize, Deserializer};
 
@@ -80,10 +82,14 @@ pub struct TopicPlan {
 impl TopicsConfig {
     /// How the topic `key` is relayed; nothing when it is not.
     ///
-    /// The relay's own topics never are: each machine has its own.
+    /// The relay's own topics never are: each machine has its own. The journals are not unless `include` has their whole key: they
+    /// are for a recorder beside the robot, and have more bytes than all other topics together.
     pub fn plan(&self, key: &str) -> Option<TopicPlan> {
         let is_in = |keys: &[String]| keys.iter().any(|pattern| fits(pattern, key));
         if key.starts_with("relay/") || !is_in(&self.include) || is_in(&self.exclude) {
+            return None;
+        }
+        if is_journal(key) && !self.include.iter().any(|named| named == key) {
             return None;
         }
         let rule = self.rules.iter().find(|rule| fits(&rule.key, key));
@@ -93,6 +99,11 @@ impl TopicsConfig {
             priority: rule.and_then(|rule| rule.priority).unwrap_or(self.priority),
         })
     }
+}
+
+/// Whether it is the key of an input journal.
+fn is_journal(key: &str) -> bool {
+    [BridgeJournal::KEY, StatusJournal::KEY].contains(&key)
 }
 
 /// Whether a key fits a pattern, in which `*` at the end stands for anything.

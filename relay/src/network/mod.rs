@@ -25,7 +25,7 @@ pub use crate::queue::Room;
 pub use error::NetworkError;
 pub use inbox::{Inbox, Incoming};
 pub use outbox::{Declaration, Outbox, Token};
-pub use settings::{MAX_MESSAGE_BYTES, share_one_thread};
+pub use settings::{MAX_MESSAGE_BYTES, check, share_one_thread};
 
 /// A relay's part in the network.
 pub struct Network {

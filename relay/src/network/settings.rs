@@ -1,6 +1,8 @@
 //! [`zenoh_config`]: what Zenoh is told. A pure function of the configuration, but for [`share_one_thread`].
 
+use runtime::config::Fault;
 use serde_json::{Value, json};
+use zenoh::config::EndPoint;
 
 use crate::access::{Side, access_control};
 use crate::config::{Config, Through};
@@ -62,6 +64,30 @@ pub fn share_one_thread() {
             std::env::set_var(RUNTIME_VARIABLE, ONE_THREAD);
         }
     }
+}
+
+/// Whether Zenoh takes the endpoints of `side`, of which it reads what is behind `?` and `#`, and all the rest.
+///
+/// # Errors
+///
+/// What it refuses, and what to do.
+pub fn check(config: &Config, side: Side) -> Result<(), Fault> {
+    let (listen, connect) = side.endpoints(config);
+    for (endpoints, keys) in [listen, connect].into_iter().zip(side.keys()) {
+        for endpoint in endpoints {
+            if endpoint.parse::<EndPoint>().is_err() {
+                let reason = format!(
+                    "what is behind `?` or `#` in `{endpoint}` are no options: write them as name=value, divided by `;`, first \
+                     those behind `?`, or take the sign out"
+                );
+                return Err(Fault::at(keys, reason).of(endpoint.as_str()));
+            }
+        }
+    }
+    zenoh_config(config, side).map(drop).map_err(|error| {
+        let reason = format!("the network refuses its configuration: {error}");
+        Fault::at(&["network"], reason)
+    })
 }
 
 /// What Zenoh is told; nothing that strangers on the network could use is on unless it was asked for.
@@ -179,15 +205,16 @@ fn tls(config: &Config) -> Vec<(&'static str, Value)> {
 
 /// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows.
 fn with_options(endpoints: &[String]) -> Vec<String> {
-    endpoints
-        .iter()
-        .map(
-            |endpoint| match endpoint.starts_with("quic/") && !endpoint.contains('?') {
-                true => format!("{endpoint}?mixed_rel=1"),
-                false => endpoint.clone(),
-            },
-        )
-        .collect()
+    let with_datagrams = |endpoint: &String| {
+        if !endpoint.starts_with("quic/") || endpoint.contains('?') {
+            return endpoint.clone();
+        }
+        // Options behind `#` come last.
+        let place = endpoint.find('#').unwrap_or(endpoint.len());
+        let (address, options) = endpoint.split_at(place);
+        format!("{address}?mixed_rel=1{options}")
+    };
+    endpoints.iter().map(with_datagrams).collect()
 }
 
 #[cfg(test)]
@@ -205,6 +232,22 @@ mod tests {
             assert_eq!(read("access_control/enabled"), "true");
             assert_eq!(read("transport/link/tls/enable_mtls"), "true");
             assert_eq!(read("transport/link/tls/verify_name_on_connect"), "true");
+        }
+    }
+
+    #[test]
+    fn samples_are_datagrams_on_quic_whatever_its_other_options_are() {
+        for (endpoint, expected) in [
+            ("quic/10.0.0.2:1", "quic/10.0.0.2:1?mixed_rel=1"),
+            (
+                "quic/10.0.0.2:1#iface=eth0",
+                "quic/10.0.0.2:1?mixed_rel=1#iface=eth0",
+            ),
+            ("quic/10.0.0.2:1?mixed_rel=0", "quic/10.0.0.2:1?mixed_rel=0"),
+            ("tcp/10.0.0.2:1#iface=eth0", "tcp/10.0.0.2:1#iface=eth0"),
+        ] {
+            assert_eq!(with_options(&[endpoint.to_owned()]), [expected]);
+            assert!(expected.parse::<EndPoint>().is_ok(), "{expected}");
         }
     }
 }

@@ -4,7 +4,6 @@
 //! [`Services`] and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
 pub mod admission;
-pub mod discovery;
 mod mailbox;
 mod own_topics;
 mod reaction;
@@ -275,7 +274,7 @@ impl RobotSide {
         let orders = &self.orders;
         let rows = self
             .stations
-            .rows(self.samples_sent, |life| orders.open_of(life));
+            .rows(self.samples_sent, |life| orders.counts_of(life));
         self.own_topics
             .publish(self.stations.is_any_up(), rows, now);
     }

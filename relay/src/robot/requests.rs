@@ -2,11 +2,10 @@
 
 use ipc_types::dynamic::ServiceFacts;
 use ipc_types::payload::RequestReport;
-use ipc_types::{DynamicClient, DynamicError, Ipc, MonotonicNs, SendError};
+use ipc_types::{DynamicClient, DynamicError, Ipc, MonotonicNs, PortSet, SendError};
 
 use crate::names;
 use crate::orders::robot::{NotSent, Repeat};
-use crate::ports::PortSet;
 use crate::request::RequestFields;
 
 /// A request service that is carried.

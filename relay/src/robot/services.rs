@@ -6,20 +6,19 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
+use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
 use ipc_types::service::Pattern;
-use ipc_types::{DynamicSubscriber, Ipc, MonotonicNs};
+use ipc_types::{DynamicSubscriber, Ipc, MonotonicNs, PortSet};
 
 use crate::config::{TopicPlan, TopicsConfig};
 use crate::description::{Part, Service};
 use crate::names;
 use crate::network::{Declaration, Network};
-use crate::ports::PortSet;
 use crate::ros2::Reliability;
 use crate::station::catalog::MAX_SERVICES;
 use crate::telemetry::Outlet;
 
-use super::discovery::Discovery;
 use super::requests::Requests;
 use super::ros2_outlet::Ros2Outlet;
 use super::topic::Topic;

@@ -3,9 +3,9 @@
 use ipc_types::RobotId;
 use ipc_types::schema::Schema;
 use ipc_types::service::{MAX_KEY_LEN, is_key};
+use ros_messages::StandardMessage;
 use twox_hash::XxHash3_128;
 
-use super::standard::StandardMessage;
 use super::type_hash::type_hash;
 
 /// First part of every liveliness token of ROS 2.

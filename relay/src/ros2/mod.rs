@@ -8,8 +8,8 @@
 //! |---|---|
 //! | key expressions, liveliness tokens, publisher ids, attachments | [`Session`], [`Node`], [`Publication`], [`attachment`] |
 //! | hash of a type, which is part of the key expression | [`type_hash`] |
-//! | a sample of ours as a message | [`message`] |
-//! | `sensor_msgs` and `geometry_msgs` made of a `HeroTelemetry` | [`StandardMessage`] |
+//! | a sample of ours as a message | [`message`], of [`ros_messages`] |
+//! | `sensor_msgs` and `geometry_msgs` made of a `HeroTelemetry` | [`StandardMessage`], of [`ros_messages`] |
 //! | which publications a robot has, and what goes out over them | [`Topics`] |
 //! | the package of `.msg` files | [`write_packages`] |
 //!
@@ -29,20 +29,17 @@
 //! * Congestion control is *drop*; reliability is that of [`Publication::qos`].
 //! * Plain publishers serve: only subscribers that ask for old samples (*transient local*) want a cache, which [`Qos`] explains.
 
-mod cdr;
 mod graph;
 mod package;
 mod source_time;
-mod standard;
 mod topics;
 mod type_hash;
 
-pub use cdr::message;
 pub use graph::{
     ATTACHMENT_LEN, Gid, NameError, Node, Publication, Qos, Reliability, Session, attachment,
 };
 pub use package::{ConflictingTypes, own_schemas, write_packages};
+pub use ros_messages::{StandardMessage, UnixOffset, message};
 pub use source_time::SourceTime;
-pub use standard::{StandardMessage, UnixOffset};
 pub use topics::{Change, Topics, Way};
 pub use type_hash::type_hash;

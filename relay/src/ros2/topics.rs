@@ -7,11 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ipc_types::payload::{HeroTelemetry, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, Topic as _};
+use ros_messages::{StandardMessage, UnixOffset, message};
 
-use super::cdr::message;
 use super::graph::{ATTACHMENT_LEN, Gid, NameError, Node, Publication, Qos, Session, attachment};
 use super::source_time::SourceTime;
-use super::standard::{StandardMessage, UnixOffset};
 
 /// A way out for the samples of one publication.
 pub trait Way {

@@ -11,12 +11,13 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::RelayLinkState;
+use ipc_types::code::{Reason, RelayLinkState};
 
 use super::catalog::{Catalog, Question};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
 use crate::description::{Part, Service};
 use crate::message::{Ping, Pong};
+use crate::orders::message::NO_PLACE;
 
 /// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
 pub const PING_PERIOD: Duration = Duration::from_millis(500);
@@ -225,6 +226,16 @@ impl Link {
         self.session != 0
     }
 
+    /// Why the robot's relay takes no requests from this station, as it said in its last answer; [`Reason::None`] when it takes
+    /// them, and before the first answer.
+    pub fn refusal(&self) -> Reason {
+        match (self.robot_life, self.session) {
+            (Some(_), 0) => Reason::RelayNotPermitted,
+            (Some(_), NO_PLACE) => Reason::RelayTooManyStations,
+            _ => Reason::None,
+        }
+    }
+
     /// Life of the robot's relay.
     pub fn robot_life(&self) -> Option<u64> {
         self.robot_life
@@ -256,7 +267,7 @@ mod tests {
             received_ns: robot_ns,
             sent_ns: robot_ns,
             suspended_ns: 0,
-            session: 1,
+            session: 2,
             services,
         }
     }
@@ -278,6 +289,30 @@ mod tests {
         assert_eq!((link.outages(), link.deadline()), (1, at(2010)));
         assert!(answered(&mut link, 2010, 1, 0).is_up);
         assert!(!answered(&mut link, 2600, 1, 0).is_up, "it is up already");
+    }
+
+    #[test]
+    fn a_robot_that_takes_no_requests_from_this_station_says_why() {
+        let mut link = link();
+        assert_eq!(link.refusal(), Reason::None);
+        for (session, expected) in [
+            (0, Reason::RelayNotPermitted),
+            (NO_PLACE, Reason::RelayTooManyStations),
+            (NO_PLACE + 1, Reason::None),
+        ] {
+            let ping = Ping {
+                station_life: LIFE,
+                sent_ns: 0,
+                suspended_ns: 0,
+                wants_latest: false,
+            };
+            let pong = Pong {
+                session,
+                ..pong(1, &ping, 0)
+            };
+            link.take(&pong, at(10), 0);
+            assert_eq!(link.refusal(), expected, "{session}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 
 use ipc_types::payload::RequestReport;
 use ipc_types::service::is_key;
-use ipc_types::{Ipc, MonotonicNs, Ticket};
+use ipc_types::{Ipc, MonotonicNs, PortSet, Ticket};
 
 use super::catalog::MAX_SERVICES;
 use super::mirror::{Mirror, Requests};
@@ -12,7 +12,6 @@ use crate::budget::Budget;
 use crate::clock::Clock;
 use crate::description::Service;
 use crate::message::SampleHeader;
-use crate::ports::PortSet;
 use crate::telemetry::Counts;
 
 /// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.

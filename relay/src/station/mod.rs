@@ -14,13 +14,12 @@ mod remote;
 use std::os::fd::BorrowedFd;
 
 use ipc_types::waiter::SAFETY_BOUND;
-use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, WaitError, Wake};
+use ipc_types::{Domain, Ipc, MonotonicNs, PortSet, RobotId, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
 use crate::config::{Config, RemoteRobot};
 use crate::network::{Network, Side};
-use crate::ports::PortSet;
 pub use link::Link;
 pub use mirrors::Mirrors;
 use remote::Remote;

@@ -3,6 +3,7 @@
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
+use ipc_types::code::Reason;
 use ipc_types::payload::{RelayLink, RequestReport, ascii_bytes};
 use ipc_types::{Ipc, MonotonicNs, WaitError};
 
@@ -195,7 +196,11 @@ impl Remote {
     }
 
     fn take_pong(&mut self, pong: &Pong, at: MonotonicNs, out: &mut Vec<Output>) {
+        let former_refusal = self.refusal();
         let news = self.link.take(pong, at, suspended_ns());
+        if self.refusal() != former_refusal {
+            self.topics.hasten(at);
+        }
         if pong.session != 0 {
             self.orders.session(pong.session, at, out);
         }
@@ -213,6 +218,14 @@ impl Remote {
                 );
             }
             self.topics.hasten(at);
+        }
+    }
+
+    /// Why the robot takes no requests of the clients here, if they may send any.
+    fn refusal(&self) -> Reason {
+        match self.robot.command {
+            true => self.link.refusal(),
+            false => Reason::None,
         }
     }
 
@@ -314,6 +327,7 @@ impl Remote {
             clock_resets: u32::try_from(clock.resets()).unwrap_or(u32::MAX),
             outages: self.link.outages(),
             orders_open: self.orders.open() as u32,
+            refusal: self.refusal().code(),
             link: ascii_bytes(&self.endpoints),
             station: ascii_bytes(&self.station),
             ..RelayLink::default()

@@ -4,6 +4,7 @@
 //! cargo run --release -p ril --example endurance -- kills --victim bridge [--count 1000] [--seed 1]
 //! cargo run --release -p ril --example endurance -- starts [--count 10000] [--seed 1]
 //! cargo run --release -p ril --example endurance -- crashes [--per-second 50] [--duration-s 600] [--seed 1]
+//! cargo run --release -p ril --example endurance -- records [--count 1000] [--seed 1] [--keep FOLDER]
 //! cargo run --release -p ril --example endurance -- gap [--count 200] [--period-ms 20] [--seed 1]
 //! cargo run --release -p ril --example endurance -- port [--count 200] [--seed 1]
 //! cargo run --release -p ril --example endurance -- subscribers [--duration-s 120] [--period-ms 2] [--seed 1]
@@ -36,6 +37,7 @@ mod kills;
 mod memory;
 mod namespaces;
 mod port;
+mod records;
 mod spread;
 mod starts;
 mod strangers;
@@ -72,6 +74,9 @@ struct Args {
     /// Period of telemetry: gap 20 ms, subscribers 2 ms if nothing else is said
     #[arg(long)]
     period_ms: Option<u16>,
+    /// Where the files of `records` go, to be opened with other programs; it must be there
+    #[arg(long)]
+    keep: Option<std::path::PathBuf>,
     /// Seed of all moments
     #[arg(long, default_value = "1")]
     seed: u64,
@@ -85,6 +90,8 @@ enum What {
     Starts,
     /// Processes of every kind crash in a loop
     Crashes,
+    /// The recorder is killed over and over
+    Records,
     /// What a consumer misses when the bridge is killed and started again
     Gap,
     /// The serial port goes and comes back
@@ -147,6 +154,17 @@ fn main() -> ExitCode {
                 is_good &= outcome(victim);
             }
             is_good
+        }
+        What::Records => {
+            let plan = records::Plan {
+                kills: args.count.unwrap_or(1000),
+                seed: args.seed,
+                keep: args.keep,
+            };
+            println!("| kills | oldest sample missing | messages | files |\n|---|---|---|---|");
+            let outcome = records::run(&site("records"), &plan, &goes_on);
+            println!("{outcome}");
+            outcome.is_kept()
         }
         What::Gap => {
             let plan = gap::Plan {

@@ -143,6 +143,26 @@ pub(super) fn targets(words: &[GotoWord]) -> Result<Vec<Target>, String> {
     }])
 }
 
+/// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
+///
+/// # Errors
+///
+/// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
+pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
+    let mut waypoints = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if !line.is_empty() {
+            let read = target(line).map_err(|reason| format!("line {}: {reason}", index + 1));
+            waypoints.push(read?);
+        }
+    }
+    match waypoints.is_empty() {
+        true => Err("there is no waypoint".to_owned()),
+        false => Ok(waypoints),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -201,6 +221,26 @@ mod tests {
         ] {
             let error = parse(words).unwrap_err();
             assert!(error.contains(expected), "{words:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_file_has_a_waypoint_a_line_and_comments() {
+        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,+1e1 # the corner\n";
+        let read = waypoints(text).unwrap();
+        let altitudes: Vec<Height> = read.iter().map(|waypoint| waypoint.altitude).collect();
+        assert_eq!(altitudes, [Height::Over(20.0), Height::OverHere(10.0)]);
+        for (text, expected) in [
+            (
+                "37,-6,20\n\n91,0,0\n",
+                "line 3: the latitude 91 is out of range",
+            ),
+            ("37,-6\n", "line 1: 2 numbers, three are needed"),
+            ("# nothing\n", "there is no waypoint"),
+            ("", "there is no waypoint"),
+        ] {
+            let error = waypoints(text).unwrap_err();
+            assert!(error.contains(expected), "{text:?}: {error}");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 
 /// Most rows that `ril log tail` begins with: what a person can read back.
 const MAX_TAIL_ROWS: u32 = 10_000;
@@ -26,10 +26,16 @@ pub enum LogCommand {
     List(LogListArgs),
     /// Sum up a flight: duration, distance, altitude, speed, battery, losses, gaps
     Summary(LogFileArgs),
+    /// Write a flight as a page with plots, for a browser
+    Report(LogReportArgs),
     /// Print the last rows of a log, and follow it with -f
     Tail(LogTailArgs),
     /// Print a log as CSV: a row for each sample, with the time in UTC
     Csv(LogCsvArgs),
+    /// Say what of a flight record is complete, and what is missing
+    Check(LogFileArgs),
+    /// Write a whole file of a flight record that was cut off or damaged
+    Recover(LogRecoverArgs),
 }
 
 /// Where logs are.
@@ -63,7 +69,7 @@ pub struct LogListArgs {
     pub json: bool,
 }
 
-/// `ril log summary`
+/// `ril log summary`, `ril log check`
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct LogFileArgs {
@@ -74,6 +80,64 @@ pub struct LogFileArgs {
     /// Where logs are.
     #[command(flatten)]
     pub place: LogPlaceArgs,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril log report`
+///
+/// The page is one file that loads nothing and runs nothing. A page that is there already is replaced.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct LogReportArgs {
+    /// File of a log [default: the newest one of the robot]
+    #[arg(value_name = "FILE")]
+    pub file: Option<PathBuf>,
+
+    /// Where logs are.
+    #[command(flatten)]
+    pub place: LogPlaceArgs,
+
+    /// Write the page to this file [default: named after the log, in the working directory]
+    #[arg(long, value_name = "FILE.html")]
+    pub output: Option<PathBuf>,
+
+    /// Write each plot as an SVG file into this folder as well, for papers; made if it is not there
+    #[arg(long, value_name = "FOLDER")]
+    pub svg: Option<PathBuf>,
+
+    /// Configuration of the bridge, of which the geofence is drawn [default: bridge.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub bridge: Option<PathBuf>,
+
+    /// Draw the path of this plan on the map; a file as for `ril plan`
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
+
+    /// Print one JSON object that says what was written
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril log recover`
+///
+/// The damaged file stays as it is.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct LogRecoverArgs {
+    /// The damaged record
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// The whole file, which must not be there yet [default: FILE with .recovered.mcap for .mcap]
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
 
     /// Print one JSON object
     #[arg(long)]

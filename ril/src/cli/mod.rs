@@ -1,15 +1,19 @@
 //! The command line of `ril`: what can be asked for.
 //!
 //! Everything is checked here, once; the commands get typed values. `request` has the arguments of commands that ask a module
-//! for something, `plan` those of plans, `relay` those of the relay, `topic` those of commands that watch topics, `value` reads numbers, times and names, `length` altitudes and waypoints. Nothing here talks to
+//! for something, `plan` those of plans, `relay` those of the relay, `topic` those of commands that watch topics; `value` reads
+//! numbers, times and names, `length` altitudes and waypoints; `exit_codes` is the end of every help. Nothing here talks to
 //! another process.
 
+pub(crate) mod exit_codes;
 mod global;
 mod length;
 mod log;
 mod plan;
 mod preflight;
+mod record;
 mod relay;
+mod replay;
 mod request;
 mod robots;
 mod shell;
@@ -31,20 +35,24 @@ use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
 use crate::demo;
+use exit_codes::EXIT_CODES;
 pub use global::{GlobalArgs, wants_json};
-pub use length::{Height, Target};
+pub use length::{Height, Target, waypoints};
 pub use log::{
-    LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogTailArgs,
+    LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogRecoverArgs,
+    LogReportArgs, LogTailArgs,
 };
 pub use plan::{
     HomeArg, PlanArgs, PlanCheckArgs, PlanCommand, PlanFileArgs, PlanFlyArgs, PlanLookArgs,
     PlanShowArgs, ReferenceName,
 };
 pub use preflight::PreflightArgs;
+pub use record::RecordArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
+pub use replay::ReplayArgs;
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
-    ParamGetArgs, ParamListArgs, ParamSetArgs, PortKey, RequestArgs, TakeoffArgs,
+    ParamGetArgs, ParamListArgs, ParamSetArgs, RequestArgs, TakeoffArgs,
 };
 pub use robots::RobotsArgs;
 pub use shell::{CompletionsArgs, Shell};
@@ -52,24 +60,10 @@ pub use topic::{
     EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
 };
-pub use value::waypoints;
+pub use value::PortKey;
 use value::{duration, protect_coordinates};
 pub use wait::WaitArgs;
 pub use watch::WatchArgs;
-
-/// What each exit code means, for the end of the help.
-pub const EXIT_CODES: &str = "\
-Exit codes:
-   0  done
-   1  internal error
-   2  usage error
-   3  the process that should answer does not run
-   4  no answer in time, or the DSP did not acknowledge
-   5  refused, or ended early; the reason is printed
-   6  the link to the DSP, or the relay's link to the robot, is down
-   7  the outcome cannot be known
-   8  something is not in order; the findings are printed
-  78  the configuration is wrong";
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///
@@ -206,8 +200,12 @@ pub enum Command {
     Preflight(PreflightArgs),
     /// Wait until the robot is up, flies, hovers or has landed, or a value of its telemetry is reached
     Wait(WaitArgs),
-    /// List, sum up, print and convert the logs of flights
+    /// Record everything that a robot publishes, as MCAP files
+    Record(RecordArgs),
+    /// List, sum up, print, convert, check and recover the logs and records of flights
     Log(LogArgs),
+    /// Play a recorded flight as if its robot were there
+    Replay(ReplayArgs),
     /// List all robots of this user, with processes, link and phase
     Robots(RobotsArgs),
     /// Print the script that completes command lines of ril in a shell

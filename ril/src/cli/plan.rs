@@ -7,7 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use plans::model::{Altitude, Reference};
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 use super::length::{Height, height, take_off_height};
 use super::request::AskArgs;
 use super::value::{duration, number};

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 use super::value::duration;
 
 /// What the checks are judged by, for the end of the help.

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 use super::value::duration;
 
 /// `ril relay`

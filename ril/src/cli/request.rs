@@ -6,9 +6,9 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 use super::length::{GotoWord, Target, goto_word, take_off_height, targets};
-use super::value::{deadline_ms, duration, finite, module_name, port_key};
+use super::value::{PortKey, deadline_ms, duration, finite, module_name, port_key};
 
 /// What every command takes that asks the bridge for something.
 #[derive(Args, Clone, Debug)]
@@ -185,15 +185,6 @@ pub struct ParamSetArgs {
     /// What every request takes.
     #[command(flatten)]
     pub ask: AskArgs,
-}
-
-/// How a command names a port of the DSP.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum PortKey {
-    /// By the number of the port.
-    Number(u16),
-    /// By the name that the bridge gives it.
-    Name(String),
 }
 
 /// `ril fence`

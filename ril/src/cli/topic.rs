@@ -7,7 +7,7 @@ use ipc_types::ServiceId;
 use ipc_types::service::is_key;
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 use super::value::duration;
 
 /// `ril echo`

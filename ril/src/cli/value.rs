@@ -6,8 +6,6 @@ use std::time::Duration;
 use ipc_types::service::is_key;
 use runtime::duration::{self, Shown};
 
-use super::PortKey;
-use super::length::{Target, target};
 use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
 
 /// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
@@ -29,32 +27,21 @@ fn is_negative_coordinate(text: &str) -> bool {
         && (text.contains(',') || text.ends_with('m') || text.ends_with("ft"))
 }
 
-/// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
-///
-/// # Errors
-///
-/// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
-pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
-    let mut waypoints = Vec::new();
-    for (index, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        if !line.is_empty() {
-            let read = target(line).map_err(|reason| format!("line {}: {reason}", index + 1));
-            waypoints.push(read?);
-        }
-    }
-    match waypoints.is_empty() {
-        true => Err("there is no waypoint".to_owned()),
-        false => Ok(waypoints),
-    }
-}
-
 /// Reads the name of a module.
 pub(super) fn module_name(text: &str) -> Result<String, String> {
     match is_key(text) && !text.contains('/') {
         true => Ok(text.to_owned()),
         false => Err("a module's name is one word in lower snake case".to_owned()),
     }
+}
+
+/// How a command names a port of the DSP.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PortKey {
+    /// By the number of the port.
+    Number(u16),
+    /// By the name that the bridge gives it.
+    Name(String),
 }
 
 /// Reads the name or the number of a port.
@@ -116,7 +103,6 @@ fn within(duration: Duration, [least, most]: [Duration; 2]) -> Result<Duration, 
 
 #[cfg(test)]
 mod tests {
-    use super::super::length::Height;
     use super::*;
 
     #[test]
@@ -152,26 +138,6 @@ mod tests {
         ] {
             let error = deadline_ms(text).unwrap_err();
             assert!(error.contains(expected), "{text}: {error}");
-        }
-    }
-
-    #[test]
-    fn a_file_has_a_waypoint_a_line_and_comments() {
-        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,+1e1 # the corner\n";
-        let read = waypoints(text).unwrap();
-        let altitudes: Vec<Height> = read.iter().map(|waypoint| waypoint.altitude).collect();
-        assert_eq!(altitudes, [Height::Over(20.0), Height::OverHere(10.0)]);
-        for (text, expected) in [
-            (
-                "37,-6,20\n\n91,0,0\n",
-                "line 3: the latitude 91 is out of range",
-            ),
-            ("37,-6\n", "line 1: 2 numbers, three are needed"),
-            ("# nothing\n", "there is no waypoint"),
-            ("", "there is no waypoint"),
-        ] {
-            let error = waypoints(text).unwrap_err();
-            assert!(error.contains(expected), "{text:?}: {error}");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 use super::value::duration;
 use crate::wait::condition::Condition;
 

@@ -4,9 +4,9 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::{ArgAction, Args};
-use runtime::args::CommonArgs;
+use runtime::args::{CommonArgs, robot};
 
-use super::EXIT_CODES;
+use super::exit_codes::EXIT_CODES;
 
 /// `ril watch`
 #[derive(Args, Clone, Debug)]
@@ -62,10 +62,4 @@ impl WatchArgs {
             check_config: self.check_config,
         }
     }
-}
-
-/// Reads a robot id.
-fn robot(text: &str) -> Result<NonZeroU32, String> {
-    text.parse()
-        .map_err(|_| "a robot id is an integer from 1 to 4294967295".to_owned())
 }

@@ -16,7 +16,7 @@ use crate::cli::{self, EchoArgs, EchoOptions};
 use crate::config::Config;
 use crate::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
 use crate::measure::StampReader;
-use crate::messages::count as plural;
+use crate::words::count as plural;
 
 /// `ril echo`
 ///

@@ -3,6 +3,8 @@
 use ipc_types::{Ipc, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use super::Session;
+
 /// The newest sample of a topic, and the port it comes from.
 pub(super) struct Latest<T: Topic> {
     /// What to wait for.
@@ -18,6 +20,14 @@ impl<T: Topic> Latest<T> {
             port: ipc.subscriber().or_fail(ExitCode::Internal)?,
             sample: None,
         })
+    }
+
+    /// The same, or nothing when no process provides the topic.
+    pub fn open_if_provided(session: &Session) -> Result<Option<Latest<T>>, Failure> {
+        match session.is_provided(T::KEY)? {
+            true => Latest::open(&session.ipc).map(Some),
+            false => Ok(None),
+        }
     }
 
     /// Takes what came, and says whether something did.

@@ -1,9 +1,11 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
+mod chart;
 mod conversation;
 pub mod doctor;
 pub mod echo;
 pub mod exchange;
+mod json;
 mod latest;
 pub mod log;
 pub mod measure;
@@ -12,8 +14,10 @@ pub mod param;
 pub mod plan;
 mod position;
 pub mod preflight;
+pub mod record;
 pub mod relay;
 pub mod relay_report;
+pub mod replay;
 pub mod request;
 pub(crate) mod resulting;
 mod robot;
@@ -28,7 +32,6 @@ pub mod wait;
 pub mod watch;
 pub mod watch_timeout;
 
-use std::io::Write;
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::time::Duration;
@@ -42,9 +45,9 @@ use runtime::args::CommonArgs;
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
-use serde::Serialize;
 
 use crate::config::{Config, DEFAULT_FILE};
+pub(crate) use json::json_line;
 
 /// Begins logging and reads the configuration. Nothing comes out when it was only to be checked; it is printed then.
 fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
@@ -160,12 +163,6 @@ fn is_relayed(key: &str, provider: &Provider) -> bool {
 /// The process that provides the service `key`; nothing when that is a module outside the RIL.
 fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
-}
-
-/// Writes `value` as one line of JSON.
-pub(crate) fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string(value).or_fail(ExitCode::Internal)?;
-    writeln!(to, "{text}").map_err(Failure::output)
 }
 
 #[cfg(test)]

@@ -10,10 +10,11 @@ use std::process;
 use std::time::Duration;
 
 use ipc_types::payload::{RelayLink, RelayStations};
-use ipc_types::{MonotonicNs, Source, Subscriber, Topic};
+use ipc_types::{MonotonicNs, Source};
 use runtime::duration::Shown;
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::{ExitCode, Failure};
 
+use super::latest::Latest;
 use super::relay_report::RelayReport;
 use super::{Session, configuration, is_relayed, json_line, robot};
 use crate::cli::{RelayArgs, RelayCommand, RelayStatusArgs};
@@ -111,8 +112,8 @@ struct Newest {
 impl Newest {
     fn open(session: &Session) -> Result<Newest, Failure> {
         let newest = Newest {
-            link: Latest::open(session)?,
-            stations: Latest::open(session)?,
+            link: Latest::open_if_provided(session)?,
+            stations: Latest::open_if_provided(session)?,
         };
         if newest.link.is_none() && newest.stations.is_none() {
             let robot = session.ipc.robot();
@@ -151,33 +152,6 @@ impl Newest {
     }
 }
 
-/// The newest sample of a topic of the relay.
-struct Latest<T: Topic> {
-    port: Subscriber<T>,
-    sample: Option<T>,
-}
-
-impl<T: Topic> Latest<T> {
-    /// Nothing when no process provides the topic.
-    fn open(session: &Session) -> Result<Option<Latest<T>>, Failure> {
-        if !session.is_provided(T::KEY)? {
-            return Ok(None);
-        }
-        Ok(Some(Latest {
-            port: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
-            sample: None,
-        }))
-    }
-
-    fn drain(&mut self) {
-        match self.port.latest() {
-            Ok(Some(sample)) => self.sample = Some(sample),
-            Ok(None) => {}
-            Err(error) => tracing::warn!(%error, "samples could not be received"),
-        }
-    }
-}
-
 /// Whether a topic comes from another machine, and how the link to that machine is.
 #[derive(Default)]
 pub(super) struct LinkWatch {
@@ -193,7 +167,7 @@ impl LinkWatch {
             self.is_relayed = is_relayed(key, &provider);
         }
         if self.is_relayed && self.link.is_none() {
-            self.link = Latest::open(session)?;
+            self.link = Latest::open_if_provided(session)?;
         }
         Ok(())
     }

@@ -47,6 +47,8 @@ pub struct LinkReport {
     station: Option<String>,
     /// Number of the robot on its own machine.
     robot_there: u32,
+    /// Why the robot's relay takes no requests from this station; nothing when it takes them.
+    refusal: Option<String>,
     /// Nothing before the first message, and for a time of the future.
     last_heard_age_ms: Option<u64>,
     outages: u32,
@@ -195,7 +197,7 @@ impl LinkReport {
             clock_resets,
             outages,
             orders_open,
-            reserved: _,
+            refusal,
             link: _,
             station: _,
         } = *link;
@@ -208,6 +210,7 @@ impl LinkReport {
             over: link.link().map(str::to_owned),
             station: link.station().map(str::to_owned),
             robot_there: robot,
+            refusal: refusal_name(refusal),
             last_heard_age_ms: link.last_heard().and_then(|time| age_ms(time, now)),
             outages,
             clock: (clock_valid != 0).then(|| ClockReport {
@@ -276,13 +279,18 @@ impl StationReport {
             since_ms: since.and_then(|time| age_ms(time, now)),
             last_heard_age_ms: station.last_heard().and_then(|time| age_ms(time, now)),
             may_command: may_command != 0,
-            refusal: (refusal != 0).then(|| named(Reason::from_code(refusal), refusal)),
+            refusal: refusal_name(refusal),
             orders_executed,
             orders_refused,
             orders_open,
             samples_sent,
         }
     }
+}
+
+/// The name of the reason for which requests are not taken; nothing when they are.
+fn refusal_name(code: u32) -> Option<String> {
+    (code != 0).then(|| named(Reason::from_code(code), code))
 }
 
 /// A part in percent, to the hundredth: more would be noise.

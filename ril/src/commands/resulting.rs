@@ -10,7 +10,7 @@ use runtime::config::resulting::{Origin, Resulting, given};
 use runtime::duration;
 use runtime::exit::Failure;
 
-use super::json_line;
+use super::json::json_line;
 use crate::cli::wants_json;
 use crate::config::{Config, DEFAULT_FILE};
 

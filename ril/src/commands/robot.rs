@@ -5,10 +5,10 @@
 
 use std::path::Path;
 
-use ipc_types::payload::MovementData;
-use ipc_types::{Domain, Request, RobotId};
+use ipc_types::{Domain, RobotId};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use crate::alive::commandable;
 use crate::cli::RobotChoice;
 
 /// Most users that are named who have a domain.
@@ -50,11 +50,11 @@ pub(super) fn other_domains() -> String {
     let Ok(domain) = Domain::from_environment() else {
         return String::new();
     };
-    let robots_of = |domain: &Domain| domain.robots(MovementData::KEY).unwrap_or_default();
-    if !robots_of(&domain).is_empty() {
+    let has_robots = |domain: &Domain| !commandable(domain).unwrap_or_default().is_empty();
+    if has_robots(&domain) {
         return String::new();
     }
-    let own = Some(Domain::of_user()).filter(|own| *own != domain && !robots_of(own).is_empty());
+    let own = Some(Domain::of_user()).filter(|own| *own != domain && has_robots(own));
     let others = Domain::others();
     let others = others.iter().filter(|one| one.path != domain.root());
     let others: Vec<(u32, &Path)> = others.map(|one| (one.uid, one.path.as_path())).collect();
@@ -81,7 +81,7 @@ fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String
 
 fn alive() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-    domain.robots(MovementData::KEY).or_fail(ExitCode::Internal)
+    commandable(&domain).or_fail(ExitCode::Internal)
 }
 
 /// Why a default robot is refused; nothing when it is unambiguous.

@@ -4,9 +4,10 @@ use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, SystemTime};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, ReceiveError, Source, StateOf, StatusModule, Subscriber, Topic};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
+use runtime::exit::{ExitCode, Failure};
 
+use super::latest::Latest;
 use super::relay::LinkWatch;
 use super::relay_report::LinkReport;
 use super::sample_age::STALE_AFTER;
@@ -15,6 +16,7 @@ use super::{Session, configuration, json_line};
 use crate::cli::StateArgs;
 use crate::live::{Block, Size};
 use crate::pilot::PilotView;
+use crate::words::time_of_day;
 
 /// Shortest time between two looks of `--watch` at what came: what the eye can follow.
 const WATCH_PERIOD: Duration = Duration::from_millis(200);
@@ -91,7 +93,9 @@ fn watch(args: &StateArgs, session: &Session, newest: &mut Newest) -> Result<(),
             if args.json {
                 json_line(&mut out, &report)?;
             } else {
-                writeln!(out, "{}  {}", time_of_day(), report.line()).map_err(Failure::output)?;
+                let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+                let time = time_of_day(since_1970.as_secs());
+                writeln!(out, "{time}Z  {}", report.line()).map_err(Failure::output)?;
             }
             out.flush().map_err(Failure::output)?;
         }
@@ -106,14 +110,6 @@ fn watch(args: &StateArgs, session: &Session, newest: &mut Newest) -> Result<(),
     Ok(())
 }
 
-/// The time of day, UTC.
-fn time_of_day() -> String {
-    let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    let seconds = since_1970.as_secs() % 86_400;
-    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-    format!("{hours:02}:{minutes:02}:{:02}Z", seconds % 60)
-}
-
 /// The newest sample of each service.
 struct Newest {
     state: Latest<ModuleState>,
@@ -123,35 +119,13 @@ struct Newest {
     relay: LinkWatch,
 }
 
-/// The newest sample of one service.
-struct Latest<T: Topic> {
-    port: Subscriber<T>,
-    sample: Option<T>,
-}
-
-impl<T: Topic> Latest<T> {
-    fn open(session: &Session) -> Result<Latest<T>, Failure> {
-        Ok(Latest {
-            port: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
-            sample: None,
-        })
-    }
-
-    fn drain(&mut self) -> Result<(), ReceiveError> {
-        if let Some(sample) = self.port.latest()? {
-            self.sample = Some(sample);
-        }
-        Ok(())
-    }
-}
-
 impl Newest {
     fn open(session: &Session) -> Result<Newest, Failure> {
         Ok(Newest {
-            state: Latest::open(session)?,
-            dsp: Latest::open(session)?,
-            hero: Latest::open(session)?,
-            status: Latest::open(session)?,
+            state: Latest::open(&session.ipc)?,
+            dsp: Latest::open(&session.ipc)?,
+            hero: Latest::open(&session.ipc)?,
+            status: Latest::open(&session.ipc)?,
             relay: LinkWatch::default(),
         })
     }
@@ -168,15 +142,10 @@ impl Newest {
 
     fn drain(&mut self) {
         self.relay.drain();
-        let results = [
-            self.state.drain(),
-            self.dsp.drain(),
-            self.hero.drain(),
-            self.status.drain(),
-        ];
-        for error in results.into_iter().filter_map(Result::err) {
-            tracing::warn!(%error, "samples could not be received");
-        }
+        self.state.drain();
+        self.dsp.drain();
+        self.hero.drain();
+        self.status.drain();
     }
 
     fn samples(&self, session: &Session) -> Result<Samples<'_>, Failure> {

@@ -5,13 +5,13 @@
 
 mod bridge;
 mod flight;
+mod samples;
 #[cfg(test)]
 mod tests;
 mod text;
 
 use ipc_types::code::ModuleId;
 use ipc_types::module::State;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, RobotId};
 use runtime::exit::ExitCode;
 use serde::Serialize;
@@ -20,33 +20,10 @@ use super::relay_report::LinkReport;
 use super::sample_age::{Sample, named};
 use bridge::{DspErrors, Link, Module, Movement, Refused, Safety};
 use flight::Flight;
+pub use samples::Samples;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";
-
-/// What there is of a robot: the newest sample of each topic, and which processes live.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Samples<'a> {
-    /// The bridge's state.
-    pub state: Option<&'a ModuleState>,
-    /// Raw telemetry.
-    pub dsp: Option<&'a DspTelemetry>,
-    /// Telemetry in SI units.
-    pub hero: Option<&'a HeroTelemetry>,
-    /// The state of the process status.
-    pub status: Option<&'a State>,
-    /// Whether a process provides the bridge's state.
-    pub has_bridge: bool,
-    /// Whether a process provides the state of status.
-    pub has_status: bool,
-}
-
-impl Samples<'_> {
-    /// Whether nothing came of the robot.
-    pub fn is_empty(&self) -> bool {
-        self.state.is_none() && self.dsp.is_none() && self.hero.is_none() && self.status.is_none()
-    }
-}
 
 /// Everything that `ril status` shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -68,6 +45,8 @@ pub struct StateReport {
     hero: Option<Sample>,
     /// The state of the module status; nothing when none was received.
     status: Option<StatusState>,
+    /// Whether all of this is a recorded flight that is played.
+    replayed: bool,
     /// Whether all of this comes from another machine.
     relayed: bool,
     /// The link to that machine; nothing when the robot is on this one, and when the relay said nothing.
@@ -118,6 +97,7 @@ impl StateReport {
                 .hero
                 .map(|hero| sample(hero.sequence, MonotonicNs(hero.published_ns))),
             status: samples.status.map(|status| StatusState::new(status, now)),
+            replayed: state.is_some_and(|state| state.is_replayed()),
             relayed: false,
             relay: None,
         }

@@ -5,20 +5,19 @@ mod ports;
 mod terminal;
 
 use std::io::{self, IsTerminal};
-use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use ipc_types::payload::{HeroTelemetry, ModuleState, MovementData, WaypointPosition};
-use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Topic, Waiter};
+use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
 use ratatui::buffer::Buffer;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
-use super::{configuration, plan};
+use super::chart::chart;
+use super::configuration;
+use crate::alive::alive;
 use crate::cli::WatchArgs;
 use crate::config::RequestConfig;
 use crate::watch::app::{Action, App, MAX_ROBOTS};
-use crate::watch::chart::{Chart, FenceFile};
 use crate::watch::view::{self, Clock, Glyphs};
 use ports::Ports;
 use terminal::{Input, Terminal};
@@ -48,7 +47,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
         return Ok(());
     };
     terminal::refuse_others()?;
-    let chart = chart(args)?;
+    let chart = chart(args.bridge.as_deref(), args.plan.as_deref())?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let robots = robots(args, &domain)?;
     let mut ports = Vec::new();
@@ -95,20 +94,7 @@ fn robots(args: &WatchArgs, domain: &Domain) -> Result<Vec<RobotId>, Failure> {
         }
     }
     if robots.is_empty() {
-        for key in [
-            ModuleState::KEY,
-            HeroTelemetry::KEY,
-            <MovementData as ipc_types::Request>::KEY,
-        ] {
-            let alive = domain.robots(key).or_fail(ExitCode::Internal)?;
-            robots.extend(
-                alive
-                    .into_iter()
-                    .filter(|robot| !robots.contains(robot))
-                    .collect::<Vec<_>>(),
-            );
-        }
-        robots.sort_by_key(|robot| robot.get());
+        robots = alive(domain).or_fail(ExitCode::Internal)?;
         robots.truncate(MAX_ROBOTS);
     }
     if robots.len() > MAX_ROBOTS {
@@ -122,30 +108,6 @@ fn robots(args: &WatchArgs, domain: &Domain) -> Result<Vec<RobotId>, Failure> {
         robots.push(RobotId::DEFAULT);
     }
     Ok(robots)
-}
-
-/// Fence and path of the files.
-fn chart(args: &WatchArgs) -> Result<Chart, Failure> {
-    let default = Path::new(bridge::cli::DEFAULT_CONFIG_FILE);
-    let file = args.bridge.as_deref();
-    // The bridge's own code checks it, so that a fence is drawn which can be in force.
-    runtime::config::load::<bridge::BridgeConfig>(file, default)?;
-    let fence = runtime::config::load::<FenceFile>(file, default)?;
-    let path = args.plan.as_deref().map(waypoints).transpose()?;
-    Ok(Chart::new(&fence.value, &path.unwrap_or_default()))
-}
-
-/// The items of a plan that have a position.
-fn waypoints(file: &Path) -> Result<Vec<WaypointPosition>, Failure> {
-    let plan = plan::read_file(file)?;
-    let positions = plan.items.iter().filter_map(|item| item.action.position());
-    let on_map = positions.map(|position| WaypointPosition {
-        latitude_deg: position.latitude_deg,
-        longitude_deg: position.longitude_deg,
-        // The map is seen from above.
-        altitude_m: 0.0,
-    });
-    Ok(on_map.collect())
 }
 
 /// Everything that the loop has.

@@ -1,16 +1,15 @@
 //! What lives now, for completion: looked up without taking part in shared memory, and for a bounded time.
 
-use std::collections::BTreeSet;
 use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
 use clap::ValueEnum;
 use dsp_protocol::port::{PORTS_16, PORTS_32};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, MovementData};
-use ipc_types::{Domain, Request, RobotId, Topic as _};
+use ipc_types::{Domain, RobotId};
 
 use super::context::Context;
+use crate::alive::alive;
 use crate::cli::Topic;
 use crate::fields::field_names;
 
@@ -56,16 +55,7 @@ pub(super) fn robots() -> Vec<Offer> {
     let Ok(domain) = Domain::from_environment() else {
         return Vec::new();
     };
-    let keys = [
-        MovementData::KEY,
-        ModuleState::KEY,
-        DspTelemetry::KEY,
-        HeroTelemetry::KEY,
-    ];
-    let living: BTreeSet<RobotId> = keys
-        .into_iter()
-        .flat_map(|key| domain.robots(key).unwrap_or_default())
-        .collect();
+    let living = alive(&domain).unwrap_or_default();
     let offer = |robot: RobotId| Offer::new(robot.to_string(), "robot that is alive");
     living.into_iter().map(offer).collect()
 }

@@ -67,24 +67,48 @@ pub struct Spawner<'a> {
 }
 
 impl Spawner<'_> {
-    /// Starts the process `name` by `ril run` with the configuration `config`. It says on [`Readiness`] when it is ready.
-    pub fn start(&self, name: &'static str, config: &str, args: &[&str]) -> io::Result<Process> {
-        let config_file = self.folder.join(format!("{name}.toml"));
-        fs::write(&config_file, config)?;
+    /// Where the configuration of the process `name` lies.
+    pub fn config_file(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.toml"))
+    }
+
+    /// Writes the configuration of the process `name`.
+    pub fn configure(&self, name: &str, config: &str) -> io::Result<()> {
+        fs::write(self.config_file(name), config)
+    }
+
+    /// Starts the process `name` by `ril run` with its configuration. It says on [`Readiness`] when it is ready.
+    pub fn start(&self, name: &'static str, args: &[&str]) -> io::Result<Process> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["run", name, "--config"]);
+        command.arg(self.config_file(name)).args(args);
+        self.spawn(name, command)
+    }
+
+    /// Starts the recorder, which records the configurations along.
+    pub fn start_recorder(&self) -> io::Result<Process> {
+        let mut command = Command::new(std::env::current_exe()?);
+        // A few megabytes, however full the disk is.
+        command.args(["record", "--min-free", "0", "--output"]);
+        command.arg(self.folder);
+        for name in ["bridge", "status"] {
+            command.arg(format!("--{name}")).arg(self.config_file(name));
+        }
+        self.spawn("record", command)
+    }
+
+    fn spawn(&self, name: &'static str, mut command: Command) -> io::Result<Process> {
         let output = self.folder.join(format!("{name}.out"));
         let out = File::create(&output)?;
-        let mut command = Command::new(std::env::current_exe()?);
         command
-            .args(["run", name])
-            .args(["--robot", &self.robot.to_string(), "--config"])
-            .arg(&config_file)
-            .args(args)
+            .args(["--robot", &self.robot.to_string()])
             .envs(self.domain.environment())
             .env(WITH_PARENT, "1")
             .env("NOTIFY_SOCKET", self.readiness.address())
             // What was meant for a supervisor of the demonstration is not meant for its children.
             .env_remove("WATCHDOG_USEC")
             .env_remove("RIL_PORT")
+            .env_remove("RIL_CONFIG")
             .stdin(Stdio::null())
             .stdout(out.try_clone()?)
             .stderr(out)
@@ -102,7 +126,7 @@ impl Spawner<'_> {
 }
 
 impl Process {
-    /// Its name, as behind `ril run`.
+    /// Its name, as behind `ril run`; that of the recorder as behind `ril`.
     pub fn name(&self) -> &'static str {
         self.name
     }

@@ -20,10 +20,25 @@ pub struct Evidence<'a> {
     pub counts: Counts,
     /// Rows of the log, the line of names not counted; nothing when it could not be read.
     pub log_rows: Option<u64>,
+    /// What the flight record has; nothing when there is none that can be read.
+    pub record: Option<RecordEvidence>,
     /// Exit codes of the processes, by name.
     pub exits: &'a [(&'static str, Option<i32>)],
     /// What is left in shared memory.
     pub residue: usize,
+}
+
+/// What a flight record has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RecordEvidence {
+    /// Whether it is complete, and says of each missing message that it is missing.
+    pub is_in_order: bool,
+    /// Messages of raw telemetry.
+    pub dsp: u64,
+    /// Messages of the robot's telemetry.
+    pub hero: u64,
+    /// States of the bridge.
+    pub states: u64,
 }
 
 /// One check.
@@ -67,6 +82,7 @@ pub fn judge(evidence: &Evidence<'_>) -> Vec<Check> {
         gaps(evidence),
         line(evidence),
         log(evidence),
+        record(evidence),
         landed(evidence),
         exits(evidence),
         Check {
@@ -211,6 +227,33 @@ fn log(evidence: &Evidence<'_>) -> Check {
     }
 }
 
+fn record(evidence: &Evidence<'_>) -> Check {
+    let Counts { dsp, hero, state } = evidence.counts;
+    let name = "record has every sample received";
+    let Some(record) = evidence.record else {
+        return Check {
+            name,
+            passed: false,
+            detail: "there is no record".to_owned(),
+        };
+    };
+    let state_of_file = match record.is_in_order {
+        true => "complete",
+        false => "not complete",
+    };
+    Check {
+        name,
+        passed: record.is_in_order
+            && record.dsp >= dsp.received
+            && record.hero >= hero.received
+            && record.states >= state.received,
+        detail: format!(
+            "{} raw, {} robot, {} states, {state_of_file}",
+            record.dsp, record.hero, record.states
+        ),
+    }
+}
+
 fn landed(evidence: &Evidence<'_>) -> Check {
     let on_ground = evidence
         .watch
@@ -234,7 +277,7 @@ fn exits(evidence: &Evidence<'_>) -> Check {
         .collect();
     Check {
         name: "every process ended with 0",
-        passed: evidence.exits.len() == 3
+        passed: evidence.exits.len() == 4
             && evidence.exits.iter().all(|(_, code)| *code == Some(0)),
         detail: texts.join(", "),
     }
@@ -324,7 +367,7 @@ mod tests {
     fn failed(spoil: impl FnOnce(&mut Evidence<'_>, &mut Watch)) -> Vec<&'static str> {
         let outcomes = good_outcomes();
         let (shown, mut spoilt) = (good_watch(), good_watch());
-        let exits = [("bridge", Some(0)), ("status", Some(0)), ("sim", Some(0))];
+        let exits = ["bridge", "status", "sim", "record"].map(|name| (name, Some(0)));
         let mut evidence = Evidence {
             outcomes: &outcomes,
             watch: &shown,
@@ -334,6 +377,12 @@ mod tests {
                 state: received(9, 0),
             },
             log_rows: Some(7),
+            record: Some(RecordEvidence {
+                is_in_order: true,
+                dsp: 7,
+                hero: 8,
+                states: 9,
+            }),
             exits: &exits,
             residue: 0,
         };
@@ -372,6 +421,17 @@ mod tests {
             failed(|evidence, _| evidence.log_rows = None),
             ["log rows equal samples published"]
         );
+        let spoil_record = |spoil: fn(&mut RecordEvidence)| {
+            failed(|evidence, _| evidence.record.iter_mut().for_each(spoil))
+        };
+        for found in [
+            failed(|evidence, _| evidence.record = None),
+            spoil_record(|record| record.is_in_order = false),
+            spoil_record(|record| record.dsp = 6),
+            spoil_record(|record| record.states = 8),
+        ] {
+            assert_eq!(found, ["record has every sample received"]);
+        }
         assert_eq!(
             failed(|evidence, _| evidence.residue = 1),
             ["nothing left in shared memory"]

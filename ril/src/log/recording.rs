@@ -24,6 +24,15 @@ pub trait Recording {
     /// As [`Recording::begin`].
     fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError>;
 
+    /// Looks for what was written since the last look, where [`Recording::next`] does not see it by itself.
+    ///
+    /// # Errors
+    ///
+    /// As [`Recording::begin`].
+    fn refresh(&mut self) -> Result<(), ReadError> {
+        Ok(())
+    }
+
     /// Bytes at the end of the file that are no whole row (yet).
     fn unfinished_bytes(&self) -> usize;
 
@@ -53,34 +62,25 @@ impl<R: BufRead> Recording for LogReader<R> {
     }
 }
 
-/// A format of log files.
+/// A format of log files: the one place to add another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// The tab-separated values that status writes.
     Tsv,
+    /// The flight records of `ril record`.
+    Mcap,
 }
 
 /// How an MCAP file begins.
 const MCAP: &[u8] = b"\x89MCAP";
 
 impl Format {
-    /// The format of a file that begins with `beginning`, or why there is none that can be read.
-    ///
-    /// # Errors
-    ///
-    /// The reason, as the end of a sentence.
-    pub fn of(beginning: &[u8]) -> Result<Format, &'static str> {
-        if beginning.starts_with(MCAP) {
-            return Err("it is an MCAP file, which this version does not read");
-        }
-        // The first line says more; an empty file may be a log to which nothing was written yet.
-        Ok(Format::Tsv)
-    }
-
-    /// A reader of this format.
-    pub fn read<'a>(self, input: impl BufRead + 'a) -> Box<dyn Recording + 'a> {
-        match self {
-            Format::Tsv => Box::new(LogReader::new(input)),
+    /// The format of a file that begins with `beginning`.
+    pub fn of(beginning: &[u8]) -> Format {
+        match beginning.starts_with(MCAP) {
+            true => Format::Mcap,
+            // The first line says more; an empty file may be a log to which nothing was written yet.
+            false => Format::Tsv,
         }
     }
 }

@@ -19,6 +19,9 @@ const GAP_NS: u64 = 1_000_000_000;
 /// centimetres with each sample; shorter steps would add them up to a way.
 const STEP_M: f64 = 1.0;
 
+/// A step longer than this is none of a helicopter, m: a damaged number, or the next fix after a time without one.
+const MAX_STEP_M: f64 = 1000.0;
+
 /// Mean radius of the Earth, m. A step is some metres long, so a sphere is exact to 0.5 %.
 const EARTH_RADIUS_M: f64 = 6_371_008.8;
 
@@ -102,6 +105,7 @@ struct Places {
     battery: Option<usize>,
     fuel: Option<usize>,
     dsp_errors: Option<usize>,
+    quality: Option<usize>,
 }
 
 /// Makes a summary of rows.
@@ -169,6 +173,7 @@ impl Summarizer {
                 battery: place("battery_mv"),
                 fuel: place("fuel_percent"),
                 dsp_errors: place("dsp_errors"),
+                quality: place("gps_quality"),
             },
             times: UtcTimes::new(source),
             last: None,
@@ -188,18 +193,21 @@ impl Summarizer {
         self.time(row);
         let summary = &mut self.summary;
         summary.rows += 1;
-        greatest(&mut summary.max_speed_mps, value(self.places.speed));
+        // Without a fix the GPS says zero for everything.
+        let has_fix = value(self.places.quality) != Some(0.0);
+        let by_gps = |place| value(place).filter(|_| has_fix);
+        greatest(&mut summary.max_speed_mps, by_gps(self.places.speed));
         let battery_v = value(self.places.battery).map(|mv| mv / 1000.0);
         course(&mut summary.battery_v, battery_v);
         course(&mut summary.fuel_percent, value(self.places.fuel));
-        if let Some(altitude) = value(self.places.altitude) {
+        if let Some(altitude) = by_gps(self.places.altitude) {
             self.altitude(altitude, row.flying);
         }
-        let place = value(self.places.latitude).zip(value(self.places.longitude));
+        let place = by_gps(self.places.latitude).zip(by_gps(self.places.longitude));
         match place {
             Some(place) if row.flying => self.step(place),
             // The way goes on from where the helicopter takes off next.
-            _ if !row.flying => self.step_from = place,
+            _ if !row.flying => self.step_from = place.or(self.step_from),
             _ => {}
         }
         if let Some(errors) = value(self.places.dsp_errors) {
@@ -269,7 +277,9 @@ impl Summarizer {
         let from = *self.step_from.get_or_insert(to);
         let length_m = length_m(from, to);
         if length_m >= STEP_M {
-            *distance_m += length_m;
+            if length_m <= MAX_STEP_M {
+                *distance_m += length_m;
+            }
             self.step_from = Some(to);
         }
     }

@@ -22,7 +22,7 @@ use ipc_types::service::{EPOCH_OFFSET, SEQUENCE_OFFSET};
 use ipc_types::{Losses, MonotonicNs, Schema, TelemetryGroup, Topic};
 use serde::Serialize;
 
-use crate::messages::count;
+use crate::words::count;
 
 /// What a measurement wants to know of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,8 +2,8 @@
 
 use ipc_types::code::{PortKind, Reason};
 
-use super::FinalReport;
 use super::details::{port_label, port_range};
+use super::final_report::FinalReport;
 
 /// What the reason means, and what the operator can do: behind a colon, if there is something to do.
 pub const fn explain(reason: Reason) -> &'static str {
@@ -95,6 +95,9 @@ pub const fn explain(reason: Reason) -> &'static str {
         }
         Reason::StillOpen => {
             "a request with this id is under way and goes on: send a new request for something else"
+        }
+        Reason::Replayed => {
+            "this is a recorded flight that `ril replay` plays, and no robot: unset RIL_IPC_ROOT, or name the robot that is meant with --robot"
         }
         Reason::NotRemembered => {
             "another bridge may have carried it out: look at the helicopter, then send a new request"

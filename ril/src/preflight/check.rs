@@ -96,7 +96,7 @@ pub fn worst(checks: &[Check]) -> Verdict {
 }
 
 /// How many of `checks` have this verdict.
-pub fn count(checks: &[Check], verdict: Option<Verdict>) -> usize {
+pub fn number_of(checks: &[Check], verdict: Option<Verdict>) -> usize {
     let alike = checks.iter().filter(|check| check.verdict == verdict);
     alike.count()
 }

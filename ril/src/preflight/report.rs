@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::check::{Check, Verdict, count, worst};
+use super::check::{Check, Verdict, number_of, worst};
+use crate::words::{count, wrap};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Preflight.v1";
@@ -34,9 +35,9 @@ impl Report {
             schema: SCHEMA,
             robot,
             verdict: worst(&checks),
-            failed: count(&checks, Some(Verdict::Fail)),
-            warned: count(&checks, Some(Verdict::Warn)),
-            passed: count(&checks, Some(Verdict::Pass)),
+            failed: number_of(&checks, Some(Verdict::Fail)),
+            warned: number_of(&checks, Some(Verdict::Warn)),
+            passed: number_of(&checks, Some(Verdict::Pass)),
             unchecked: checks.iter().filter(|check| !check.checked).count(),
             checks,
         }
@@ -49,15 +50,8 @@ impl Report {
 
     /// All of it in a few words.
     pub fn summary(&self) -> String {
-        let warnings = if self.warned == 1 {
-            "warning"
-        } else {
-            "warnings"
-        };
-        let mut text = format!(
-            "{} failed, {} {warnings}, {} passed",
-            self.failed, self.warned, self.passed
-        );
+        let warnings = count(self.warned, "warning");
+        let mut text = format!("{} failed, {warnings}, {} passed", self.failed, self.passed);
         if self.unchecked > 0 {
             // Writing to a string cannot fail.
             let _ = write!(text, ", {} could not be checked", self.unchecked);
@@ -129,31 +123,9 @@ fn lines(check: &Check, width: usize, text: &mut String) {
         let _ = write!(value, "; limit: {limit}");
     }
     let head = format!("{mark:<5} {:<16}", check.id);
-    wrap(&head, &value, width, text);
+    *text += &wrap(&head, &value, width);
     if let Some(next_step) = check.next_step.as_ref().filter(|_| !is_right) {
         let next_step = format!("→ {next_step}");
-        wrap("", &next_step, width, text);
+        *text += &wrap(&" ".repeat(INDENT), &next_step, width);
     }
-}
-
-/// Appends `words` behind `head`, in lines of at most `width` characters that begin at the same column.
-fn wrap(head: &str, words: &str, width: usize, text: &mut String) {
-    let mut line = format!("{head:<INDENT$}");
-    let mut is_empty = true;
-    for word in words.split_whitespace() {
-        let length = line.chars().count() + word.chars().count() + usize::from(!is_empty);
-        if length > width && !is_empty {
-            text.push_str(line.trim_end());
-            text.push('\n');
-            line = " ".repeat(INDENT);
-            is_empty = true;
-        }
-        if !is_empty {
-            line.push(' ');
-        }
-        line.push_str(word);
-        is_empty = false;
-    }
-    text.push_str(line.trim_end());
-    text.push('\n');
 }

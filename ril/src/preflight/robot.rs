@@ -9,6 +9,7 @@ use super::facts::Facts;
 use super::limits::Limits;
 use crate::commands::doctor::facts::Provided;
 use crate::messages::details::dsp_error;
+use crate::words::count;
 
 /// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
 /// 20 s of status messages.
@@ -142,7 +143,7 @@ fn losses(facts: &Facts, limits: &Limits) -> Check {
     let percent = rejected as f64 * 100.0 / all.max(LEAST_MESSAGES) as f64;
     let value = format!(
         "{percent:.2} % of {all} messages rejected, {} repeated and {} failed",
-        plural(link.commands_repeated, "command"),
+        count(link.commands_repeated, "command"),
         link.commands_failed,
     );
     let next_step = "look at cable, ground and `baud_rate`; `ril status` has the counters";
@@ -160,12 +161,6 @@ fn losses(facts: &Facts, limits: &Limits) -> Check {
     ))
 }
 
-/// A number with its noun.
-fn plural(number: u32, noun: &str) -> String {
-    let ending = if number == 1 { "" } else { "s" };
-    format!("{number} {noun}{ending}")
-}
-
 fn dsp_errors(facts: &Facts) -> Check {
     const ID: &str = "dsp-errors";
     let state = match state(facts, ID) {
@@ -179,7 +174,7 @@ fn dsp_errors(facts: &Facts) -> Check {
             ID,
             format!(
                 "{} since the bridge began, last {}",
-                plural(total, "error"),
+                count(total, "error"),
                 dsp_error(errors.last_code)
             ),
             "find the cause; `ril status` counts them by code",

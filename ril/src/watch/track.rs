@@ -34,30 +34,37 @@ pub fn distance_m(from: Place, to: Place) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Track {
     points: Vec<Place>,
+    most: usize,
     spacing_m: f64,
 }
 
 impl Default for Track {
     fn default() -> Self {
-        Track {
-            points: Vec::new(),
-            spacing_m: FIRST_SPACING_M,
-        }
+        Track::with_room(MAX_POINTS)
     }
 }
 
 impl Track {
+    /// A track of at most `most` points, for more than a terminal shows.
+    pub fn with_room(most: usize) -> Track {
+        Track {
+            points: Vec::new(),
+            most: most.max(2),
+            spacing_m: FIRST_SPACING_M,
+        }
+    }
+
     /// Takes the present place.
     pub fn push(&mut self, place: Place) {
         if let Some(last) = self.points.last() {
             let distance_m = distance_m(*last, place);
             if distance_m > MAX_JUMP_M {
-                *self = Track::default();
+                *self = Track::with_room(self.most);
             } else if distance_m < self.spacing_m {
                 return;
             }
         }
-        if self.points.len() == MAX_POINTS {
+        if self.points.len() == self.most {
             let mut index = 0;
             self.points.retain(|_| {
                 index += 1;

@@ -88,6 +88,102 @@ fn a_real_flight_is_listed_summed_up_and_converted() {
     assert!(tail[2].contains("  flying=0  altitude_m="), "{tail:#?}");
     let tail = rig.run("log tail -n 2 --json", 0).stdout;
     assert_eq!(json(&tail[1])["schema"], "ril.LogRow.v1");
+
+    // The flight as a page: named after the log, in the working directory.
+    let said = on_terminal(&rig, "log report", 0);
+    let name = Path::new(listed["file"].as_str().unwrap())
+        .file_stem()
+        .unwrap();
+    let page = rig.folder().join(name).with_extension("html");
+    assert!(
+        said[0].contains(page.file_name().unwrap().to_str().unwrap()),
+        "{said:#?}"
+    );
+    let html = fs::read_to_string(&page).unwrap();
+    for expected in [
+        "<!DOCTYPE html>",
+        "Flight of robot 1",
+        "took off",
+        "landed",
+        "in the air",
+        "<polyline",
+    ] {
+        assert!(html.contains(expected), "{expected}");
+    }
+}
+
+#[test]
+fn a_report_says_what_was_written_and_never_takes_the_place_of_the_log() {
+    let rig = Rig::new();
+    let text: String = (1..=20).map(row).collect();
+    let log = write(
+        &rig,
+        "hero(1)_22_11_26-10_00_00.tsv",
+        (HEADER.to_owned() + &text).as_bytes(),
+    );
+    rig.write(
+        "plan.waypoints",
+        "QGC WPL 110\n1\t0\t3\t16\t0\t0\t0\t0\t37.4113\t-6.001\t18\t1\n",
+    );
+    let finished = rig.run(
+        "log report --json --output page.html --svg plots --plan plan.waypoints",
+        0,
+    );
+    let object = json(&finished.stdout[0]);
+    assert_eq!(
+        (&object["schema"], &object["samples"], &object["alarms"]),
+        (&"ril.LogReport.v1".into(), &20.into(), &0.into())
+    );
+    assert_eq!(object["output"], "page.html");
+    let plots: Vec<&str> = object["plots"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|plot| plot.as_str())
+        .collect();
+    assert_eq!(
+        plots,
+        [
+            "plots/track.svg",
+            "plots/timeline.svg",
+            "plots/altitude.svg",
+            "plots/link.svg",
+            "plots/ages.svg"
+        ]
+    );
+    for plot in plots {
+        let svg = fs::read_to_string(rig.folder().join(plot)).unwrap();
+        roxmltree::Document::parse(&svg).unwrap();
+    }
+    // Again: the page is replaced, and nothing else is left.
+    rig.run("log report --output page.html", 0);
+    let before = fs::read(&log).unwrap();
+    let own = format!(
+        "log report --output {}",
+        log.strip_prefix(rig.folder()).unwrap().display()
+    );
+    let refused = rig.run(&own, 2);
+    assert!(
+        says(&refused.stderr, "that is the log itself"),
+        "{refused:#?}"
+    );
+    assert_eq!(fs::read(&log).unwrap(), before);
+    for (command, expected) in [
+        ("log report --output absent/page.html", "cannot be written"),
+        ("log report --output plots", "it is no regular file"),
+        ("log report --plan absent.plan", "absent.plan"),
+    ] {
+        let finished = rig.run(command, 2);
+        assert!(says(&finished.stderr, expected), "{command}: {finished:#?}");
+    }
+    let names = fs::read_dir(rig.folder())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
+    assert!(
+        !names
+            .into_iter()
+            .any(|name| name.to_string_lossy().starts_with(".ril-report"))
+    );
 }
 
 #[test]
@@ -163,6 +259,13 @@ fn damaged_and_cut_files_give_what_can_be_read_and_say_so() {
         ),
         "{finished:#?}"
     );
+    let finished = rig.run("log report --output damaged.html", 8);
+    assert!(
+        says(&finished.stderr, "1 damaged lines and ends with 8 bytes"),
+        "{finished:#?}"
+    );
+    let page = fs::read_to_string(rig.folder().join("damaged.html")).unwrap();
+    assert!(page.contains("the recording is damaged: line 3"), "{page}");
     let finished = rig.run("log tail", 0);
     assert_eq!(finished.stdout.len(), 2, "{finished:#?}");
     let listed = json(&rig.run("log list --json", 0).stdout[0]);
@@ -188,19 +291,14 @@ fn damaged_and_cut_files_give_what_can_be_read_and_say_so() {
 fn what_is_no_log_is_refused_with_the_reason() {
     let rig = Rig::new();
     rig.write("notes.txt", "milk, bread\n");
-    fs::write(rig.folder().join("flight.mcap"), b"\x89MCAP0\r\n").unwrap();
     rig.write("empty.tsv", "");
     rig.write("header.tsv", HEADER);
     mkfifoat(CWD, rig.folder().join("pipe"), Mode::RUSR | Mode::WUSR).unwrap();
-    for verb in ["summary", "csv", "tail"] {
+    for verb in ["summary", "csv", "tail", "report"] {
         for (file, expected) in [
             (
                 "notes.txt",
                 "it is no log of the RIL: its first line begins with milk, bread",
-            ),
-            (
-                "flight.mcap",
-                "it is an MCAP file, which this version does not read",
             ),
             ("empty.tsv", "it has no first line"),
             ("pipe", "it is no regular file"),

@@ -4,17 +4,19 @@
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs;
-use std::process::Command;
+use std::path::Path;
+use std::process;
 
-use ril::cli::Cli;
+use ril::cli::{Cli, Command};
 use runtime::exit::ExitCode;
 
 use super::common::Rig;
 use super::{has, repository};
 
-const UNITS: [&str; 4] = [
+const UNITS: [&str; 5] = [
     "ril-bridge@.service",
     "ril-status@.service",
+    "ril-record@.service",
     "ril-relay@.service",
     "ril@.target",
 ];
@@ -82,10 +84,7 @@ fn each_unit_starts_a_process_that_there_is_with_a_file_that_is_installed() {
             "{name}: no package has {}",
             line[0]
         );
-        let read = |line: &[&str]| Cli::read(line.iter().map(OsString::from));
-        // Before there was `ril run`, the process was the verb itself.
-        let former: Vec<&str> = line.iter().copied().filter(|word| *word != "run").collect();
-        let command = match read(&line).or_else(|_| read(&former)) {
+        let command = match Cli::read(line.iter().map(OsString::from)) {
             Ok((cli, _)) => cli.command,
             Err(error) => panic!("{name}: {error}"),
         };
@@ -96,6 +95,27 @@ fn each_unit_starts_a_process_that_there_is_with_a_file_that_is_installed() {
             assets.contains_key(&config),
             "{name}: no package has {config}"
         );
+    }
+    let record = unit("ril-record@.service");
+    let line: Vec<&str> = only(&record, "ExecStart").split(' ').collect();
+    match Cli::read(line.iter().map(OsString::from)) {
+        Ok((
+            Cli {
+                command: Command::Record(args),
+                ..
+            },
+            _,
+        )) => {
+            assert_eq!((args.common.robot.get(), args.flights), (7, true));
+            // That is where the unit lets it write.
+            assert_eq!(args.output.to_str(), Some("/var/log/hero"));
+            assert_eq!(only(&record, "LogsDirectory"), "hero");
+            for (file, name) in [(args.bridge, "bridge"), (args.status, "status")] {
+                let expected = format!("/etc/hero/robot-7/{name}.toml");
+                assert_eq!(file.as_deref().and_then(Path::to_str), Some(&*expected));
+            }
+        }
+        other => panic!("{other:?}"),
     }
     let relay = unit("ril-relay@.service");
     let line = only(&relay, "ExecStart");
@@ -142,7 +162,7 @@ fn a_service_is_watched_and_restarted_unless_that_cannot_help() {
 
 #[test]
 fn the_services_are_hardly_exposed() {
-    let offline = Command::new("systemd-analyze")
+    let offline = process::Command::new("systemd-analyze")
         .args(["security", "--offline=true", "--help"])
         .output();
     if !has(
@@ -157,7 +177,7 @@ fn the_services_are_hardly_exposed() {
     for name in UNITS.iter().filter(|name| name.ends_with(".service")) {
         let instance = rig.folder().join(name.replace('@', "@1"));
         fs::copy(repository("package/systemd").join(name), &instance).unwrap();
-        let output = Command::new("systemd-analyze")
+        let output = process::Command::new("systemd-analyze")
             .args(["security", "--no-pager", "--offline=true"])
             .arg(format!("--threshold={MAX_EXPOSURE_TENTHS}"))
             .arg(&instance)
@@ -171,18 +191,15 @@ fn the_services_are_hardly_exposed() {
 #[test]
 fn the_configuration_of_the_package_is_taken_by_the_processes() {
     let rig = Rig::new();
-    let made = Command::new("sh")
+    let made = process::Command::new("sh")
         .arg(repository("package/configuration"))
         .arg(rig.folder().join("etc"))
         .output()
         .unwrap();
     assert!(made.status.success(), "{made:?}");
     for process in ["bridge", "status"] {
-        // Before there was `ril run`, the process was the verb itself.
-        let run = Cli::read(["ril", "run", process].map(OsString::from)).is_ok();
-        let process_verb = if run { "run " } else { "" };
         rig.run(
-            &format!("{process_verb}{process} --check-config --config etc/{process}.toml"),
+            &format!("run {process} --check-config --config etc/{process}.toml"),
             0,
         );
     }
@@ -258,7 +275,11 @@ fn the_packages_list_files_that_there_are_and_scripts_that_a_shell_reads() {
         "relay/postrm",
     ] {
         let path = repository("package").join(script);
-        let read = Command::new("sh").arg("-n").arg(&path).output().unwrap();
+        let read = process::Command::new("sh")
+            .arg("-n")
+            .arg(&path)
+            .output()
+            .unwrap();
         assert!(read.status.success(), "{script}: {read:?}");
     }
 }

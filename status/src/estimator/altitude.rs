@@ -22,7 +22,7 @@
 
 use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::kalman::{Gaussian, Matrix, Measurement};
 use super::{Estimator, INPUT_BAROMETER, INPUT_GPS, INPUT_SONAR};
@@ -77,7 +77,7 @@ const UNKNOWN_SPEED_M2PS2: f64 = 100.0;
 const ADC_ENDS: [u32; 2] = [0, 4095];
 
 /// `[estimator.altitude]`: the standard deviation of each input.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AltitudeConfig {
     /// GPS altitude with the carrier phase resolved (fix quality 4), m.
@@ -186,8 +186,10 @@ struct Reading {
 }
 
 /// The estimator.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct AltitudeEstimator {
+    /// Not of what is saved.
+    #[serde(skip)]
     config: AltitudeConfig,
     state: Gaussian<STATES>,
     previous: Option<Moment>,
@@ -391,10 +393,23 @@ impl Estimator for AltitudeEstimator {
         }
         self.estimate(inputs)
     }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        postcard::to_allocvec(self).ok()
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        let Ok(saved) = postcard::from_bytes::<AltitudeEstimator>(bytes) else {
+            return false;
+        };
+        let config = self.config.clone();
+        *self = AltitudeEstimator { config, ..saved };
+        true
+    }
 }
 
 /// When a sample was taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Moment {
     epoch_ns: u64,
     dsp_boots: u32,

@@ -1,12 +1,12 @@
 //! `[estimator]` in `status.toml`.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::Estimator;
 use super::altitude::{AltitudeConfig, AltitudeEstimator};
 
 /// Which estimator runs, and its figures.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EstimatorConfig {
     /// Which one.
@@ -16,7 +16,7 @@ pub struct EstimatorConfig {
 }
 
 /// The estimators that can be chosen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EstimatorKind {
     /// None: the estimate is never valid.

@@ -1,5 +1,8 @@
 //! A Kalman filter of `N` states that takes one measured number at a time. No allocation, no matrix inversion.
 
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 /// A square matrix, row by row.
 pub type Matrix<const N: usize> = [[f64; N]; N];
 
@@ -39,7 +42,40 @@ impl Innovation {
     }
 }
 
+/// The means, and the covariances row by row.
+impl<const N: usize> Serialize for Gaussian<N> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let numbers: Vec<f64> = self.numbers().collect();
+        numbers.serialize(to)
+    }
+}
+
+impl<'de, const N: usize> Deserialize<'de> for Gaussian<N> {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let numbers = Vec::<f64>::deserialize(from)?;
+        if numbers.len() != N + N * N {
+            let wanted = "means and covariances";
+            return Err(D::Error::invalid_length(numbers.len(), &wanted));
+        }
+        let mut gaussian = Gaussian {
+            mean: [0.0; N],
+            covariance: [[0.0; N]; N],
+        };
+        let (mean, covariance) = numbers.split_at(N);
+        gaussian.mean.copy_from_slice(mean);
+        for (row, numbers) in gaussian.covariance.iter_mut().zip(covariance.chunks(N)) {
+            row.copy_from_slice(numbers);
+        }
+        Ok(gaussian)
+    }
+}
+
 impl<const N: usize> Gaussian<N> {
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let covariance = self.covariance.iter().flatten();
+        self.mean.iter().chain(covariance).copied()
+    }
+
     /// Independent states with these means and variances.
     pub fn independent(mean: [f64; N], variances: [f64; N]) -> Gaussian<N> {
         let mut covariance = [[0.0; N]; N];
@@ -106,8 +142,7 @@ impl<const N: usize> Gaussian<N> {
 
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
-        let numbers = self.mean.iter().chain(self.covariance.iter().flatten());
-        numbers.into_iter().all(|number| number.is_finite())
+        self.numbers().all(f64::is_finite)
     }
 }
 

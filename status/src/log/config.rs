@@ -31,6 +31,17 @@ pub struct Limits {
     pub min_free_bytes: u64,
 }
 
+impl Limits {
+    /// How much must be free so that something is written, bytes. To go on after a pause takes an eighth more, so that other
+    /// programs that use and free room at the limit do not make the log pause again and again.
+    pub const fn needed_bytes(&self, is_pausing: bool) -> u64 {
+        match is_pausing {
+            true => self.min_free_bytes.saturating_add(self.min_free_bytes / 8),
+            false => self.min_free_bytes,
+        }
+    }
+}
+
 /// How the files of a log are called.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -3,7 +3,8 @@
 //! The time is UTC: it does not jump with summer time, and logs of machines in several zones are in order.
 //!
 //! The name alone says to which log a file belongs: a log removes old files of its own [`Series`] only. That is why a
-//! number that tells two files of the same second apart begins with a dot, which no log's name has.
+//! number that tells two files of the same second apart begins with a dot, which no log's name has. Flight records, which
+//! `ril record` writes, are named in the same way with another ending.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -13,8 +14,27 @@ use ipc_types::RobotId;
 use super::clock::Utc;
 use super::config::{FileNameFormat, LogConfig, LogName};
 
-/// Ends every name.
-const EXTENSION: &str = ".tsv";
+/// What a file holds, which the end of its name says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// Rows of tab-separated values: a log of status.
+    Tsv,
+    /// A flight record in the format MCAP.
+    Mcap,
+}
+
+impl FileKind {
+    /// All kinds.
+    pub const ALL: [FileKind; 2] = [FileKind::Tsv, FileKind::Mcap];
+
+    /// Ends every name of a file of this kind.
+    pub const fn extension(self) -> &'static str {
+        match self {
+            FileKind::Tsv => ".tsv",
+            FileKind::Mcap => ".mcap",
+        }
+    }
+}
 
 /// When a file was created, as its name says; of two files of a series, the later is the greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,6 +51,7 @@ pub struct Series {
     robot: RobotId,
     name: LogName,
     format: FileNameFormat,
+    kind: FileKind,
 }
 
 impl Series {
@@ -40,6 +61,17 @@ impl Series {
             robot,
             name: config.name.clone(),
             format: config.file_name,
+            kind: FileKind::Tsv,
+        }
+    }
+
+    /// The flight records of `robot`, whose names are in the order of time.
+    pub fn of_records(robot: RobotId) -> Series {
+        Series {
+            robot,
+            name: LogName::default(),
+            format: FileNameFormat::Sortable,
+            kind: FileKind::Mcap,
         }
     }
 
@@ -51,7 +83,7 @@ impl Series {
     /// What the log is called in messages that are about no single file: `directory` and the files' names as a shell's
     /// pattern.
     pub fn label(&self, directory: &Path) -> String {
-        let pattern = file_name(&self.with_time("*"), 1);
+        let pattern = file_name(&self.with_time("*"), 1, self.kind);
         directory.join(pattern).display().to_string()
     }
 
@@ -62,13 +94,13 @@ impl Series {
             let (text, rest) = rest.split_at_checked(time_chars(format))?;
             let at = parse_time(format, text)?;
             let (_, number) = rest
-                .strip_suffix(EXTENSION)?
+                .strip_suffix(self.kind.extension())?
                 .split_once('.')
                 .unwrap_or(("", "1"));
             let number = number.parse().ok()?;
             // The name is of this series only if this series could give it.
             let stem = self.with_time(&time(format, at));
-            let own = at.is_plausible() && file_name(&stem, number) == name;
+            let own = at.is_plausible() && file_name(&stem, number, self.kind) == name;
             own.then_some(Stamp { at, number })
         })
     }
@@ -76,6 +108,11 @@ impl Series {
     /// The robot whose files these are.
     pub fn robot(&self) -> RobotId {
         self.robot
+    }
+
+    /// What the files hold.
+    pub fn kind(&self) -> FileKind {
+        self.kind
     }
 
     /// The log's name; empty when it has none.
@@ -99,15 +136,17 @@ impl Series {
 pub fn recognize(name: &str) -> Option<(Series, Stamp)> {
     let (robot, rest) = name.strip_prefix("hero(")?.split_once(")_")?;
     let robot = RobotId::new(robot.parse().ok()?)?;
-    let (stem, _) = rest
-        .strip_suffix(EXTENSION)
-        .map(|stem| stem.split_once('.').unwrap_or((stem, "")))?;
+    let (kind, stem) = FileKind::ALL.into_iter().find_map(|kind| {
+        let stem = rest.strip_suffix(kind.extension())?;
+        Some((kind, stem.split_once('.').map_or(stem, |(stem, _)| stem)))
+    })?;
     FileNameFormat::ALL.into_iter().find_map(|format| {
         let (_, log) = stem.split_at_checked(time_chars(format))?;
         let series = Series {
             robot,
             name: log.strip_prefix('_').unwrap_or(log).parse().ok()?,
             format,
+            kind,
         };
         let stamp = series.stamp(name)?;
         Some((series, stamp))
@@ -167,10 +206,11 @@ fn parse_time(format: FileNameFormat, text: &str) -> Option<Utc> {
 }
 
 /// The name of the `number`-th file that begins with `stem`: `STEM.tsv`, `STEM.2.tsv`, …
-pub fn file_name(stem: &str, number: u32) -> String {
+pub fn file_name(stem: &str, number: u32, kind: FileKind) -> String {
+    let extension = kind.extension();
     match number {
-        1 => format!("{stem}{EXTENSION}"),
-        _ => format!("{stem}.{number}{EXTENSION}"),
+        1 => format!("{stem}{extension}"),
+        _ => format!("{stem}.{number}{extension}"),
     }
 }
 
@@ -183,6 +223,7 @@ mod tests {
             robot: RobotId::new(robot).unwrap(),
             name: name.parse().unwrap(),
             format: FileNameFormat::Source,
+            kind: FileKind::Tsv,
         }
     }
 
@@ -210,9 +251,10 @@ mod tests {
             series(12, "imu_2"),
             sortable(7, ""),
             sortable(7, "imu"),
+            Series::of_records(RobotId::new(7).unwrap()),
         ] {
             for number in [1, 2, 10] {
-                let name = file_name(&owner.stem(at), number);
+                let name = file_name(&owner.stem(at), number, owner.kind());
                 assert_eq!(
                     recognize(&name),
                     Some((owner.clone(), Stamp { at, number })),
@@ -255,7 +297,7 @@ mod tests {
             (series(1, "imu"), sortable(1, "imu")),
             (sortable(1, "imu"), series(1, "imu")),
         ] {
-            let name = file_name(&old.stem(at), 2);
+            let name = file_name(&old.stem(at), 2, FileKind::Tsv);
             assert_eq!(new.stamp(&name), Some(Stamp { at, number: 2 }), "{name}");
         }
     }
@@ -275,12 +317,13 @@ mod tests {
             sortable(2, "imu"),
             sortable(2, "28_08_06-20_39_26"),
             sortable(2, "2006-08-28T20-39-26Z"),
+            Series::of_records(RobotId::new(2).unwrap()),
         ];
         for second in [0, 1_156_797_566, 1_709_164_800] {
             for owner in &all {
                 for number in [1, 2, 10, 100] {
                     let at = Utc::from_unix(second);
-                    let name = file_name(&owner.stem(at), number);
+                    let name = file_name(&owner.stem(at), number, owner.kind());
                     let owners = all.iter().filter(|series| series.stamp(&name).is_some());
                     assert_eq!(owners.collect::<Vec<_>>(), [owner], "{name}");
                     assert_eq!(owner.stamp(&name), Some(Stamp { at, number }));

@@ -25,6 +25,8 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{self, BufRead};
 
+use ipc_types::payload::DspTelemetry;
+
 use super::clock::IsoTime;
 use super::tsv::UTC;
 use crate::fields;
@@ -71,6 +73,18 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
+    /// The row of a sample that does not come from a text, such as one of a flight record: `line` has its cells, in the order of
+    /// the columns and divided by tabs.
+    pub fn of_sample(sample: &DspTelemetry, unix_ns: Option<u64>, line: &'a str) -> Row<'a> {
+        Row {
+            flying: sample.is_flying(),
+            sequence: sample.sequence,
+            received_ns: sample.received_ns,
+            unix_ns,
+            line,
+        }
+    }
+
     /// The cells in the order of the columns; those of groups that were not transmitted are empty.
     pub fn cells(&self) -> impl Iterator<Item = &'a str> + use<'a> {
         self.line.split('\t')
@@ -109,11 +123,16 @@ pub enum DamageReason {
         /// The cell, shortened.
         found: String,
     },
+    /// Bytes of a file whose parts are no lines.
+    Bytes(String),
 }
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: {}", self.line, self.reason)
+        match &self.reason {
+            DamageReason::Bytes(reason) => f.write_str(reason),
+            reason => write!(f, "line {}: {reason}", self.line),
+        }
     }
 }
 
@@ -130,6 +149,7 @@ impl fmt::Display for DamageReason {
                 expected,
                 found,
             } => write!(f, "`{column}` is no {expected}: {found}"),
+            DamageReason::Bytes(reason) => f.write_str(reason),
         }
     }
 }

@@ -14,7 +14,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use ipc_types::{MonotonicNs, files};
 
 use super::clock::ClockAnchor;
-use super::file_name::file_name;
+use super::file_name::{FileKind, file_name};
 use super::tsv::whole_rows;
 
 /// How many names are tried when files of that name exist: far more than a process creates within one second. Beyond it
@@ -68,11 +68,16 @@ pub trait Store {
     /// The file is as it was.
     fn truncate_partial_row(&mut self, file: &Path) -> io::Result<u64>;
 
-    /// Creates a new file in `directory` whose name begins with `stem`.
+    /// Creates a new file of this kind in `directory` whose name begins with `stem`.
     ///
     /// # Errors
     /// It cannot be created.
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, Self::File)>;
+    fn create(
+        &mut self,
+        directory: &Path,
+        stem: &str,
+        kind: FileKind,
+    ) -> io::Result<(PathBuf, Self::File)>;
 }
 
 /// A file of a log. Each `write` may take a part of what it is given.
@@ -169,9 +174,14 @@ impl Store for FileStore {
         }
     }
 
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, File)> {
+    fn create(
+        &mut self,
+        directory: &Path,
+        stem: &str,
+        kind: FileKind,
+    ) -> io::Result<(PathBuf, File)> {
         for number in 1..=MAX_TRIES {
-            let path = directory.join(file_name(stem, number));
+            let path = directory.join(file_name(stem, number, kind));
             match files::create_new(&path) {
                 Ok(file) => {
                     // Tells `truncate_partial_row` that it is being written. Without locks nothing is truncated.
@@ -214,7 +224,7 @@ mod tests {
         let directory = folder.path().join("a/b");
         FileStore.prepare(&directory).unwrap();
         for expected in ["x.tsv", "x.2.tsv", "x.3.tsv"] {
-            let (path, mut file) = FileStore.create(&directory, "x").unwrap();
+            let (path, mut file) = FileStore.create(&directory, "x", FileKind::Tsv).unwrap();
             file.write_all(expected.as_bytes()).unwrap();
             assert_eq!(path, directory.join(expected));
         }
@@ -226,9 +236,11 @@ mod tests {
     fn names_run_out_before_anything_is_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         for _ in 0..MAX_TRIES {
-            FileStore.create(folder.path(), "x").unwrap();
+            FileStore.create(folder.path(), "x", FileKind::Tsv).unwrap();
         }
-        let error = FileStore.create(folder.path(), "x").unwrap_err();
+        let error = FileStore
+            .create(folder.path(), "x", FileKind::Tsv)
+            .unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::AlreadyExists);
     }
 
@@ -239,7 +251,7 @@ mod tests {
         fs::write(&file, "").unwrap();
         let directory = file.join("log");
         assert!(FileStore.prepare(&directory).is_err());
-        assert!(FileStore.create(&directory, "x").is_err());
+        assert!(FileStore.create(&directory, "x", FileKind::Tsv).is_err());
         assert!(FileStore.list(&directory, &|_| true).is_err());
         assert!(FileStore.free_bytes(&directory).is_err());
     }
@@ -282,7 +294,7 @@ mod tests {
     #[test]
     fn a_file_that_is_being_written_is_not_truncated() {
         let folder = tempfile::tempdir().unwrap();
-        let (path, mut file) = FileStore.create(folder.path(), "x").unwrap();
+        let (path, mut file) = FileStore.create(folder.path(), "x", FileKind::Tsv).unwrap();
         file.write_all(b"whole\nha").unwrap();
         assert!(FileStore.truncate_partial_row(&path).is_err());
         file.write_all(b"lf\n").unwrap();
@@ -294,7 +306,7 @@ mod tests {
     #[test]
     fn a_file_is_truncated_removed_and_missed() {
         let folder = tempfile::tempdir().unwrap();
-        let (path, mut file) = FileStore.create(folder.path(), "x").unwrap();
+        let (path, mut file) = FileStore.create(folder.path(), "x", FileKind::Tsv).unwrap();
         file.write_all(b"whole\nha").unwrap();
         file.truncate(6).unwrap();
         file.sync().unwrap();

@@ -263,16 +263,10 @@ impl<S: Store> LogWriter<S> {
         }
     }
 
-    /// Whether the disk has as much room as must be left. To go on after a pause takes an eighth more, so that other
-    /// programs that use and free room at the limit do not make the log pause again and again.
+    /// Whether the disk has as much room as must be left.
     fn check_free_space(&mut self) -> Attempt<()> {
-        let floor = self.limits.min_free_bytes;
         let pausing = matches!(&self.trouble, Some(trouble) if trouble.is_low_space);
-        let needed = if pausing {
-            floor.saturating_add(floor / 8)
-        } else {
-            floor
-        };
+        let needed = self.limits.needed_bytes(pausing);
         if needed == 0 {
             return Ok(());
         }
@@ -280,7 +274,7 @@ impl<S: Store> LogWriter<S> {
             Ok(free_bytes) if free_bytes < needed => Err(LogEvent::Paused {
                 log: self.label.clone(),
                 free_bytes,
-                min_free_bytes: floor,
+                min_free_bytes: self.limits.min_free_bytes,
             }),
             // If the system does not say, writing will show.
             Ok(_) | Err(_) => Ok(()),
@@ -305,8 +299,9 @@ impl<S: Store> LogWriter<S> {
 
         let clock = self.store.clock();
         self.table.set_clock(clock);
-        let stem = self.retention.series().stem(clock.utc());
-        let created = self.store.create(&self.directory, &stem);
+        let series = self.retention.series();
+        let (stem, kind) = (series.stem(clock.utc()), series.kind());
+        let created = self.store.create(&self.directory, &stem, kind);
         let (path, file) = created.map_err(|error| self.in_directory(error))?;
         let mut header = Vec::new();
         self.table.header(&mut header);

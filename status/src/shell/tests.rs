@@ -17,6 +17,7 @@ use crate::core::Event;
 use crate::log::clock::ClockAnchor;
 use crate::log::config::LogConfig;
 use crate::log::event::{LogEvent, LogSummary, WriterEnd, Written};
+use crate::log::file_name::FileKind;
 use crate::log::groups::LogGroups;
 use crate::log::queue::QUEUE_SAMPLES;
 use crate::log::store::LogFile;
@@ -102,9 +103,14 @@ impl Store for HangingStore {
         FileStore.truncate_partial_row(file)
     }
 
-    fn create(&mut self, directory: &Path, stem: &str) -> io::Result<(PathBuf, HangingFile)> {
+    fn create(
+        &mut self,
+        directory: &Path,
+        stem: &str,
+        kind: FileKind,
+    ) -> io::Result<(PathBuf, HangingFile)> {
         self.act();
-        let (path, file) = FileStore.create(directory, stem)?;
+        let (path, file) = FileStore.create(directory, stem, kind)?;
         let store = self.clone();
         Ok((path, HangingFile { store, file }))
     }

@@ -1,10 +1,11 @@
-//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries and random bytes, all of them
-//! in virtual time. Prints the rows of its table.
+//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes and replays,
+//! all of them in virtual time. Every mission is verified by replaying its journals. Prints the rows of its table.
 //!
 //! ```sh
 //! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000] [--kind noise]
 //! cargo run --release -p ril-tests --example figures -- delivery [--seeds 0..14000]
 //! cargo run --release -p ril-tests --example figures -- bytes [--bytes 1e9] [--seed 1]
+//! cargo run --release -p ril-tests --example figures -- replay [--seconds 600]
 //! ```
 //!
 //! The same seeds give the same figures. A failure prints its seed, and `--seeds 17` repeats it alone; the exit code is
@@ -14,6 +15,7 @@
 #![allow(dead_code)]
 
 mod bytes;
+mod replays;
 
 #[path = "../../tests/missions/buffer.rs"]
 mod buffer;
@@ -31,6 +33,8 @@ mod dice;
 mod operator;
 #[path = "../../tests/missions/plausible.rs"]
 mod plausible;
+#[path = "../../tests/missions/recording.rs"]
+mod recording;
 #[path = "../../tests/missions/seeds.rs"]
 mod seeds;
 #[path = "../../tests/missions/truth.rs"]
@@ -58,7 +62,7 @@ use dsp_protocol::Profile;
 static ALLOCATOR: Counting = Counting;
 
 const USAGE: &str = "figures missions [--seeds FIRST..END] [--kind KIND]\nfigures delivery [--seeds FIRST..END]\n\
-     figures bytes [--bytes N] [--seed N]";
+     figures bytes [--bytes N] [--seed N]\nfigures replay [--seconds N]";
 
 /// What is to be measured.
 enum Measure {
@@ -71,12 +75,16 @@ enum Measure {
         count: u64,
         seed: u64,
     },
+    Replay {
+        seconds: u64,
+    },
 }
 
 impl Measure {
     fn parse(mut words: impl Iterator<Item = String>) -> Result<Measure, String> {
         let what = words.next().ok_or("nothing to measure")?;
         let (mut seeds, mut kind, mut count, mut seed) = (None, None, 100_000_000, 1);
+        let mut seconds = 600;
         while let Some(option) = words.next() {
             let value = words.next().ok_or(format!("{option} wants a value"))?;
             let bad = || format!("{value} is no value of {option}");
@@ -87,6 +95,7 @@ impl Measure {
                     kind = Some(is_known.then(|| value.clone()).ok_or_else(bad)?);
                 }
                 "--bytes" => count = number(&value).ok_or_else(bad)?,
+                "--seconds" => seconds = number(&value).ok_or_else(bad)?,
                 "--seed" => seed = number(&value).ok_or_else(bad)?,
                 _ => return Err(format!("{option} is no option")),
             }
@@ -98,6 +107,7 @@ impl Measure {
             }),
             "delivery" => Ok(Measure::Delivery(seeds.unwrap_or(0..100))),
             "bytes" => Ok(Measure::Bytes { count, seed }),
+            "replay" => Ok(Measure::Replay { seconds }),
             _ => Err(format!("{what} is nothing to measure")),
         }
     }
@@ -115,6 +125,7 @@ fn main() -> ExitCode {
         Ok(Measure::Missions { seeds, kind }) => missions(&seeds, kind.as_deref()),
         Ok(Measure::Delivery(seeds)) => deliveries(seeds),
         Ok(Measure::Bytes { count, seed }) => random_bytes(count, seed),
+        Ok(Measure::Replay { seconds }) => replays::measure(seconds),
         Err(reason) => {
             eprintln!("{reason}\n{USAGE}");
             return ExitCode::from(2);

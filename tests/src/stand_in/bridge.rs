@@ -6,9 +6,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::Sender;
 
-use ipc_types::code::{
-    DspPathState, Functionality, LinkState, ModuleId, ModuleStatus, Reason, Stage,
-};
+use ipc_types::code::{DspPathState, Functionality, LinkState, ModuleId, ModuleStatus};
 use ipc_types::payload::{
     DspTelemetry, LinkHealth, ModuleControl, ModuleState, MovementData, ParameterRequest,
     RequestReport,
@@ -18,6 +16,7 @@ use ipc_types::{
     Domain, Ipc, MonotonicNs, OpenError, Publisher, ReportError, RobotId, Server, Source, Ticket,
 };
 
+use super::answer::Answer;
 use super::inbox::Inbox;
 use super::paths::Paths;
 use super::ports::{PortTable, StandInPort};
@@ -41,66 +40,6 @@ pub enum Received {
     Movement(MovementData),
     /// A parameter.
     Parameter(ParameterRequest),
-}
-
-/// What to do with a request.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Answer {
-    /// Report exactly this. Without a final stage at the end the request stays open.
-    Reports(Vec<RequestReport>),
-    /// Take it and report nothing: a bridge that hangs. [`StandInBridge::report`] may report something later.
-    Hang,
-    /// Die: close everything without a word. The sender's own port then says that the outcome is unknown.
-    Die,
-}
-
-impl Answer {
-    /// Accepted, then done.
-    pub fn done() -> Answer {
-        Answer::accepted_then(vec![report(Stage::Done, Reason::None)])
-    }
-
-    /// Refused.
-    pub fn refuse(reason: Reason) -> Answer {
-        Answer::Reports(vec![report(Stage::Refused, reason)])
-    }
-
-    /// Accepted, then ended early.
-    pub fn abort(reason: Reason) -> Answer {
-        Answer::accepted_then(vec![report(Stage::Aborted, reason)])
-    }
-
-    /// Accepted, and under way until [`StandInBridge::report`] or a movement that pre-empts it says otherwise.
-    pub fn under_way() -> Answer {
-        Answer::accepted_then(Vec::new())
-    }
-
-    /// Accepted, then one report for each of so many waypoints sent, one for each reached but the last, and done.
-    pub fn progress(waypoints: u32) -> Answer {
-        let counts = |sent: u32, reached: u32| RequestReport {
-            waypoints_total: waypoints,
-            waypoints_sent: sent,
-            waypoints_reached: reached,
-            ..report(Stage::Progress, Reason::None)
-        };
-        let sent = (1..=waypoints).map(|sent| counts(sent, 0));
-        let reached = (1..waypoints).map(|reached| counts(waypoints, reached));
-        let mut reports: Vec<_> = sent.chain(reached).collect();
-        reports.push(RequestReport {
-            stage: Stage::Done.code(),
-            ..counts(waypoints, waypoints)
-        });
-        Answer::accepted_then(reports)
-    }
-
-    fn accepted_then(mut reports: Vec<RequestReport>) -> Answer {
-        reports.insert(0, report(Stage::Accepted, Reason::None));
-        Answer::Reports(reports)
-    }
-}
-
-fn report(stage: Stage, reason: Reason) -> RequestReport {
-    RequestReport::new(stage, reason)
 }
 
 impl StandInBridge {

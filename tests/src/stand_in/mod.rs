@@ -5,6 +5,7 @@
 //! that the program under test may block as it does in earnest. They do what they are told: a stand-in never changes what it
 //! publishes because of a request.
 
+mod answer;
 mod bridge;
 mod inbox;
 mod own;
@@ -13,7 +14,8 @@ mod ports;
 mod status;
 mod worker;
 
-pub use bridge::{Answer, Received, StandInBridge};
+pub use answer::Answer;
+pub use bridge::{Received, StandInBridge};
 pub use own::{StandInServer, StandInTopic};
 pub use ports::{PortTable, StandInPort};
 pub use status::StandInStatus;

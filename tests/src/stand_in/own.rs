@@ -8,7 +8,7 @@ use ipc_types::{
     Domain, Ipc, OpenError, Publisher, ReportError, Request, RobotId, Server, Source, Ticket, Topic,
 };
 
-use super::bridge::Answer;
+use super::answer::Answer;
 use super::inbox::Inbox;
 use super::worker::{Ports, Worker};
 

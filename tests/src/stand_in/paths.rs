@@ -7,7 +7,7 @@
 use ipc_types::code::{MovementKind, Reason, Stage};
 use ipc_types::payload::{MovementData, RequestReport};
 
-use super::bridge::Answer;
+use super::answer::Answer;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]

@@ -2,20 +2,34 @@
 
 use dsp_sim::helicopter::Helicopter;
 use dsp_sim::helicopter::geodesy::{wrap_degrees, wrap_radians};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, StatusJournal};
 use ipc_types::{MonotonicNs, TelemetryGroup};
-use status::calibration::Calibration;
-use status::core::Status;
+use status::config::Config;
+use status::core::{InputCounts, Status};
+use status::estimator::config::{EstimatorConfig, EstimatorKind};
+use status::journaled::Journaled;
 use status::log::Logs;
+
+use crate::recording::{Recording, started};
 
 /// Below this speed a GPS receiver keeps the course that it had, m/s.
 const COURSE_SPEED_MPS: f64 = 0.25;
 /// Height above which the sonar's converter stays at its greatest value, m.
 const SONAR_RANGE_M: f64 = 10.0;
 
-/// Status' core behind the bridge.
+impl Drop for Chain {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            self.recording.process_gone(self.status.writer());
+        }
+    }
+}
+
+/// Status' core behind the bridge, with an estimator.
 pub struct Chain {
-    status: Status,
+    status: Journaled,
+    recording: Recording<StatusJournal>,
+    counts: InputCounts,
     pub latest: Option<HeroTelemetry>,
     /// Samples that were compared.
     pub compared: u64,
@@ -23,17 +37,46 @@ pub struct Chain {
 
 impl Chain {
     pub fn new() -> Chain {
+        let config = Config {
+            estimator: EstimatorConfig {
+                kind: EstimatorKind::Altitude,
+                ..EstimatorConfig::default()
+            },
+            ..Config::default()
+        };
+        let calibration = config.calibration.clone();
+        let mut status = Status::new(calibration, Logs::default(), MonotonicNs(1));
+        if let Some(estimator) = config.estimator.build() {
+            status = status.with_estimator(estimator);
+        }
         Chain {
-            status: Status::new(Calibration::default(), Logs::default(), MonotonicNs(1)),
+            status: Journaled::new(status, &config, started::<StatusJournal>()),
+            recording: Recording::default(),
+            counts: InputCounts::default(),
             latest: None,
             compared: 0,
         }
+    }
+
+    /// Where its journal goes.
+    pub fn recording(&mut self) -> &mut Recording<StatusJournal> {
+        &mut self.recording
+    }
+
+    /// Verifies what is left of the journal.
+    pub fn finish(&mut self) {
+        self.recording.process_gone(self.status.writer());
     }
 
     /// Translates the next sample.
     pub fn take(&mut self, sample: &DspTelemetry, now: MonotonicNs) {
         let hero = self.status.translate(sample, now);
         self.status.record(sample, Ok(()), now);
+        self.counts.received += 1;
+        self.status.step(self.counts, now);
+        self.status.state(false, now);
+        self.status.take_events();
+        self.recording.take(self.status.writer(), now);
         assert_eq!(hero.source_sequence, sample.sequence);
         assert_eq!(hero.valid_groups, u32::from(sample.valid_groups));
         assert_eq!(hero.received(), sample.received());

@@ -5,7 +5,9 @@
 //!   be repeated;
 //! * checkers: [`witness`] and [`plausible`] for what consumers get, [`wire`] for what the DSP is told, [`buffer`] for what
 //!   it holds, [`chain`] for what status makes of it, [`truth`] for where the helicopter is;
-//! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`], [`delivery`].
+//! * [`recording`]: the journal of each mission, verified bit for bit by replaying it;
+//! * missions: [`plain`], [`refusals`], [`settings`], [`troubles`], [`chance`], [`delivery`];
+//! * [`journal`]: what a journal finds out; [`flights`]: the library of recorded flights.
 
 mod buffer;
 mod chain;
@@ -13,9 +15,12 @@ mod chance;
 mod config;
 mod delivery;
 mod dice;
+mod flights;
+mod journal;
 mod operator;
 mod plain;
 mod plausible;
+mod recording;
 mod refusals;
 mod seeds;
 mod settings;

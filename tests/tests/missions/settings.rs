@@ -156,6 +156,7 @@ fn a_slow_line_leaves_out_whole_samples_and_the_mission_is_flown() {
         let mut config = WorldConfig::new();
         config.simulator.baud = NonZeroU32::new(baud);
         config.bridge.link.ack_timeout_ms = 500;
+        config.bridge.link.pc_timeout_ms = 2250;
         let mut world = World::new(&config);
         fly(&mut world, &short_mission());
         world.finish();

@@ -4,6 +4,8 @@
 use std::time::Duration;
 
 use bridge::config::TrajectoryKind;
+use bridge::journal::Input;
+use bridge::journaled::Journaled;
 use bridge::{Bridge, BridgeConfig, RequestKey};
 use dsp_protocol::Waypoint;
 use dsp_sim::faults::PortState;
@@ -11,11 +13,14 @@ use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, LinkState, MovementKind, Stage};
-use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest, WaypointPosition};
+use ipc_types::payload::{
+    BridgeJournal, ModuleControl, MovementData, ParameterRequest, StatusJournal, WaypointPosition,
+};
 
 use crate::buffer::{Buffer, Look};
 use crate::chain::Chain;
 use crate::config::WorldConfig;
+use crate::recording::{self, Recording};
 use crate::truth::{Line, Movement};
 use crate::wire::{Noise, Probe};
 use crate::witness::{Outcome, Witness};
@@ -54,7 +59,9 @@ pub struct World {
     pub silent_stops: u64,
     /// Id of the last request that was sent before a bridge was killed or ended; 0 when none was.
     pub requests_of_the_dead: u64,
-    bridge: Bridge,
+    bridge: Journaled,
+    /// The journal of the bridge, which is verified while it is written.
+    recording: Recording<BridgeJournal>,
     bridge_config: BridgeConfig,
     /// A bridge that was told to end.
     ending: Option<Ending>,
@@ -104,7 +111,8 @@ impl World {
             fewest_free_places: usize::MAX,
             deaths: 0,
             silent_stops: 0,
-            bridge: Bridge::new(&config.bridge),
+            bridge: recording::bridge(&config.bridge),
+            recording: Recording::default(),
             bridge_config: config.bridge.clone(),
             ending: None,
             bridge_starts: None,
@@ -153,6 +161,18 @@ impl World {
             && self.noise.iter().all(|noise| noise.is_over(self.now))
     }
 
+    /// Keeps the journals from now on.
+    pub fn keep_journals(&mut self) {
+        self.recording.keep();
+        self.chain.recording().keep();
+    }
+
+    /// The journals since then; the mission must be finished.
+    pub fn journals(&mut self) -> (Vec<BridgeJournal>, Vec<StatusJournal>) {
+        self.chain.finish();
+        (self.recording.kept(), self.chain.recording().kept())
+    }
+
     /// Runs until `done` holds.
     #[track_caller]
     pub fn run_until(&mut self, what: &str, done: impl Fn(&World) -> bool) {
@@ -189,14 +209,18 @@ impl World {
             request_id: id,
             ..request
         };
-        let key = RequestKey::Control(id);
+        let (key, sender) = (RequestKey::Control(id), None);
         if request.command() == Some(ControlCommand::Stop) {
             self.watched.push((id, "a stop"));
             self.silent_stops += u64::from(self.bridge.link() == LinkState::Silent);
         }
         if self.is_alive() {
-            self.bridge
-                .control(host(self.now), key, &request, &mut self.witness);
+            let input = Input::Control {
+                key,
+                sender,
+                request,
+            };
+            self.bridge.apply(host(self.now), input, &mut self.witness);
             self.exchange();
         }
         id
@@ -218,9 +242,12 @@ impl World {
         if request.kind() != Some(MovementKind::GoToWaypoint) || path.is_some() {
             self.watched.push((request_id, "a movement"));
         }
-        let key = RequestKey::Movement(request_id);
-        self.bridge
-            .movement(host(self.now), key, &request, &mut self.witness);
+        let input = Input::Movement {
+            key: RequestKey::Movement(request_id),
+            sender: None,
+            request,
+        };
+        self.bridge.apply(host(self.now), input, &mut self.witness);
         self.exchange();
         let is_accepted = self.witness.words(request_id)[0].stage() == Some(Stage::Accepted);
         if request.kind() == Some(MovementKind::GoToWaypoint) && is_accepted {
@@ -252,9 +279,12 @@ impl World {
             ..request
         };
         if self.is_alive() {
-            let key = RequestKey::Parameter(request_id);
-            self.bridge
-                .parameter(host(self.now), key, &request, &mut self.witness);
+            let input = Input::Parameter {
+                key: RequestKey::Parameter(request_id),
+                sender: None,
+                request,
+            };
+            self.bridge.apply(host(self.now), input, &mut self.witness);
             self.exchange();
         }
         request_id
@@ -264,9 +294,12 @@ impl World {
     pub fn ask_again(&mut self, request: &MovementData) -> Outcome {
         self.witness.now = host(self.now);
         self.witness.expect(request.request_id);
-        let key = RequestKey::Movement(request.request_id);
-        self.bridge
-            .movement(host(self.now), key, request, &mut self.witness);
+        let input = Input::Movement {
+            key: RequestKey::Movement(request.request_id),
+            sender: None,
+            request: *request,
+        };
+        self.bridge.apply(host(self.now), input, &mut self.witness);
         self.exchange();
         let outcome = self.witness.outcome(request.request_id);
         outcome.expect("a final report at once")
@@ -317,8 +350,8 @@ impl World {
         if !self.is_alive() {
             return;
         }
-        self.bridge
-            .sender_gone(host(self.now), key, &mut self.witness);
+        let input = Input::SenderGone(key);
+        self.bridge.apply(host(self.now), input, &mut self.witness);
     }
 
     /// Id of the request that was sent last.
@@ -335,9 +368,11 @@ impl World {
     pub fn finish(&mut self) {
         self.witness.now = host(self.now);
         if self.is_alive() {
-            self.bridge.close(host(self.now), &mut self.witness);
+            self.bridge
+                .apply(host(self.now), Input::Close, &mut self.witness);
         }
         self.witness.assert_all_answered();
+        self.recording.process_gone(self.bridge.writer());
     }
 
     fn request_id(&mut self) -> u64 {
@@ -391,16 +426,17 @@ impl World {
             self.port_opens = None;
             // What was said meanwhile was said to nobody.
             self.simulator.transmit(|bytes| bytes.len());
-            self.bridge.port_opened(now, &mut self.witness);
+            self.bridge.apply(now, Input::PortOpened, &mut self.witness);
         }
         self.exchange();
         if self.is_alive() {
-            self.bridge.advance(now, &mut self.witness);
+            self.bridge.apply(now, Input::Advance, &mut self.witness);
             self.exchange();
         }
         self.look();
         self.end_bridge_if_wound_down();
         self.trouble();
+        self.recording.take(self.bridge.writer(), now);
     }
 
     /// Carries bytes both ways until neither side has any.
@@ -416,7 +452,7 @@ impl World {
                 return;
             }
             // A real line would drop what was given up; here it has been sent.
-            self.bridge.take_discard_unsent();
+            self.bridge.take_discard_unsent(now);
             let mut to_dsp = self.bridge.transmit(now).to_vec();
             self.bridge.transmitted(to_dsp.len());
             if from_dsp.is_empty() && to_dsp.is_empty() {
@@ -430,7 +466,8 @@ impl World {
             }
             self.noise[0].damage(self.now, &mut from_dsp);
             self.noise[1].damage(self.now, &mut to_dsp);
-            self.bridge.receive(now, &from_dsp, &mut self.witness);
+            self.bridge
+                .apply(now, Input::Received(&from_dsp), &mut self.witness);
             let taken = self.simulator.receive(self.now, &to_dsp);
             assert_eq!(taken, to_dsp.len(), "the line to the DSP is full");
         }

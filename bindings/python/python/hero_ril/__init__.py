@@ -6,7 +6,8 @@
         for sample in robot.telemetry():
             print(sample.geodetic.altitude_m)
 
-Samples and reports are ctypes structures, copies of what lies in shared memory: see `hero_ril.structs`.
+Samples and reports are ctypes structures, copies of what lies in shared memory: see `hero_ril.structs`. A recorded flight is read
+as frames of pandas: see `Flight`.
 
 Every object belongs to one thread at a time. Iterations can be `for` or, in asyncio, `async for`.
 """
@@ -30,10 +31,12 @@ from ._native import (
     stage_code,
 )
 from ._schema import schema_of, structure_of
+from .flight import Flight
 from .structs import DspTelemetry, HeroTelemetry, ModuleState, RequestReport
 
 __all__ = [
     "DspTelemetry",
+    "Flight",
     "FullError",
     "HeroTelemetry",
     "LayoutError",

@@ -2,6 +2,7 @@ import ctypes
 from typing import Any, AsyncIterator, Generator, Generic, Iterator, Optional, Type, TypeVar
 
 from . import structs as structs
+from .flight import Flight as Flight
 from .structs import (
     DspTelemetry as DspTelemetry,
     HeroTelemetry as HeroTelemetry,

@@ -2,7 +2,7 @@
 
 use dsp_protocol::{Waypoint, downlink::Geographic};
 
-use super::{Trajectory, TrajectoryPoint};
+use super::interface::{Trajectory, TrajectoryPoint};
 use crate::flight::arrival::{distance_m, longitude_difference_deg};
 use crate::flight::assembly::MAX_WAYPOINTS;
 

@@ -2,14 +2,15 @@
 
 use dsp_protocol::Waypoint;
 use geo::{Contains, Coord, Distance, Euclidean, Point, Polygon};
-use serde::Deserialize;
+use runtime::config::{Deserializer, in_range};
+use serde::{Deserialize, Serialize, Serializer};
 
-use super::TOUCH_M;
+use super::bounds::TOUCH_M;
 use super::plane::{Leg, Plane};
 use super::span::{Span, join, rest, where_between, where_in_disc, where_near_edge};
 
 /// Whether the helicopter must be inside an area or outside it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AreaKind {
     /// Each point of a leg must be inside at least one inclusion area, if there is any.
@@ -18,11 +19,36 @@ pub enum AreaKind {
     Exclusion,
 }
 
+/// `[[fence.area]]`: either `polygon`, or `centre` and `radius_m`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct AreaConfig {
+    /// Names the area in refusals and logs; no other area has the same name.
+    pub name: String,
+    /// Whether the helicopter must be inside or outside.
+    pub kind: AreaKind,
+    /// Vertices in order, [latitude, longitude] in degrees, 3 to `MAX_VERTICES`. The last one may repeat the first.
+    #[serde(default)]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// Centre of a circle, [latitude, longitude] in degrees.
+    #[serde(default)]
+    pub centre: Option<[f64; 2]>,
+    /// Radius of the circle, metres.
+    #[serde(default)]
+    pub radius_m: Option<f64>,
+    /// The area begins at this altitude, metres; without it, it reaches down without end.
+    #[serde(default, deserialize_with = "altitude_m")]
+    pub floor_m: Option<f64>,
+    /// The area ends at this altitude, metres; without it, it reaches up without end.
+    #[serde(default, deserialize_with = "altitude_m")]
+    pub ceiling_m: Option<f64>,
+}
+
 /// A valid area of a [`Fence`](super::Fence), made from an [`AreaConfig`](super::AreaConfig).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
-    pub(super) name: String,
-    pub(super) kind: AreaKind,
+    /// What it was made of.
+    pub(super) config: AreaConfig,
     pub(super) plane: Plane,
     pub(super) shape: Shape,
     pub(super) band: Band,
@@ -54,22 +80,29 @@ impl Default for Band {
     }
 }
 
+/// As the table that it was made of.
+impl Serialize for Area {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        self.config.serialize(to)
+    }
+}
+
 impl Area {
     /// Its name in the configuration.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.config.name
     }
 
     /// Whether the helicopter must be inside it or outside.
     pub fn kind(&self) -> AreaKind {
-        self.kind
+        self.config.kind
     }
 
     /// Adds the spans of a leg that are inside. Whatever only touches the boundary is inside an exclusion area, and is
     /// not inside an inclusion area.
     pub(super) fn where_inside(&self, from: &Waypoint, to: &Waypoint, spans: &mut Vec<Span>) {
         let leg = self.plane.leg(from, to);
-        let margin_m = match self.kind {
+        let margin_m = match self.config.kind {
             AreaKind::Inclusion => -TOUCH_M,
             AreaKind::Exclusion => TOUCH_M,
         };
@@ -86,7 +119,7 @@ impl Area {
                 spans.extend(inside.and_then(|span| span.and(in_band)));
             }
             Shape::Polygon { polygon, reach } if passes(&leg, *reach) => {
-                let inside = where_in_polygon(&leg, polygon, self.kind);
+                let inside = where_in_polygon(&leg, polygon, self.config.kind);
                 spans.extend(inside.into_iter().filter_map(|span| span.and(in_band)));
             }
             Shape::Polygon { .. } => {}
@@ -131,6 +164,13 @@ impl Band {
         let (low, high) = (self.floor_m - margin_m, self.ceiling_m + margin_m);
         where_between(leg.altitude_m, leg.climb_m, low, high)
     }
+}
+
+/// An altitude of a fence: the limits are those of `[movement]`, no waypoint is outside them.
+pub(super) fn altitude_m<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<f64>, D::Error> {
+    in_range(deserializer, -1000.0..=20_000.0).map(Some)
 }
 
 /// Whether the leg comes near the rectangle round a polygon: most legs are far from most areas.

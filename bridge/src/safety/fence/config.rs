@@ -5,22 +5,22 @@ use std::fmt;
 
 use geo::line_intersection::{LineIntersection, line_intersection};
 use geo::{Coord, Line, LineString, Polygon, coord};
-use runtime::config::{Deserializer, in_range};
-use serde::Deserialize;
+use runtime::config::Deserializer;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error as _, MapAccess, Visitor};
+use serde::{Deserialize, Serialize};
 
-use super::area::{Area, AreaKind, Band, Shape};
+use super::area::{Area, AreaConfig, Band, Shape, altitude_m};
+use super::bounds::{MAX_EXTENT_M, MAX_LATITUDE_DEG};
 use super::plane::{Plane, longitude_difference_deg};
-use super::{Fence, MAX_EXTENT_M, MAX_LATITUDE_DEG};
 
 /// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
 /// edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas are
 /// inclusions, and happens once for each refused path.
 pub const MAX_AREAS: usize = 64;
 
-/// Most vertices of a polygon. A circle as a polygon of so many vertices is right to 1/13,000 of its radius, so nobody
-/// needs more for a bent outline.
+/// Most vertices of a polygon. A circle as a polygon of so many vertices is right to 1/13,000 of its radius, so no bent
+/// outline needs more.
 pub const MAX_VERTICES: usize = 256;
 
 /// Smallest radius of a circle: less than the box in which a waypoint counts as reached is surely a mistake of units.
@@ -33,7 +33,7 @@ const MAX_RADIUS_M: f64 = MAX_EXTENT_M / 2.0;
 const MAX_NAME_CHARS: usize = 64;
 
 /// `[fence]`: limits that hold everywhere, and areas.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FenceConfig {
     /// The helicopter stays above this altitude, metres, same zero as the telemetry's altitude.
@@ -44,31 +44,6 @@ pub struct FenceConfig {
     pub ceiling_m: Option<f64>,
     /// `[[fence.area]]`, at most [`MAX_AREAS`].
     pub area: Vec<Area>,
-}
-
-/// `[[fence.area]]`: either `polygon`, or `centre` and `radius_m`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AreaConfig {
-    /// Names the area in refusals and logs; no other area has the same name.
-    pub name: String,
-    /// Whether the helicopter must be inside or outside.
-    pub kind: AreaKind,
-    /// Vertices in order, [latitude, longitude] in degrees, 3 to [`MAX_VERTICES`]. The last one may repeat the first.
-    #[serde(default)]
-    pub polygon: Option<Vec<[f64; 2]>>,
-    /// Centre of a circle, [latitude, longitude] in degrees.
-    #[serde(default)]
-    pub centre: Option<[f64; 2]>,
-    /// Radius of the circle, metres.
-    #[serde(default)]
-    pub radius_m: Option<f64>,
-    /// The area begins at this altitude, metres; without it, it reaches down without end.
-    #[serde(default, deserialize_with = "altitude_m")]
-    pub floor_m: Option<f64>,
-    /// The area ends at this altitude, metres; without it, it reaches up without end.
-    #[serde(default, deserialize_with = "altitude_m")]
-    pub ceiling_m: Option<f64>,
 }
 
 /// Why a fence was refused.
@@ -142,11 +117,6 @@ pub enum AreaFault {
     Band(BandFault),
 }
 
-fn altitude_m<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-    // The limits of `[movement]`: no waypoint is outside them.
-    in_range(deserializer, -1000.0..=20_000.0).map(Some)
-}
-
 /// Checked inside the table, so that an error points at the line of this area. With `serde(try_from)` it would point at
 /// the first one.
 impl<'de> Deserialize<'de> for Area {
@@ -170,11 +140,10 @@ impl<'de> Visitor<'de> for AreaVisitor {
     }
 }
 
-impl TryFrom<FenceConfig> for Fence {
-    type Error = FenceError;
-
-    fn try_from(config: FenceConfig) -> Result<Fence, FenceError> {
-        let areas = config.area;
+impl FenceConfig {
+    /// The limits that hold everywhere, and the areas, when they fit together.
+    pub(super) fn checked(self) -> Result<(Band, Vec<Area>), FenceError> {
+        let areas = self.area;
         if areas.len() > MAX_AREAS {
             return Err(FenceError::TooManyAreas(areas.len()));
         }
@@ -182,8 +151,8 @@ impl TryFrom<FenceConfig> for Fence {
         if let Some(area) = areas.iter().find(|area| !names.insert(area.name())) {
             return Err(FenceError::SameName(area.name().to_owned()));
         }
-        let band = band(config.floor_m, config.ceiling_m).map_err(FenceError::Band)?;
-        Ok(Fence { band, areas })
+        let band = band(self.floor_m, self.ceiling_m).map_err(FenceError::Band)?;
+        Ok((band, areas))
     }
 }
 
@@ -193,8 +162,7 @@ impl TryFrom<AreaConfig> for Area {
     fn try_from(config: AreaConfig) -> Result<Area, FenceError> {
         match config.placed() {
             Ok((plane, shape, band)) => Ok(Area {
-                name: config.name,
-                kind: config.kind,
+                config,
                 plane,
                 shape,
                 band,

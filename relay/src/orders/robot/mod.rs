@@ -247,7 +247,7 @@ impl Robot {
     }
 
     /// What became of the orders of this life of a station; nothing when it has no session.
-    pub fn open_of(&self, station: u64) -> Option<OrderCounts> {
+    pub fn counts_of(&self, station: u64) -> Option<OrderCounts> {
         let session = self.sessions.of_station(station)?;
         Some(OrderCounts {
             open: self.records.open(session.token),

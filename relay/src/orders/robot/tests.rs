@@ -423,7 +423,7 @@ fn an_active_session_is_never_forgotten_for_a_new_one() {
             assert_eq!(rig.hear(station), *session);
         }
     }
-    assert_eq!(rig.robot.open_of(300), None);
+    assert_eq!(rig.robot.counts_of(300), None);
     let out = rig.report(101, Stage::Done, Reason::None);
     assert_eq!(answers(&out), [answered(1, 1, Stage::Done, Reason::None)]);
     assert_eq!(rig.out, [], "no station was lost");
@@ -516,10 +516,10 @@ fn the_orders_of_a_session_are_counted() {
         refused: 1,
         open: 1,
     };
-    assert_eq!(rig.robot.open_of(STATION), Some(counts));
+    assert_eq!(rig.robot.counts_of(STATION), Some(counts));
     rig.report(101, Stage::Done, Reason::None);
     let ended = OrderCounts { open: 0, ..counts };
-    assert_eq!(rig.robot.open_of(STATION), Some(ended));
+    assert_eq!(rig.robot.counts_of(STATION), Some(ended));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
 use ipc_types::payload::RequestReport;
 
-use super::Request;
+use super::request::Request;
 use crate::orders::message::Order;
 
 /// How often an order is asked for that the robot has answered, and the longest pause between two copies of one that it has not.

@@ -5,6 +5,7 @@
 //! side recognizes it by session and request id. The floor passes the former number when the robot side has answered the new one.
 
 mod entry;
+mod request;
 
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ use super::WINDOW;
 use super::message::{Answer, NO_PLACE, Order, request_id};
 use super::verdict::Verdict;
 use entry::{ASK_PERIOD, Client, Entry};
+pub use request::Request;
 
 /// Orders that a station has open at the same time: eight requests of one client to each of four services. One more is refused:
 /// too-many-requests.
@@ -48,22 +50,6 @@ impl Default for Config {
             give_up: Duration::from_secs(60),
         }
     }
-}
-
-/// A request of a client.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Request {
-    /// By what the caller knows the request; different from all that are open.
-    pub handle: u64,
-    /// Path of the request, which every report repeats; 0 if it has none.
-    pub path_id: u64,
-    /// Which request service of the robot.
-    pub topic: u64,
-    /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*; the caller takes the earliest
-    /// time that the deadline can be in that clock.
-    pub expires: MonotonicNs,
-    /// The request as its service has it.
-    pub bytes: Vec<u8>,
 }
 
 /// In which clock `reported_ns` of a report is.

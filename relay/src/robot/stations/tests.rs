@@ -116,7 +116,7 @@ fn the_ninth_active_station_is_refused_and_shown_with_the_reason_until_a_place_i
         }
         assert_eq!(sessions, first, "no session is ever lost");
     }
-    let rows = stations.rows(0, |life| orders.open_of(life));
+    let rows = stations.rows(0, |life| orders.counts_of(life));
     let shown_rows = shown(&rows);
     assert_eq!(shown_rows.len(), SESSIONS + 1);
     assert_eq!(shown_rows[0], ("gcs-1", Some(Reason::None)));
@@ -130,7 +130,7 @@ fn the_ninth_active_station_is_refused_and_shown_with_the_reason_until_a_place_i
     }
     stations.pass(free);
     assert!(pong((&mut stations, &mut lives, &mut orders), ALL, free) > NO_PLACE);
-    let rows = stations.rows(0, |life| orders.open_of(life));
+    let rows = stations.rows(0, |life| orders.counts_of(life));
     let shown_rows = shown(&rows);
     assert_eq!(shown_rows[0], ("gcs-1", Some(Reason::None)), "it is silent");
     assert_eq!(shown_rows[SESSIONS], ("gcs-9", Some(Reason::None)));

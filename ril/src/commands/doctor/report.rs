@@ -6,7 +6,8 @@ use runtime::exit::ExitCode;
 use serde::{Serialize, Serializer};
 
 use super::facts::{Facts, FileFacts};
-use super::findings::{Finding, Severity, count, diagnose, diagnose_files, exit_code};
+use super::findings::{Finding, Severity, diagnose, diagnose_files, exit_code};
+use crate::words::count;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Doctor.v1";
@@ -72,8 +73,8 @@ impl Report {
         if self.errors + self.warnings == 0 {
             return "everything that was looked at is in order".to_owned();
         }
-        let errors = count(self.errors, "error", "errors");
-        let warnings = count(self.warnings, "warning", "warnings");
+        let errors = count(self.errors, "error");
+        let warnings = count(self.warnings, "warning");
         format!("{errors} and {warnings}; each says what to do")
     }
 }

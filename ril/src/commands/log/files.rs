@@ -7,14 +7,15 @@ use std::path::{Path, PathBuf};
 use runtime::config::load;
 use runtime::exit::{Failure, OrFail};
 use status::log::config::LogConfig;
-use status::log::file_name::{Series, Stamp, recognize};
-use status::log::read::MAX_LINE_BYTES;
+use status::log::file_name::{FileKind, Series, Stamp, recognize};
+use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use crate::cli::LogPlaceArgs;
+use crate::log::mcap::McapReader;
 use crate::log::recording::{Entry, Format, ReadError, Recording};
 
-/// How much of a file says of which format it is, bytes.
-const BEGINNING_BYTES: usize = 16;
+/// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
+pub(super) const MAX_NAMED: u64 = 5;
 
 /// A file whose name is that of a log.
 pub(super) struct Found {
@@ -39,8 +40,16 @@ impl Found {
         self.stamp.at.unix_s().unwrap_or(0)
     }
 
-    /// From the first row to the last, s; nothing when there is no row. Reads the two ends of the file only.
+    /// From the first row to the last, s, of a record from the first message to the last; nothing when there is none. Reads the
+    /// two ends of the file only, but for a record that was cut off.
     pub fn duration_s(&self) -> Result<Option<f64>, Failure> {
+        if self.series.kind() == FileKind::Mcap {
+            let mut file = open(&self.path)?;
+            let summary = recording::read::summary_of(&mut file)
+                .map_err(|error| Failure::usage(error).context(self.path.display().to_string()))?;
+            let span = summary.first_ns.zip(summary.last_ns);
+            return Ok(span.map(|(first, last)| last.saturating_sub(first) as f64 / 1e9));
+        }
         let mut file = LogFile::open(&self.path)?;
         let name = file.name();
         let Some(first) =
@@ -136,10 +145,10 @@ pub(super) fn successor(path: &Path) -> Result<Option<PathBuf>, Failure> {
     };
     let folder = folder_of(path);
     let mut later = find(&[folder])?;
-    // The format of the names may have been changed since.
+    // The format of the names may have been changed since; those of a log and of a record lie side by side.
     let is_later = |file: &Found| {
-        (file.series.robot(), file.series.name()) == (series.robot(), series.name())
-            && file.stamp > stamp
+        let log = |series: &Series| (series.robot(), series.name().to_owned(), series.kind());
+        log(&file.series) == log(&series) && file.stamp > stamp
     };
     later.retain(is_later);
     Ok(later.into_iter().next().map(|file| file.path))
@@ -165,15 +174,17 @@ impl LogFile {
     ///
     /// # Errors
     ///
-    /// Code 2 when it is no regular file, cannot be read, or is of a format that cannot be read.
+    /// Code 2 when it is no regular file, or cannot be read.
     pub fn open(path: &Path) -> Result<LogFile, Failure> {
         let mut input = BufReader::new(open(path)?);
         let beginning = input.fill_buf().or_fail_usage(path)?;
-        let beginning = &beginning[..beginning.len().min(BEGINNING_BYTES)];
-        let format = format(beginning, path)?;
+        let recording: Box<dyn Recording> = match Format::of(beginning) {
+            Format::Tsv => Box::new(LogReader::new(input)),
+            Format::Mcap => Box::new(McapReader::open(path).or_fail_usage(path)?),
+        };
         Ok(LogFile {
             path: path.to_owned(),
-            recording: format.read(input),
+            recording,
         })
     }
 
@@ -233,17 +244,19 @@ pub(super) fn open(path: &Path) -> Result<File, Failure> {
 pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
     let mut file = open(path)?;
     let header = first_line(&mut file, path)?;
-    match format(&header, path)? {
+    match Format::of(&header) {
         Format::Tsv => {
             let rest = from_a_line(file, header.len() as u64, rows, path)?;
-            Ok(Format::Tsv.read(io::Cursor::new(header).chain(rest)))
+            let input = io::Cursor::new(header).chain(rest);
+            Ok(Box::new(LogReader::new(input)))
+        }
+        Format::Mcap => {
+            let reader = McapReader::open(path).or_fail_usage(path)?;
+            let last = reader.last(rows as usize);
+            let last = last.map_err(|error| unreadable(&path.display().to_string(), error))?;
+            Ok(Box::new(last))
         }
     }
-}
-
-/// The format of the file at `path`, which begins with `beginning`.
-fn format(beginning: &[u8], path: &Path) -> Result<Format, Failure> {
-    Format::of(beginning).map_err(|reason| Failure::usage(format!("{}: {reason}", path.display())))
 }
 
 /// The first line of a file with its end, or as much of it as a line of a log can have.
@@ -284,7 +297,8 @@ pub(super) fn unreadable(name: &str, error: ReadError) -> Failure {
 }
 
 /// What goes wrong with a path that the operator named is a usage error.
-trait OrFailUsage<T> {
+pub(super) trait OrFailUsage<T> {
+    /// The value, or a usage error that names `path`.
     fn or_fail_usage(self, path: &Path) -> Result<T, Failure>;
 }
 
@@ -293,4 +307,35 @@ impl<T> OrFailUsage<T> for io::Result<T> {
         self.or_fail(runtime::exit::ExitCode::Usage)
             .map_err(|failure| failure.context(path.display().to_string()))
     }
+}
+
+/// The file that is meant: the one that was named, or the newest one of the robot.
+pub(super) fn chosen_file(
+    named: Option<&PathBuf>,
+    place: &LogPlaceArgs,
+) -> Result<LogFile, Failure> {
+    match named {
+        Some(path) => LogFile::open(path),
+        None => LogFile::open(&newest(place, None)?),
+    }
+}
+
+/// The newest file of the robot, of this kind if one is given.
+pub(super) fn newest(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<PathBuf, Failure> {
+    let robot = place.common.robot.get();
+    let folders = folders(place)?;
+    let mut found = find(&folders)?;
+    found
+        .retain(|file| file.robot() == robot && kind.is_none_or(|kind| file.series.kind() == kind));
+    let newest = found.pop().ok_or_else(|| {
+        let names = names(&folders);
+        let what = match kind {
+            Some(FileKind::Mcap) => "record",
+            _ => "log",
+        };
+        Failure::usage(format!(
+            "no {what} of robot {robot} in {names}: name a file, or the folder with --dir"
+        ))
+    })?;
+    Ok(newest.path)
 }

@@ -9,7 +9,7 @@ use status::log::clock::IsoTime;
 use super::files::{self, Found, folders};
 use crate::cli::{LogListArgs, RobotChoice};
 use crate::commands::{configuration, json_line};
-use crate::log::duration::duration;
+use crate::words::duration_with_tenths;
 
 /// Name of the layout of a file in a list.
 const SCHEMA: &str = "ril.LogFile.v1";
@@ -52,7 +52,7 @@ impl<'a> FileObject<'a> {
     /// A row of the table.
     fn row(&self) -> [String; 5] {
         let duration = match (self.duration_s, &self.trouble) {
-            (Some(seconds), _) => duration(seconds),
+            (Some(seconds), _) => duration_with_tenths(seconds),
             (None, None) => "no row".to_owned(),
             (None, Some(_)) => "damaged".to_owned(),
         };
@@ -85,7 +85,7 @@ pub(super) fn list(args: &LogListArgs, choice: RobotChoice) -> Result<(), Failur
         // Standard error may be closed; that does no harm.
         let _ = writeln!(
             io::stderr(),
-            "no log in {}: `[[log]]` of status.toml makes some, and --dir names another folder",
+            "no log in {}: `[[log]]` of status.toml and `ril record` make some, and --dir names another folder",
             files::names(&folders)
         );
     } else if !args.json {

@@ -1,25 +1,26 @@
-//! `ril log list | summary | tail | csv`: what status wrote. It needs no process and joins no shared memory.
+//! `ril log …`: what status and `ril record` wrote. It needs no process and joins no shared memory.
 //!
-//! `files` finds and opens files, `list` lists them, `tail` follows one; [`log`](crate::log) reads and sums up.
+//! `files` finds and opens files, `list` lists them, `tail` follows one, `report` makes a page of one, `whole` checks and recovers records; [`log`](crate::log)
+//! reads and sums up.
 
+mod ending;
 mod files;
 mod list;
+mod report;
 mod tail;
+mod whole;
 
 use std::io::{self, BufWriter, Write};
-use std::path::PathBuf;
 
-use runtime::exit::{ExitCode, Failure};
+use runtime::exit::Failure;
 
-use self::files::{LogFile, folders};
+use self::ending::ending;
+use self::files::{MAX_NAMED, chosen_file};
 use super::{configuration, json_line};
-use crate::cli::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogPlaceArgs, RobotChoice};
-use crate::log::recording::{Damage, Entry, ReadError};
+use crate::cli::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs, RobotChoice};
+use crate::log::recording::{Damage, Entry};
 use crate::log::row::{Chosen, UTC, UtcSource, UtcTimes};
 use crate::log::summary::Summarizer;
-
-/// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
-const MAX_NAMED: u64 = 5;
 
 /// `ril log …`
 ///
@@ -30,28 +31,11 @@ pub fn log(args: &LogArgs, choice: RobotChoice) -> Result<(), Failure> {
     match &args.command {
         LogCommand::List(args) => list::list(args, choice),
         LogCommand::Summary(args) => summary(args),
+        LogCommand::Report(args) => report::report(args),
         LogCommand::Tail(args) => tail::tail(args),
         LogCommand::Csv(args) => csv(args),
-    }
-}
-
-/// The file that is meant: the one that was named, or the newest one of the robot.
-fn chosen_file(named: Option<&PathBuf>, place: &LogPlaceArgs) -> Result<LogFile, Failure> {
-    match named {
-        Some(path) => LogFile::open(path),
-        None => {
-            let robot = place.common.robot.get();
-            let folders = folders(place)?;
-            let mut found = files::find(&folders)?;
-            found.retain(|file| file.robot() == robot);
-            let newest = found.last().ok_or_else(|| {
-                let names = files::names(&folders);
-                Failure::usage(format!(
-                    "no log of robot {robot} in {names}: name a file, or the folder with --dir"
-                ))
-            })?;
-            LogFile::open(&newest.path)
-        }
+        LogCommand::Check(args) => whole::check(args),
+        LogCommand::Recover(args) => whole::recover(args),
     }
 }
 
@@ -158,28 +142,4 @@ fn written(error: ::csv::Error) -> Failure {
         ::csv::ErrorKind::Io(error) => Failure::output(error),
         other => Failure::internal(format!("CSV cannot be written: {other:?}")),
     }
-}
-
-/// How a command ends that has read the file `name` as far as it could.
-fn ending(
-    name: &str,
-    trouble: Option<ReadError>,
-    damaged: u64,
-    unfinished_bytes: usize,
-) -> Result<(), Failure> {
-    if let Some(error) = trouble {
-        return Err(files::unreadable(name, error));
-    }
-    let text = match (damaged, unfinished_bytes) {
-        (0, 0) => return Ok(()),
-        (0, bytes) => format!("{name} ends with {bytes} bytes of a row that is cut off"),
-        (lines, 0) => format!("{name} has {lines} damaged lines"),
-        (lines, bytes) => {
-            format!(
-                "{name} has {lines} damaged lines and ends with {bytes} bytes of a row that is cut off"
-            )
-        }
-    };
-    let text = format!("{text}: everything else was read");
-    Err(Failure::new(ExitCode::NotInOrder, text))
 }

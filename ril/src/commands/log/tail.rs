@@ -15,8 +15,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::inotify;
 use rustix::io::Errno;
 
-use super::files::{LogFile, folder_of, last_rows, successor, unreadable};
-use super::{MAX_NAMED, chosen_file};
+use super::files::{LogFile, MAX_NAMED, chosen_file, folder_of, last_rows, successor, unreadable};
 use crate::cli::LogTailArgs;
 use crate::commands::{configuration, json_line};
 use crate::log::recording::{Entry, Recording, Row};
@@ -49,13 +48,15 @@ pub(super) fn tail(args: &LogTailArgs) -> Result<(), Failure> {
     let mut tail = Tail::open(args, path)?;
     let mut woken = Woken { has_new_file: true };
     while !termination.requested() {
+        tail.refresh()?;
         tail.print()?;
         let next = match woken.has_new_file {
             true => successor(&tail.path)?,
             false => None,
         };
         if let Some(next) = next {
-            // Status has closed the file: what it wrote last is there.
+            // Its writer has closed the file: what it wrote last is there.
+            tail.refresh()?;
             tail.print()?;
             watch.rows_of(&next)?;
             tail = Tail::after(tail, next)?;
@@ -101,6 +102,12 @@ impl<'a> Tail<'a> {
             damaged: 0,
             args: former.args,
         })
+    }
+
+    /// Looks for what was written.
+    fn refresh(&mut self) -> Result<(), Failure> {
+        let refreshed = self.recording.refresh();
+        refreshed.map_err(|error| unreadable(&self.path.display().to_string(), error))
     }
 
     /// Prints what is there.

@@ -14,14 +14,15 @@ use super::super::exchange::Until;
 use super::super::request::complete;
 use super::super::robot::refuse_to_guess;
 use super::super::{Session, configuration, json_line};
+use super::fence;
+use super::file::read;
 use super::gather::{Known, gather};
 use super::journal::Journal;
 use super::path_watch::PathWatch;
 use super::report::Report;
-use super::text::{columns, duration};
-use super::{fence, read};
 use crate::cli::{PlanFlyArgs, RobotChoice};
 use crate::messages::Verb;
+use crate::words::{columns, duration};
 
 /// `ril plan fly`
 ///

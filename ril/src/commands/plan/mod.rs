@@ -4,31 +4,27 @@
 //! itself (`gather`); how the results are shown (`report`, `table`); and how a plan is flown, step by step (`fly`).
 
 mod fence;
+mod file;
 mod fly;
 mod gather;
 mod journal;
 mod path_watch;
 mod report;
 mod table;
-mod text;
 
-use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Write};
-use std::path::Path;
+use std::io::{self, Write};
 
-use plans::Plan;
-use plans::limits::MAX_FILE_BYTES;
-use plans::model::StatedAltitudes;
-use plans::write::to_qgc_plan;
-use runtime::exit::{ExitCode, Failure};
+use runtime::exit::Failure;
 
 use super::{configuration, json_line};
 use crate::cli::{
     PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs, RobotChoice,
 };
+use crate::words::columns;
+pub(super) use file::read_file;
+use file::{read, write_plan};
 use gather::{Known, gather};
 use report::Report;
-use text::columns;
 
 /// `ril plan …`
 ///
@@ -90,59 +86,4 @@ fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<Known>, Failu
     };
     let known = gather(file, plan, &config.plan, session.as_ref(), timeout, false)?;
     Ok(Some(known))
-}
-
-/// Reads the file of a plan.
-///
-/// # Errors
-///
-/// Code 2 when the file cannot be read, or is no plan.
-pub(super) fn read_file(file: &Path) -> Result<Plan, Failure> {
-    let name = file.display();
-    let mut bytes = Vec::new();
-    // One byte more than allowed tells a file that is too long.
-    File::open(file)
-        .and_then(|file| {
-            let limit = MAX_FILE_BYTES as u64 + 1;
-            file.take(limit).read_to_end(&mut bytes)
-        })
-        .map_err(|error| Failure::usage(format!("{name}: cannot be read: {error}")))?;
-    plans::read(file, &bytes).map_err(|error| Failure::usage(format!("{name}: {error}")))
-}
-
-/// Reads a plan, and says of it what the command line says.
-fn read(args: &PlanFileArgs) -> Result<Plan, Failure> {
-    let name = args.file.display();
-    let mut plan = read_file(&args.file)?;
-    if args.from as usize > plan.items.len().max(1) {
-        return Err(Failure::usage(format!(
-            "--from {}: {name} has {} items; `ril plan show {name}` lists them",
-            args.from,
-            plan.items.len()
-        )));
-    }
-    plan.state_altitudes(&StatedAltitudes {
-        reference: args.altitude_is.map(|name| name.reference()),
-        missing: args.altitude,
-    });
-    Ok(plan)
-}
-
-/// Writes a plan into a file that does not exist yet.
-fn write_plan(plan: &Plan, to: &Path) -> Result<(), Failure> {
-    let name = to.display();
-    let text = to_qgc_plan(plan).map_err(|error| {
-        Failure::new(
-            ExitCode::NotInOrder,
-            format!("{name} was not written: {error}"),
-        )
-    })?;
-    OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(to)
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|error| {
-            Failure::usage(format!("{name} was not written: {error}; name a new file"))
-        })
 }

@@ -9,7 +9,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::super::conversation::Companion;
 use super::super::{Session, json_line};
 use super::journal::Journal;
-use super::text::distance;
+use crate::words::distance;
 
 /// Tells which waypoints of a path have been reached, from the bridge's published state.
 pub struct PathWatch<'a> {

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::super::json_line;
 use super::gather::Known;
-use super::text::{distance, duration, items, wrap};
+use crate::words::{distance, duration, items, wrap};
 
 /// How wide the headings are.
 const HEADING: usize = 13;

@@ -5,7 +5,7 @@ use plans::timeline::{Mark, timeline};
 use serde::Serialize;
 
 use super::gather::Known;
-use super::text::duration;
+use crate::words::duration;
 
 /// One item.
 #[derive(Serialize)]

@@ -100,6 +100,20 @@ relay       sample 9, 120 ms old
 }
 
 #[test]
+fn a_link_over_which_no_requests_go_says_why() {
+    let link = RelayLink {
+        refusal: Reason::RelayTooManyStations.code(),
+        ..up()
+    };
+    let report = of_link(&link);
+    let expected =
+        "this station is ground-1, and its requests are refused (relay-too-many-stations)\n";
+    assert!(report.to_string().contains(expected), "{report}");
+    let json = serde_json::to_value(&report).unwrap();
+    assert_eq!(json["link"]["refusal"], "relay-too-many-stations");
+}
+
+#[test]
 fn a_link_of_which_nothing_is_known_says_so() {
     let link = RelayLink {
         published_ns: NOW.0,
@@ -183,6 +197,7 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
         ("/link/over", "tcp/10.0.0.2:7447".into()),
         ("/link/station", "ground-1".into()),
         ("/link/robot_there", 7.into()),
+        ("/link/refusal", Value::Null),
         ("/link/last_heard_age_ms", 15.into()),
         ("/link/clock/offset_ns", (-3_600_000_001_000_i64).into()),
         ("/link/clock/uncertainty_s", 0.0008.into()),

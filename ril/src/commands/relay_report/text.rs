@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use runtime::duration::Shown;
 
-use crate::messages::count;
-
 use super::{ClockReport, LinkReport, RelayReport, SamplesReport, StationReport};
+use crate::words::count;
 
 /// Stands for a text of another process that is none.
 const UNREADABLE: &str = "unreadable";
@@ -68,14 +67,18 @@ impl fmt::Display for LinkReport {
             " over {}, last message {}; {}",
             self.over.as_deref().unwrap_or(UNREADABLE),
             ago(self.last_heard_age_ms),
-            count(self.outages.into(), "outage")
+            count(self.outages, "outage")
         )?;
-        writeln!(
+        write!(
             f,
             "            robot {} on its own machine; this station is {}",
             self.robot_there,
             self.station.as_deref().unwrap_or(UNREADABLE)
         )?;
+        match &self.refusal {
+            Some(reason) => writeln!(f, ", and its requests are refused ({reason})")?,
+            None => writeln!(f)?,
+        }
         match &self.clock {
             Some(clock) => writeln!(f, "clock       {clock}")?,
             None => writeln!(f, "clock       not compared with the robot's yet")?,
@@ -119,7 +122,7 @@ impl fmt::Display for ClockReport {
             f,
             ", drift {:.3} ppm, {}",
             f64::from(self.drift_ppb) / 1e3,
-            count(self.resets.into(), "reset")
+            count(self.resets, "reset")
         )
     }
 }

@@ -4,7 +4,7 @@ use ipc_types::MonotonicNs;
 use serde::Serialize;
 
 use super::super::sample_age::{STALE_AFTER, age_ms};
-use super::Samples;
+use super::samples::Samples;
 use crate::pilot::{self, PilotView};
 
 /// See the module's documentation. What is not known is nothing.

@@ -7,7 +7,9 @@ use ipc_types::code::{
     SafetyAction, SafetyRule,
 };
 use ipc_types::module::doing_bytes;
-use ipc_types::payload::{LinkHealth, MovementState, SafetyState};
+use ipc_types::payload::{
+    DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementState, SafetyState,
+};
 
 use super::*;
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use runtime::duration::Shown;
 
-use crate::messages::count;
+use crate::words::count;
 
 use super::bridge::{DspErrorCount, DspErrors, Link, Module, Movement, Refused, Safety};
 use super::{StateReport, StatusState};
@@ -14,6 +14,12 @@ impl fmt::Display for StateReport {
     /// Lines with a title each; the last without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "robot       {}", self.robot)?;
+        if self.replayed {
+            writeln!(
+                f,
+                "replay      a recorded flight, replayed by `ril replay`: no robot"
+            )?;
+        }
         self.write_flight(f)?;
         match &self.relay {
             Some(link) => writeln!(f, "relay       {}", link.in_short())?,
@@ -223,7 +229,7 @@ impl fmt::Display for Movement {
             write!(
                 f,
                 ", {}, {} sent, {} reached",
-                count(self.waypoints_total.into(), "waypoint"),
+                count(self.waypoints_total, "waypoint"),
                 self.waypoints_sent,
                 self.waypoints_reached
             )?;
@@ -250,7 +256,7 @@ impl fmt::Display for Link {
             f,
             "{} {since}; port opened {}, DSP boots seen {}",
             self.state,
-            count(self.port_openings.into(), "time"),
+            count(self.port_openings, "time"),
             self.dsp_boots
         )?;
         writeln!(
@@ -264,17 +270,17 @@ impl fmt::Display for Link {
             "            {}, {}; {} published, {} incoherent",
             count(self.bytes_received, "byte"),
             count(self.messages_received, "message"),
-            count(self.telemetry_published.into(), "sample"),
+            count(self.telemetry_published, "sample"),
             self.telemetry_incoherent
         )?;
         write!(
             f,
             "            {} acknowledged, {} repeated, {} failed, {} unmatched\n            {} sent, {} of them again, delivery {}",
-            count(self.commands_acknowledged.into(), "command"),
+            count(self.commands_acknowledged, "command"),
             self.commands_repeated,
             self.commands_failed,
-            count(self.acks_unmatched.into(), "ack"),
-            count(self.waypoints_sent.into(), "waypoint"),
+            count(self.acks_unmatched, "ack"),
+            count(self.waypoints_sent, "waypoint"),
             self.waypoints_repeated,
             if self.delivery_verified {
                 "verified"

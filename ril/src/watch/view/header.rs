@@ -4,7 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
-use super::{ALARM, Clock, GOOD, OLD, TITLE, WARNING, put, put_right, style_of};
+use super::pen::{ALARM, Clock, GOOD, OLD, TITLE, WARNING, put, put_right, style_of};
 use crate::pilot;
 use crate::watch::app::App;
 use crate::watch::freshness::Freshness;

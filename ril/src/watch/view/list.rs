@@ -4,7 +4,8 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
-use super::{Clock, header, put, style_of};
+use super::header;
+use super::pen::{Clock, put, style_of};
 use crate::watch::app::App;
 
 /// Columns of the parts of a line.

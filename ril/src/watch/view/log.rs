@@ -4,7 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use super::{Clock, Glyphs, OLD, TITLE, put, style_of};
+use super::pen::{Clock, Glyphs, OLD, TITLE, put, style_of};
 use crate::watch::model::Robot;
 
 /// Draws a title, and as many lines as fit under it.

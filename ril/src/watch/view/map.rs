@@ -8,7 +8,7 @@ use ratatui::text::Span;
 use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
 
-use super::{Glyphs, OLD, TITLE, put};
+use super::pen::{Glyphs, OLD, TITLE, put};
 use crate::pilot::Place;
 use crate::watch::app::{App, Zoom};
 use crate::watch::model::Robot;

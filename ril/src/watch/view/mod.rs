@@ -5,18 +5,18 @@ mod header;
 mod list;
 mod log;
 mod map;
+mod pen;
 #[cfg(test)]
 mod tests;
 mod values;
 
-use ipc_types::MonotonicNs;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::style::{Color, Modifier, Style};
-use ratatui::text::{Line, Span};
+use ratatui::style::Style;
 
 use super::app::App;
-use super::journal::Weight;
+pub use pen::{Clock, Glyphs};
+use pen::{TITLE, put};
 
 /// The least that the whole view needs, characters. On less there are a few lines and a word about it.
 pub const MIN_WIDTH: u16 = 80;
@@ -35,43 +35,6 @@ const USUAL_LOG: u16 = 8;
 
 /// Width of the values, characters.
 const VALUES_WIDTH: u16 = 44;
-
-/// Which characters are drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Glyphs {
-    /// Lines, bars, arrows and Braille dots.
-    #[default]
-    Unicode,
-    /// Nothing but ASCII, for a console without these.
-    Ascii,
-}
-
-impl Glyphs {
-    fn pick<T>(self, unicode: T, ascii: T) -> T {
-        match self {
-            Glyphs::Unicode => unicode,
-            Glyphs::Ascii => ascii,
-        }
-    }
-}
-
-/// The time for which the screen is drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct Clock {
-    /// Host monotonic time.
-    pub now: MonotonicNs,
-    /// The same moment by the wall clock, seconds since 1970-01-01 UTC.
-    pub utc_s: u64,
-}
-
-impl Clock {
-    /// The time of day of an earlier moment, UTC.
-    pub fn time_of_day(self, at: MonotonicNs) -> String {
-        let seconds = self.utc_s.saturating_sub(self.now.since(at).as_secs()) % 86_400;
-        let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-        format!("{hours:02}:{minutes:02}:{:02}", seconds % 60)
-    }
-}
 
 /// Draws `app` into all of `buffer`.
 pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
@@ -148,45 +111,5 @@ fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
     put(buffer, row(3), 0, &advice, TITLE);
     if height > 4 {
         header::draw_keys(app, clock, row(height - 1), buffer);
-    }
-}
-
-/// Writes `text` at column `x` of the first line of `area`, as far as it fits; gives the column after it.
-fn put(buffer: &mut Buffer, area: Rect, x: u16, text: &str, style: Style) -> u16 {
-    put_line(buffer, area, x, &Line::from(Span::styled(text, style)))
-}
-
-/// The same of a line of several styles.
-fn put_line(buffer: &mut Buffer, area: Rect, x: u16, line: &Line<'_>) -> u16 {
-    let area = area.intersection(buffer.area);
-    if area.is_empty() || x >= area.width {
-        return x;
-    }
-    let (end, _) = buffer.set_line(area.x + x, area.y, line, area.width - x);
-    end - area.x
-}
-
-/// Writes `text` at the right end of the first line of `area`.
-fn put_right(buffer: &mut Buffer, area: Rect, text: &str, style: Style) {
-    let width = u16::try_from(text.chars().count()).unwrap_or(u16::MAX);
-    put(buffer, area, area.width.saturating_sub(width), text, style);
-}
-
-const TITLE: Style = Style::new().add_modifier(Modifier::BOLD);
-const OLD: Style = Style::new().add_modifier(Modifier::DIM);
-const GOOD: Style = Style::new().fg(Color::Green);
-const ORDER: Style = Style::new().fg(Color::Cyan);
-const WARNING: Style = Style::new().fg(Color::Yellow).add_modifier(Modifier::BOLD);
-const ALARM: Style = Style::new()
-    .fg(Color::Red)
-    .add_modifier(Modifier::BOLD)
-    .add_modifier(Modifier::REVERSED);
-
-fn style_of(weight: Weight) -> Style {
-    match weight {
-        Weight::Note => Style::new(),
-        Weight::Order => ORDER,
-        Weight::Warning => WARNING,
-        Weight::Alarm => ALARM,
     }
 }

@@ -7,7 +7,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use super::{Clock, GOOD, Glyphs, OLD, TITLE, WARNING, put};
+use super::pen::{Clock, GOOD, Glyphs, OLD, TITLE, WARNING, put};
 use crate::pilot;
 use crate::watch::app::App;
 use crate::watch::freshness::Freshness;

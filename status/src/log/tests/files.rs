@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::log::clock::Utc;
 use crate::log::config::FileNameFormat;
-use crate::log::file_name::{Series, file_name};
+use crate::log::file_name::{FileKind, Series, file_name};
 use crate::log::groups::LogGroups;
 use crate::log::open_file::SYNC_PERIOD;
 use crate::log::retention::MAX_FILES;
@@ -432,7 +432,7 @@ fn the_number_of_files_is_bounded_however_short_they_are() {
     let series = Series::new(RobotId::DEFAULT, &LogConfig::default());
     for second in 0..MAX_FILES as u64 + 5 {
         let stem = series.stem(Utc::from_unix(second));
-        let path = Path::new("log").join(file_name(&stem, 1));
+        let path = Path::new("log").join(file_name(&stem, 1, FileKind::Tsv));
         disk.0.borrow_mut().files.insert(path, Vec::new());
     }
     let mut harness = Harness::begin(disk.clone(), UNLIMITED);

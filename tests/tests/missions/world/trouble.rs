@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bridge::Bridge;
+use bridge::journal::Input;
 use bridge::link::commands::ATTEMPTS;
 
 use super::{REOPENING, World, host};
@@ -78,7 +78,8 @@ impl World {
         let was_open = self.port_opens.is_none();
         self.port_opens = self.port_opens.max(Some(opens));
         if was_open && self.is_alive() {
-            self.bridge.port_closed(host(self.now), &mut self.witness);
+            self.bridge
+                .apply(host(self.now), Input::PortClosed, &mut self.witness);
         }
     }
 
@@ -94,7 +95,8 @@ impl World {
         self.witness.bridge_gone();
         self.buffer.ended_early(self.simulator.held_waypoints());
         self.movement = None;
-        self.bridge = Bridge::new(&self.bridge_config);
+        self.recording.process_gone(self.bridge.writer());
+        self.bridge = crate::recording::bridge(&self.bridge_config);
         self.bridge_starts = Some(starts);
         self.port_opens = self.port_opens.max(Some(starts));
     }
@@ -109,7 +111,8 @@ impl World {
             latest: self.now + within,
             away,
         });
-        self.bridge.wind_down(host(self.now), &mut self.witness);
+        self.bridge
+            .apply(host(self.now), Input::WindDown, &mut self.witness);
         self.exchange();
         self.end_bridge_if_wound_down();
     }
@@ -120,7 +123,8 @@ impl World {
             return;
         };
         if self.bridge.has_wound_down() || self.now >= ending.latest {
-            self.bridge.close(host(self.now), &mut self.witness);
+            self.bridge
+                .apply(host(self.now), Input::Close, &mut self.witness);
             self.witness.assert_all_answered();
             self.look();
             self.bridge_gone(self.now + ending.away);
@@ -155,8 +159,8 @@ impl World {
             Trouble::Noise(time) => self.begin_noise(0.3, time),
             Trouble::Replay => {
                 if let Some(frame) = self.probe.old_status() {
-                    self.bridge
-                        .receive(now, frame.as_bytes(), &mut self.witness);
+                    let bytes = Input::Received(frame.as_bytes());
+                    self.bridge.apply(now, bytes, &mut self.witness);
                 }
             }
             Trouble::FaintNoise(time) => self.begin_noise(0.01, time),

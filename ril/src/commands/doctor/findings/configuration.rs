@@ -1,7 +1,7 @@
 //! Configuration files and the environment.
 
 use super::super::facts::{FileContent, FileFacts};
-use super::{About, Finding, Subject};
+use super::finding::{About, Finding, Subject};
 
 const ABOUT: About = About(Subject::Configuration);
 
@@ -47,7 +47,7 @@ mod tests {
     use std::time::Duration;
 
     use super::super::super::facts::Trouble;
-    use super::super::Severity;
+    use super::super::finding::Severity;
     use super::*;
 
     #[test]

@@ -6,8 +6,10 @@ use ipc_types::RobotId;
 use ipc_types::inspect::{Entry, Inspection, Life, Member, RobotFacts};
 
 use super::super::facts::DomainFacts;
-use super::{About, Finding, Subject, count, services};
+use super::finding::{About, Finding, Subject};
+use super::services;
 use crate::commands::process_of;
+use crate::words::count;
 
 const DOMAIN: About = About(Subject::Domain);
 
@@ -43,7 +45,7 @@ fn inspected(inspection: &Inspection, domain: &DomainFacts) -> Vec<Finding> {
         }
     }
     if inspection.leftovers > 0 {
-        let things = count(inspection.leftovers, "thing", "things");
+        let things = count(inspection.leftovers, "thing");
         let text = format!("{things} half removed, perhaps by processes that were killed");
         let next_step = format!("look again, a process may be removing it; {REPAIR}");
         findings.push(DOMAIN.warning("leftovers", text, next_step));
@@ -54,7 +56,7 @@ fn inspected(inspection: &Inspection, domain: &DomainFacts) -> Vec<Finding> {
         false => 0,
     };
     if entries > 0 {
-        let strangers = count(entries, "thing", "things");
+        let strangers = count(entries, "thing");
         let place = domain.root.display();
         let text = format!("{strangers} in {place} that the domain does not know stay there");
         findings.push(DOMAIN.note("strangers", text));
@@ -129,7 +131,7 @@ fn alive(robot: &RobotFacts, domain: &DomainFacts) -> Vec<Finding> {
     }
     findings.extend(dead(robot));
     if robot.former > 0 {
-        let former = count(robot.former, "generation", "generations");
+        let former = count(robot.former, "generation");
         let text = format!(
             "robot {id} has {former} of shared memory without a provider: the last process in it removes it, or the next provider"
         );
@@ -184,7 +186,7 @@ fn dead(robot: &RobotFacts) -> Vec<Finding> {
 
 /// What is there of a robot that no process takes part in.
 fn residue(robot: &RobotFacts) -> Finding {
-    let generations = count(robot.generations, "generation", "generations");
+    let generations = count(robot.generations, "generation");
     let mut text = format!(
         "no process of robot {} lives; left of its shared memory: {generations}",
         robot.robot

@@ -4,7 +4,7 @@ use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;
 
 use super::super::facts::LinkFacts;
-use super::{About, Finding, Subject};
+use super::finding::{About, Finding, Subject};
 use crate::commands::relay_report::LinkReport;
 
 const ABOUT: About = About(Subject::Relay);
@@ -115,7 +115,7 @@ mod tests {
     use ipc_types::payload::ascii_bytes;
 
     use super::super::super::facts::{Look, Trouble};
-    use super::super::Severity::{self, Error, Note, Warning};
+    use super::super::finding::Severity::{self, Error, Note, Warning};
     use super::*;
 
     const NOW: MonotonicNs = MonotonicNs(100_000_000_000);

@@ -3,7 +3,8 @@
 use ipc_types::Repair;
 
 use super::super::facts::{Look, Trouble};
-use super::{About, Finding, Subject, count};
+use super::finding::{About, Finding, Subject};
+use crate::words::count_irregular;
 
 const ABOUT: About = About(Subject::Repair);
 
@@ -47,7 +48,7 @@ fn done(repair: &Repair) -> Vec<Finding> {
         .into_iter()
         .filter(|(number, ..)| *number > 0)
         .map(|(number, singular, plural)| {
-            let text = format!("removed: {}", count(number, singular, plural));
+            let text = format!("removed: {}", count_irregular(number, singular, plural));
             ABOUT.note("repaired", text)
         })
         .collect();
@@ -61,7 +62,7 @@ fn done(repair: &Repair) -> Vec<Finding> {
 mod tests {
     use std::time::Duration;
 
-    use super::super::Severity;
+    use super::super::finding::Severity;
     use super::*;
 
     #[test]

@@ -3,7 +3,7 @@
 use bridge::shell::serial::holders::{Hold, Holder};
 
 use super::super::facts::{Device, Look, PortFacts, PortHolders};
-use super::{About, Finding, Severity, Subject};
+use super::finding::{About, Finding, Severity, Subject};
 
 const ABOUT: About = About(Subject::Serial);
 

@@ -4,7 +4,7 @@ use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};
 
 use super::super::facts::{DomainFacts, Namespace, Provided};
-use super::{About, Finding, Subject};
+use super::finding::{About, Finding, Subject};
 
 const SERVICES_OF_ROBOT: About = About(Subject::Services);
 
@@ -158,7 +158,7 @@ mod tests {
     use ipc_types::{Provider, RobotId, ServiceId};
 
     use super::super::super::facts::Trouble;
-    use super::super::Severity::{self, Error, Note, Warning};
+    use super::super::finding::Severity::{self, Error, Note, Warning};
     use super::*;
 
     fn provided(service: ServiceId, process: &str, pid: u32) -> Provided {

@@ -1,0 +1,122 @@
+//! [`Schema`]: the definition of what lies in a topic.
+
+use std::sync::Arc;
+
+use super::leaf::{Leaf, collect, find};
+use super::message::Message;
+use super::parse::{SchemaError, parse};
+use crate::payload::layout::FNV_BASIS;
+use crate::payload::{Layout, Number, RequestReport, SharedStruct};
+
+/// What lies in a topic. Cheap to clone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schema {
+    type_name: String,
+    root: Arc<Message>,
+}
+
+impl Schema {
+    /// The schema of `T`.
+    pub fn of<T: SharedStruct>() -> Schema {
+        Schema::from_layout(T::LAYOUT)
+    }
+
+    /// The schema of a struct that this program was built with.
+    pub fn from_layout(layout: &Layout) -> Schema {
+        Schema {
+            type_name: layout.type_name.to_owned(),
+            root: Arc::new(Message::from_layout(layout)),
+        }
+    }
+
+    /// Reads the text of a schema.
+    ///
+    /// # Errors
+    ///
+    /// Whatever is not a schema of a struct of the contract: see [`SchemaError`].
+    pub fn parse(text: &str) -> Result<Schema, SchemaError> {
+        let (type_name, root) = parse(text)?;
+        Ok(Schema { type_name, root })
+    }
+
+    /// Name of the type in shared memory, with package and version: `hero.DspTelemetry.v2`.
+    pub fn type_name(&self) -> &str {
+        &self.type_name
+    }
+
+    /// Name of the schema in an MCAP file and of the type in `ros2`, such as `hero_msgs/msg/DspTelemetry`.
+    pub fn ros_resource_name(&self) -> String {
+        format!("{}/msg/{}", self.root.package, self.root.name)
+    }
+
+    /// Size of the payload, bytes.
+    pub fn size(&self) -> usize {
+        self.root.size
+    }
+
+    /// Alignment of the payload, bytes.
+    pub fn align(&self) -> usize {
+        self.root.align
+    }
+
+    /// The outermost struct.
+    pub fn root(&self) -> &Message {
+        &self.root
+    }
+
+    /// Hash of the layout as section 8 of `docs/ipc.md` has it: the attribute `layout_hash` of a topic with this schema.
+    ///
+    /// So a reader can check whether a text that it found belongs to the service that it opened.
+    pub fn layout_hash(&self) -> u64 {
+        self.root.hash_fields(FNV_BASIS)
+    }
+
+    /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed after
+    /// the request's.
+    pub fn request_layout_hash(&self) -> u64 {
+        let report = Message::from_layout(RequestReport::LAYOUT);
+        report.hash_fields(self.layout_hash())
+    }
+
+    /// All numbers, in the order of their offsets. There are at most [`MAX_NUMBERS`](super::MAX_NUMBERS).
+    pub fn leaves(&self) -> Vec<Leaf<'_>> {
+        let mut leaves = Vec::with_capacity(self.root.numbers);
+        collect(&self.root, "", 0, &mut leaves);
+        leaves
+    }
+
+    /// Offsets of all moments of the host's monotonic clock, in ascending order: fields of type `uint64` whose names end in
+    /// `_ns`, but not in `epoch_ns`; nested structs and the elements of arrays included.
+    ///
+    /// These are what has to be translated when a sample goes to another machine, whose clock has another zero. A moment of 0
+    /// stands for "never" and stays 0. `epoch_ns` identifies a publisher and is compared for equality only. A duration is no
+    /// moment: its name ends in another unit, such as `_s`, or its type is another one.
+    pub fn moments(&self) -> Vec<usize> {
+        let is_moment = |leaf: &Leaf<'_>| {
+            let name = &leaf.field.name;
+            leaf.number == Number::U64 && name.ends_with("_ns") && !name.ends_with("epoch_ns")
+        };
+        let leaves = self.leaves().into_iter().filter(is_moment);
+        leaves
+            .flat_map(|leaf| {
+                let len = leaf.len.unwrap_or(1);
+                (0..len).map(move |index| leaf.offset + index * leaf.number.size())
+            })
+            .collect()
+    }
+
+    /// The numbers at `path` and below it, such as `sequence`, `cells`, `cells[2]` or `cells[2].voltage_v`; none when there
+    /// is no such field.
+    pub fn find(&self, path: &str) -> Vec<Leaf<'_>> {
+        find(&self.root, path).unwrap_or_default()
+    }
+
+    /// The one number at `path`, an element of an array for example; nothing when it is none, or more than one.
+    pub fn number(&self, path: &str) -> Option<Leaf<'_>> {
+        let mut leaves = self.find(path);
+        match leaves.len() {
+            1 if leaves[0].path == path => leaves.pop(),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! [`Message`]: a struct by its fields.
+
+use std::fmt;
+use std::sync::Arc;
+
+use super::text;
+use crate::payload::layout::{hash_number, hash_text};
+use crate::payload::{FieldKind, FieldLayout, Layout, Number};
+
+/// A struct of a [`Schema`](super::Schema): the whole payload, or one that is nested in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// Package in ROS 2, such as `hero_msgs`.
+    pub package: String,
+    /// Name without package and version, such as `DspTelemetry`.
+    pub name: String,
+    /// What it is, by its comment; lines are divided by `\n`.
+    pub comment: String,
+    /// Size, bytes.
+    pub size: usize,
+    /// Alignment, bytes.
+    pub align: usize,
+    /// The fields in the order of their offsets.
+    pub fields: Vec<Field>,
+    /// Numbers with a name of their own, in nested structs too.
+    pub(super) numbers: usize,
+    /// How many structs are nested here, itself included.
+    pub(super) height: usize,
+}
+
+/// A field of a [`Message`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Name, such as `altitude_m`.
+    pub name: String,
+    /// Offset from the start of the struct that it lies in, bytes.
+    pub offset: usize,
+    /// Size, bytes; of an array all of it.
+    pub size: usize,
+    /// What lies there.
+    pub kind: Kind,
+    /// Length of the array; nothing when it is none.
+    pub len: Option<usize>,
+    /// Its comment; lines are divided by `\n`.
+    pub comment: String,
+}
+
+/// Type of a field, or of the elements of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// A number.
+    Number(Number),
+    /// A nested struct.
+    Struct(Arc<Message>),
+}
+
+impl Kind {
+    /// Size of one, bytes.
+    pub fn size(&self) -> usize {
+        match self {
+            Kind::Number(number) => number.size(),
+            Kind::Struct(message) => message.size,
+        }
+    }
+
+    pub(super) fn align(&self) -> usize {
+        match self {
+            Kind::Number(number) => number.size(),
+            Kind::Struct(message) => message.align,
+        }
+    }
+
+    pub(super) fn numbers(&self) -> usize {
+        match self {
+            Kind::Number(_) => 1,
+            Kind::Struct(message) => message.numbers,
+        }
+    }
+
+    pub(super) fn height(&self) -> usize {
+        match self {
+            Kind::Number(_) => 0,
+            Kind::Struct(message) => message.height,
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Kind::Number(number) => f.write_str(number.ros_name()),
+            Kind::Struct(message) => write!(f, "{}/{}", message.package, message.name),
+        }
+    }
+}
+
+impl Field {
+    /// The unit, such as `m/s`: what stands in brackets in the comment, as ROS 2's tools have it. Nothing when there is none.
+    pub fn unit(&self) -> Option<&str> {
+        text::unit_of(&self.comment)
+    }
+
+    /// Type as the schema's text has it, such as `float32[12]`.
+    pub fn type_text(&self) -> String {
+        match self.len {
+            Some(len) => format!("{}[{len}]", self.kind),
+            None => self.kind.to_string(),
+        }
+    }
+
+    /// Numbers with a name of their own.
+    pub(super) fn numbers(&self) -> usize {
+        match (&self.kind, self.len) {
+            (Kind::Struct(message), Some(len)) => message.numbers.saturating_mul(len),
+            (kind, _) => kind.numbers(),
+        }
+    }
+}
+
+impl Message {
+    /// The struct that this program was built with.
+    pub(super) fn from_layout(layout: &Layout) -> Message {
+        let fields = layout.fields.iter().map(Field::from_layout).collect();
+        let mut message = Message {
+            package: format!("{}_msgs", layout.package()),
+            name: layout.name.to_owned(),
+            comment: text::comment(layout),
+            size: layout.size,
+            align: layout.align,
+            fields,
+            numbers: 0,
+            height: 1,
+        };
+        message.numbers = message.fields.iter().map(Field::numbers).sum();
+        for field in &message.fields {
+            message.height = message.height.max(1 + field.kind.height());
+        }
+        message
+    }
+
+    /// The hash of a layout that begins with `hash` and goes on with these fields.
+    pub(super) fn hash_fields(&self, mut hash: u64) -> u64 {
+        for field in &self.fields {
+            hash = hash_text(hash, &field.name);
+            hash = hash_number(hash, field.offset);
+            hash = hash_number(hash, field.size);
+            hash = match &field.kind {
+                Kind::Number(number) => hash_text(hash, number.rust_name()),
+                Kind::Struct(nested) => nested.hash_fields(hash_text(hash, &nested.name)),
+            };
+            if let Some(len) = field.len {
+                hash = hash_number(hash, len);
+            }
+        }
+        hash
+    }
+}
+
+impl Field {
+    fn from_layout(layout: &FieldLayout) -> Field {
+        let kind = match layout.kind {
+            FieldKind::Number(number) | FieldKind::Array(number, _) => Kind::Number(number),
+            FieldKind::Struct(nested) | FieldKind::StructArray(nested, _) => {
+                Kind::Struct(Arc::new(Message::from_layout(nested)))
+            }
+        };
+        Field {
+            name: layout.name.to_owned(),
+            offset: layout.offset,
+            size: layout.size,
+            kind,
+            len: layout.kind.len(),
+            comment: text::field_comment(layout),
+        }
+    }
+}

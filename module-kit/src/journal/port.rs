@@ -1,0 +1,121 @@
+//! [`Port`]: the topic of a journal. Pieces are published while there is a subscriber; without one, a wake of the process costs a
+//! look at their number.
+
+use std::time::Duration;
+
+use ipc_types::service::SUBSCRIBER_BUFFER;
+use ipc_types::{Ipc, JournalPiece, MonotonicNs, OpenError, Publisher, Source};
+
+use super::writer::{Piece, Writer};
+
+/// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own beginning.
+const BURST: usize = SUBSCRIBER_BUFFER / 4;
+
+/// Shortest time between two bursts: a recorder has read the one before.
+const REST: Duration = Duration::from_millis(20);
+
+/// The publisher of a journal.
+pub struct Port<P: JournalPiece> {
+    /// Its place for former generations makes it large, and the process that owns this port is moved: a thread's stack has 2 MiB.
+    publisher: Box<Publisher<P>>,
+    /// The publisher's count of joins when it was last looked at.
+    joins: u64,
+    /// When the next burst may be.
+    next: MonotonicNs,
+    /// The last piece could not be published.
+    is_failing: bool,
+}
+
+impl<P: JournalPiece> Port<P> {
+    /// Opens the topic.
+    ///
+    /// # Errors
+    /// See [`OpenError`]; another process may publish it.
+    pub fn open(ipc: &Ipc) -> Result<Port<P>, OpenError> {
+        Ok(Port {
+            publisher: Box::new(ipc.publisher()?),
+            joins: 0,
+            next: MonotonicNs(0),
+            is_failing: false,
+        })
+    }
+
+    /// A writer whose pieces fit.
+    pub fn writer() -> Writer {
+        Writer::new(P::ROOM)
+    }
+
+    /// What to wait for.
+    pub fn source(&mut self) -> &mut dyn Source {
+        &mut *self.publisher
+    }
+
+    /// To be called before the inputs of a wake: starts the journal when a subscriber has joined, and stops it when none is left.
+    pub fn follow(&mut self, writer: &mut Writer) {
+        if self.publisher.subscribers() == 0 {
+            if writer.is_started() {
+                writer.stop();
+                tracing::debug!(topic = P::KEY, "the journal is not recorded any more");
+            }
+            return;
+        }
+        let joins = self.publisher.joins();
+        let has_joined = std::mem::replace(&mut self.joins, joins) != joins;
+        if !writer.is_started() {
+            writer.start();
+            tracing::debug!(topic = P::KEY, "the journal is recorded");
+        } else if has_joined {
+            writer.ask_for_snapshot();
+        }
+    }
+
+    /// To be called after the inputs of a wake: publishes the pieces that are complete. A piece that cannot be published is lost,
+    /// and the journal begins again.
+    pub fn publish(&mut self, writer: &mut Writer, now: MonotonicNs) {
+        if !writer.is_started() || now < self.next {
+            return;
+        }
+        for _ in 0..BURST {
+            let Some(piece) = writer.next(now) else {
+                return;
+            };
+            if !self.send(&piece, now) {
+                return writer.start();
+            }
+        }
+        self.next = now + REST;
+    }
+
+    /// The process ends: publishes all that is left.
+    pub fn finish(&mut self, writer: &mut Writer, now: MonotonicNs) {
+        if writer.is_started() {
+            writer.take_all().all(|piece| self.send(&piece, now));
+            writer.stop();
+        }
+    }
+
+    fn send(&mut self, piece: &Piece, now: MonotonicNs) -> bool {
+        let published = self.publisher.publish(|sample| {
+            *sample = P::ZERO;
+            sample.fill(now.0, piece.begins, piece.beginnings, &piece.bytes);
+        });
+        let was_failing = std::mem::replace(&mut self.is_failing, published.is_err());
+        match published {
+            Ok(_sequence) => true,
+            Err(error) => {
+                if !was_failing {
+                    tracing::warn!(%error, "the journal has a gap");
+                }
+                false
+            }
+        }
+    }
+
+    /// When [`Port::publish`] has something to do.
+    pub fn deadline(&self, writer: &Writer) -> Option<MonotonicNs> {
+        match writer.has_full() {
+            true => Some(self.next),
+            false => writer.deadline(),
+        }
+    }
+}

@@ -1,0 +1,300 @@
+use std::time::Duration;
+
+use ipc_types::payload::{STATUS_JOURNAL_ROOM, SharedStruct, StatusJournal};
+use ipc_types::{JournalPiece, MonotonicNs, Topic};
+use proptest::prelude::*;
+
+use super::bytes::{Cursor, Malformed, put_bytes, put_changes, put_number, put_signed};
+use super::{Break, CHECKPOINT, DELAY, MAX_RECORD, MAX_WAITING, Piece, Reader, Writer};
+
+const START: MonotonicNs = MonotonicNs(1_000_000_000);
+
+/// The sample that a piece is published as.
+fn sample(piece: &Piece, sequence: u64) -> StatusJournal {
+    let mut sample = StatusJournal::default();
+    sample.fill(0, piece.begins, piece.beginnings, &piece.bytes);
+    sample.stamp(sequence, 1);
+    sample
+}
+
+fn started() -> Writer {
+    let mut writer = Writer::new(STATUS_JOURNAL_ROOM);
+    writer.start();
+    writer
+}
+
+fn write(writer: &mut Writer, now: MonotonicNs, record: &[u8]) {
+    writer.record(now, |out| out.extend_from_slice(record));
+}
+
+fn snapshot(writer: &mut Writer, now: MonotonicNs, record: &[u8]) {
+    writer.snapshot(now, |out| out.extend_from_slice(record));
+}
+
+/// All whole records that a reader finds after it took `piece`.
+fn read(reader: &mut Reader, piece: &StatusJournal) -> (Option<Break>, Vec<Vec<u8>>) {
+    let broken = reader.take(piece);
+    let mut records = Vec::new();
+    while let Some(record) = reader.next().expect("no damage") {
+        records.push(record.to_vec());
+    }
+    (broken, records)
+}
+
+#[test]
+fn a_writer_that_is_off_takes_nothing() {
+    let mut writer = Writer::new(STATUS_JOURNAL_ROOM);
+    assert!(!writer.wants_snapshot(START) && !writer.is_on());
+    snapshot(&mut writer, START, b"snapshot");
+    write(&mut writer, START, b"record");
+    assert_eq!(writer.next(START + 2 * DELAY), None);
+    assert_eq!(writer.deadline(), None);
+}
+
+#[test]
+fn a_journal_begins_with_a_snapshot_and_waits_a_moment_for_more() {
+    let mut writer = started();
+    write(&mut writer, START, b"too early");
+    assert!(writer.wants_snapshot(START));
+    snapshot(&mut writer, START, b"snapshot");
+    assert!(!writer.wants_snapshot(START));
+    write(&mut writer, START + DELAY / 2, b"record");
+    assert_eq!(writer.next(START + DELAY / 2), None);
+    assert_eq!(writer.deadline(), Some(START + DELAY));
+    let piece = writer.next(START + DELAY).unwrap();
+    assert!(piece.begins);
+    assert_eq!((piece.beginnings, piece.bytes[0]), (1, 8));
+    let (broken, records) = read(&mut Reader::new(), &sample(&piece, 1));
+    assert_eq!(broken, None);
+    assert_eq!(records, [b"snapshot".to_vec(), b"record".to_vec()]);
+}
+
+#[test]
+fn a_record_may_be_longer_than_a_piece() {
+    let long: Vec<u8> = (0..5000u32).map(|index| index as u8).collect();
+    let mut writer = started();
+    snapshot(&mut writer, START, &long);
+    write(&mut writer, START, b"after");
+    let (mut reader, mut records) = (Reader::new(), Vec::new());
+    for (piece, sequence) in writer.take_all().zip(1..) {
+        assert!(piece.bytes.len() <= STATUS_JOURNAL_ROOM);
+        records.extend(read(&mut reader, &sample(&piece, sequence)).1);
+    }
+    assert_eq!(records, [long, b"after".to_vec()]);
+}
+
+#[test]
+fn another_snapshot_comes_when_it_is_time_and_enough_was_written() {
+    let mut writer = started();
+    snapshot(&mut writer, START, &[7; 1000]);
+    let later = START + CHECKPOINT;
+    write(&mut writer, later, &[1; 3000]);
+    assert!(!writer.wants_snapshot(later), "three times its bytes");
+    write(&mut writer, later, &[1; 1000]);
+    assert!(!writer.wants_snapshot(START + CHECKPOINT / 2));
+    assert!(writer.wants_snapshot(later));
+    snapshot(&mut writer, later, &[8; 1000]);
+    assert!(!writer.wants_snapshot(later + Duration::from_secs(1)));
+    let begins: Vec<_> = writer.take_all().filter(|piece| piece.begins).collect();
+    assert_eq!(begins.len(), 2);
+    assert_eq!(begins[1].beginnings, 1, "the journal goes on");
+}
+
+#[test]
+fn a_reader_that_comes_gets_a_snapshot_and_breaks_nothing() {
+    let mut writer = started();
+    snapshot(&mut writer, START, b"first");
+    write(&mut writer, START, b"one");
+    writer.ask_for_snapshot();
+    assert!(writer.wants_snapshot(START));
+    snapshot(&mut writer, START, b"second");
+    assert!(!writer.wants_snapshot(START));
+    write(&mut writer, START, b"two");
+    let (mut reader, mut late, mut records) = (Reader::new(), Reader::new(), Vec::new());
+    for (piece, sequence) in writer.take_all().zip(1..) {
+        let piece = sample(&piece, sequence);
+        let (broken, found) = read(&mut reader, &piece);
+        assert_eq!(broken, None);
+        records.extend(found);
+        if sequence > 1 {
+            assert_eq!(read(&mut late, &piece).1.len(), 2);
+        }
+    }
+    assert_eq!(records.len(), 4);
+    let mut off = Writer::new(STATUS_JOURNAL_ROOM);
+    off.ask_for_snapshot();
+    assert!(!off.wants_snapshot(START));
+}
+
+#[test]
+fn a_loss_is_noticed_and_reading_goes_on_at_the_next_snapshot() {
+    let mut writer = started();
+    let mut samples = Vec::new();
+    for round in 0..3u8 {
+        let now = START + u32::from(round) * CHECKPOINT;
+        snapshot(&mut writer, now, &[round; 10]);
+        for _ in 0..4 {
+            write(&mut writer, now, &[100 + round; 900]);
+        }
+    }
+    samples.extend(
+        writer
+            .take_all()
+            .zip(1..)
+            .map(|(piece, n)| sample(&piece, n)),
+    );
+    let begins: Vec<_> = samples.iter().map(|piece| piece.begins()).collect();
+    assert_eq!(begins[..6], [true, false, false, false, true, false]);
+
+    let mut reader = Reader::new();
+    let (broken, records) = read(&mut reader, &samples[0]);
+    assert_eq!((broken, records.len()), (None, 2));
+    // A piece that was there before changes nothing.
+    assert_eq!(read(&mut reader, &samples[0]), (None, vec![]));
+    let (broken, records) = read(&mut reader, &samples[3]);
+    assert_eq!((broken, records.len()), (Some(Break::Lost(2)), 0));
+    assert!(!reader.is_reading());
+    let (broken, records) = read(&mut reader, &samples[4]);
+    assert_eq!(broken, None);
+    assert_eq!(records[0], [1; 10]);
+    assert_eq!(reader.lost(), 2);
+}
+
+#[test]
+fn what_waits_is_bounded_and_the_journal_begins_again() {
+    let mut writer = started();
+    snapshot(&mut writer, START, b"first");
+    let record = vec![1; MAX_RECORD / 2];
+    for _ in 0..MAX_WAITING / record.len() + 1 {
+        write(&mut writer, START, &record);
+    }
+    assert_eq!(writer.losses(), 1);
+    assert!(writer.wants_snapshot(START) && !writer.is_on());
+    snapshot(&mut writer, START, b"second");
+    let pieces: Vec<_> = writer.take_all().collect();
+    assert_eq!(pieces.len(), 1);
+    assert_eq!((pieces[0].begins, pieces[0].beginnings), (true, 2));
+    write(&mut writer, START, &vec![1; MAX_RECORD + 1]);
+    assert_eq!(writer.losses(), 2, "a record that is too long");
+}
+
+#[test]
+fn another_process_and_another_beginning_are_breaks() {
+    let piece = |epoch_ns, sequence, beginnings| {
+        let bytes = vec![1, 7];
+        let piece = Piece {
+            begins: false,
+            beginnings,
+            bytes,
+        };
+        let mut sample = sample(&piece, sequence);
+        sample.epoch_ns = epoch_ns;
+        sample
+    };
+    let mut reader = Reader::new();
+    let table = [
+        (piece(1, 5, 1), None),
+        (piece(1, 6, 1), None),
+        (piece(1, 7, 2), Some(Break::BegunAgain)),
+        (piece(2, 1, 1), Some(Break::Restarted)),
+        (piece(2, 4, 1), Some(Break::Lost(2))),
+    ];
+    for (piece, broken) in table {
+        assert_eq!(reader.take(&piece), broken);
+        assert_eq!(reader.next(), Ok(None), "no snapshot was seen");
+    }
+}
+
+#[test]
+fn a_length_that_no_record_has_is_damage() {
+    let mut writer = started();
+    snapshot(&mut writer, START, b"first");
+    let mut piece = writer.take_all().next().unwrap();
+    put_number(&mut piece.bytes, MAX_RECORD as u64 + 1);
+    let mut reader = Reader::new();
+    reader.take(&sample(&piece, 1));
+    assert_eq!(reader.next(), Ok(Some(b"first".as_slice())));
+    assert_eq!(reader.next(), Err(Malformed));
+    assert!(!reader.is_reading());
+    assert_eq!(reader.next(), Ok(None));
+}
+
+proptest! {
+    #[test]
+    fn numbers_come_back(number: u64, signed: i64) {
+        let mut bytes = Vec::new();
+        put_number(&mut bytes, number);
+        put_signed(&mut bytes, signed);
+        let mut cursor = Cursor::new(&bytes);
+        prop_assert_eq!(cursor.number(), Ok(number));
+        prop_assert_eq!(cursor.signed(), Ok(signed));
+        prop_assert!(cursor.is_at_end());
+    }
+
+    #[test]
+    fn changes_come_back(
+        before in prop::collection::vec(0u8..4, 0..300),
+        seed in prop::collection::vec(0u8..4, 300),
+    ) {
+        let now = &seed[..before.len()];
+        let mut bytes = Vec::new();
+        put_changes(&mut bytes, &before, now);
+        let mut made = before.clone();
+        let mut cursor = Cursor::new(&bytes);
+        prop_assert_eq!(cursor.changes(&mut made), Ok(()));
+        prop_assert!(cursor.is_at_end());
+        prop_assert_eq!(&made[..], now);
+    }
+
+    #[test]
+    fn records_come_back_whatever_their_lengths(
+        records in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..2500), 1..20),
+    ) {
+        let mut writer = started();
+        snapshot(&mut writer, START, &records[0]);
+        for record in &records[1..] {
+            write(&mut writer, START, record);
+        }
+        let (mut reader, mut found) = (Reader::new(), Vec::new());
+        for (piece, sequence) in writer.take_all().zip(1..) {
+            found.extend(read(&mut reader, &sample(&piece, sequence)).1);
+        }
+        prop_assert_eq!(found, records);
+    }
+
+    #[test]
+    fn no_bytes_make_a_reader_panic_or_keep_more_than_a_record(
+        pieces in prop::collection::vec(
+            (any::<bool>(), 0u32..3, 0u64..9, prop::collection::vec(any::<u8>(), 0..60)),
+            0..40,
+        ),
+    ) {
+        let mut reader = Reader::new();
+        for (begins, beginnings, sequence, bytes) in pieces {
+            let piece = Piece { begins, beginnings, bytes };
+            reader.take(&sample(&piece, sequence));
+            while let Ok(Some(record)) = reader.next() {
+                prop_assert!(record.len() <= MAX_RECORD);
+            }
+        }
+    }
+
+    #[test]
+    fn no_bytes_make_a_cursor_panic(bytes in prop::collection::vec(any::<u8>(), 0..100)) {
+        let mut before = vec![0; 40];
+        let _ = Cursor::new(&bytes).changes(&mut before);
+        prop_assert_eq!(before.len(), 40);
+        let mut cursor = Cursor::new(&bytes);
+        while cursor.bytes().is_ok() && !cursor.is_at_end() {}
+        let mut copy = Vec::new();
+        put_bytes(&mut copy, &bytes);
+        prop_assert_eq!(Cursor::new(&copy).bytes(), Ok(bytes.as_slice()));
+    }
+}
+
+#[test]
+fn a_piece_is_as_large_as_its_topic_says() {
+    assert_eq!(StatusJournal::LAYOUT.size, STATUS_JOURNAL_ROOM + 40);
+    assert_eq!(<StatusJournal as JournalPiece>::ROOM, STATUS_JOURNAL_ROOM);
+    assert_eq!(StatusJournal::KEY, "status/journal");
+}

@@ -1,0 +1,231 @@
+//! [`Writer`]: records to pieces. A pure value; while nothing is recorded it is asked one question for each input.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+use super::bytes::put_number;
+
+/// Longest record, bytes. The longest are snapshots: of a bridge with the largest geofence (64 areas of 256 vertices, twice 650 KiB)
+/// and 2048 final reports (at most 290 KiB). A longer record is not written; the journal then begins again.
+pub const MAX_RECORD: usize = 2 << 20;
+
+/// Bytes that may wait until they are published. When more come the journal loses them all, and begins again with a snapshot.
+pub const MAX_WAITING: usize = 4 << 20;
+
+/// How long a piece that is not full waits for more records.
+pub const DELAY: Duration = Duration::from_millis(250);
+
+/// How long the journal goes on until there is another snapshot: a loss costs a reader at most so much of it. Later, when a snapshot
+/// has more than a quarter of the bytes that were written since the last one.
+pub const CHECKPOINT: Duration = Duration::from_secs(10);
+const SNAPSHOT_SHARE: u64 = 4;
+
+/// A piece of a journal.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Piece {
+    /// The first byte begins a record that is a snapshot.
+    pub begins: bool,
+    /// How often the journal has begun.
+    pub beginnings: u32,
+    /// The bytes, at most as many as a piece has room for.
+    pub bytes: Vec<u8>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nothing is recorded.
+    Off,
+    /// The next record must be a snapshot.
+    Begins,
+    /// Records are taken; when and how long the last snapshot was.
+    On { since: MonotonicNs, length: u64 },
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct Writer {
+    room: usize,
+    state: State,
+    /// The piece that is being filled, and when it got its first byte.
+    open: Piece,
+    open_since: Option<MonotonicNs>,
+    /// Those that are full, oldest first, and their bytes.
+    full: VecDeque<Piece>,
+    waiting: usize,
+    /// A reader has come that needs a snapshot.
+    is_asked: bool,
+    /// Bytes since the last snapshot.
+    since_snapshot: u64,
+    beginnings: u32,
+    losses: u64,
+    record: Vec<u8>,
+}
+
+impl Writer {
+    /// A writer that is off; its pieces have room for so many bytes.
+    pub fn new(room: usize) -> Writer {
+        Writer {
+            room: room.max(1),
+            state: State::Off,
+            open: Piece::default(),
+            open_since: None,
+            full: VecDeque::new(),
+            waiting: 0,
+            is_asked: false,
+            since_snapshot: 0,
+            beginnings: 0,
+            losses: 0,
+            record: Vec::new(),
+        }
+    }
+
+    /// A new journal begins with the next snapshot. What waits of the one before is dropped.
+    pub fn start(&mut self) {
+        self.stop();
+        self.state = State::Begins;
+    }
+
+    /// A reader has come: there is a snapshot before the next record. For those that read already the journal goes on.
+    pub fn ask_for_snapshot(&mut self) {
+        self.is_asked = self.is_on();
+    }
+
+    /// Nothing is recorded any more; what waits is dropped.
+    pub fn stop(&mut self) {
+        self.state = State::Off;
+        self.open.bytes.clear();
+        self.open_since = None;
+        self.full.clear();
+        self.waiting = 0;
+    }
+
+    /// Whether a journal is written, or is about to be.
+    pub fn is_started(&self) -> bool {
+        self.state != State::Off
+    }
+
+    /// Whether records are taken.
+    pub fn is_on(&self) -> bool {
+        matches!(self.state, State::On { .. })
+    }
+
+    /// Whether a snapshot is to be written before the next record.
+    pub fn wants_snapshot(&self, now: MonotonicNs) -> bool {
+        match self.state {
+            State::Off => false,
+            State::Begins => true,
+            State::On { .. } if self.is_asked => true,
+            State::On { since, length } => {
+                now.since(since) >= CHECKPOINT && self.since_snapshot >= SNAPSHOT_SHARE * length
+            }
+        }
+    }
+
+    /// Writes a snapshot, which `fill` appends, in a piece of its own beginning.
+    pub fn snapshot(&mut self, now: MonotonicNs, fill: impl FnOnce(&mut Vec<u8>)) {
+        if self.state == State::Off {
+            return;
+        }
+        if self.state == State::Begins {
+            self.beginnings = self.beginnings.wrapping_add(1);
+        }
+        self.is_asked = false;
+        self.close();
+        self.open.begins = true;
+        self.state = State::On {
+            since: now,
+            length: 0,
+        };
+        self.record(now, fill);
+        if let State::On { length, .. } = &mut self.state {
+            *length = self.record.len() as u64;
+        }
+        self.since_snapshot = 0;
+    }
+
+    /// Writes a record, which `fill` appends. Nothing happens while records are not taken.
+    pub fn record(&mut self, now: MonotonicNs, fill: impl FnOnce(&mut Vec<u8>)) {
+        if !self.is_on() {
+            return;
+        }
+        let mut record = std::mem::take(&mut self.record);
+        record.clear();
+        fill(&mut record);
+        if record.len() > MAX_RECORD || self.waiting + record.len() > MAX_WAITING {
+            self.losses += 1;
+            self.start();
+        } else {
+            self.append(now, &record);
+        }
+        self.record = record;
+    }
+
+    /// How often records were lost because too many waited, or one was too long.
+    pub fn losses(&self) -> u64 {
+        self.losses
+    }
+
+    /// The next piece to publish: one that is full, or has waited for [`DELAY`].
+    pub fn next(&mut self, now: MonotonicNs) -> Option<Piece> {
+        if self.full.is_empty() && self.open_since.is_some_and(|since| now >= since + DELAY) {
+            self.close();
+        }
+        let piece = self.full.pop_front()?;
+        self.waiting -= piece.bytes.len();
+        Some(piece)
+    }
+
+    /// The next piece, as if it had waited long enough.
+    pub fn take_all(&mut self) -> impl Iterator<Item = Piece> + '_ {
+        self.close();
+        self.waiting = 0;
+        self.full.drain(..)
+    }
+
+    /// When [`Writer::next`] has a piece that was not full.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.open_since.map(|since| since + DELAY)
+    }
+
+    /// Whether pieces wait that are full.
+    pub fn has_full(&self) -> bool {
+        !self.full.is_empty()
+    }
+
+    fn append(&mut self, now: MonotonicNs, record: &[u8]) {
+        let mut length = Vec::with_capacity(4);
+        put_number(&mut length, record.len() as u64);
+        self.since_snapshot += (length.len() + record.len()) as u64;
+        for mut bytes in [length.as_slice(), record] {
+            while !bytes.is_empty() {
+                let left = self.room - self.open.bytes.len();
+                let (now_bytes, later) = bytes.split_at(left.min(bytes.len()));
+                self.open.bytes.extend_from_slice(now_bytes);
+                self.waiting += now_bytes.len();
+                self.open_since.get_or_insert(now);
+                bytes = later;
+                if self.open.bytes.len() == self.room {
+                    self.close();
+                }
+            }
+        }
+    }
+
+    /// The open piece is complete, if it has a byte.
+    fn close(&mut self) {
+        self.open_since = None;
+        if self.open.bytes.is_empty() {
+            return;
+        }
+        let next = Piece {
+            begins: false,
+            beginnings: self.beginnings,
+            bytes: Vec::with_capacity(self.room),
+        };
+        let mut piece = std::mem::replace(&mut self.open, next);
+        piece.beginnings = self.beginnings;
+        self.full.push_back(piece);
+    }
+}

@@ -1,0 +1,82 @@
+//! [`Inbox`]: what comes in to be recorded, and the events that say what was lost of it.
+
+use ipc_types::{MonotonicNs, RobotId};
+
+use crate::channels::Channels;
+use crate::event::Event;
+use crate::event_message;
+use crate::notes::loss_event;
+use crate::queue::{Entry, Queue};
+use crate::settings::ChannelId;
+
+/// The channel of the recording's own events is the first one.
+const EVENTS: ChannelId = ChannelId(0);
+
+/// Channels, and messages that wait.
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    pub(crate) channels: Channels,
+    pub(crate) queue: Queue,
+    event_sequence: u32,
+}
+
+impl Inbox {
+    pub(crate) fn new(robot: RobotId, queue_bytes: usize) -> Inbox {
+        let mut channels = Channels::default();
+        // The first one, so there is room.
+        let _ = channels.add(event_message::channel(robot));
+        Inbox {
+            channels,
+            queue: Queue::new(queue_bytes),
+            event_sequence: 0,
+        }
+    }
+
+    pub(crate) fn message(
+        &mut self,
+        now: MonotonicNs,
+        channel: ChannelId,
+        at: MonotonicNs,
+        sequence: u32,
+        cdr: &[u8],
+    ) {
+        self.queue.push(Entry {
+            channel,
+            at,
+            order_at: at.min(now),
+            added: now,
+            sequence,
+            data: cdr.to_vec(),
+            is_event: false,
+        });
+        self.report_losses(now);
+    }
+
+    pub(crate) fn event(&mut self, now: MonotonicNs, event: &Event) {
+        self.event_sequence = self.event_sequence.wrapping_add(1);
+        self.queue.push(Entry {
+            channel: EVENTS,
+            at: event.at,
+            order_at: event.at.min(now),
+            added: now,
+            sequence: self.event_sequence,
+            data: event_message::write(event),
+            is_event: true,
+        });
+    }
+
+    /// Events about losses, if there is room again.
+    pub(crate) fn report_losses(&mut self, now: MonotonicNs) {
+        if self.queue.has_room_again() {
+            self.add_loss_events(now);
+        }
+    }
+
+    /// Events about losses, at once.
+    pub(crate) fn add_loss_events(&mut self, now: MonotonicNs) {
+        for (channel, loss) in self.queue.take_losses() {
+            let event = loss_event(now, self.channels.topic(channel), loss);
+            self.event(now, &event);
+        }
+    }
+}

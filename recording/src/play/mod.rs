@@ -1,0 +1,24 @@
+//! Playing a recording: its samples onto live services, as if the robot were there.
+//!
+//! * [`Flight`]: what a file has to play;
+//! * [`Player`]: which message is due when, with speed, section, loop, pause and steps; a pure value that is given the time;
+//! * [`Timeline`]: moments of the flight as moments of now;
+//! * [`Services`]: the services of the robot in shared memory. Requests to it are refused.
+//!
+//! The caller owns the clock and the wait:
+//!
+//! 1. it sleeps until [`Player::deadline`], on the [`sources`](Services::sources) too;
+//! 2. it gives what [`Player::next`] returns to [`Services::publish`], until there is nothing more;
+//! 3. it calls [`Services::tend`].
+
+mod flight;
+mod names;
+mod player;
+mod services;
+mod timeline;
+
+pub use flight::{Content, Flight, FlightError, LeftOut, PlayedTopic, REQUEST_EVENT, anchor_of};
+pub use names::key_of;
+pub use player::{Due, EmptySection, Player, Section};
+pub use services::{PROCESS, Services, ServicesError};
+pub use timeline::{FlightNs, Timeline};

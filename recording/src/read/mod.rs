@@ -1,0 +1,29 @@
+//! Reading recordings: whole ones, those that a kill or a power cut has ended, and any other bytes.
+//!
+//! * [`messages`]: all messages in the order of the file;
+//! * [`check`]: what is complete and what is missing;
+//! * [`recover`]: a whole file out of a damaged one; [`extract`]: a part of a file as a file of its own;
+//! * [`summary_of`]: what the file says of itself, without reading the messages.
+//!
+//! No bytes make these panic, or allocate more than a small multiple of the file's length. Records are read by this module and
+//! not by the crate `mcap`, which copies every message, and panics at some records that cannot be.
+
+mod check;
+mod error;
+mod footer;
+mod message;
+mod messages;
+mod record;
+mod recover;
+mod search;
+mod store;
+mod summary;
+mod walk;
+
+pub use check::{Check, RecordedEvent, TopicCheck, check};
+pub use error::ReadError;
+pub use message::Message;
+pub use messages::messages;
+pub use recover::{RECOVERED_METADATA, Recovered, extract, recover};
+pub use store::Bytes;
+pub use summary::{Summary, summary_of};

@@ -1,0 +1,151 @@
+//! [`recover`]: a whole file out of a damaged one; [`extract`]: a part of a file as a file of its own.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::Write;
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{McapError, Writer};
+
+use crate::encoder::write_options;
+use crate::sink::Counted;
+
+use super::error::ReadError;
+use super::message::Message;
+use super::walk::{ChannelFacts, Item, Walk};
+
+/// Name of the record of metadata that says what was wrong with the damaged file.
+pub const RECOVERED_METADATA: &str = "ril.recovered";
+
+/// Errors that are listed at most.
+const MAX_ERRORS: usize = 1000;
+
+/// What [`recover`] has done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recovered {
+    /// Messages in the new file.
+    pub messages: u64,
+    /// What was wrong with the old one, as in [`Check::errors`](super::Check::errors).
+    pub errors: Vec<ReadError>,
+}
+
+/// Writes a whole file with all that can be read of `bytes`, and a record of metadata, [`RECOVERED_METADATA`], that says what
+/// was wrong. Chunks are larger than a recorder's; messages keep their order and times.
+///
+/// # Errors
+/// `bytes` are no MCAP file, or `to` does not take the new one.
+pub fn recover(bytes: &[u8], to: &mut impl Write) -> Result<Recovered, ReadError> {
+    copy(bytes, to, |_| true, true)
+}
+
+/// As [`recover`], of those messages that `is_kept` wants: their times, and metadata and attachments of the file, stay as they are.
+///
+/// # Errors
+/// As [`recover`].
+pub fn extract(
+    bytes: &[u8],
+    to: &mut impl Write,
+    is_kept: impl Fn(&Message<'_>) -> bool,
+) -> Result<Recovered, ReadError> {
+    copy(bytes, to, is_kept, false)
+}
+
+fn copy(
+    bytes: &[u8],
+    to: &mut impl Write,
+    is_kept: impl Fn(&Message<'_>) -> bool,
+    has_note: bool,
+) -> Result<Recovered, ReadError> {
+    if !bytes.starts_with(mcap::MAGIC) {
+        return Err(ReadError::NotMcap);
+    }
+    let mut writer = write_options().create(Counted::new(to))?;
+    let mut recovered = Recovered {
+        messages: 0,
+        errors: Vec::new(),
+    };
+    let mut ids = HashMap::new();
+    let mut walk = Walk::new(bytes);
+    while let Some(item) = walk.next() {
+        match item {
+            Item::Message(message, _) if !is_kept(&message) => {}
+            Item::Message(message, number) => {
+                let Some(channel) = walk.channel(number) else {
+                    continue;
+                };
+                let header = MessageHeader {
+                    channel_id: id(&mut writer, &mut ids, number, channel)?,
+                    sequence: message.sequence,
+                    log_time: message.log_time_ns,
+                    publish_time: message.publish_time_ns,
+                };
+                writer.write_to_known_channel(&header, message.data)?;
+                recovered.messages += 1;
+            }
+            Item::Chunk => {}
+            Item::Metadata(name, metadata) => {
+                writer.write_metadata(&Metadata { name, metadata })?;
+            }
+            Item::Attachment(file) => writer.attach(&mcap::Attachment {
+                log_time: file.log_time_ns,
+                create_time: file.create_time_ns,
+                name: file.name.to_owned(),
+                media_type: file.media_type.to_owned(),
+                data: file.data.into(),
+            })?,
+            Item::Error(error) if recovered.errors.len() < MAX_ERRORS => {
+                recovered.errors.push(error);
+            }
+            Item::Error(_) => {}
+        }
+    }
+    if recovered.errors.is_empty() && !walk.is_finished() {
+        recovered.errors.push(ReadError::Unfinished);
+    }
+    if has_note || !recovered.errors.is_empty() {
+        writer.write_metadata(&note(&recovered))?;
+    }
+    writer.finish()?;
+    writer.into_inner().into_inner().flush()?;
+    Ok(recovered)
+}
+
+/// The id in the new file of a channel of the old one.
+fn id<W: Write>(
+    writer: &mut Writer<Counted<W>>,
+    ids: &mut HashMap<usize, u16>,
+    number: usize,
+    facts: &ChannelFacts<'_>,
+) -> Result<u16, McapError> {
+    if let Some(id) = ids.get(&number) {
+        return Ok(*id);
+    }
+    let ChannelFacts { channel, schema } = facts;
+    let schema = match channel.schema_id {
+        0 => 0,
+        _ => writer.add_schema(schema.name, schema.encoding, schema.data)?,
+    };
+    let id = writer.add_channel(schema, channel.topic, channel.encoding, &facts.metadata())?;
+    ids.insert(number, id);
+    Ok(id)
+}
+
+fn note(recovered: &Recovered) -> Metadata {
+    let mut metadata: BTreeMap<_, _> =
+        [("messages".to_owned(), recovered.messages.to_string())].into();
+    for (index, error) in recovered.errors.iter().enumerate() {
+        metadata.insert(format!("error_{index:03}"), error.to_string());
+    }
+    Metadata {
+        name: RECOVERED_METADATA.to_owned(),
+        metadata,
+    }
+}
+
+impl From<McapError> for ReadError {
+    fn from(error: McapError) -> ReadError {
+        match error {
+            McapError::Io(error) => error.into(),
+            error => ReadError::Io(error.to_string()),
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Bytes that no recorder wrote: nothing panics, and nothing grows beyond the file.
+
+use std::io::Cursor;
+use std::time::Duration;
+
+use proptest::prelude::*;
+use recording::Settings;
+use recording::read::{ReadError, check, messages, recover, summary_of};
+
+use crate::session::Session;
+use crate::stock;
+
+fn file(ends: bool) -> Vec<u8> {
+    let mut session = Session::new(Settings::default(), 2);
+    for index in 0..60 {
+        session.add(index % 2, index);
+        session.settle();
+        session.pass(Duration::from_millis(50));
+    }
+    if ends {
+        session.end();
+    }
+    session.disk.files.remove(0)
+}
+
+/// Everything that reads; what they find does not matter.
+fn read(bytes: &[u8]) {
+    let count = messages(bytes).flatten().count();
+    let _ = check(bytes);
+    let _ = summary_of(&mut Cursor::new(bytes));
+    let mut whole = Vec::new();
+    if let Ok(recovered) = recover(bytes, &mut whole) {
+        assert_eq!(recovered.messages as usize, count);
+        assert_eq!(stock::all(&whole).len(), count);
+    }
+}
+
+proptest! {
+    #[test]
+    fn changed_bytes_do_no_harm(
+        ends: bool,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20),
+        cut in any::<prop::sample::Index>(),
+    ) {
+        let mut bytes = file(ends);
+        for (index, byte) in changes {
+            let at = index.index(bytes.len());
+            bytes[at] = byte;
+        }
+        read(&bytes);
+        bytes.truncate(cut.index(bytes.len()));
+        read(&bytes);
+    }
+
+    #[test]
+    fn lengths_that_cannot_be_do_no_harm(
+        ends: bool,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u64>()), 1..6),
+    ) {
+        let mut bytes = file(ends);
+        for (index, number) in changes {
+            let at = index.index(bytes.len() - 8);
+            bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+        }
+        read(&bytes);
+    }
+
+    #[test]
+    fn any_bytes_do_no_harm(mut bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+        read(&bytes);
+        bytes.splice(0..0, mcap::MAGIC.iter().copied());
+        read(&bytes);
+    }
+}
+
+#[test]
+fn a_damaged_chunk_costs_its_messages_and_no_others() {
+    let bytes = file(true);
+    let all = messages(&bytes).count();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    // The first one has no messages, but describes the channels, as the summary does.
+    for index in summary.chunk_indexes {
+        let mut damaged = bytes.clone();
+        let chunk =
+            &mut damaged[index.chunk_start_offset as usize..][..index.chunk_length as usize];
+        let last = chunk.len() - 1;
+        chunk[last] ^= 1;
+        let check = check(&damaged);
+        assert_eq!(check.errors.len(), 1, "{:?}", check.errors);
+        let found = messages(&damaged).flatten().count();
+        assert!(found < all || index.message_end_time == 0);
+        // Without the chunk's length, the next chunk is searched.
+        let begin = index.chunk_start_offset as usize;
+        damaged[begin..begin + 9].fill(0);
+        assert_eq!(messages(&damaged).flatten().count(), found);
+    }
+}
+
+#[test]
+fn what_is_no_mcap_file_is_named() {
+    for bytes in [&b""[..], b"x", b"\x89MCAP1\r\n", b"PK\x03\x04"] {
+        assert_eq!(check(bytes).errors, [ReadError::NotMcap]);
+        assert_eq!(summary_of(&mut Cursor::new(bytes)), Err(ReadError::NotMcap));
+        assert_eq!(recover(bytes, &mut Vec::new()), Err(ReadError::NotMcap));
+    }
+}
+
+#[test]
+fn a_compressed_chunk_is_named() {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut bytes).unwrap();
+    let channel = writer.add_channel(0, "/a", "cdr", &[].into()).unwrap();
+    let header = mcap::records::MessageHeader {
+        channel_id: channel,
+        sequence: 1,
+        log_time: 2,
+        publish_time: 2,
+    };
+    writer.write_to_known_channel(&header, b"1234").unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    let mut bytes = bytes.into_inner();
+    assert_eq!(stock::ours(&bytes).len(), 1);
+    // Length of the name of the compression, which is empty, and what is behind it: `records` becomes shorter.
+    let chunk = mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes[0].clone();
+    let name_at = chunk.chunk_start_offset as usize + 9 + 28;
+    bytes[name_at..name_at + 12].copy_from_slice(&[4, 0, 0, 0, b'z', b's', b't', b'd', 0, 0, 0, 0]);
+    bytes[name_at + 12..name_at + 16].fill(0);
+    assert_eq!(
+        check(&bytes).errors,
+        [ReadError::Compressed("zstd".to_owned())]
+    );
+}
+
+/// A file that looks like a chunk everywhere would be summed up for hours without a bound.
+#[test]
+fn searching_ends() {
+    let mut bytes = mcap::MAGIC.to_vec();
+    let len = 1 << 20;
+    while bytes.len() < len {
+        let rest = (len - bytes.len() + 4096) as u64;
+        bytes.push(6);
+        bytes.extend((rest + 40).to_le_bytes());
+        bytes.extend([0; 16]);
+        bytes.extend(rest.to_le_bytes());
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend(0_u32.to_le_bytes());
+        bytes.extend(rest.to_le_bytes());
+    }
+    bytes.resize(3 * len, 0);
+    assert_eq!(messages(&bytes).flatten().count(), 0);
+}
+
+/// A summary that names one large attachment again and again would fill the memory without a bound.
+#[test]
+fn a_summary_names_no_more_than_the_file_has() {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut bytes).unwrap();
+    for _ in 0..3 {
+        let attachment = mcap::Attachment {
+            log_time: 1,
+            create_time: 1,
+            name: "large".to_owned(),
+            media_type: "text/plain".to_owned(),
+            data: vec![7; 100_000].into(),
+        };
+        writer.attach(&attachment).unwrap();
+    }
+    let indexes = writer.finish().unwrap().attachment_indexes;
+    drop(writer);
+    let mut bytes = bytes.into_inner();
+    assert_eq!(
+        summary_of(&mut Cursor::new(&bytes))
+            .unwrap()
+            .attachments
+            .len(),
+        3
+    );
+    // All indexes begin with the place and the length; each names the whole file now.
+    let len = (bytes.len() as u64).to_le_bytes();
+    for index in indexes {
+        let [at, old_len] = [index.offset, index.length].map(u64::to_le_bytes);
+        let place = bytes
+            .windows(16)
+            .position(|window| window == [at, old_len].concat());
+        let place = place.expect("an index");
+        bytes[place + 8..place + 16].copy_from_slice(&len);
+    }
+    let error = summary_of(&mut Cursor::new(&bytes)).unwrap_err();
+    assert!(
+        error.to_string().contains("more than the file has"),
+        "{error}"
+    );
+}

@@ -1,0 +1,71 @@
+//! [`Tally`]: counts and lists while a journal is verified, bounded.
+
+use ipc_types::MonotonicNs;
+use module_kit::journal::Break;
+
+use crate::difference::{Difference, Values};
+use crate::verdict::{BreakAt, JournalVerdict, MAX_LISTED, Span};
+
+/// The verdict as far as it is known.
+#[derive(Debug, Default)]
+pub struct Tally {
+    pub verdict: JournalVerdict,
+    /// The span under way.
+    span: Option<Span>,
+    last: Option<MonotonicNs>,
+}
+
+impl Tally {
+    /// A core was restored at `at`: a span begins, unless one goes on.
+    pub fn begin(&mut self, at: MonotonicNs) {
+        self.last = Some(at);
+        self.span.get_or_insert(Span { from: at, to: at });
+    }
+
+    /// The core was driven up to `at`.
+    pub fn reach(&mut self, at: MonotonicNs) {
+        self.last = Some(at);
+        if let Some(span) = &mut self.span {
+            span.to = span.to.max(at);
+        }
+    }
+
+    /// The core is not driven any more.
+    pub fn end(&mut self) {
+        if let Some(span) = self.span.take() {
+            push(&mut self.verdict.spans, span);
+        }
+    }
+
+    /// The journal does not go on.
+    pub fn broken(&mut self, cause: Break) {
+        self.end();
+        self.verdict.break_count += 1;
+        let after = self.last;
+        push(&mut self.verdict.breaks, BreakAt { after, cause });
+    }
+
+    /// The core said something else.
+    pub fn differs(&mut self, at: MonotonicNs, topic: &str, values: Values) {
+        self.verdict.difference_count += 1;
+        let Values {
+            field,
+            recorded,
+            replayed,
+        } = values;
+        let difference = Difference {
+            at,
+            topic: topic.to_owned(),
+            field,
+            recorded,
+            replayed,
+        };
+        push(&mut self.verdict.differences, difference);
+    }
+}
+
+fn push<T>(list: &mut Vec<T>, item: T) {
+    if list.len() < MAX_LISTED {
+        list.push(item);
+    }
+}

@@ -1,0 +1,72 @@
+//! [`Verifier`]: the journals of a robot to a verdict.
+
+use bridge::BridgeConfig;
+use ipc_types::Topic;
+use ipc_types::payload::{BridgeJournal, SharedStruct, StatusJournal};
+use status::config::Config;
+
+use crate::bridge_core::BridgeCore;
+use crate::status_core::StatusCore;
+use crate::track::Track;
+use crate::verdict::Verdict;
+
+/// Drives the cores of one robot from its journals, and compares what they say with what was recorded.
+///
+/// A pure value: it is given the samples of the journals' topics in the order in which they were recorded.
+#[derive(Debug)]
+pub struct Verifier {
+    bridge: Track<BridgeCore>,
+    status: Track<StatusCore>,
+}
+
+impl Default for Verifier {
+    fn default() -> Self {
+        Verifier::new()
+    }
+}
+
+impl Verifier {
+    /// With the configuration that each journal has.
+    pub fn new() -> Verifier {
+        Verifier {
+            bridge: Track::new(BridgeCore::new(None)),
+            status: Track::new(StatusCore::new(None)),
+        }
+    }
+
+    /// The bridge with another configuration: the differences are what it would have done. The world around it, the DSP's answers
+    /// included, stays as it was recorded.
+    #[must_use]
+    pub fn against(mut self, config: BridgeConfig) -> Verifier {
+        self.bridge.core = BridgeCore::new(Some(config));
+        self
+    }
+
+    /// Status with another configuration, in the same way.
+    #[must_use]
+    pub fn against_status(mut self, config: Config) -> Verifier {
+        self.status.core = StatusCore::new(Some(config));
+        self
+    }
+
+    /// Takes a sample of the topic with this key, such as `bridge/journal`; one that is no journal, or has another size, is ignored.
+    pub fn take(&mut self, key: &str, sample: &[u8]) {
+        if key == BridgeJournal::KEY
+            && let Some(piece) = BridgeJournal::from_bytes(sample)
+        {
+            self.bridge.take(&piece);
+        } else if key == StatusJournal::KEY
+            && let Some(piece) = StatusJournal::from_bytes(sample)
+        {
+            self.status.take(&piece);
+        }
+    }
+
+    /// What came of it.
+    pub fn finish(self) -> Verdict {
+        Verdict {
+            bridge: self.bridge.finish(),
+            status: self.status.finish(),
+        }
+    }
+}

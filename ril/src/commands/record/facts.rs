@@ -1,0 +1,169 @@
+//! What the files say of the flight, as far as it can be had when the recording begins.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use ipc_types::{Ipc, Provider, ServiceId};
+use runtime::config::resulting::Resulting;
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use crate::cli::RecordArgs;
+use crate::record::flight_info::Facts;
+
+/// A process whose configuration is recorded.
+struct Configured {
+    /// As it is called.
+    name: &'static str,
+    /// A service that it provides.
+    service: ServiceId,
+    /// The file that it reads when none is named.
+    default_file: &'static str,
+    /// Reads a file as the process does.
+    read: fn(&Path) -> Result<Resulting, runtime::config::ConfigError>,
+}
+
+const CONFIGURED: [Configured; 2] = [
+    Configured {
+        name: "bridge",
+        service: ServiceId::DspTelemetry,
+        default_file: bridge::cli::DEFAULT_CONFIG_FILE,
+        read: |file| {
+            let example = include_str!("../../../../bridge/bridge.toml");
+            Resulting::load::<bridge::BridgeConfig>(Some(file), file, example)
+        },
+    },
+    Configured {
+        name: "status",
+        service: ServiceId::HeroTelemetry,
+        default_file: status::config::DEFAULT_FILE,
+        read: |file| {
+            let example = include_str!("../../../../status/status.toml");
+            Resulting::load::<status::config::Config>(Some(file), file, example)
+        },
+    },
+];
+
+/// What is known of the robot and of this machine.
+///
+/// # Errors
+///
+/// Code 78 when a configuration that was named cannot be read.
+pub(super) fn gather(
+    args: &RecordArgs,
+    ipc: &Ipc,
+    layouts: BTreeMap<String, String>,
+) -> Result<Facts, Failure> {
+    let mut facts = Facts {
+        host: text_of("/proc/sys/kernel/hostname"),
+        boot_id: text_of("/proc/sys/kernel/random/boot_id"),
+        layouts,
+        ..Facts::default()
+    };
+    for process in CONFIGURED {
+        let provider = ipc.provider(process.service.key()).ok().flatten();
+        if let Some(provider) = &provider {
+            facts
+                .processes
+                .insert(provider.process.clone(), provider.pid);
+        }
+        let named = match process.name {
+            "bridge" => args.bridge.clone(),
+            _ => args.status.clone(),
+        };
+        let is_named = named.is_some();
+        let running = || file_of_process(&provider?, process.default_file);
+        let default = PathBuf::from(process.default_file);
+        let file = named.or_else(running).unwrap_or(default);
+        match fs::read(&file) {
+            Ok(text) => {
+                facts.files.insert(format!("{}.toml", process.name), text);
+            }
+            // It runs with what is built in.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_named => continue,
+            Err(error) if !is_named => {
+                tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
+                continue;
+            }
+            Err(error) => {
+                return Err(error)
+                    .or_fail(ExitCode::Configuration)
+                    .map_err(|failure| failure.context(file.display().to_string()));
+            }
+        }
+        match (process.read)(&file) {
+            Ok(resulting) => {
+                let name = format!("{}.resulting.txt", process.name);
+                facts.files.insert(name, resulting.to_string().into_bytes());
+            }
+            // A flight is recorded whatever the configuration of others is.
+            Err(error) => {
+                tracing::warn!(%error, "the configuration is recorded as it is, with its mistakes");
+            }
+        }
+    }
+    Ok(facts)
+}
+
+/// The text of a file of the kernel's; empty when it cannot be read.
+fn text_of(file: &str) -> String {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    text.trim().to_owned()
+}
+
+/// The configuration of a live process on this machine, by its command line; nothing when the process cannot be looked at.
+fn file_of_process(provider: &Provider, default_file: &str) -> Option<PathBuf> {
+    let folder = PathBuf::from(format!("/proc/{}", provider.pid));
+    let words = |name: &str| -> Option<Vec<PathBuf>> {
+        let bytes = fs::read(folder.join(name)).ok()?;
+        let words = bytes.split(|byte| *byte == 0);
+        Some(
+            words
+                .map(|word| PathBuf::from(std::ffi::OsStr::from_bytes(word)))
+                .collect(),
+        )
+    };
+    let cwd = fs::read_link(folder.join("cwd")).ok()?;
+    let file = named_file(&words("cmdline")?, &words("environ").unwrap_or_default());
+    Some(cwd.join(file.unwrap_or_else(|| PathBuf::from(default_file))))
+}
+
+/// The configuration that a command line or an environment names.
+fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
+    let value = |word: &PathBuf, prefix: &str| {
+        let bytes = word.as_os_str().as_bytes();
+        let value = bytes.strip_prefix(prefix.as_bytes())?;
+        Some(PathBuf::from(std::ffi::OsStr::from_bytes(value)))
+    };
+    let behind = args
+        .iter()
+        .position(|word| word == Path::new("--config"))
+        .and_then(|place| args.get(place + 1).cloned());
+    behind
+        .or_else(|| args.iter().find_map(|word| value(word, "--config=")))
+        .or_else(|| {
+            environment
+                .iter()
+                .find_map(|word| value(word, "RIL_CONFIG="))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_names_the_configuration_before_the_environment() {
+        let check = |args: &str, environment: &str, expected: Option<&str>| {
+            let words = |text: &str| text.split(' ').map(PathBuf::from).collect::<Vec<_>>();
+            let found = named_file(&words(args), &words(environment));
+            assert_eq!(found, expected.map(PathBuf::from), "{args} {environment}");
+        };
+        check("ril run bridge --config a.toml", "A=b", Some("a.toml"));
+        check("ril run bridge --config=a b", "RIL_CONFIG=c", Some("a"));
+        check("ril run bridge", "A=b RIL_CONFIG=/c", Some("/c"));
+        check("ril run bridge", "A=b", None);
+        check("ril run bridge --config", "A=b", None);
+    }
+}

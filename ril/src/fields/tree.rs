@@ -1,0 +1,169 @@
+//! [`Tree`]: the chosen fields of a sample.
+
+use ipc_types::Schema;
+use ipc_types::schema::{Field, Kind, Leaf, Message, Value as Number};
+use serde::ser::{Serialize, Serializer};
+use serde_json::Value;
+
+use super::path::{element, is_at_or_under, join};
+use super::selection::Selection;
+use super::tables::{Meaning, Shown};
+
+/// A sample as it is shown: its chosen fields in the order of the layout.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Tree {
+    /// A plain field; `null` when it means nothing.
+    Plain(Value),
+    /// A nested struct.
+    Nested(Vec<(String, Tree)>),
+    /// A whole array of structs.
+    List(Vec<Tree>),
+}
+
+impl Tree {
+    /// The chosen fields of `sample`.
+    pub fn of<T: Shown>(sample: &T, selection: &Selection) -> Tree {
+        let schema = Schema::of::<T>();
+        Tree::read(&schema, Meaning::of::<T>(), sample.bytes(), selection)
+    }
+
+    /// The chosen fields of a sample, of which `payload` are the bytes, `schema` says where they lie and `meaning` what
+    /// they mean beyond that.
+    pub fn read(schema: &Schema, meaning: Meaning, payload: &[u8], selection: &Selection) -> Tree {
+        let reader = Reader {
+            payload,
+            selection,
+            void: meaning.void(payload),
+            meaning,
+        };
+        reader.message(schema.root(), "", 0)
+    }
+
+    /// The plain fields with their full names, in order.
+    pub fn plain_fields(&self) -> Vec<(String, &Value)> {
+        let mut fields = Vec::new();
+        self.collect("", &mut fields);
+        fields
+    }
+
+    fn collect<'a>(&'a self, path: &str, fields: &mut Vec<(String, &'a Value)>) {
+        match self {
+            Tree::Plain(value) => fields.push((path.to_owned(), value)),
+            Tree::Nested(inner) => {
+                for (name, tree) in inner {
+                    tree.collect(&join(path, name), fields);
+                }
+            }
+            Tree::List(elements) => {
+                for (index, tree) in elements.iter().enumerate() {
+                    tree.collect(&element(path, index), fields);
+                }
+            }
+        }
+    }
+}
+
+/// Reads the chosen fields of one sample.
+struct Reader<'a> {
+    payload: &'a [u8],
+    selection: &'a Selection,
+    meaning: Meaning,
+    /// Names of the fields that mean nothing in this sample.
+    void: Vec<&'static str>,
+}
+
+impl Reader<'_> {
+    /// The struct `path`, which lies at `offset`.
+    fn message(&self, message: &Message, path: &str, offset: usize) -> Tree {
+        let mut inner = Vec::new();
+        for field in &message.fields {
+            let path = join(path, &field.name);
+            if self.selection.touches(&path) {
+                self.field(field, &path, offset + field.offset, &mut inner);
+            }
+        }
+        Tree::Nested(inner)
+    }
+
+    /// Adds what was chosen of the field `path` to `inner`: the whole of it, or elements of it.
+    fn field(&self, field: &Field, path: &str, offset: usize, inner: &mut Vec<(String, Tree)>) {
+        let name = field.name.clone();
+        let Some(len) = field.len else {
+            inner.push((name, self.one(field, path, offset)));
+            return;
+        };
+        let element_at = |index| {
+            let offset = offset + index * field.kind.size();
+            self.one(field, &element(path, index), offset)
+        };
+        if !self.selection.contains(path) {
+            let chosen = (0..len).filter(|index| self.selection.touches(&element(path, *index)));
+            inner.extend(chosen.map(|index| (element(&name, index), element_at(index))));
+            return;
+        }
+        let tree = match &field.kind {
+            Kind::Struct(_) => Tree::List((0..len).map(element_at).collect()),
+            Kind::Number(number) => {
+                let leaf = Leaf {
+                    path: path.to_owned(),
+                    offset,
+                    number: *number,
+                    len: field.len,
+                    field,
+                };
+                let values = || leaf.values(self.payload).map(plain).collect();
+                Tree::Plain(if self.is_void(path) {
+                    Value::Null
+                } else {
+                    values()
+                })
+            }
+        };
+        inner.push((name, tree));
+    }
+
+    /// A number or a struct that is no array, or one element of an array.
+    fn one(&self, field: &Field, path: &str, offset: usize) -> Tree {
+        match &field.kind {
+            Kind::Struct(nested) => self.message(nested, path, offset),
+            Kind::Number(_) if self.is_void(path) => Tree::Plain(Value::Null),
+            Kind::Number(number) => {
+                let value = Number::read(*number, self.payload, offset);
+                let code = value
+                    .and_then(Number::as_u64)
+                    .and_then(|code| code.try_into().ok());
+                let name = code.and_then(|code| self.meaning.name_of(path, code));
+                Tree::Plain(name.map_or_else(|| value.map_or(Value::Null, plain), Value::from))
+            }
+        }
+    }
+
+    fn is_void(&self, path: &str) -> bool {
+        self.void.iter().any(|name| is_at_or_under(path, name))
+    }
+}
+
+/// A number with its own digits: 0.1 and not 0.10000000149011612. One that is not finite is nothing.
+fn plain(number: Number) -> Value {
+    match number {
+        Number::Unsigned(value) => Value::from(value),
+        Number::Signed(value) => Value::from(value),
+        Number::Double(value) => Value::from(value),
+        Number::Single(value) => {
+            let digits = value.to_string().parse::<f64>();
+            digits.map_or(Value::Null, Value::from)
+        }
+    }
+}
+
+impl Serialize for Tree {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Tree::Plain(value) => value.serialize(serializer),
+            Tree::Nested(inner) => {
+                serializer.collect_map(inner.iter().map(|(name, tree)| (name, tree)))
+            }
+            Tree::List(elements) => elements.serialize(serializer),
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! [`Curves`]: the values of a flight over time, in bounded memory.
+
+use flight_report::bins::Bins;
+use flight_report::envelope::Envelope;
+use flight_report::flight::{Curve, Ink, Limit, Plot, Scale};
+use ipc_types::TelemetryGroup;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+
+use crate::pilot::PilotView;
+
+/// A curve is interrupted where nothing came for longer than this, s: telemetry comes at least once a second, or is stale.
+pub const GAP_S: f64 = 1.0;
+
+/// An altitude that was asked for beyond this is none, m.
+const MAX_ALTITUDE_M: f32 = 100_000.0;
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct Curves {
+    altitude: Envelope,
+    asked_altitude: Envelope,
+    speed: Envelope,
+    climb: Envelope,
+    battery: Envelope,
+    fuel: Envelope,
+    rotor: Envelope,
+    interval: Envelope,
+    delay: Envelope,
+    publication: Envelope,
+    /// Samples that came, and those that are missing.
+    pub received: Bins,
+    /// Samples that are missing by their numbers.
+    pub lost: Bins,
+    /// Pieces and messages that the bridge rejected.
+    pub rejected: Bins,
+    /// Commands that the bridge sent again.
+    pub repeated: Bins,
+}
+
+impl Default for Curves {
+    fn default() -> Self {
+        let empty = || Envelope::new(GAP_S);
+        Curves {
+            altitude: empty(),
+            asked_altitude: empty(),
+            speed: empty(),
+            climb: empty(),
+            battery: empty(),
+            fuel: empty(),
+            rotor: empty(),
+            // What an interval is about is that nothing came.
+            interval: Envelope::new(f64::INFINITY),
+            delay: empty(),
+            publication: empty(),
+            received: Bins::default(),
+            lost: Bins::default(),
+            rejected: Bins::default(),
+            repeated: Bins::default(),
+        }
+    }
+}
+
+impl Curves {
+    /// Takes a sample, and what a pilot sees of it.
+    pub fn sample(&mut self, at_s: f64, dsp: &DspTelemetry, view: &PilotView) {
+        let push = |curve: &mut Envelope, value: Option<f64>| {
+            if let Some(value) = value {
+                curve.push(at_s, value);
+            }
+        };
+        push(&mut self.altitude, view.altitude_m);
+        push(&mut self.speed, view.ground_speed_mps);
+        push(&mut self.climb, view.climb_mps);
+        push(&mut self.battery, view.battery_v);
+        push(&mut self.fuel, view.fuel_percent);
+        let rotor = dsp.valid(TelemetryGroup::RotorSpeed);
+        push(&mut self.rotor, rotor.then(|| f64::from(dsp.rotor_rpm)));
+        // On the ground nothing is asked for.
+        let asked_m = dsp.references.altitude_m;
+        let is_asked = dsp.valid(TelemetryGroup::References)
+            && dsp.is_flying()
+            && asked_m.abs() < MAX_ALTITUDE_M;
+        push(&mut self.asked_altitude, is_asked.then(|| asked_m.into()));
+        self.received.add(at_s, 1.0);
+    }
+
+    /// The sample came so long after the one before, ms.
+    pub fn interval(&mut self, at_s: f64, ms: f64) {
+        self.interval.push(at_s, ms);
+    }
+
+    /// The sample is so late against the DSP's clock, ms.
+    pub fn delay(&mut self, at_s: f64, ms: f64) {
+        self.delay.push(at_s, ms);
+    }
+
+    /// Takes a sample that status published.
+    pub fn hero(&mut self, at_s: f64, hero: &HeroTelemetry) {
+        let age_ns = hero.published_ns.saturating_sub(hero.received_ns);
+        self.publication.push(at_s, age_ns as f64 / 1e6);
+    }
+
+    /// The plots, with limits of the altitude.
+    pub fn plots(self, altitude_limits: Vec<Limit>) -> Vec<Plot> {
+        let mut altitude = Plot::new("altitude", "Altitude", "m", Scale::Auto { least_span: 4.0 });
+        altitude.about = "With the zero of telemetry.".to_owned();
+        altitude.curves = vec![
+            Curve::line("GPS", Ink::Blue, self.altitude),
+            Curve::dashes("asked for", Ink::Purple, self.asked_altitude),
+        ];
+        altitude.limits = altitude_limits;
+        let mut speed = Plot::new("speed", "Speed", "m/s", Scale::Auto { least_span: 2.0 });
+        speed.curves = vec![
+            Curve::line("over ground", Ink::Blue, self.speed),
+            Curve::line("upwards", Ink::Orange, self.climb),
+        ];
+        let mut battery = Plot::new("battery", "Battery", "V", Scale::Auto { least_span: 1.0 });
+        battery.curves = vec![Curve::line("battery", Ink::Blue, self.battery)];
+        let mut fuel = Plot::new("fuel", "Fuel", "%", Scale::FromZero { least_top: 100.0 });
+        fuel.curves = vec![Curve::line("fuel", Ink::Blue, self.fuel)];
+        let mut rotor = Plot::new(
+            "rotor",
+            "Main rotor",
+            "rpm",
+            Scale::FromZero { least_top: 100.0 },
+        );
+        rotor.curves = vec![Curve::line("rotor", Ink::Blue, self.rotor)];
+        let mut link = Plot::new("link", "Link", "1/s", Scale::FromZero { least_top: 10.0 });
+        link.about =
+            "Samples of telemetry that were recorded, and those that are missing by their numbers."
+                .to_owned();
+        link.curves = vec![
+            Curve::bars("samples", Ink::Grey, self.received),
+            Curve::bars("lost samples", Ink::Red, self.lost),
+            Curve::bars("rejected pieces and messages", Ink::Orange, self.rejected),
+            Curve::bars("repeated commands", Ink::Purple, self.repeated),
+        ];
+        let mut ages = Plot::new("ages", "Ages", "ms", Scale::Logarithmic { least: 0.1 });
+        ages.about = "Between two samples: the age that the newest value had when the next one came. Late: beyond the fastest sample of the \
+            last 10 to 20 s, by the clocks of DSP and host."
+            .to_owned();
+        ages.curves = vec![
+            Curve::line(
+                "from the last byte to the sample of status",
+                Ink::Green,
+                self.publication,
+            ),
+            Curve::line("late", Ink::Orange, self.delay),
+            Curve::line("between two samples", Ink::Blue, self.interval),
+        ];
+        vec![altitude, speed, battery, fuel, rotor, link, ages]
+    }
+}

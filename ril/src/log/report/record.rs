@@ -1,0 +1,81 @@
+//! What a record of `ril record` has beyond the samples of the DSP: samples of status, states of the bridge, requests, events of the
+//! recording, and what it says of itself.
+
+use flight_report::flight::{Table, Weight};
+use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::schema::CDR_HEADER;
+use recording::EventKind;
+use recording::read::{self, Message};
+
+use super::collector::Collector;
+use crate::record::messages::{REQUEST_EVENT, RequestEvent};
+
+/// Ends of the names of topics.
+const HERO: &str = "/hero/telemetry";
+const STATE: &str = "/bridge/state";
+
+/// Takes everything of the file `bytes`, whose first sample of the DSP was at `start_unix_ns`, after these samples were taken.
+pub fn take(collector: &mut Collector, bytes: &[u8], start_unix_ns: Option<u64>) {
+    for message in read::messages(bytes).flatten() {
+        let payload = || message.data.get(CDR_HEADER.len()..);
+        if message.topic.ends_with(HERO) {
+            if let Some(hero) = payload().and_then(HeroTelemetry::from_bytes) {
+                collector.hero(&hero);
+            }
+        } else if message.topic.ends_with(STATE) {
+            if let Some(state) = payload().and_then(ModuleState::from_bytes) {
+                collector.state(&state);
+            }
+        } else if let Some(event) = request(&message) {
+            collector.request(&event);
+        }
+    }
+    let Some(start_unix_ns) = start_unix_ns else {
+        return;
+    };
+    for event in read::check(bytes).events {
+        let weight = match event.kind {
+            EventKind::Loss | EventKind::Disk => Weight::Warning,
+            EventKind::Split | EventKind::Clock | EventKind::Note => Weight::Note,
+            // Samples that are missing and starts of the bridge are seen in the samples themselves.
+            _ => continue,
+        };
+        let since_ns = event.log_time_ns.saturating_sub(start_unix_ns);
+        collector.recording(since_ns, weight, &format!("recording: {}", event.text));
+    }
+}
+
+fn request<'a>(message: &Message<'a>) -> Option<RequestEvent<'a>> {
+    (message.schema_name == REQUEST_EVENT).then_some(())?;
+    RequestEvent::read(message.data)
+}
+
+/// What the file says of itself.
+pub fn tables(summary: &read::Summary) -> Vec<Table> {
+    let text = |text: &str| text.to_owned();
+    let mut tables = Vec::new();
+    let topics = summary.topics.iter();
+    let topics =
+        topics.map(|(topic, (_, messages))| (topic.clone(), format!("{messages} messages")));
+    tables.push(Table {
+        title: text("Topics"),
+        rows: topics.collect(),
+    });
+    for (name, entries) in &summary.metadata {
+        let entries = entries.iter();
+        tables.push(Table {
+            title: name.clone(),
+            rows: entries
+                .map(|(key, value)| (key.clone(), value.clone()))
+                .collect(),
+        });
+    }
+    let files = summary.attachments.iter();
+    let files = files.map(|file| (file.name.clone(), format!("{} bytes", file.data.len())));
+    tables.push(Table {
+        title: text("Files in the record"),
+        rows: files.collect(),
+    });
+    tables.retain(|table| !table.rows.is_empty());
+    tables
+}

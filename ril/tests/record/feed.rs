@@ -1,0 +1,155 @@
+//! A topic of a stranger's module, and the recorder of it.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use ipc_types::schema::CDR_HEADER;
+use ipc_types::{DynamicPublisher, Ipc, MonotonicNs};
+use recording::EventKind;
+use recording::read::{self, Bytes, Check, Message};
+use ril_tests::Process;
+use ril_tests::process::WAIT_LIMIT;
+
+use crate::common::Rig;
+
+/// Name of the topic in a file.
+pub const TOPIC: &str = "/robot1/stranger/counts";
+
+const SCHEMA: &str = "# Layout: stranger.Counts.v1\n\nuint64 sequence\nuint64 epoch_ns\nuint64 published_ns\nuint64[64] filling\n";
+
+/// Publishes samples that count up.
+pub struct Feed {
+    publisher: DynamicPublisher,
+    _ipc: Ipc,
+}
+
+impl Feed {
+    pub fn new(rig: &Rig) -> Feed {
+        let ipc = rig.domain.join("stranger");
+        Feed {
+            publisher: DynamicPublisher::open(&ipc, "stranger/counts", SCHEMA).unwrap(),
+            _ipc: ipc,
+        }
+    }
+
+    /// Publishes a sample, and returns its number.
+    pub fn publish(&mut self) -> u64 {
+        let now = MonotonicNs::now();
+        let published = self.publisher.publish(|sample| {
+            sample[16..24].copy_from_slice(&now.0.to_le_bytes());
+            sample[24..].fill(7);
+        });
+        published.unwrap()
+    }
+}
+
+/// Starts `ril record` with its files in the folder `record`, and waits until it records the topic.
+pub fn record(rig: &Rig, options: &str) -> Process {
+    record_by(rig, rig.start(&words(options)))
+}
+
+/// As [`record`], of a process that was started otherwise.
+pub fn record_by(_rig: &Rig, mut process: Process) -> Process {
+    process.wait_for_text("recorded topic=\"/robot1/stranger/counts\"");
+    process
+}
+
+/// The command line of a recorder.
+pub fn words(options: &str) -> String {
+    let min_free = match options.contains("--min-free") {
+        true => "",
+        false => "--min-free 0",
+    };
+    format!("record --output record {min_free} {options}")
+}
+
+/// The files of the recorder, the oldest first.
+pub fn files(rig: &Rig) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(rig.folder().join("record")) else {
+        return Vec::new();
+    };
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.sort_by_key(|file| {
+        let name = file.file_name().unwrap().to_str().unwrap();
+        status::log::file_name::recognize(name).unwrap().1
+    });
+    files
+}
+
+/// The only file of the recorder.
+#[track_caller]
+pub fn only_file(rig: &Rig) -> PathBuf {
+    let mut files = files(rig);
+    assert_eq!(files.len(), 1, "{files:?}");
+    files.remove(0)
+}
+
+/// Waits until the sample of this number is in a file.
+pub fn until_recorded(rig: &Rig, number: u64) {
+    let begun = Instant::now();
+    while !files(rig).iter().any(|file| has(file, number)) {
+        assert!(begun.elapsed() < WAIT_LIMIT, "{number} is in no file");
+        std::thread::yield_now();
+    }
+}
+
+/// Whether the sample of this number is in the file, which may be empty yet, or be gone.
+pub fn has(file: &Path, number: u64) -> bool {
+    let Ok(bytes) = Bytes::open(file) else {
+        return false;
+    };
+    let mut messages = read::messages(&bytes).filter_map(Result::ok);
+    messages.any(|message| message.topic == TOPIC && sample(&message).0 == number)
+}
+
+/// What was recorded of a topic: numbers and samples without the header of CDR.
+pub fn samples(file: &Path, topic: &str) -> Vec<(u64, Vec<u8>)> {
+    let bytes = Bytes::open(file).unwrap();
+    let messages = read::messages(&bytes).map(Result::unwrap);
+    let of_topic = messages.filter(|message| message.topic == topic);
+    of_topic.map(|message| sample(&message)).collect()
+}
+
+fn sample(message: &Message<'_>) -> (u64, Vec<u8>) {
+    let payload = &message.data[CDR_HEADER.len()..];
+    let sequence = u64::from_le_bytes(payload[..8].try_into().unwrap());
+    assert_eq!(sequence as u32, message.sequence);
+    (sequence, payload.to_vec())
+}
+
+/// Missing samples of a topic by the numbers of those that are there; they must be in order.
+#[track_caller]
+pub fn missing(samples: &[(u64, Vec<u8>)]) -> u64 {
+    let pairs = samples.windows(2);
+    pairs
+        .map(|pair| {
+            let (one, next) = (pair[0].0, pair[1].0);
+            assert!(one < next, "{one} before {next}");
+            next - one - 1
+        })
+        .sum()
+}
+
+/// How many messages the events of a file say are missing, by kind.
+pub fn told(check: &Check, topic: &str) -> BTreeMap<EventKind, u64> {
+    let mut told = BTreeMap::new();
+    for event in check.events.iter().filter(|event| event.topic == topic) {
+        *told.entry(event.kind).or_default() += event.count;
+    }
+    told
+}
+
+pub fn check(file: &Path) -> Check {
+    read::check(&Bytes::open(file).unwrap())
+}
+
+/// What the process has printed so far.
+pub fn lines(process: &mut Process) -> Vec<String> {
+    process
+        .lines()
+        .iter()
+        .map(|line| line.text.clone())
+        .collect()
+}

@@ -1,0 +1,95 @@
+//! What did not come to the recorder is told by the record itself, exactly.
+
+use recording::EventKind;
+use ril_tests::process::Signal;
+
+use super::common::{Rig, end, says};
+use super::feed::{
+    Feed, TOPIC, check, lines, missing, only_file, record, samples, told, until_recorded,
+};
+
+/// A recorder that does not read while this many samples are published: four times what a subscriber holds.
+const STOPPED_FOR: u64 = 512;
+
+/// The record of `feed` must tell of each sample that it lacks. Returns how many those are.
+#[track_caller]
+fn lost(rig: &Rig, last: u64) -> u64 {
+    let file = only_file(rig);
+    let samples = samples(&file, TOPIC);
+    let missing = missing(&samples);
+    let check = check(&file);
+    assert!(check.is_complete, "{check:#?}");
+    let told = told(&check, TOPIC);
+    let gaps = told.get(&EventKind::Gap).copied().unwrap_or_default();
+    assert_eq!(gaps, missing, "{told:?}");
+    assert_eq!(check.topics[TOPIC].missing, missing);
+    assert_eq!(samples.last().unwrap().0, last, "the last one is there");
+    rig.run(&format!("log check {}", file.display()), 0);
+    missing
+}
+
+#[test]
+fn a_stopped_recorder_tells_what_it_missed() {
+    let rig = Rig::new();
+    let mut feed = Feed::new(&rig);
+    let recorder = record(&rig, "");
+    // What comes before the first sample of a record is not missing in it.
+    until_recorded(&rig, feed.publish());
+    recorder.signal(Signal::STOP);
+    (0..STOPPED_FOR).for_each(|_| _ = feed.publish());
+    recorder.signal(Signal::CONT);
+    let last = feed.publish();
+    end(recorder, Signal::TERM);
+    assert!(lost(&rig, last) > 0);
+}
+
+#[test]
+fn a_slowed_recorder_tells_what_it_missed() {
+    let rig = Rig::new();
+    let mut feed = Feed::new(&rig);
+    let recorder = record(&rig, "");
+    let mut last = 0;
+    for round in 0..40 {
+        recorder.signal(Signal::STOP);
+        (0..20 * (round % 10)).for_each(|_| _ = feed.publish());
+        recorder.signal(Signal::CONT);
+        last = feed.publish();
+    }
+    end(recorder, Signal::INT);
+    lost(&rig, last);
+}
+
+#[test]
+fn a_starved_recorder_tells_what_it_missed() {
+    let rig = Rig::new();
+    let mut feed = Feed::new(&rig);
+    let recorder = record(&rig, "");
+    // As fast as this process can, which is faster than any robot.
+    let last = (0..100_000).map(|_| feed.publish()).last().unwrap();
+    end(recorder, Signal::TERM);
+    lost(&rig, last);
+}
+
+#[test]
+fn a_publisher_that_begins_again_is_told_in_its_place() {
+    let rig = Rig::new();
+    let mut feed = Feed::new(&rig);
+    let mut recorder = record(&rig, "--duration 1h");
+    (0..10).for_each(|_| _ = feed.publish());
+    drop(feed);
+    let mut feed = Feed::new(&rig);
+    // Publishing is what hands the earlier samples to a recorder that comes.
+    let mut last = feed.publish();
+    while !says(&lines(&mut recorder), "a publisher began again") {
+        last = feed.publish();
+        std::thread::yield_now();
+    }
+    recorder.signal(Signal::TERM);
+    assert_eq!(recorder.wait_exit().code(), Some(0));
+    let file = only_file(&rig);
+    let check = check(&file);
+    assert_eq!(told(&check, TOPIC).get(&EventKind::Restart), Some(&1));
+    let numbers: Vec<u64> = samples(&file, TOPIC).iter().map(|(n, _)| *n).collect();
+    assert_eq!(numbers.last(), Some(&last));
+    rig.run(&format!("log check {}", file.display()), 0);
+}

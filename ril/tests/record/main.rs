@@ -1,0 +1,10 @@
+//! `ril record` with real processes: what is in the files, and what is not, whatever becomes of the recorder.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod disk;
+mod feed;
+mod flight;
+mod kills;
+mod losses;

@@ -1,0 +1,46 @@
+//! What `ril record` has recorded of the real processes is verified, and played.
+
+use std::fs;
+
+use ril_tests::process::Signal;
+
+use crate::common::{Rig, end, json, says};
+
+#[test]
+fn what_was_recorded_is_verified_bit_for_bit_and_played() {
+    let rig = Rig::new();
+    let mut recorder = rig.start("record --output rec --min-free 0");
+    recorder.wait_for_text("recording file=");
+    let sim = rig.sim(1, "--speed 5");
+    let status = rig.status(1);
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    for order in ["start", "takeoff --altitude 3", "land", "stop"] {
+        rig.run(order, 0);
+    }
+    for process in [bridge, status, sim, recorder] {
+        end(process, Signal::TERM);
+    }
+    let recorded = fs::read_dir(rig.folder().join("rec")).unwrap();
+    let files: Vec<_> = recorded.map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+    fs::rename(&files[0], rig.folder().join("flight.mcap")).unwrap();
+
+    let object = json(&rig.run("replay flight.mcap --verify --json", 0).stdout[0]);
+    assert_eq!(object["verified"], true, "{object:#}");
+    for journal in ["bridge", "status"] {
+        assert!(
+            object[journal]["samples"].as_u64().unwrap() > 100,
+            "{object:#}"
+        );
+    }
+    let played = rig.run("replay flight.mcap --speed 100 --json", 0);
+    let summary = json(played.stdout.last().unwrap());
+    assert!(summary["samples"].as_u64().unwrap() > 200, "{summary}");
+    // Four requests, and what became of them.
+    assert!(summary["requests"].as_u64().unwrap() >= 8, "{summary}");
+    assert!(
+        says(&played.stdout, "\"command\":\"takeoff\""),
+        "{played:#?}"
+    );
+}

@@ -1,0 +1,43 @@
+//! Standard messages of ROS 2: as bytes (CDR), and as the definitions that go along with them (`ros2msg`).
+//!
+//! * [`message`]: a sample of ours as a message;
+//! * [`StandardMessage`]: what drivers in ROS 2 publish of a robot, made of its telemetry;
+//! * [`pose_stamped`]: position and attitude, for viewers that draw the robot;
+//! * [`Log`]: a line of a process's log;
+//! * [`definition`]: the definition of each of these types, with all that it contains.
+//!
+//! Pure values: no file, no clock, no thread.
+//!
+//! # Example
+//!
+//! ```
+//! use ipc_types::payload::{HeroTelemetry, SharedStruct};
+//! use ipc_types::{RobotId, TelemetryGroup};
+//! use ros_messages::{StandardMessage, UnixOffset, definition};
+//!
+//! let fix = StandardMessage::NavSatFix;
+//! let mut telemetry = HeroTelemetry::ZERO;
+//! // Without a position there is no message.
+//! assert_eq!(fix.write(&telemetry, RobotId::DEFAULT, UnixOffset(0)), None);
+//! telemetry.valid_groups = TelemetryGroup::Geographic.bit().into();
+//! assert!(fix.write(&telemetry, RobotId::DEFAULT, UnixOffset(0)).is_some());
+//!
+//! let text = definition(fix.type_name()).expect("a type of this crate");
+//! assert!(text.contains("float64 latitude"));
+//! ```
+
+mod attitude;
+pub mod cdr;
+mod definitions;
+mod header;
+mod log;
+mod pose;
+mod standard;
+mod time;
+
+pub use cdr::message;
+pub use definitions::{TYPES, definition};
+pub use log::{Level, Log};
+pub use pose::{POSE_STAMPED, pose_stamped};
+pub use standard::StandardMessage;
+pub use time::UnixOffset;
