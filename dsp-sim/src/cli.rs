@@ -156,7 +156,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     tracing::info!(
         received_bytes = summary.received,
         sent_bytes = summary.sent,
-        waypoints = simulator.helicopter().arrived(),
+        waypoints_taken = simulator.dsp().counters().waypoints,
+        waypoints_reached = simulator.helicopter().arrived(),
         phase = ?simulator.helicopter().phase(),
         simulated = ?simulator.now(),
         "ended"
