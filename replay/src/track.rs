@@ -1,8 +1,8 @@
 //! [`Track`]: one journal on its way from pieces to a verdict.
 
 use ipc_types::JournalPiece;
-use module_kit::journal::Reader;
 use module_kit::journal::bytes::Malformed;
+use module_kit::journal::{LogLine, Reader};
 
 use crate::tally::Tally;
 use crate::verdict::JournalVerdict;
@@ -49,18 +49,15 @@ impl<C: Driven> Track<C> {
             core.stop(tally);
             tally.broken(cause);
         }
-        loop {
-            let taken = match reader.next() {
-                Ok(None) => return,
-                Ok(Some(record)) => core.take(record, tally),
-                Err(Malformed) => Err(Malformed),
-            };
-            if taken == Err(Malformed) {
-                tally.verdict.damaged += 1;
-                core.stop(tally);
-                tally.end();
-                return reader.stop();
-            }
+        let read = reader.drain(|record| match LogLine::of(record)? {
+            // Nothing that is published follows from it.
+            Some(_) => Ok(()),
+            None => core.take(record, tally),
+        });
+        if read == Err(Malformed) {
+            tally.verdict.damaged += 1;
+            core.stop(tally);
+            tally.end();
         }
     }
 

@@ -6,6 +6,7 @@ use ipc_types::payload::{
     DspTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
     SharedStruct,
 };
+use module_kit::journal::LOG_LINE;
 use module_kit::journal::bytes::Malformed;
 use proptest::prelude::*;
 
@@ -270,4 +271,9 @@ fn kinds_have_their_own_bytes() {
         assert_eq!(Kind::of(kind as u8), Some(kind));
     }
     assert_eq!(DspTelemetry::LAYOUT.fields[0].name, "sequence");
+}
+
+#[test]
+fn no_kind_of_ours_is_a_line_of_the_log() {
+    assert_eq!(Kind::of(LOG_LINE), None);
 }

@@ -277,7 +277,6 @@ impl Shell<'_> {
         let now = MonotonicNs::now();
         self.bridge.apply(now, Input::Close, &mut self.services);
         self.services.wake_senders();
-        self.journal.finish(self.bridge.writer(), now);
         let link = self.bridge.state().link;
         tracing::info!(
             telemetry = link.telemetry_published,
@@ -285,6 +284,7 @@ impl Shell<'_> {
             waypoints = link.waypoints_sent,
             "ended"
         );
+        self.journal.finish(self.bridge.writer(), now);
     }
 }
 

@@ -1,11 +1,13 @@
 //! [`Port`]: the topic of a journal. Pieces are published while there is a subscriber; without one, a wake of the process costs a
-//! look at their number.
+//! look at their number. Lines of the process's log are records among the others.
 
 use std::time::Duration;
 
 use ipc_types::service::SUBSCRIBER_BUFFER;
 use ipc_types::{Ipc, JournalPiece, MonotonicNs, OpenError, Publisher, Source};
+use runtime::logging::LogLines;
 
+use super::log_line::LogLine;
 use super::writer::{Piece, Writer};
 
 /// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own beginning.
@@ -24,6 +26,8 @@ pub struct Port<P: JournalPiece> {
     next: MonotonicNs,
     /// The last piece could not be published.
     is_failing: bool,
+    /// Nothing when another journal of this process has them.
+    log: Option<LogLines>,
 }
 
 impl<P: JournalPiece> Port<P> {
@@ -37,6 +41,7 @@ impl<P: JournalPiece> Port<P> {
             joins: 0,
             next: MonotonicNs(0),
             is_failing: false,
+            log: LogLines::claim(),
         })
     }
 
@@ -55,6 +60,7 @@ impl<P: JournalPiece> Port<P> {
         if self.publisher.subscribers() == 0 {
             if writer.is_started() {
                 writer.stop();
+                self.want_log(false);
                 tracing::debug!(topic = P::KEY, "the journal is not recorded any more");
             }
             return;
@@ -63,6 +69,7 @@ impl<P: JournalPiece> Port<P> {
         let has_joined = std::mem::replace(&mut self.joins, joins) != joins;
         if !writer.is_started() {
             writer.start();
+            self.want_log(true);
             tracing::debug!(topic = P::KEY, "the journal is recorded");
         } else if has_joined {
             writer.ask_for_snapshot();
@@ -72,6 +79,7 @@ impl<P: JournalPiece> Port<P> {
     /// To be called after the inputs of a wake: publishes the pieces that are complete. A piece that cannot be published is lost,
     /// and the journal begins again.
     pub fn publish(&mut self, writer: &mut Writer, now: MonotonicNs) {
+        self.record_log(writer, now);
         if !writer.is_started() || now < self.next {
             return;
         }
@@ -88,9 +96,27 @@ impl<P: JournalPiece> Port<P> {
 
     /// The process ends: publishes all that is left.
     pub fn finish(&mut self, writer: &mut Writer, now: MonotonicNs) {
+        self.record_log(writer, now);
         if writer.is_started() {
             writer.take_all().all(|piece| self.send(&piece, now));
             writer.stop();
+        }
+    }
+
+    fn want_log(&self, is_wanted: bool) {
+        if let Some(log) = &self.log {
+            log.want(is_wanted);
+        }
+    }
+
+    /// Writes the lines of the log that wait. Before the first snapshot they go on waiting.
+    fn record_log(&self, writer: &mut Writer, now: MonotonicNs) {
+        let Some(log) = self.log.as_ref().filter(|_| writer.is_on()) else {
+            return;
+        };
+        for line in log.drain() {
+            let line = LogLine::new(&line, log.take_lost());
+            writer.record(now, |record| line.put(record));
         }
     }
 

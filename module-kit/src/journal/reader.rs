@@ -113,6 +113,24 @@ impl Reader {
         Ok(self.bytes.get(begin..self.given))
     }
 
+    /// Gives every whole record to `take`.
+    ///
+    /// # Errors
+    /// The bytes are no record, or `take` says that a record is none: the rest of what was read is dropped, and reading goes on at
+    /// the next piece that begins.
+    pub fn drain(
+        &mut self,
+        mut take: impl FnMut(&[u8]) -> Result<(), Malformed>,
+    ) -> Result<(), Malformed> {
+        while let Some(record) = self.next()? {
+            if let Err(malformed) = take(record) {
+                self.stop();
+                return Err(malformed);
+            }
+        }
+        Ok(())
+    }
+
     /// The records read so far are damaged: goes on at the next piece that begins.
     pub fn stop(&mut self) {
         self.is_reading = false;

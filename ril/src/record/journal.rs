@@ -10,11 +10,11 @@ use ipc_types::payload::{
     BridgeJournal, ModuleControl, MovementData, ParameterRequest, RequestReport, SharedStruct,
 };
 use ipc_types::{MonotonicNs, RobotId};
-use module_kit::journal::Reader;
+use module_kit::journal::{LogLine, Reader};
 use recording::Recorder;
 use ros_messages::Level;
 
-use super::log::LogLines;
+use super::log::LogTopic;
 use super::messages::{
     REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, SERIAL_BYTES, SERIAL_BYTES_TEXT, serial_bytes,
 };
@@ -55,29 +55,35 @@ impl JournalTopics {
     pub fn take(
         &mut self,
         recorder: &mut Recorder,
-        log: &mut LogLines,
+        log: &mut LogTopic,
         piece: &[u8],
         now: MonotonicNs,
     ) {
         let Some(piece) = BridgeJournal::from_bytes(piece) else {
             return;
         };
-        self.reader.take(&piece);
+        let JournalTopics {
+            reader,
+            decoder,
+            made,
+        } = self;
+        reader.take(&piece);
         let mut to = To { recorder, log, now };
         // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
-        while let Ok(Some(bytes)) = self.reader.next() {
-            match self.decoder.decode(bytes) {
-                Ok(record) => self.made.take(&mut to, &record),
-                Err(_) => self.reader.stop(),
+        let _ = reader.drain(|record| {
+            match LogLine::of(record)? {
+                Some(line) => to.log.process(to.recorder, now, "bridge", &line),
+                None => made.take(&mut to, &decoder.decode(record)?),
             }
-        }
+            Ok(())
+        });
     }
 }
 
 /// Where messages go.
 struct To<'a> {
     recorder: &'a mut Recorder,
-    log: &'a mut LogLines,
+    log: &'a mut LogTopic,
     now: MonotonicNs,
 }
 

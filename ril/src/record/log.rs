@@ -1,8 +1,10 @@
-//! [`LogLines`]: lines of a log, as viewers show them, made of the bridge's states and of its requests.
+//! [`LogTopic`]: lines of a log, as viewers show them: those of the processes, and those that are made of the bridge's states and of
+//! its requests.
 
 use ipc_types::code::LinkState;
-use ipc_types::payload::ModuleState;
+use ipc_types::payload::{ModuleState, SharedStruct, StatusJournal};
 use ipc_types::{MonotonicNs, RobotId};
+use module_kit::journal::{LogLine, Reader};
 use recording::{Anchor, Recorder};
 use ros_messages::{Level, Log, UnixOffset};
 
@@ -10,41 +12,88 @@ use super::outlet::{Outlet, offset_of};
 use crate::changes;
 use crate::watch::journal::Weight;
 
-/// The process whose log it is.
-const PROCESS: &str = "bridge";
+/// In the place of a process: a line that is made of what the robot publishes.
+const FLIGHT: &str = "flight";
 
 /// Makes lines of a log.
 #[derive(Debug)]
-pub struct LogLines {
+pub struct LogTopic {
     offset: UnixOffset,
     outlet: Outlet,
     last: Option<ModuleState>,
+    status: Reader,
 }
 
-impl LogLines {
+impl LogTopic {
     /// Of `robot`, with times that count from `anchor`.
-    pub fn new(robot: RobotId, anchor: Anchor) -> LogLines {
-        LogLines {
+    pub fn new(robot: RobotId, anchor: Anchor) -> LogTopic {
+        LogTopic {
             offset: offset_of(anchor),
             outlet: Outlet::new(robot, "log", Log::TYPE_NAME),
             last: None,
+            status: Reader::new(),
         }
+    }
+
+    /// Adds a line that a process has logged.
+    pub fn process(
+        &mut self,
+        recorder: &mut Recorder,
+        now: MonotonicNs,
+        process: &str,
+        line: &LogLine<'_>,
+    ) {
+        if line.lost > 0 {
+            let text = format!("{} more lines of the log were lost", line.lost);
+            self.write(recorder, (now, line.at), (process, ""), Level::Warn, &text);
+        }
+        let source = (process, line.module);
+        let level = level_of(line.level);
+        self.write(recorder, (now, line.at), source, level, line.text);
+    }
+
+    /// Adds the lines of a piece of status's journal, as it lies in shared memory.
+    pub fn status(&mut self, recorder: &mut Recorder, piece: &[u8], now: MonotonicNs) {
+        let Some(piece) = StatusJournal::from_bytes(piece) else {
+            return;
+        };
+        let mut reader = std::mem::take(&mut self.status);
+        reader.take(&piece);
+        // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
+        let _ = reader.drain(|record| {
+            if let Some(line) = LogLine::of(record)? {
+                self.process(recorder, now, "status", &line);
+            }
+            Ok(())
+        });
+        self.status = reader;
     }
 
     /// Adds a line about what happened at `at`.
     pub fn add(
         &mut self,
         recorder: &mut Recorder,
+        times: (MonotonicNs, MonotonicNs),
+        level: Level,
+        text: &str,
+    ) {
+        self.write(recorder, times, (FLIGHT, ""), level, text);
+    }
+
+    fn write(
+        &mut self,
+        recorder: &mut Recorder,
         (now, at): (MonotonicNs, MonotonicNs),
+        (process, module): (&str, &str),
         level: Level,
         text: &str,
     ) {
         let line = Log {
             unix_ns: self.offset.unix_ns(at),
             level,
-            process: PROCESS,
+            process,
             text,
-            module: "",
+            module,
         };
         self.outlet.add(recorder, now, at, &line.write());
     }
@@ -60,6 +109,16 @@ impl LogLines {
             );
         }
         self.last = Some(*state);
+    }
+}
+
+/// The level of ROS 2 that a level of our processes is.
+fn level_of(level: tracing::Level) -> Level {
+    match level {
+        tracing::Level::ERROR => Level::Error,
+        tracing::Level::WARN => Level::Warn,
+        tracing::Level::INFO => Level::Info,
+        _ => Level::Debug,
     }
 }
 

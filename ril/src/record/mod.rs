@@ -7,7 +7,7 @@
 //! * [`flight_info`]: what each file says of itself;
 //! * [`outlet`]: a topic that the recorder makes itself;
 //! * [`journal`]: requests and the bytes of the serial line, made of the bridge's journal;
-//! * [`log`]: lines of a log, made of the bridge's states;
+//! * [`log`]: lines of a log: those of the processes, and those that are made of the bridge's states;
 //! * [`messages`]: types of messages that the recorder makes;
 //! * [`viewers`]: position and attitude as messages that viewers draw.
 

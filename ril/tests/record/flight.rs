@@ -64,6 +64,8 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     let status = rig.status(1);
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
+    // What was ordered before is not in the record.
+    recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
     for order in ["start", "takeoff --altitude 5", "land", "stop"] {
         rig.run(order, 0);
         dsp.drain();

@@ -7,4 +7,5 @@ mod disk;
 mod feed;
 mod flight;
 mod kills;
+mod log_lines;
 mod losses;

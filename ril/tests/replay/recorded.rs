@@ -15,6 +15,8 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     let status = rig.status(1);
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
+    // What was ordered before is not in the record.
+    recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
     for order in ["start", "takeoff --altitude 3", "land", "stop"] {
         rig.run(order, 0);
     }

@@ -245,6 +245,11 @@ mod tests {
         assert_eq!(read.entry, Entry::Output(Output::State(State::default())));
     }
 
+    #[test]
+    fn no_kind_of_ours_is_a_line_of_the_log() {
+        assert_eq!(Kind::of(module_kit::journal::LOG_LINE), None);
+    }
+
     proptest! {
         #[test]
         fn no_bytes_make_the_decoder_panic(

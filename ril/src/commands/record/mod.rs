@@ -15,6 +15,7 @@ use ipc_types::{Domain, Ipc, RobotId};
 use module_kit::process;
 use recording::{Recorder, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::logging::LogLines;
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use status::log::config::Limits;
@@ -40,6 +41,7 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     if configuration(&args.common)?.is_none() {
         return Ok(());
     }
+    let lines = LogLines::claim().inspect(|lines| lines.want(true));
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let robot = RobotId::from(args.common.robot);
@@ -66,7 +68,7 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let mut shell = Shell::new(
         topics,
         Recorder::new(settings, info, start),
-        Sinks::new(robot, args.flights, start),
+        Sinks::new(robot, args.flights, start, lines),
         disk,
         Reporter::new(robot, args.json),
     );

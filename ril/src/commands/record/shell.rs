@@ -104,6 +104,8 @@ impl Shell {
         }
         let taken = self.topics.drain(&mut self.recorder, &mut self.sinks, now);
         if taken > 0 {
+            // The recorder's lines alone are no reason for a file.
+            self.sinks.own_lines(&mut self.recorder, now);
             self.gather_until = now + GATHER;
         }
     }

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
-use ipc_types::payload::{BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::payload::{
+    BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState, SharedStruct, StatusJournal,
+};
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
 use ipc_types::{DynamicSubscriber, Ipc, Losses, MonotonicNs, PortSet, Topic as _};
@@ -57,6 +59,7 @@ enum Content {
     Hero,
     State,
     BridgeJournal,
+    StatusJournal,
     Other,
 }
 
@@ -207,6 +210,7 @@ impl Topic {
                 (HeroTelemetry::TYPE_NAME, "hero_telemetry") => Content::Hero,
                 (ModuleState::TYPE_NAME, "module_state") => Content::State,
                 (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Content::BridgeJournal,
+                (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Content::StatusJournal,
                 _ => Content::Other,
             },
             stamps: StampReader::of(schema),
@@ -260,6 +264,7 @@ impl Topic {
                 Content::Hero => sinks.hero(recorder, sample, now),
                 Content::State => sinks.state(recorder, sample, now),
                 Content::BridgeJournal => sinks.journal(recorder, sample, now),
+                Content::StatusJournal => sinks.status_journal(recorder, sample, now),
                 Content::Other => {}
             }
         });

@@ -1,11 +1,17 @@
-//! Diagnostics: `tracing` to standard error, so that standard output carries data alone.
+//! Diagnostics: `tracing` to standard error, so that standard output carries data alone. [`LogLines`] has the same lines for a
+//! recorder.
+
+mod lines;
 
 use std::io;
 
 use tracing::level_filters::LevelFilter;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::exit::{ExitCode, Failure};
+
+pub use lines::{LogLine, LogLines};
 
 /// The environment variable that chooses what is logged, in the syntax of `tracing_subscriber::EnvFilter`, such as
 /// `info,bridge=trace`. `-v` and `-q` rule over it.
@@ -40,14 +46,16 @@ impl Verbosity {
 /// `RIL_LOG` cannot be understood (exit code 78).
 pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
     let filter = filter(verbosity, std::env::var(LOG_VARIABLE).ok().as_deref())?;
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let standard_error = fmt::layer()
         .with_writer(io::stderr)
         // Plain text everywhere: a journal, a file and a terminal show the same.
         .with_ansi(false)
         // A closed standard error must not become a panic.
-        .log_internal_errors(false)
-        .finish();
+        .log_internal_errors(false);
+    let subscriber = tracing_subscriber::registry()
+        .with(filter)
+        .with(standard_error)
+        .with(lines::LineLayer);
     let _ = tracing::subscriber::set_global_default(subscriber);
     Ok(())
 }

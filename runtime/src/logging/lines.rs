@@ -1,0 +1,174 @@
+//! [`LogLines`]: the lines of this process's log, for a recorder. They go to standard error all the same.
+//!
+//! A layer of `tracing` puts each line that the filter lets pass into a bounded channel, from whatever thread it comes, and never
+//! waits: a line that finds no room is counted. While nobody wants the lines, one costs a look at a flag.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use rustix::time::{ClockId, clock_gettime};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::fmt::FormatFields;
+use tracing_subscriber::fmt::format::{DefaultFields, Writer};
+use tracing_subscriber::layer::{Context, Layer};
+
+/// Lines that wait until they are taken; a further one is lost, and counted.
+pub const MAX_WAITING: usize = 256;
+
+/// Longest text of a line, bytes; a longer one is cut and ends with `…`.
+pub const MAX_TEXT: usize = 1024;
+
+/// What stands at the end of a text that was cut.
+const CUT: &str = "…";
+
+static TAP: OnceLock<Tap> = OnceLock::new();
+
+/// Where the layer puts the lines.
+#[derive(Debug)]
+struct Tap {
+    sender: SyncSender<LogLine>,
+    is_wanted: AtomicBool,
+    lost: AtomicU64,
+}
+
+/// A line of the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogLine {
+    /// When: host `CLOCK_MONOTONIC`, ns.
+    pub at_ns: u64,
+    /// How grave.
+    pub level: Level,
+    /// Path of the module in the source, such as `bridge::shell::audit`.
+    pub module: String,
+    /// Message and fields, as standard error has them; at most [`MAX_TEXT`] bytes.
+    pub text: String,
+}
+
+/// The lines of this process's log.
+#[derive(Debug)]
+pub struct LogLines {
+    receiver: Receiver<LogLine>,
+    tap: &'static Tap,
+}
+
+impl LogLines {
+    /// The lines of this process, which has one such value: nothing at the second call.
+    pub fn claim() -> Option<LogLines> {
+        let mut receiver = None;
+        let tap = TAP.get_or_init(|| {
+            let (sender, lines) = sync_channel(MAX_WAITING);
+            receiver = Some(lines);
+            Tap {
+                sender,
+                is_wanted: AtomicBool::new(false),
+                lost: AtomicU64::new(0),
+            }
+        });
+        receiver.map(|receiver| LogLines { receiver, tap })
+    }
+
+    /// Says whether lines are wanted from now on; those that wait are forgotten.
+    pub fn want(&self, is_wanted: bool) {
+        self.tap.is_wanted.store(is_wanted, Ordering::Relaxed);
+        self.receiver.try_iter().for_each(drop);
+        self.tap.lost.store(0, Ordering::Relaxed);
+    }
+
+    /// How many lines found no room since the last call.
+    pub fn take_lost(&self) -> u64 {
+        self.tap.lost.swap(0, Ordering::Relaxed)
+    }
+
+    /// The lines that wait, oldest first.
+    pub fn drain(&self) -> impl Iterator<Item = LogLine> + '_ {
+        self.receiver.try_iter()
+    }
+}
+
+impl Drop for LogLines {
+    fn drop(&mut self) {
+        self.tap.is_wanted.store(false, Ordering::Relaxed);
+    }
+}
+
+/// Puts the lines where [`LogLines`] finds them.
+#[derive(Debug)]
+pub(super) struct LineLayer;
+
+impl<S: Subscriber> Layer<S> for LineLayer {
+    fn on_event(&self, event: &Event<'_>, _context: Context<'_, S>) {
+        let Some(tap) = TAP
+            .get()
+            .filter(|tap| tap.is_wanted.load(Ordering::Relaxed))
+        else {
+            return;
+        };
+        let now = clock_gettime(ClockId::Monotonic);
+        let mut text = String::new();
+        // Writing into a text cannot fail; a value that cannot be shown leaves what is there.
+        let _ = DefaultFields::new().format_fields(Writer::new(&mut text), event);
+        let line = LogLine {
+            at_ns: now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64,
+            level: *event.metadata().level(),
+            module: event.metadata().target().to_owned(),
+            text: cut(text),
+        };
+        if tap.sender.try_send(line).is_err() {
+            tap.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+fn cut(mut text: String) -> String {
+    if text.len() > MAX_TEXT {
+        let mut end = MAX_TEXT - CUT.len();
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        text.truncate(end);
+        text += CUT;
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use tracing_subscriber::layer::SubscriberExt;
+
+    use super::*;
+
+    /// The one test that claims the lines: all tests of this crate are one process.
+    #[test]
+    fn lines_are_there_while_they_are_wanted_and_losses_are_counted() {
+        let lines = LogLines::claim().unwrap();
+        assert!(LogLines::claim().is_none());
+        let _logging =
+            tracing::subscriber::set_default(tracing_subscriber::registry().with(LineLayer));
+        tracing::info!("nobody wants it");
+        lines.want(true);
+        tracing::warn!(port = 7, name = "sci_a", "gone");
+        tracing::error!("{}", "ä".repeat(MAX_TEXT));
+        let taken: Vec<_> = lines.drain().collect();
+        assert_eq!(taken.len(), 2, "{taken:?}");
+        assert_eq!(taken[0].level, Level::WARN);
+        assert_eq!(taken[0].module, module_path!());
+        assert_eq!(taken[0].text, "gone port=7 name=\"sci_a\"");
+        assert!(taken[0].at_ns > 0 && taken[0].at_ns <= taken[1].at_ns);
+        assert!(taken[1].text.len() <= MAX_TEXT && taken[1].text.ends_with("ä…"));
+
+        for number in 0..MAX_WAITING + 3 {
+            tracing::info!(number, "many");
+        }
+        assert_eq!(lines.take_lost(), 3);
+        assert_eq!(lines.take_lost(), 0);
+        let taken: Vec<_> = lines.drain().collect();
+        assert_eq!(taken.len(), MAX_WAITING);
+        assert_eq!(taken[0].text, "many number=0", "the oldest stay");
+
+        tracing::info!("it waits");
+        lines.want(false);
+        tracing::info!("nobody wants it");
+        assert_eq!(lines.drain().count(), 0);
+    }
+}
