@@ -4,7 +4,7 @@
 //! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as they are told;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
-//! * [`garbage`]: payloads of any bit pattern;
+//! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that nobody knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
 //! * [`pty`]: a folder for links to pseudo-terminals;
@@ -116,6 +116,7 @@ pub mod recording;
 pub mod replay;
 pub mod script;
 pub mod stand_in;
+pub mod stranger;
 pub mod watchdog;
 
 pub use chain::Chain;

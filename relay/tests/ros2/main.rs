@@ -19,39 +19,12 @@ use std::process::{Child, Stdio};
 
 use ipc_types::{RobotId, Schema};
 use relay::ros2::{Session, StandardMessage, attachment, own_schemas, type_hash, write_packages};
+use ril_tests::languages::run;
+use ril_tests::stranger::STRANGER;
 use serde_json::{Value, json};
 
-use python::{python_or_skip, run, script};
+use python::{python_or_skip, script};
 use samples::{Sample, ZENOH_ID, samples};
-
-/// A schema of another module, with what the robot's own do not have.
-const STRANGER: &str = "\
-# Layout: battery_watch.Battery.v3
-
-uint64 sequence
-uint64 epoch_ns
-int64 offset_ns
-float64[3] gains
-battery_watch_msgs/Cell[2] cells
-analog_msgs/Channel channel
-
-================================================================================
-MSG: battery_watch_msgs/Cell
-# Layout: battery_watch.Cell.v1
-
-float32 voltage_v
-int16[2] temperatures
-uint16 age_s
-int8 sign
-uint8[5] name
-
-================================================================================
-MSG: analog_msgs/Channel
-# Layout: analog.Channel.v1
-
-int32 offset_adc
-uint32 scale_adc
-";
 
 #[test]
 fn rosbags_computes_the_same_hashes_and_reads_the_same_values() {

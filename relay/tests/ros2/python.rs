@@ -1,9 +1,10 @@
 //! Scripts in Python, and the packages that they need.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+
+use ril_tests::languages::{run, skip};
 
 /// The packages, and what they are imported as.
 const PACKAGES: [&str; 4] = [
@@ -27,29 +28,13 @@ pub fn script(python: &Path, name: &str) -> Command {
     command
 }
 
-/// Runs a program to its end, or says why that did not work.
-pub fn run(command: &mut Command) -> Result<(), String> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    let output = command
-        .output()
-        .map_err(|error| format!("{name}: {error}"))?;
-    match output.status.success() {
-        true => Ok(()),
-        false => Err(format!(
-            "{name}: {}{}",
-            String::from_utf8_lossy(&output.stdout),
-            String::from_utf8_lossy(&output.stderr)
-        )),
-    }
-}
-
 /// An interpreter with the packages. When there is none, says past the capture of the tests' output that `what` is skipped.
 pub fn python_or_skip(what: &str) -> Option<&'static Path> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     match PYTHON.get_or_init(python) {
         Ok(python) => Some(python),
         Err(why) => {
-            let _ = writeln!(std::io::stderr(), "SKIPPED: {what}: {why}");
+            skip(what, why);
             None
         }
     }

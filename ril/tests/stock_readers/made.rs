@@ -9,6 +9,7 @@ use recording::{
     Action, Anchor, Attachment, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder,
     Settings,
 };
+use ril_tests::stranger::STRANGER;
 use ros_messages::cdr::Writer;
 use ros_messages::{Level, Log, definition, message};
 
@@ -22,35 +23,6 @@ const ROUNDS: u64 = 60;
 
 /// Between two rounds: the recording has about a dozen flushes.
 const PERIOD: Duration = Duration::from_millis(50);
-
-/// A schema of another module, with what the robot's own do not have.
-pub const STRANGER: &str = "\
-# Layout: battery_watch.Battery.v3
-
-uint64 sequence
-uint64 epoch_ns
-int64 offset_ns
-float64[3] gains
-battery_watch_msgs/Cell[2] cells
-analog_msgs/Channel channel
-
-================================================================================
-MSG: battery_watch_msgs/Cell
-# Layout: battery_watch.Cell.v1
-
-float32 voltage_v
-int16[2] temperatures
-uint16 age_s
-int8 sign
-uint8[5] name
-
-================================================================================
-MSG: analog_msgs/Channel
-# Layout: analog.Channel.v1
-
-int32 offset_adc
-uint32 scale_adc
-";
 
 const CHUNK_TEXT: &str = "# A piece of something.\n\nuint64 at_ns\nuint8[] data\nstring[] names\n";
 

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use ipc_types::DynamicPublisher;
 use ril_tests::process::Signal;
+use ril_tests::stranger::STRANGER;
 use ril_tests::{Chain, Process, TestDomain};
 
 use crate::consumer::{Consumer, FILLING, LAST_FILLING, STRANGER_KEY, Seen};
 use crate::documents::Programs;
 use crate::environment::readers_or_skip;
 use crate::expected::{Expected, Line, Read};
-use crate::made::STRANGER;
 use crate::readers::Reader;
 
 /// Simulated seconds for one of the host: the flight takes a few seconds.

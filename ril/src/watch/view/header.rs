@@ -1,5 +1,6 @@
 //! The first lines: what the robot does, and the worst alarm; and the last one: keys, or the question that waits for its word.
 
+use ipc_types::payload::ModuleState;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
@@ -39,9 +40,12 @@ pub(super) fn flying(robot: &Robot, clock: Clock) -> (&'static str, Style) {
     }
 }
 
-/// Robot, phase, flying or landed, switch, and the time.
+/// Robot, phase, flying or landed, switch, and the time. A recording that `ril replay` plays is no robot, and is called so.
 pub(super) fn draw(robot: &Robot, clock: Clock, area: Rect, buffer: &mut Buffer) {
     let mut x = put(buffer, area, 1, &format!("robot {}", robot.id()), TITLE);
+    if robot.last_state().is_some_and(ModuleState::is_replayed) {
+        x = put(buffer, area, x + 2, "REPLAY", ALARM);
+    }
     let (text, style) = doing(robot, clock);
     x = put(buffer, area, x + 2, &text, style);
     let (text, style) = flying(robot, clock);

@@ -67,6 +67,20 @@ fn several_robots_with_nothing_but_ascii() {
 }
 
 #[test]
+fn a_replay_is_called_so_whatever_the_width() {
+    let mut app = app(1);
+    let mut state = on_path(1, 20_000);
+    assert!(!text(&drawn(&app, clock(20_000), Glyphs::Unicode, 80, 24)).contains("REPLAY"));
+    state.safety.reserved = 1;
+    app.robots_mut()[0].state(&state, at(20_000));
+    for width in [80, 120] {
+        let shown = text(&drawn(&app, clock(20_000), Glyphs::Unicode, width, 24));
+        let first = shown.lines().next().unwrap();
+        assert!(first.contains("robot 1  REPLAY  "), "{first}");
+    }
+}
+
+#[test]
 fn a_terminal_that_is_too_small_shows_the_least_and_says_so() {
     let buffer = drawn(&app(1), clock(20_000), Glyphs::Unicode, 40, 12);
     let shown = text(&buffer);
