@@ -29,6 +29,8 @@ pub enum EventKind {
     Loss,
     /// Messages that were lost before the recorder, by their sequence numbers.
     Gap,
+    /// Messages that a publisher had sent before the recorder joined its topic, though it began after the recording.
+    Late,
     /// A publisher began again.
     Restart,
     /// Another file follows, or this one follows another. Made by the recorder.
@@ -43,9 +45,10 @@ pub enum EventKind {
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [EventKind; 7] = [
+    pub const ALL: [EventKind; 8] = [
         EventKind::Loss,
         EventKind::Gap,
+        EventKind::Late,
         EventKind::Restart,
         EventKind::Split,
         EventKind::Disk,
@@ -58,6 +61,7 @@ impl EventKind {
         match self {
             EventKind::Loss => "loss",
             EventKind::Gap => "gap",
+            EventKind::Late => "late",
             EventKind::Restart => "restart",
             EventKind::Split => "split",
             EventKind::Disk => "disk",

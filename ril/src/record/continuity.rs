@@ -11,18 +11,24 @@ pub struct Continuity {
     tracker: SequenceTracker,
     /// The time of the last sample.
     last: Option<MonotonicNs>,
+    /// When the recording began.
+    begun: MonotonicNs,
+    /// Samples of a publisher that began later, from before the topic was joined.
+    late: u64,
 }
 
 /// What a sample says of those before it: at most that its publisher began again, and that some are missing.
 pub type Found = arrayvec::ArrayVec<Event, 2>;
 
 impl Continuity {
-    /// Of `topic`, no sample of which has come.
-    pub fn new(topic: String) -> Continuity {
+    /// Of `topic`, no sample of which has come, in a recording that has begun at `begun`.
+    pub fn new(topic: String, begun: MonotonicNs) -> Continuity {
         Continuity {
             topic,
             tracker: SequenceTracker::default(),
             last: None,
+            begun,
+            late: 0,
         }
     }
 
@@ -42,6 +48,7 @@ impl Continuity {
         let before = self.tracker.losses();
         self.tracker.accept(epoch_ns, sequence);
         let after = self.tracker.losses();
+        let is_first = self.last.is_none();
         let first = self.last.replace(at).unwrap_or(at);
         let mut found = Found::new();
         let event = |kind, count, text| Event {
@@ -53,6 +60,15 @@ impl Continuity {
             last: at,
             text,
         };
+        let has_begun_since = (self.begun.0..=now.0).contains(&epoch_ns);
+        if is_first && has_begun_since && sequence > 1 {
+            self.late = sequence - 1;
+            let text = format!(
+                "{} of {} were sent before the recorder had joined",
+                self.late, self.topic
+            );
+            found.push(event(EventKind::Late, self.late, text));
+        }
         if after.publisher_restarts > before.publisher_restarts {
             let text = format!("the publisher of {} began again", self.topic);
             found.push(event(EventKind::Restart, 1, text));
@@ -70,7 +86,11 @@ impl Continuity {
 
     /// The counts so far.
     pub fn losses(&self) -> Losses {
-        self.tracker.losses()
+        let losses = self.tracker.losses();
+        Losses {
+            lost: losses.lost.saturating_add(self.late),
+            ..losses
+        }
     }
 }
 
@@ -80,7 +100,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_an_event_before_the_sample_that_shows_it() {
-        let mut continuity = Continuity::new("/robot1/a".to_owned());
+        let mut continuity = Continuity::new("/robot1/a".to_owned(), MonotonicNs(6));
         let mut take = |epoch_ns, sequence, at| {
             let found = continuity.take((epoch_ns, sequence), MonotonicNs(at), MonotonicNs(at + 1));
             let found = found.into_iter();
@@ -103,5 +123,21 @@ mod tests {
             [(EventKind::Restart, 1, 40), (EventKind::Gap, 2, 40)]
         );
         assert_eq!(continuity.losses().lost, 4);
+    }
+
+    #[test]
+    fn what_came_before_the_recorder_had_joined_is_told_of_publishers_that_began_after_it() {
+        let first = |epoch_ns, sequence| {
+            let mut continuity = Continuity::new("/robot1/a".to_owned(), MonotonicNs(100));
+            let now = MonotonicNs(200);
+            let found = continuity.take((epoch_ns, sequence), MonotonicNs(190), now);
+            let events = found.into_iter().map(|event| (event.kind, event.count));
+            let lost = continuity.losses().lost;
+            (events.collect::<Vec<_>>(), lost)
+        };
+        assert_eq!(first(99, 900), (vec![], 0), "it began before");
+        assert_eq!(first(100, 1), (vec![], 0));
+        assert_eq!(first(150, 8), (vec![(EventKind::Late, 7)], 7));
+        assert_eq!(first(201, 8), (vec![], 0), "a start that is yet to come");
     }
 }

@@ -5,7 +5,8 @@ use ril_tests::process::Signal;
 
 use super::common::{Rig, end, says};
 use super::feed::{
-    Feed, TOPIC, check, lines, missing, only_file, record, samples, told, until_recorded,
+    Feed, TOPIC, check, lines, missing, only_file, record, record_by, samples, told,
+    until_recorded, words,
 };
 
 /// A recorder that does not read while this many samples are published: four times what a subscriber holds.
@@ -68,6 +69,26 @@ fn a_starved_recorder_tells_what_it_missed() {
     let last = (0..100_000).map(|_| feed.publish()).last().unwrap();
     end(recorder, Signal::TERM);
     lost(&rig, last);
+}
+
+#[test]
+fn what_was_sent_before_the_recorder_had_joined_is_told() {
+    let rig = Rig::new();
+    let mut recorder = rig.start(&words(""));
+    recorder.wait_for_text("recording file=");
+    recorder.signal(Signal::STOP);
+    let mut feed = Feed::new(&rig);
+    (0..STOPPED_FOR).for_each(|_| _ = feed.publish());
+    recorder.signal(Signal::CONT);
+    let recorder = record_by(&rig, recorder);
+    until_recorded(&rig, feed.publish());
+    end(recorder, Signal::TERM);
+    let file = only_file(&rig);
+    let first = samples(&file, TOPIC)[0].0;
+    assert!(first > 1, "it cannot have come before it was continued");
+    let told = told(&check(&file), TOPIC);
+    assert_eq!(told.get(&EventKind::Late), Some(&(first - 1)), "{told:?}");
+    rig.run(&format!("log check {}", file.display()), 0);
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub struct LogLine {
     pub level: Level,
     /// Path of the module in the source, such as `bridge::shell::audit`.
     pub module: String,
-    /// Message and fields, as standard error has them; at most [`MAX_TEXT`] bytes.
+    /// Message and fields, as standard error has them; at most 1024 bytes, a longer text ends with `…`.
     pub text: String,
 }
 

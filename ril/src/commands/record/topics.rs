@@ -29,6 +29,8 @@ const MAX_AHEAD: Duration = Duration::from_secs(1);
 /// All topics, each with its subscriber.
 pub(super) struct Topics {
     ipc: Ipc,
+    /// When the recording began.
+    begun: MonotonicNs,
     discovery: Discovery,
     /// What [`Ipc::generations`] was at the last look.
     seen: u32,
@@ -79,6 +81,7 @@ impl Topics {
     /// When the process has too many descriptors.
     pub fn open(ipc: Ipc) -> Result<Topics, Failure> {
         let mut topics = Topics {
+            begun: MonotonicNs::now(),
             discovery: Discovery::default(),
             seen: ipc.generations(),
             retry: None,
@@ -184,7 +187,7 @@ impl Topics {
         self.ports
             .add(subscriber.descriptor())
             .map_err(|error| error.to_string())?;
-        let topic = Topic::new(subscriber, &self.ipc, facts);
+        let topic = Topic::new(subscriber, self, facts);
         tracing::info!(topic = topic.channel.topic, "recorded");
         match former {
             // Its module was installed anew, with another struct.
@@ -196,8 +199,8 @@ impl Topics {
 }
 
 impl Topic {
-    fn new(subscriber: DynamicSubscriber, ipc: &Ipc, facts: &ServiceFacts) -> Topic {
-        let name = topic_of(ipc.robot(), &facts.key);
+    fn new(subscriber: DynamicSubscriber, topics: &Topics, facts: &ServiceFacts) -> Topic {
+        let name = topic_of(topics.ipc.robot(), &facts.key);
         let schema = &facts.schema;
         let metadata = [
             ("service", facts.key.clone()),
@@ -214,7 +217,7 @@ impl Topic {
                 _ => Content::Other,
             },
             stamps: StampReader::of(schema),
-            continuity: Continuity::new(name.clone()),
+            continuity: Continuity::new(name.clone(), topics.begun),
             channel: Channel {
                 topic: name,
                 schema_name: schema.ros_resource_name(),
