@@ -1,7 +1,6 @@
 //! [`Encoder`]: messages as the bytes of a file, flush by flush. The records are made by the crate `mcap`; where their bytes go,
 //! and in which order, is [`ending`](crate::ending)'s.
 
-use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, channel};
 
 use mcap::records::{MessageHeader, Metadata};
@@ -10,7 +9,7 @@ use mcap::{McapResult, WriteOptions, Writer};
 use crate::action::Part;
 use crate::ending::{ENDING, FILLER, HEAD_LEN, ending_at, file_len_for, filler_head, padding};
 use crate::queue::Entry;
-use crate::settings::{Anchor, Attachment, Channel};
+use crate::settings::{Anchor, Channel, FlightInfo};
 use crate::sink::{Counted, Flushes};
 
 /// Name of the conventions by which topics and schemas are written.
@@ -30,6 +29,8 @@ pub(crate) struct Encoder {
     writer: Writer<Counted<Flushes>>,
     flushed: Receiver<Vec<u8>>,
     anchor: Anchor,
+    /// What the file says of the flight.
+    info: FlightInfo,
     /// Bytes that were made.
     len: u64,
     /// Bytes of the file, its filler and ending included.
@@ -45,38 +46,23 @@ impl Encoder {
     /// A file that has no messages yet, and what is to be written.
     pub(crate) fn begin(
         anchor: Anchor,
-        metadata: &[(String, BTreeMap<String, String>)],
-        attachments: &[Attachment],
+        info: FlightInfo,
         channels: &[Channel],
     ) -> McapResult<(Encoder, Vec<Part>)> {
         let (flushes, flushed) = channel();
         let options = write_options().chunk_size(None);
-        let mut writer = options.create(Counted::new(Flushes::new(flushes)))?;
-        for (name, metadata) in metadata {
-            writer.write_metadata(&Metadata {
-                name: name.clone(),
-                metadata: metadata.clone(),
-            })?;
-        }
-        for attachment in attachments {
-            writer.attach(&mcap::Attachment {
-                log_time: anchor.unix_ns,
-                create_time: anchor.unix_ns,
-                name: attachment.name.clone(),
-                media_type: attachment.media_type.clone(),
-                data: attachment.data.as_slice().into(),
-            })?;
-        }
         let mut encoder = Encoder {
-            writer,
+            writer: options.create(Counted::new(Flushes::new(flushes)))?,
             flushed,
             anchor,
+            info: FlightInfo::of_nothing(info.robot),
             len: 0,
             file_len: 0,
             channels: Vec::new(),
             latest_ns: 0,
             chunks: 0,
         };
+        encoder.describe(&info, anchor.unix_ns)?;
         encoder.add_channels(channels)?;
         let mut bytes = encoder.flush()?;
         encoder.file_len = file_len_for(encoder.len);
@@ -144,6 +130,29 @@ impl Encoder {
         let (file_len, parts) = extension(filler_at, self.len, self.file_len);
         self.file_len = file_len;
         parts
+    }
+
+    /// Writes what the file does not say of the flight yet.
+    pub(crate) fn describe(&mut self, info: &FlightInfo, unix_ns: u64) -> McapResult<()> {
+        let news = info.since(&self.info);
+        for (name, metadata) in &news.metadata {
+            self.writer.write_metadata(&Metadata {
+                name: name.clone(),
+                metadata: metadata.clone(),
+            })?;
+        }
+        for attachment in &news.attachments {
+            self.writer.attach(&mcap::Attachment {
+                log_time: unix_ns,
+                create_time: unix_ns,
+                name: attachment.name.clone(),
+                media_type: attachment.media_type.clone(),
+                data: attachment.data.as_slice().into(),
+            })?;
+        }
+        self.info.metadata.extend(news.metadata);
+        self.info.attachments.extend(news.attachments);
+        Ok(())
     }
 
     fn add_channels(&mut self, channels: &[Channel]) -> McapResult<()> {

@@ -27,7 +27,7 @@ pub const RETRY_PERIOD: Duration = Duration::from_secs(5);
 #[derive(Debug)]
 pub(crate) struct Files {
     settings: Settings,
-    info: FlightInfo,
+    pub(crate) info: FlightInfo,
     pub(crate) inbox: Inbox,
     /// What the clocks showed at the last wake.
     pub(crate) anchor: Anchor,

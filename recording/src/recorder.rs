@@ -39,6 +39,12 @@ impl Recorder {
         self.files.inbox.channels.add(channel)
     }
 
+    /// Says anew what is known of the flight: the present file has what is new from its next write on, and following ones begin
+    /// with it.
+    pub fn describe(&mut self, info: FlightInfo) {
+        self.files.info = info;
+    }
+
     /// Records a message: `cdr` is the message with its header of four bytes, `at` the time in it.
     ///
     /// `at` becomes its `publish_time`. Its `log_time` is the same, or later when messages of later times are in the file

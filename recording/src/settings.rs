@@ -54,7 +54,7 @@ impl Default for Settings {
     }
 }
 
-/// What every file of a flight says of it.
+/// What every file of a flight says of it. What becomes known while a file is written stands in it once more, under the same name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FlightInfo {
     /// The robot; its events lie in `/robotN/recording/events`.
@@ -63,6 +63,34 @@ pub struct FlightInfo {
     pub metadata: Vec<(String, BTreeMap<String, String>)>,
     /// Files that lie within each file of the recording, such as the configuration.
     pub attachments: Vec<Attachment>,
+}
+
+impl FlightInfo {
+    /// Nothing is known of the flight of `robot`.
+    pub(crate) fn of_nothing(robot: RobotId) -> FlightInfo {
+        FlightInfo {
+            robot,
+            metadata: Vec::new(),
+            attachments: Vec::new(),
+        }
+    }
+
+    /// What it says that `before` did not.
+    pub(crate) fn since(&self, before: &FlightInfo) -> FlightInfo {
+        let metadata = self.metadata.iter();
+        let attachments = self.attachments.iter();
+        FlightInfo {
+            robot: self.robot,
+            metadata: metadata
+                .filter(|record| !before.metadata.contains(record))
+                .cloned()
+                .collect(),
+            attachments: attachments
+                .filter(|file| !before.attachments.contains(file))
+                .cloned()
+                .collect(),
+        }
+    }
 }
 
 /// A file within a recording.

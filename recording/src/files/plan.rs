@@ -76,10 +76,11 @@ impl Files {
 
     fn plan_file(&mut self) {
         let index = self.next_index;
-        let mut metadata = self.info.metadata.clone();
-        metadata.push(file_metadata(self.info.robot, index, self.anchor));
+        let mut info = self.info.clone();
+        let of_file = file_metadata(info.robot, index, self.anchor);
+        info.metadata.push(of_file);
         let channels = self.inbox.channels.all();
-        match Encoder::begin(self.anchor, &metadata, &self.info.attachments, channels) {
+        match Encoder::begin(self.anchor, info, channels) {
             Ok((encoder, parts)) => {
                 let len = encoder.len();
                 self.file = Some(OpenFile::new(encoder, index, self.now));
@@ -94,7 +95,9 @@ impl Files {
         let file = self.file.as_mut().and_then(|file| file.encoder.as_mut());
         let Some(encoder) = file else { return };
         let entries = self.inbox.queue.give(CHUNK_BYTES, max_entries);
-        match encoder.chunk(self.inbox.channels.all(), entries) {
+        let unix_ns = self.anchor.unix_ns_of(self.now);
+        let described = encoder.describe(&self.info, unix_ns);
+        match described.and_then(|()| encoder.chunk(self.inbox.channels.all(), entries)) {
             Ok(parts) => {
                 let len = encoder.len();
                 self.then(Action::Write { parts }, Then::Written(len));

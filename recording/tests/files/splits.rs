@@ -5,7 +5,7 @@ use std::io::Cursor;
 use std::time::Duration;
 
 use recording::read::{check, summary_of};
-use recording::{EventKind, Settings};
+use recording::{Attachment, EventKind, Settings};
 
 use crate::session::{Session, UNIX_NS, info};
 use crate::stock;
@@ -102,4 +102,48 @@ fn what_comes_after_a_split_lies_in_the_next_file() {
         messages.map(|facts| facts.1).collect::<Vec<_>>()
     });
     assert_eq!(sequences.collect::<Vec<_>>(), [vec![1], vec![2, 3]]);
+}
+
+#[test]
+fn what_becomes_known_later_is_said_in_the_open_file_and_at_the_start_of_the_next_one() {
+    let mut session = Session::new(Settings::default(), 1);
+    let add = |session: &mut Session| {
+        session.add(0, 100);
+        session.pass(Duration::from_secs(1));
+        session.settle();
+    };
+    add(&mut session);
+    let mut later = info();
+    later.metadata[0].1.insert("pid".to_owned(), "7".to_owned());
+    later.attachments.push(Attachment {
+        name: "status.toml".to_owned(),
+        ..info().attachments[0].clone()
+    });
+    session.recorder.describe(later.clone());
+    add(&mut session);
+    add(&mut session);
+    let unfinished = session.disk.files[0].clone();
+    session.split();
+    session.settle();
+    add(&mut session);
+    session.end();
+
+    let first = summary_of(&mut Cursor::new(&session.disk.files[0])).unwrap();
+    for summary in [summary_of(&mut Cursor::new(&unfinished)).unwrap(), first] {
+        let flights = summary
+            .metadata
+            .iter()
+            .filter(|(name, _)| name == "ril.flight");
+        let flights: Vec<_> = flights.collect();
+        assert_eq!(flights, [&info().metadata[0], &later.metadata[0]]);
+        let attachments = summary.attachments;
+        assert_eq!(attachments, later.attachments, "each once");
+    }
+    let second = summary_of(&mut Cursor::new(&session.disk.files[1])).unwrap();
+    assert_eq!(second.metadata[0], later.metadata[0]);
+    assert_eq!(second.attachments, later.attachments);
+    for file in &session.disk.files {
+        assert_eq!(stock::all(file), stock::ours(file));
+        assert!(check(file).errors.is_empty());
+    }
 }

@@ -8,10 +8,10 @@ use recording::{Anchor, Attachment, FlightInfo};
 /// Name of the record with versions, robot, machine and the clocks at the start.
 pub const FLIGHT: &str = "ril.flight";
 
-/// Name of the record with the layout of each topic that was there at the start, by topic: type and hash.
+/// Name of the record with the layout of each topic that was there when the record was written, by topic: type and hash.
 pub const LAYOUTS: &str = "ril.layouts";
 
-/// What is known at the start of a recording.
+/// What is known of the robot at a moment.
 #[derive(Clone, Debug, Default)]
 pub struct Facts {
     /// Name of the machine.

@@ -1,9 +1,12 @@
 //! A flight with the real processes: the record has every topic, as a consumer saw it.
 
 use std::collections::BTreeSet;
+use std::fs::File;
+use std::path::Path;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{RobotId, Subscriber, Topic};
+use recording::read::summary_of;
 use ril_tests::process::Signal;
 
 use super::common::{Rig, end, json};
@@ -52,6 +55,32 @@ impl<T: Topic> Consumer<T> {
     }
 }
 
+/// The processes began after the recorder: the file says which they were, and what they were configured with.
+fn assert_processes_are_known(file: &Path, pids: [(&str, u32); 2]) {
+    let summary = summary_of(&mut File::open(file).unwrap()).unwrap();
+    let flights = summary
+        .metadata
+        .iter()
+        .filter(|(name, _)| name == "ril.flight");
+    let (_, last) = flights.last().unwrap();
+    for (process, pid) in pids {
+        let key = format!("pid.{process}");
+        assert_eq!(last.get(&key), Some(&pid.to_string()), "{last:#?}");
+    }
+    let layouts = summary
+        .metadata
+        .iter()
+        .filter(|(name, _)| name == "ril.layouts");
+    let (_, last) = layouts.last().unwrap();
+    assert!(last.contains_key("/robot1/hero/telemetry"), "{last:#?}");
+    let bridge = summary
+        .attachments
+        .iter()
+        .find(|file| file.name == "bridge.toml");
+    let text = String::from_utf8_lossy(&bridge.unwrap().data);
+    assert!(text.contains("pc_timeout_ms = 60000"), "{text}");
+}
+
 #[test]
 fn a_flight_is_recorded_as_a_consumer_saw_it() {
     let rig = Rig::new();
@@ -63,6 +92,7 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     let sim = rig.sim(1, "--speed 5");
     let status = rig.status(1);
     let bridge = rig.bridge(1);
+    let pids = [("bridge", bridge.id()), ("status", status.id())];
     rig.watch(1).until_ready();
     // What was ordered before is not in the record.
     recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
@@ -110,8 +140,7 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     ] {
         assert!(topics.contains(topic), "{topic}: {topics:?}");
     }
-    let metadata: BTreeSet<&str> = check.metadata.iter().map(|(name, _)| &**name).collect();
-    assert!(metadata.contains("ril.flight"), "{metadata:?}");
+    assert_processes_are_known(&file, pids);
     let name = file.display();
     rig.run(&format!("log check {name}"), 0);
     let summary = json(&rig.run(&format!("log summary {name} --json"), 0).stdout[0]);

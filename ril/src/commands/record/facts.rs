@@ -1,4 +1,4 @@
-//! What the files say of the flight, as far as it can be had when the recording begins.
+//! [`FactsOfRobot`]: what the files say of the flight, as far as they can be had: when the recording begins, and again when a process comes or goes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,6 +6,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use ipc_types::{Ipc, Provider, ServiceId};
+use recording::{Anchor, FlightInfo};
 use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
@@ -45,46 +46,92 @@ const CONFIGURED: [Configured; 2] = [
     },
 ];
 
-/// What is known of the robot and of this machine.
-///
-/// # Errors
-///
-/// Code 78 when a configuration that was named cannot be read.
-pub(super) fn gather(
-    args: &RecordArgs,
-    ipc: &Ipc,
-    layouts: BTreeMap<String, String>,
-) -> Result<Facts, Failure> {
-    let mut facts = Facts {
-        host: text_of("/proc/sys/kernel/hostname"),
-        boot_id: text_of("/proc/sys/kernel/random/boot_id"),
-        layouts,
-        ..Facts::default()
-    };
-    for process in CONFIGURED {
-        let provider = ipc.provider(process.service.key()).ok().flatten();
-        if let Some(provider) = &provider {
-            facts
-                .processes
-                .insert(provider.process.clone(), provider.pid);
-        }
-        let named = match process.name {
-            "bridge" => args.bridge.clone(),
-            _ => args.status.clone(),
+/// What is known of a robot, its processes and this machine.
+pub(super) struct FactsOfRobot {
+    ipc: Ipc,
+    /// When the recording began.
+    start: Anchor,
+    /// Configurations that were named, by process.
+    named: BTreeMap<&'static str, PathBuf>,
+    facts: Facts,
+}
+
+impl FactsOfRobot {
+    /// Of the robot of `ipc`, with what `args` name.
+    ///
+    /// # Errors
+    ///
+    /// Code 78 when a configuration that was named cannot be read.
+    pub fn gather(ipc: Ipc, args: &RecordArgs, start: Anchor) -> Result<FactsOfRobot, Failure> {
+        let named = [("bridge", &args.bridge), ("status", &args.status)];
+        let named = named.into_iter();
+        let mut robot = FactsOfRobot {
+            ipc,
+            start,
+            named: named
+                .filter_map(|(name, file)| Some((name, file.clone()?)))
+                .collect(),
+            facts: Facts {
+                host: text_of("/proc/sys/kernel/hostname"),
+                boot_id: text_of("/proc/sys/kernel/random/boot_id"),
+                ..Facts::default()
+            },
         };
+        CONFIGURED
+            .iter()
+            .try_for_each(|process| robot.look_at(process))?;
+        Ok(robot)
+    }
+
+    /// Looks again at the processes, one of which has come. What is known of one that went stays.
+    pub fn look_again(&mut self) {
+        for process in &CONFIGURED {
+            if let Some(provider) = self.provider(process)
+                && self.facts.processes.get(&provider.process) != Some(&provider.pid)
+                && let Err(failure) = self.look_at(process)
+            {
+                let reason = failure.chain().join(": ");
+                tracing::warn!(reason, "the configuration is not recorded");
+            }
+        }
+    }
+
+    /// As each file says it, with these layouts by topic.
+    pub fn flight_info(&self, layouts: BTreeMap<String, String>) -> FlightInfo {
+        let facts = Facts {
+            layouts,
+            ..self.facts.clone()
+        };
+        facts.flight_info(self.ipc.robot(), self.start)
+    }
+
+    fn provider(&self, process: &Configured) -> Option<Provider> {
+        self.ipc.provider(process.service.key()).ok().flatten()
+    }
+
+    fn look_at(&mut self, process: &Configured) -> Result<(), Failure> {
+        let provider = self.provider(process);
+        if let Some(provider) = &provider {
+            let pids = &mut self.facts.processes;
+            pids.insert(provider.process.clone(), provider.pid);
+        }
+        let named = self.named.get(process.name).cloned();
         let is_named = named.is_some();
         let running = || file_of_process(&provider?, process.default_file);
         let default = PathBuf::from(process.default_file);
         let file = named.or_else(running).unwrap_or(default);
+        let files = &mut self.facts.files;
         match fs::read(&file) {
             Ok(text) => {
-                facts.files.insert(format!("{}.toml", process.name), text);
+                files.insert(format!("{}.toml", process.name), text);
             }
             // It runs with what is built in.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_named => continue,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_named => {
+                return Ok(());
+            }
             Err(error) if !is_named => {
                 tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
-                continue;
+                return Ok(());
             }
             Err(error) => {
                 return Err(error)
@@ -95,15 +142,15 @@ pub(super) fn gather(
         match (process.read)(&file) {
             Ok(resulting) => {
                 let name = format!("{}.resulting.txt", process.name);
-                facts.files.insert(name, resulting.to_string().into_bytes());
+                files.insert(name, resulting.to_string().into_bytes());
             }
             // A flight is recorded whatever the configuration of others is.
             Err(error) => {
                 tracing::warn!(%error, "the configuration is recorded as it is, with its mistakes");
             }
         }
+        Ok(())
     }
-    Ok(facts)
 }
 
 /// The text of a file of the kernel's; empty when it cannot be read.

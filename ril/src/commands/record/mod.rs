@@ -22,6 +22,7 @@ use status::log::config::Limits;
 use status::log::file_name::Series;
 
 use self::disk::Disk;
+use self::facts::FactsOfRobot;
 use self::outcome::Place;
 use self::report::Reporter;
 use self::shell::{Shell, anchor};
@@ -59,7 +60,8 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let disk = disk.or_fail_with(ExitCode::Internal, "the disk cannot have a thread")?;
     let topics = Topics::open(ipc.clone())?;
     let start = anchor();
-    let info = facts::gather(args, &ipc, topics.layouts())?.flight_info(robot, start);
+    let facts = FactsOfRobot::gather(ipc, args, start)?;
+    let info = facts.flight_info(topics.layouts());
     let settings = Settings {
         split_duration: args.duration,
         split_bytes: Some(args.max_file_bytes()),
@@ -67,6 +69,7 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     };
     let mut shell = Shell::new(
         topics,
+        facts,
         Recorder::new(settings, info, start),
         Sinks::new(robot, args.flights, start, lines),
         disk,

@@ -9,6 +9,7 @@ use recording::{Action, Anchor, Recorder, Totals};
 use status::log::store::{FileStore, Store};
 
 use super::disk::{Disk, DiskGone};
+use super::facts::FactsOfRobot;
 use super::outcome::Outcome;
 use super::report::Reporter;
 use super::sinks::Sinks;
@@ -45,6 +46,7 @@ pub(super) fn anchor() -> Anchor {
 /// A recording that goes on.
 pub(super) struct Shell {
     topics: Topics,
+    facts: FactsOfRobot,
     recorder: Recorder,
     sinks: Sinks,
     disk: Disk,
@@ -60,6 +62,7 @@ pub(super) struct Shell {
 impl Shell {
     pub fn new(
         topics: Topics,
+        facts: FactsOfRobot,
         recorder: Recorder,
         sinks: Sinks,
         disk: Disk,
@@ -67,6 +70,7 @@ impl Shell {
     ) -> Shell {
         Shell {
             topics,
+            facts,
             recorder,
             sinks,
             disk,
@@ -103,6 +107,11 @@ impl Shell {
             return;
         }
         let taken = self.topics.drain(&mut self.recorder, &mut self.sinks, now);
+        if self.topics.take_news() {
+            self.facts.look_again();
+            let info = self.facts.flight_info(self.topics.layouts());
+            self.recorder.describe(info);
+        }
         if taken > 0 {
             // The recorder's lines alone are no reason for a file.
             self.sinks.own_lines(&mut self.recorder, now);

@@ -34,6 +34,8 @@ pub(super) struct Topics {
     discovery: Discovery,
     /// What [`Ipc::generations`] was at the last look.
     seen: u32,
+    /// Whether a publisher has come since that was last asked.
+    has_news: bool,
     /// When to look again for what could not be opened.
     retry: Option<MonotonicNs>,
     ports: PortSet,
@@ -84,6 +86,7 @@ impl Topics {
             begun: MonotonicNs::now(),
             discovery: Discovery::default(),
             seen: ipc.generations(),
+            has_news: false,
             retry: None,
             ports: PortSet::new().or_fail(ExitCode::Internal)?,
             topics: Vec::new(),
@@ -118,6 +121,11 @@ impl Topics {
             topic: topic.continuity.topic().to_owned(),
             losses: topic.continuity.losses(),
         })
+    }
+
+    /// Whether a publisher has come since the last call.
+    pub fn take_news(&mut self) -> bool {
+        std::mem::take(&mut self.has_news)
     }
 
     /// When [`drain`](Topics::drain) has to be called though no port is ready.
@@ -159,6 +167,7 @@ impl Topics {
                 })
                 .is_ok();
             is_complete &= is_taken;
+            self.has_news |= is_taken;
             is_taken
         });
         self.discovery = discovery;

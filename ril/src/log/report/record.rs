@@ -1,6 +1,8 @@
 //! What a record of `ril record` has beyond the samples of the DSP: samples of status, states of the bridge, requests, events of the
 //! recording, and what it says of itself.
 
+use std::collections::BTreeMap;
+
 use flight_report::flight::{Table, Weight};
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
@@ -61,20 +63,23 @@ pub fn tables(summary: &read::Summary) -> Vec<Table> {
         title: text("Topics"),
         rows: topics.collect(),
     });
-    for (name, entries) in &summary.metadata {
-        let entries = entries.iter();
-        tables.push(Table {
-            title: name.clone(),
-            rows: entries
-                .map(|(key, value)| (key.clone(), value.clone()))
-                .collect(),
-        });
-    }
+    // Of those with one name the last one holds.
+    let metadata: BTreeMap<_, _> = summary
+        .metadata
+        .iter()
+        .map(|(name, entries)| (name, entries))
+        .collect();
+    tables.extend(metadata.into_iter().map(|(name, entries)| Table {
+        title: name.clone(),
+        rows: entries.clone().into_iter().collect(),
+    }));
     let files = summary.attachments.iter();
-    let files = files.map(|file| (file.name.clone(), format!("{} bytes", file.data.len())));
+    let files: BTreeMap<_, _> = files
+        .map(|file| (file.name.clone(), format!("{} bytes", file.data.len())))
+        .collect();
     tables.push(Table {
         title: text("Files in the record"),
-        rows: files.collect(),
+        rows: files.into_iter().collect(),
     });
     tables.retain(|table| !table.rows.is_empty());
     tables
