@@ -1,6 +1,6 @@
 //! A flight with the real processes: the record has every topic, as a consumer saw it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::Path;
 
@@ -39,7 +39,7 @@ impl<T: Topic> Consumer<T> {
         self.drain();
         assert!(!self.seen.is_empty());
         // The consumer may have come earlier than the recorder, which may have missed what it says that it has.
-        let recorded: std::collections::BTreeMap<u64, &Vec<u8>> = recorded
+        let recorded: BTreeMap<u64, &Vec<u8>> = recorded
             .iter()
             .map(|(sequence, bytes)| (*sequence, bytes))
             .collect();
@@ -58,21 +58,14 @@ impl<T: Topic> Consumer<T> {
 /// The processes began after the recorder: the file says which they were, and what they were configured with.
 fn assert_processes_are_known(file: &Path, pids: [(&str, u32); 2]) {
     let summary = summary_of(&mut File::open(file).unwrap()).unwrap();
-    let flights = summary
-        .metadata
-        .iter()
-        .filter(|(name, _)| name == "ril.flight");
-    let (_, last) = flights.last().unwrap();
+    // The last one of a name holds.
+    let metadata: BTreeMap<_, _> = summary.metadata.iter().cloned().collect();
+    let flight = &metadata["ril.flight"];
     for (process, pid) in pids {
         let key = format!("pid.{process}");
-        assert_eq!(last.get(&key), Some(&pid.to_string()), "{last:#?}");
+        assert_eq!(flight.get(&key), Some(&pid.to_string()), "{flight:#?}");
     }
-    let layouts = summary
-        .metadata
-        .iter()
-        .filter(|(name, _)| name == "ril.layouts");
-    let (_, last) = layouts.last().unwrap();
-    assert!(last.contains_key("/robot1/hero/telemetry"), "{last:#?}");
+    assert!(metadata["ril.layouts"].contains_key("/robot1/hero/telemetry"));
     let bridge = summary
         .attachments
         .iter()
