@@ -118,6 +118,16 @@ impl<'a> Reader<'a> {
         })
     }
 
+    /// A byte.
+    pub fn u8(&mut self) -> Option<u8> {
+        self.number().map(u8::from_le_bytes)
+    }
+
+    /// A signed number of 4 bytes.
+    pub fn i32(&mut self) -> Option<i32> {
+        self.number().map(i32::from_le_bytes)
+    }
+
     /// A number of 4 bytes.
     pub fn u32(&mut self) -> Option<u32> {
         self.number().map(u32::from_le_bytes)

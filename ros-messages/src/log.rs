@@ -1,6 +1,6 @@
 //! `rcl_interfaces/msg/Log`: a line of a process's log, which every viewer of ROS 2 knows.
 
-use crate::cdr::Writer;
+use crate::cdr::{Reader, Writer};
 use crate::header::stamp;
 
 /// How grave a line of a log is, with the numbers of ROS 2.
@@ -19,6 +19,22 @@ pub enum Level {
     Fatal = 50,
 }
 
+impl Level {
+    /// All of them.
+    const ALL: [Level; 5] = [
+        Level::Debug,
+        Level::Info,
+        Level::Warn,
+        Level::Error,
+        Level::Fatal,
+    ];
+
+    /// The level with this number.
+    fn of(number: u8) -> Option<Level> {
+        Level::ALL.into_iter().find(|level| *level as u8 == number)
+    }
+}
+
 /// A line of a process's log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Log<'a> {
@@ -34,7 +50,7 @@ pub struct Log<'a> {
     pub module: &'a str,
 }
 
-impl Log<'_> {
+impl<'a> Log<'a> {
     /// Name of the type in ROS 2.
     pub const TYPE_NAME: &'static str = "rcl_interfaces/msg/Log";
 
@@ -50,6 +66,23 @@ impl Log<'_> {
         writer.string(self.module);
         writer.u32(0);
         writer.finish()
+    }
+
+    /// The line that [`write`](Log::write) wrote; nothing of other bytes.
+    pub fn read(message: &'a [u8]) -> Option<Log<'a>> {
+        let mut reader = Reader::new(message)?;
+        let (seconds, nanoseconds) = (reader.i32()?, reader.u32()?);
+        let level = Level::of(reader.u8()?)?;
+        let (process, text) = (reader.string()?, reader.string()?);
+        let (_file, module) = (reader.string()?, reader.string()?);
+        reader.u32()?;
+        Some(Log {
+            unix_ns: i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds),
+            level,
+            process,
+            text,
+            module,
+        })
     }
 }
 
@@ -77,5 +110,9 @@ mod tests {
             0, 0, 0, 0, // line
         ];
         assert_eq!(log.write(), expected);
+        assert_eq!(Log::read(&expected), Some(log));
+        for len in 0..expected.len() {
+            assert_eq!(Log::read(&expected[..len]), None, "{len}");
+        }
     }
 }

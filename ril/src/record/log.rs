@@ -13,7 +13,7 @@ use crate::changes;
 use crate::watch::journal::Weight;
 
 /// In the place of a process: a line that is made of what the robot publishes.
-const FLIGHT: &str = "flight";
+pub const FLIGHT: &str = "flight";
 
 /// Makes lines of a log.
 #[derive(Debug)]

@@ -1,10 +1,11 @@
 //! What the processes log is in the file, line by line, as standard error had it.
 
+use std::fs;
 use std::path::Path;
 
 use recording::read::{self, Bytes};
 use ril_tests::process::Signal;
-use ros_messages::cdr::Reader;
+use ros_messages::{Level, Log};
 
 use super::common::{Rig, end};
 use super::feed::{only_file, words};
@@ -20,19 +21,14 @@ fn recorded(file: &Path, process: &str) -> Vec<String> {
 }
 
 fn line(message: &[u8], process: &str) -> Option<String> {
-    let mut reader = Reader::new(message)?;
-    reader.u32()?;
-    reader.u32()?;
-    // One byte, and zeros up to the next multiple of four.
-    let level = match reader.u32()? {
-        20 => "INFO",
-        30 => "WARN",
-        40 => "ERROR",
-        other => panic!("level {other}"),
+    let log = Log::read(message).unwrap();
+    let level = match log.level {
+        Level::Info => "INFO",
+        Level::Warn => "WARN",
+        Level::Error => "ERROR",
+        other => panic!("{other:?}"),
     };
-    let (name, text) = (reader.string()?, reader.string()?);
-    let (_file, module) = (reader.string()?, reader.string()?);
-    (name == process).then(|| format!("{level} {module}: {text}"))
+    (log.process == process).then(|| format!("{level} {}: {}", log.module, log.text))
 }
 
 /// The lines of standard error without their times.
@@ -55,6 +51,8 @@ fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
     for order in ["start", "takeoff --altitude 5", "land", "stop"] {
         rig.run(order, 0);
     }
+    // A refusal is a warning.
+    rig.run("takeoff --altitude 5", 5);
     let bridge = logged(&end(bridge, Signal::TERM).stderr);
     let second = rig.bridge(1);
     status.wait_for_text("another bridge");
@@ -98,4 +96,25 @@ fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
         flight.iter().any(|line| line.contains("takeoff: done")),
         "{flight:#?}"
     );
+}
+
+#[test]
+fn the_report_has_what_a_process_warned_of() {
+    let rig = Rig::new();
+    let sim = rig.sim(1, "--speed 5");
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    let mut recorder = rig.start(&words(""));
+    recorder.wait_for_text("recording file=");
+    rig.run("takeoff --altitude 5", 5);
+    for process in [bridge, sim, recorder] {
+        end(process, Signal::TERM);
+    }
+    let file = only_file(&rig);
+    rig.run(
+        &format!("log report {} --output report.html", file.display()),
+        0,
+    );
+    let page = fs::read_to_string(rig.folder().join("report.html")).unwrap();
+    assert!(page.contains("bridge logged: report request="), "{page}");
 }

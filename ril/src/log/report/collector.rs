@@ -167,11 +167,10 @@ impl Collector {
         self.requests.take(event);
     }
 
-    /// Something happened to the recording, so long after the first sample.
-    pub fn recording(&mut self, since_ns: u64, weight: Weight, text: &str) {
+    /// Something happened to the recording, or was logged by a process, so long after the first sample.
+    pub fn happened(&mut self, kind: Kind, since_ns: u64, weight: Weight, text: &str) {
         let at_s = (since_ns as f64 / 1e9).min(self.clock.end_s());
-        self.happenings
-            .add(Kind::Recording, at_s, weight, text, None);
+        self.happenings.add(kind, at_s, weight, text, None);
     }
 
     /// A part of the recording is damaged: `text` says how.

@@ -36,6 +36,8 @@ pub enum Kind {
     Safety,
     /// The module.
     Module,
+    /// A process said so in its log.
+    Process,
     /// The recording itself.
     Recording,
 }
@@ -43,7 +45,10 @@ pub enum Kind {
 impl Kind {
     /// Whether an event that comes again soon is the same one.
     fn is_joined(self) -> bool {
-        matches!(self, Kind::Lost | Kind::DspError | Kind::Recording)
+        matches!(
+            self,
+            Kind::Lost | Kind::DspError | Kind::Process | Kind::Recording
+        )
     }
 }
 

@@ -8,8 +8,11 @@ use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use recording::EventKind;
 use recording::read::{self, Message};
+use ros_messages::{Level, Log};
 
 use super::collector::Collector;
+use super::happenings::Kind;
+use crate::record::log::FLIGHT;
 use crate::record::messages::{REQUEST_EVENT, RequestEvent};
 
 /// Ends of the names of topics.
@@ -18,6 +21,7 @@ const STATE: &str = "/bridge/state";
 
 /// Takes everything of the file `bytes`, whose first sample of the DSP was at `start_unix_ns`, after these samples were taken.
 pub fn take(collector: &mut Collector, bytes: &[u8], start_unix_ns: Option<u64>) {
+    let since = |unix_ns: u64| Some(unix_ns.saturating_sub(start_unix_ns?));
     for message in read::messages(bytes).flatten() {
         let payload = || message.data.get(CDR_HEADER.len()..);
         if message.topic.ends_with(HERO) {
@@ -30,21 +34,38 @@ pub fn take(collector: &mut Collector, bytes: &[u8], start_unix_ns: Option<u64>)
             }
         } else if let Some(event) = request(&message) {
             collector.request(&event);
+        } else if let Some((weight, text)) = complaint(&message)
+            && let Some(since_ns) = since(message.publish_time_ns)
+        {
+            collector.happened(Kind::Process, since_ns, weight, &text);
         }
     }
-    let Some(start_unix_ns) = start_unix_ns else {
-        return;
-    };
     for event in read::check(bytes).events {
         let weight = match event.kind {
-            EventKind::Loss | EventKind::Disk => Weight::Warning,
+            EventKind::Loss | EventKind::Late | EventKind::Disk => Weight::Warning,
             EventKind::Split | EventKind::Clock | EventKind::Note => Weight::Note,
             // Samples that are missing and starts of the bridge are seen in the samples themselves.
             _ => continue,
         };
-        let since_ns = event.log_time_ns.saturating_sub(start_unix_ns);
-        collector.recording(since_ns, weight, &format!("recording: {}", event.text));
+        if let Some(since_ns) = since(event.log_time_ns) {
+            let text = format!("recording: {}", event.text);
+            collector.happened(Kind::Recording, since_ns, weight, &text);
+        }
     }
+}
+
+/// What a process warned of in its log. The most of it is seen in the samples and states as well, so it weighs less than there.
+fn complaint(message: &Message<'_>) -> Option<(Weight, String)> {
+    if message.schema_name != Log::TYPE_NAME {
+        return None;
+    }
+    let log = Log::read(message.data).filter(|log| log.process != FLIGHT)?;
+    let weight = match log.level {
+        Level::Debug | Level::Info => return None,
+        Level::Warn => Weight::Note,
+        Level::Error | Level::Fatal => Weight::Warning,
+    };
+    Some((weight, format!("{} logged: {}", log.process, log.text)))
 }
 
 fn request<'a>(message: &Message<'a>) -> Option<RequestEvent<'a>> {
