@@ -120,19 +120,19 @@ impl BridgeCore {
 
     fn snapshot(&mut self, at: MonotonicNs, bytes: &[u8], tally: &mut Tally) {
         self.finish_input(tally);
-        tally.verdict.snapshots += 1;
         self.at = at;
-        if let Some(Snapshot { config, bridge }) = &self.snapshot {
-            tally.reach(at);
-            if self.against.is_some() {
-                // It goes its own way.
-                return;
-            }
-            let now = Snapshot::take(bridge, config, &Snapshot::text_of(config));
-            if let Some(values) = of_bytes(bytes, &now) {
-                let field = format!("snapshot, {}", values.field);
-                tally.differs(at, BridgeJournal::KEY, Values { field, ..values });
-            }
+        // With another configuration it goes its own way.
+        let is_own = self.against.is_none();
+        let replayed =
+            self.snapshot
+                .as_ref()
+                .filter(|_| is_own)
+                .map(|Snapshot { config, bridge }| {
+                    Snapshot::take(bridge, config, &Snapshot::text_of(config))
+                });
+        tally.snapshot(at, BridgeJournal::KEY, bytes, replayed.as_deref());
+        if self.snapshot.is_some() && !is_own {
+            return tally.reach(at);
         }
         // A snapshot from a stranger may be a core that cannot be.
         let restored = catch_unwind(AssertUnwindSafe(|| {
@@ -143,13 +143,7 @@ impl BridgeCore {
             }
         }));
         self.snapshot = restored.ok().flatten();
-        match self.snapshot {
-            Some(_) => tally.begin(at),
-            None => {
-                tally.verdict.foreign += 1;
-                tally.end();
-            }
-        }
+        tally.restored(at, self.snapshot.is_some());
     }
 
     fn input(&mut self, at: MonotonicNs, input: Input<'_>, tally: &mut Tally) {

@@ -3,7 +3,7 @@
 use ipc_types::MonotonicNs;
 use module_kit::journal::Break;
 
-use crate::difference::{Difference, Values};
+use crate::difference::{Difference, Values, of_bytes};
 use crate::verdict::{BreakAt, JournalVerdict, MAX_LISTED, Span};
 
 /// The verdict as far as it is known.
@@ -17,7 +17,7 @@ pub struct Tally {
 
 impl Tally {
     /// A core was restored at `at`: a span begins, unless one goes on.
-    pub fn begin(&mut self, at: MonotonicNs) {
+    fn begin(&mut self, at: MonotonicNs) {
         self.last = Some(at);
         self.span.get_or_insert(Span { from: at, to: at });
     }
@@ -27,6 +27,33 @@ impl Tally {
         self.last = Some(at);
         if let Some(span) = &mut self.span {
             span.to = span.to.max(at);
+        }
+    }
+
+    /// A snapshot was read; `replayed` is that of the core which was driven up to here, if it is to be the same.
+    pub fn snapshot(
+        &mut self,
+        at: MonotonicNs,
+        topic: &str,
+        recorded: &[u8],
+        replayed: Option<&[u8]>,
+    ) {
+        self.verdict.snapshots += 1;
+        let Some(replayed) = replayed else { return };
+        self.reach(at);
+        if let Some(values) = of_bytes(recorded, replayed) {
+            let field = format!("snapshot, {}", values.field);
+            self.differs(at, topic, Values { field, ..values });
+        }
+    }
+
+    /// A core was restored of a snapshot, or could not be.
+    pub fn restored(&mut self, at: MonotonicNs, is_restored: bool) {
+        if is_restored {
+            self.begin(at);
+        } else {
+            self.verdict.foreign += 1;
+            self.end();
         }
     }
 
