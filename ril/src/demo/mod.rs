@@ -173,10 +173,14 @@ fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
         let topic = check.topics.get(&topic_of(robot, key));
         topic.map_or(0, |topic| topic.messages)
     };
+    let keys = [DspTelemetry::KEY, HeroTelemetry::KEY, ModuleState::KEY];
+    let topics = keys.map(|key| topic_of(robot, key));
+    let [dsp, hero, states] = keys.map(messages);
     Some(RecordEvidence {
         is_in_order: check.is_in_order(),
-        dsp: messages(DspTelemetry::KEY),
-        hero: messages(HeroTelemetry::KEY),
-        states: messages(ModuleState::KEY),
+        dsp,
+        hero,
+        states,
+        told: check.told(&topics),
     })
 }

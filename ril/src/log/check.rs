@@ -73,7 +73,7 @@ pub struct Topic {
 pub struct Event {
     /// When it was noticed.
     pub utc: String,
-    /// `gap`, `loss`, `restart`, `split`, `disk`, `clock` or `note`.
+    /// `gap`, `loss`, `late`, `restart`, `split`, `disk`, `clock` or `note`.
     pub kind: &'static str,
     /// The topic; empty when it is about the whole recording.
     pub topic: String,
@@ -128,6 +128,16 @@ impl FileCheck {
     /// Whether nothing is to be done about the file.
     pub fn is_in_order(&self) -> bool {
         self.complete && self.unexplained == 0
+    }
+
+    /// How many messages of these topics the record says that it does not have.
+    pub fn told(&self, topics: &[String]) -> u64 {
+        let kinds = [EventKind::Gap, EventKind::Loss, EventKind::Late].map(EventKind::name);
+        let events = self.events.iter();
+        events
+            .filter(|event| kinds.contains(&event.kind) && topics.contains(&event.topic))
+            .map(|event| event.count)
+            .sum()
     }
 }
 
