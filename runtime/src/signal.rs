@@ -14,6 +14,9 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
+/// In the place of a signal: the wish came from a [`TerminationRequest`].
+const BY_HAND: usize = usize::MAX;
+
 /// Whether a [`Termination`] of this process owns the signals.
 static OWNED: AtomicBool = AtomicBool::new(false);
 
@@ -23,10 +26,8 @@ static OWNED: AtomicBool = AtomicBool::new(false);
 #[derive(Debug)]
 pub struct Termination {
     receiver: UnixStream,
-    /// Set for good, and before the descriptor becomes readable. A process asks it at every wake, so it costs no system
-    /// call.
-    requested: Arc<AtomicBool>,
-    /// Which signal came; 0 is none.
+    /// Which signal came, or [`BY_HAND`]; 0 is none. Set before the descriptor becomes readable. A process asks it at every wake, so
+    /// it costs no system call.
     signal: Arc<AtomicUsize>,
     is_owner: bool,
     handlers: Vec<SigId>,
@@ -53,22 +54,22 @@ impl Termination {
         }
         let mut termination = Termination {
             receiver,
-            requested: Arc::default(),
             signal: Arc::default(),
             is_owner: true,
             handlers: Vec::new(),
         };
-        // The handlers of a signal run in the order of their registration.
+        // The handlers of a signal run in the order of their registration. From the first one on the signal does not end the process,
+        // so that one alone must make the wish known.
         for signal in [SIGINT, SIGTERM] {
             let which = Arc::clone(&termination.signal);
             let handler = flag::register_usize(signal, which, signal as usize)?;
             termination.handlers.push(handler);
-            let requested = Arc::clone(&termination.requested);
-            termination
-                .handlers
-                .push(flag::register(signal, requested)?);
             let sender = sender.try_clone()?;
             termination.handlers.push(pipe::register(signal, sender)?);
+        }
+        if termination.is_set() {
+            // It came between the two, and has woken nobody.
+            wake(&sender);
         }
         Ok(termination)
     }
@@ -77,15 +78,14 @@ impl Termination {
     /// in a thread.
     pub fn by_hand() -> io::Result<(Termination, TerminationRequest)> {
         let (receiver, sender) = pair()?;
-        let requested = Arc::default();
+        let signal = Arc::default();
         let request = TerminationRequest {
             sender,
-            requested: Arc::clone(&requested),
+            signal: Arc::clone(&signal),
         };
         let termination = Termination {
             receiver,
-            requested,
-            signal: Arc::default(),
+            signal,
             is_owner: false,
             handlers: Vec::new(),
         };
@@ -95,13 +95,14 @@ impl Termination {
     /// The signal that came last; nothing when none did.
     pub fn signal(&self) -> Option<i32> {
         let signal = self.signal.load(Ordering::Acquire);
+        // `BY_HAND` is no number of a signal.
         i32::try_from(signal).ok().filter(|signal| *signal != 0)
     }
 
     /// Whether the process should end. Never blocks; empties the descriptor, so that it wakes nobody again until the
     /// next signal.
     pub fn requested(&self) -> bool {
-        let requested = self.requested.load(Ordering::Acquire);
+        let requested = self.is_set();
         if requested {
             // One read takes more signals than the two kinds can have pending; what is left wakes the next wait.
             let mut signals = [0; 64];
@@ -109,6 +110,15 @@ impl Termination {
         }
         requested
     }
+
+    fn is_set(&self) -> bool {
+        self.signal.load(Ordering::Acquire) != 0
+    }
+}
+
+/// Makes the descriptor readable. A full socket means that the wish is known; a closed one, that the end has come.
+fn wake(mut sender: &UnixStream) {
+    let _ = sender.write(b"T");
 }
 
 /// Ends this process by `signal`, as if nothing had ever handled it: whoever waits for the process, such as a shell or a loop
@@ -158,15 +168,14 @@ impl Drop for Termination {
 #[derive(Debug)]
 pub struct TerminationRequest {
     sender: UnixStream,
-    requested: Arc<AtomicBool>,
+    signal: Arc<AtomicUsize>,
 }
 
 impl TerminationRequest {
     /// Requests the end.
     pub fn request(&self) {
-        self.requested.store(true, Ordering::Release);
-        // A full socket means that the wish is known; a closed one, that the end has come.
-        let _ = (&self.sender).write(b"T");
+        self.signal.store(BY_HAND, Ordering::Release);
+        wake(&self.sender);
     }
 }
 
@@ -211,6 +220,7 @@ mod tests {
         assert!(!termination.requested());
         request.request();
         assert!(termination.requested());
+        assert_eq!(termination.signal(), None);
 
         let (termination, request) = Termination::by_hand().unwrap();
         drop(request);
