@@ -8,3 +8,4 @@ mod feed;
 mod flight;
 mod kills;
 mod losses;
+mod starved;
