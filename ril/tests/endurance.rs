@@ -14,6 +14,8 @@ mod gap;
 mod healthy;
 #[path = "../examples/endurance/kills.rs"]
 mod kills;
+#[path = "../examples/endurance/opened.rs"]
+mod opened;
 #[path = "../examples/endurance/port.rs"]
 mod port;
 // The short form does not judge times.
@@ -27,9 +29,21 @@ mod starts;
 #[path = "../examples/endurance/subscribers.rs"]
 mod subscribers;
 
+#[path = "stock_readers/environment.rs"]
+mod environment;
+#[path = "stock_readers/expected.rs"]
+#[allow(dead_code)]
+mod expected;
+#[path = "stock_readers/readers.rs"]
+#[allow(dead_code)]
+mod readers;
+#[path = "stock_readers/sums.rs"]
+mod sums;
+
 use std::time::Duration;
 
 use crew::{Kind, Program, Site, has};
+use environment::readers_or_skip;
 use ril_tests::watchdog::DEFAULT_LIMIT;
 
 const SEED: u64 = 7;
@@ -89,6 +103,8 @@ fn a_recorder_that_is_killed_leaves_a_file_without_a_hole() {
     let plan = records::Plan {
         kills: 12,
         seed: SEED,
+        speed: 4,
+        readers: readers_or_skip("files of killed recorders"),
         keep: None,
     };
     let outcome = records::run(&site("records"), &plan, &|| true);

@@ -25,6 +25,14 @@ pub fn root() -> PathBuf {
     member.parent().expect("a workspace above").to_owned()
 }
 
+/// The target folder of this build. Tests and examples ask for it; cargo tells tests alone.
+pub fn target_folder() -> PathBuf {
+    let program = std::env::current_exe().expect("this program's path");
+    // The folder of the program, `deps` or `examples`, lies in that of the profile.
+    let folder = program.ancestors().nth(3);
+    folder.expect("a target folder").to_owned()
+}
+
 /// Runs a tool to its end.
 ///
 /// # Errors
@@ -70,10 +78,7 @@ pub fn built() -> Result<&'static Path, &'static str> {
         command
             .args(["build", "--quiet", "-p", "hero-ril", "-p", "ril"])
             .current_dir(root())
-            .env(
-                "CARGO_TARGET_DIR",
-                folder.parent().expect("a target folder"),
-            );
+            .env("CARGO_TARGET_DIR", target_folder());
         if !cfg!(debug_assertions) {
             command.arg("--release");
         }
@@ -186,7 +191,8 @@ pub fn python() -> Result<&'static Path, &'static str> {
 
 /// Makes a virtual environment, builds the wheel with it and installs it there. What is there already is used again.
 fn virtual_environment() -> Result<PathBuf, String> {
-    let target = built()?.parent().expect("a target folder");
+    built()?;
+    let target = target_folder();
     let (folder, wheels) = (target.join("python-venv"), target.join("python-wheels"));
     let python = folder.join("bin/python");
     if let Err(why) = run(cargo().arg("--version")) {

@@ -11,6 +11,7 @@ use super::check::check;
 use super::error::ReadError;
 use super::footer::{FOOTER_LEN, summary_start};
 use super::record::{self, AttachmentRecord, Fields, Record};
+use super::store::room_for;
 use super::walk::{Item, Walk};
 
 /// What a file says of itself.
@@ -60,7 +61,7 @@ pub fn summary_of(file: &mut (impl Read + Seek)) -> Result<Summary, ReadError> {
 
 /// The bytes from `at` on, at most `len`.
 fn section(file: &mut (impl Read + Seek), at: u64, len: u64) -> Result<Vec<u8>, ReadError> {
-    let mut bytes = Vec::new();
+    let mut bytes = room_for(len)?;
     file.seek(SeekFrom::Start(at))?;
     file.by_ref().take(len).read_to_end(&mut bytes)?;
     Ok(bytes)

@@ -1,11 +1,13 @@
 //! Bytes that no recorder wrote: nothing panics, and nothing grows beyond the file.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{Cursor, Write};
+use std::path::Path;
 use std::time::Duration;
 
 use proptest::prelude::*;
 use recording::Settings;
-use recording::read::{ReadError, check, messages, recover, summary_of};
+use recording::read::{Bytes, ReadError, check, messages, recover, summary_of};
 
 use crate::session::Session;
 use crate::stock;
@@ -191,4 +193,33 @@ fn a_summary_names_no_more_than_the_file_has() {
         error.to_string().contains("more than the file has"),
         "{error}"
     );
+}
+
+/// A device may have no end, and a pipe may never have a writer.
+#[test]
+fn what_is_no_regular_file_is_not_read() {
+    for path in ["/dev/null", "/"] {
+        let error = Bytes::open(Path::new(path)).unwrap_err();
+        assert!(error.to_string().contains("no regular file"), "{error}");
+    }
+}
+
+/// The memory of no machine has room for such a file, which takes none on the disk.
+#[test]
+fn a_file_that_is_larger_than_the_memory_is_refused_before_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.mcap");
+    let mut file = File::create_new(&path).unwrap();
+    file.write_all(mcap::MAGIC).unwrap();
+    file.set_len(1 << 43).unwrap();
+    let refused = |error: String| assert!(error.contains("8796094 MB"), "{error}");
+    refused(Bytes::open(&path).unwrap_err().to_string());
+    let mut file = File::open(&path).unwrap();
+    refused(summary_of(&mut file).unwrap_err().to_string());
+    // A summary that begins at the file's beginning.
+    let footer = [&[2, 20][..], &[0; 7], &8_u64.to_le_bytes(), &[0; 12]].concat();
+    let mut file = File::options().append(true).open(&path).unwrap();
+    file.write_all(&[&footer, mcap::MAGIC].concat()).unwrap();
+    let mut file = File::open(&path).unwrap();
+    refused(summary_of(&mut file).unwrap_err().to_string());
 }

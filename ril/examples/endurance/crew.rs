@@ -245,13 +245,15 @@ pub fn end(mut process: Process) {
 /// a machine that stalls for seconds ends no flight.
 #[track_caller]
 pub fn start_chain(site: &Site) -> [Process; 3] {
+    start_chain_at(site, 4)
+}
+
+/// As [`start_chain`], with so many simulated seconds for one of the host.
+#[track_caller]
+pub fn start_chain_at(site: &Site, speed: u32) -> [Process; 3] {
     site.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
-    let chain = [
-        "run sim --link dsp --seed 1 --speed 4",
-        "run bridge --port dsp",
-        "run status",
-    ];
-    let mut chain = chain.map(|args| {
+    let sim = format!("run sim --link dsp --seed 1 --speed {speed}");
+    let mut chain = [&*sim, "run bridge --port dsp", "run status"].map(|args| {
         let mut process = site.start(args);
         process.wait_for_text("ready");
         process

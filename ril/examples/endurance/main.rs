@@ -4,7 +4,7 @@
 //! cargo run --release -p ril --example endurance -- kills --victim bridge [--count 1000] [--seed 1]
 //! cargo run --release -p ril --example endurance -- starts [--count 10000] [--seed 1]
 //! cargo run --release -p ril --example endurance -- crashes [--per-second 50] [--duration-s 600] [--seed 1]
-//! cargo run --release -p ril --example endurance -- records [--count 1000] [--seed 1] [--keep FOLDER]
+//! cargo run --release -p ril --example endurance -- records [--count 1000] [--seed 1] [--speed 1] [--keep FOLDER]
 //! cargo run --release -p ril --example endurance -- gap [--count 200] [--period-ms 20] [--seed 1]
 //! cargo run --release -p ril --example endurance -- port [--count 200] [--seed 1]
 //! cargo run --release -p ril --example endurance -- subscribers [--duration-s 120] [--period-ms 2] [--seed 1]
@@ -36,12 +36,25 @@ mod joiners;
 mod kills;
 mod memory;
 mod namespaces;
+mod opened;
 mod port;
 mod records;
 mod spread;
 mod starts;
 mod strangers;
 mod subscribers;
+
+// What the tests share with this program.
+#[path = "../../tests/stock_readers/environment.rs"]
+mod environment;
+#[path = "../../tests/stock_readers/expected.rs"]
+#[allow(dead_code)]
+mod expected;
+#[path = "../../tests/stock_readers/readers.rs"]
+#[allow(dead_code)]
+mod readers;
+#[path = "../../tests/stock_readers/sums.rs"]
+mod sums;
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -50,6 +63,7 @@ use clap::{Parser, ValueEnum};
 use runtime::signal::Termination;
 
 use crew::{BE_RIL, Kind, Program, Site, has};
+use environment::readers_or_skip;
 
 /// A measurement that takes longer hangs.
 const TIME_LIMIT: Duration = Duration::from_secs(3600);
@@ -74,6 +88,9 @@ struct Args {
     /// Period of telemetry: gap 20 ms, subscribers 2 ms if nothing else is said
     #[arg(long)]
     period_ms: Option<u16>,
+    /// Simulated seconds for one of the host: records
+    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u32).range(1..=10))]
+    speed: u32,
     /// Where the files of `records` go, to be opened with other programs; it must be there
     #[arg(long)]
     keep: Option<std::path::PathBuf>,
@@ -159,9 +176,10 @@ fn main() -> ExitCode {
             let plan = records::Plan {
                 kills: args.count.unwrap_or(1000),
                 seed: args.seed,
+                speed: args.speed,
+                readers: readers_or_skip("files of killed recorders"),
                 keep: args.keep,
             };
-            println!("| kills | oldest sample missing | messages | files |\n|---|---|---|---|");
             let outcome = records::run(&site("records"), &plan, &goes_on);
             println!("{outcome}");
             outcome.is_kept()

@@ -1,7 +1,9 @@
-//! `kill -9` of the recorder at random moments, over and over: does every file open, without a hole, and how old is the oldest sample
-//! that it lacks?
+//! `kill -9` of the recorder at random moments, over and over: does every reader open every file, is there a hole, and how old is
+//! what a file lacks?
+//!
+//! The files stay as they were at the kill until there are [`BATCH`]. Then each reader opens them all with one process, and they go.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,12 +14,16 @@ use dsp_sim::random::Random;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{MonotonicNs, Subscriber};
+use recording::play::anchor_of;
 use recording::read::{self, Bytes};
 use ril_tests::Process;
 use ril_tests::process::Signal;
 
-use crate::crew::{Site, end, start_chain};
+use crate::crew::{Site, end, start_chain_at};
+use crate::opened::{Killed, Opened};
+use crate::readers::Reader;
 use crate::spread::Spread;
+use crate::sums::Sums;
 
 /// What the record promises: everything older than this is in the file.
 pub const PROMISE: Duration = Duration::from_millis(500);
@@ -27,6 +33,22 @@ const WORK: Duration = Duration::from_millis(1500);
 
 /// Recorders at a time. Each has a folder of its own.
 const TOGETHER: u32 = 4;
+
+/// Files that wait for the readers at most: some 50 MB.
+const BATCH: usize = 100;
+
+/// The raw telemetry, of which a [`Witness`] knows what was published.
+const TELEMETRY: &str = "/robot1/dsp/telemetry";
+
+/// Topics that never rest. The last two reach the recorder within the journal of the bridge.
+const STEADY: [&str; 6] = [
+    TELEMETRY,
+    "/robot1/hero/telemetry",
+    "/robot1/bridge/journal",
+    "/robot1/status/journal",
+    "/robot1/serial/received",
+    "/robot1/serial/sent",
+];
 
 /// Samples that are remembered: at 200 a second, more than a recorder lives.
 const REMEMBERED: usize = 4000;
@@ -38,6 +60,10 @@ pub struct Plan {
     pub kills: u32,
     /// Seed of the moments.
     pub seed: u64,
+    /// Simulated seconds for one of the host: 50 samples for each.
+    pub speed: u32,
+    /// What opens the files.
+    pub readers: Vec<Reader>,
     /// Where the files go, to be opened with other programs; nowhere when absent.
     pub keep: Option<PathBuf>,
 }
@@ -51,10 +77,14 @@ pub struct Outcome {
     pub empty: u32,
     /// How old the oldest sample that a file lacked was at the moment of the kill.
     pub lacking: Spread,
+    /// How old the last message of a topic that never rests was at the moment of the kill: all that is missing was younger.
+    pub last: BTreeMap<&'static str, Spread>,
     /// Messages in all files.
     pub messages: u64,
-    /// Files that could not be read, or had a hole that they said nothing about.
+    /// Files that our own reader could not read, or that had a hole that they said nothing about.
     pub broken: Vec<String>,
+    /// What the readers of others found.
+    pub opened: Vec<Opened>,
 }
 
 impl Outcome {
@@ -63,15 +93,19 @@ impl Outcome {
         self.is_whole() && self.lacking.iter().all(|age| age <= PROMISE)
     }
 
-    /// Whether every file was readable, without a hole that it says nothing about.
+    /// Whether every file was readable for every reader, without a hole that it says nothing about.
     pub fn is_whole(&self) -> bool {
-        self.broken.is_empty()
+        self.broken.is_empty() && self.opened.iter().all(Opened::is_whole)
     }
 }
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
+        writeln!(
+            f,
+            "| kills | oldest sample missing | messages | files |\n|---|---|---|---|"
+        )?;
+        writeln!(
             f,
             "| {}, {} of them before the first sample | {} | {} | {} broken |",
             self.kills,
@@ -81,9 +115,19 @@ impl fmt::Display for Outcome {
             self.broken.len()
         )?;
         for broken in &self.broken {
-            write!(f, "\n{broken}")?;
+            writeln!(f, "{broken}")?;
         }
-        Ok(())
+        writeln!(f, "\n| topic | age of the last message |\n|---|---|")?;
+        for (topic, last) in &self.last {
+            writeln!(f, "| {topic} | {last} |")?;
+        }
+        write!(
+            f,
+            "\n| reader | files opened | messages | files as our own reader |\n|---|---|---|---|"
+        )?;
+        self.opened
+            .iter()
+            .try_for_each(|opened| write!(f, "\n{opened}"))
     }
 }
 
@@ -91,17 +135,25 @@ impl fmt::Display for Outcome {
 ///
 /// # Panics
 ///
-/// When a recorder does not come up, or a process of the robot ends.
+/// When a recorder does not come up, or a process of the robot or a reader fails.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     let mut chance = Random::new(plan.seed, 0);
-    let mut outcome = Outcome::default();
-    let [sim, bridge, status] = start_chain(site);
+    let mut outcome = Outcome {
+        opened: Opened::by(&plan.readers),
+        ..Outcome::default()
+    };
+    let [sim, bridge, status] = start_chain_at(site, plan.speed);
     let mut witness = Witness::new(site);
+    let files = site.path("killed");
+    fs::create_dir(&files).expect("a folder of this program");
+    let mut batch = Vec::new();
     while outcome.kills < plan.kills && goes_on() {
         let count = TOGETHER.min(plan.kills - outcome.kills);
-        let recorders: Vec<_> = (0..count)
-            .map(|index| Recorder::start(site, outcome.kills + index))
-            .collect();
+        let mut recorders = Vec::new();
+        for index in 0..count {
+            recorders.push(Recorder::start(site, outcome.kills + index));
+            witness.listen();
+        }
         for recorder in recorders {
             // The moment is what is tried here, not something that is waited for.
             thread::sleep(WORK.mul_f64(chance.uniform() / f64::from(TOGETHER)));
@@ -109,13 +161,19 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             let killed = recorder.kill();
             witness.listen();
             outcome.kills += 1;
-            outcome.judge(&folder, killed, &witness);
-            match &plan.keep {
-                Some(keep) => keep_files(&folder, keep, outcome.kills),
-                None => fs::remove_dir_all(&folder).expect("a folder of this program"),
+            let file = files.join(format!("{}.mcap", outcome.kills));
+            if take_only_file(&folder, &file) {
+                batch.push(outcome.judge(file, killed, &witness));
+            } else {
+                let none = format!("{}: there is not one file", folder.display());
+                outcome.broken.push(none);
             }
         }
+        if batch.len() >= BATCH {
+            outcome.open(&mut batch, plan);
+        }
     }
+    outcome.open(&mut batch, plan);
     for process in [bridge, status, sim] {
         end(process);
     }
@@ -174,73 +232,108 @@ impl Witness {
         drained.expect("a bridge that can be reached");
     }
 
-    /// How old the first sample after `sequence` was at `moment`; nothing when it came later.
+    /// How old the first sample after `sequence` was at `moment`; nothing when it came later. When this process missed that sample
+    /// itself, the one before it counts, which was older.
     fn age_after(&self, sequence: u64, moment: MonotonicNs) -> Duration {
-        let mut after = self.samples.iter().filter(|(number, _)| *number > sequence);
-        let first = after.next();
-        first.map_or(Duration::ZERO, |(_, received)| moment.since(*received))
+        let next = self
+            .samples
+            .partition_point(|(number, _)| *number <= sequence);
+        let Some((number, received)) = self.samples.get(next) else {
+            return Duration::ZERO;
+        };
+        let before = self.samples.get(next.wrapping_sub(1));
+        let received = match before {
+            Some((_, before)) if *number != sequence + 1 => before,
+            _ => received,
+        };
+        moment.since(*received)
     }
 }
 
 impl Outcome {
-    fn judge(&mut self, folder: &Path, killed: MonotonicNs, witness: &Witness) {
-        let file = fs::read_dir(folder).ok().and_then(|mut files| files.next());
-        let Some(Ok(file)) = file else {
-            self.broken
-                .push(format!("{}: there is no file", folder.display()));
-            return;
-        };
-        let bytes = Bytes::open(&file.path()).expect("a file that can be read");
+    /// Looks at the file of a recorder that was killed at this moment.
+    fn judge(&mut self, path: PathBuf, killed: MonotonicNs, witness: &Witness) -> Killed {
+        let bytes = Bytes::open(&path).expect("a file that can be read");
+        let sums = Sums::of(&bytes);
+        self.messages += sums.messages();
+        let hole = hole(&bytes);
+        if let Some(reason) = sums.error.as_ref().or(hole.as_ref()) {
+            self.broken.push(format!("{}: {reason}", path.display()));
+        }
         match last_sample(&bytes) {
-            Ok((last, messages)) => {
-                self.messages += messages;
-                match last {
-                    Some(last) => self.lacking.push(witness.age_after(last, killed)),
-                    None => self.empty += 1,
-                }
+            Some(last) => self.lacking.push(witness.age_after(last, killed)),
+            None => self.empty += 1,
+        }
+        for (topic, last) in last_messages(&bytes) {
+            let spread = self.last.entry(topic).or_default();
+            spread.push(killed.since(last));
+        }
+        Killed { path, sums }
+    }
+
+    /// Opens the files with all readers, and removes or keeps them.
+    fn open(&mut self, batch: &mut Vec<Killed>, plan: &Plan) {
+        if batch.is_empty() {
+            return;
+        }
+        for opened in &mut self.opened {
+            opened.open(batch);
+        }
+        for Killed { path, .. } in batch.drain(..) {
+            if let Some(keep) = &plan.keep {
+                let name = path.file_name().expect("a file");
+                fs::copy(&path, keep.join(name)).expect("a folder for the files");
             }
-            Err(reason) => self
-                .broken
-                .push(format!("{}: {reason}", file.path().display())),
+            fs::remove_file(path).expect("a file of this program");
         }
     }
 }
 
-/// The number of the last sample of raw telemetry, and how many messages there are; or what is wrong.
-fn last_sample(bytes: &[u8]) -> Result<(Option<u64>, u64), String> {
-    let mut last = None;
-    let mut count = 0;
-    let check = read::check(bytes);
-    for message in read::messages(bytes) {
-        let message = match message {
-            Ok(message) => message,
-            // What was being written.
-            Err(read::ReadError::Truncated { .. }) => break,
-            Err(error) => return Err(error.to_string()),
-        };
-        count += 1;
-        if message.topic == "/robot1/dsp/telemetry" {
-            let sample = DspTelemetry::from_bytes(&message.data[CDR_HEADER.len()..]);
-            last = sample.map(|sample| sample.sequence);
+/// The number of the last sample of raw telemetry.
+fn last_sample(bytes: &[u8]) -> Option<u64> {
+    let messages = read::messages(bytes).filter_map(Result::ok);
+    let last = messages
+        .filter(|message| message.topic == TELEMETRY)
+        .last()?;
+    let sample = DspTelemetry::from_bytes(&last.data[CDR_HEADER.len()..])?;
+    Some(sample.sequence)
+}
+
+/// When the last message of each topic that never rests was published, of those that have one.
+fn last_messages(bytes: &[u8]) -> BTreeMap<&'static str, MonotonicNs> {
+    let Some(anchor) = anchor_of(bytes) else {
+        return BTreeMap::new();
+    };
+    let mut last = BTreeMap::new();
+    for message in read::messages(bytes).filter_map(Result::ok) {
+        if let Some(topic) = STEADY.into_iter().find(|topic| *topic == message.topic) {
+            let since_anchor = message.publish_time_ns.wrapping_sub(anchor.unix_ns);
+            let at = MonotonicNs(anchor.monotonic.0.wrapping_add(since_anchor));
+            last.insert(topic, at);
         }
     }
-    for (name, topic) in &check.topics {
+    last
+}
+
+/// A hole that the file does not tell of.
+fn hole(bytes: &[u8]) -> Option<String> {
+    let check = read::check(bytes);
+    check.topics.iter().find_map(|(name, topic)| {
         let told = check.events.iter().filter(|event| event.topic == *name);
         let told: u64 = told.map(|event| event.count).sum();
-        if topic.missing > told {
-            return Err(format!(
-                "{name} lacks {} and tells of {told}",
-                topic.missing
-            ));
-        }
-    }
-    Ok((last, count))
+        let lacks = format!("{name} lacks {} and tells of {told}", topic.missing);
+        (topic.missing > told).then_some(lacks)
+    })
 }
 
-fn keep_files(from: &Path, to: &Path, number: u32) {
-    for file in fs::read_dir(from).expect("a folder of this program") {
-        let target = to.join(format!("{number}.mcap"));
-        fs::copy(file.expect("an entry").path(), target).expect("a folder for the files");
+/// Moves the only file of a recorder; says whether there was one.
+fn take_only_file(folder: &Path, to: &Path) -> bool {
+    let files = fs::read_dir(folder).map(|files| files.map(|file| file.expect("an entry").path()));
+    let files: Vec<_> = files.into_iter().flatten().collect();
+    let is_one = files.len() == 1;
+    if let [file] = &files[..] {
+        fs::rename(file, to).expect("folders of this program");
     }
-    fs::remove_dir_all(from).expect("a folder of this program");
+    let _ = fs::remove_dir_all(folder);
+    is_one
 }

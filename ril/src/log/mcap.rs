@@ -169,8 +169,10 @@ impl Recording for McapReader {
     }
 
     fn refresh(&mut self) -> Result<(), ReadError> {
-        self.bytes = Bytes::open(&self.path)?;
         self.found = None;
+        // The former bytes go first: the file never lies in memory twice.
+        self.bytes = Bytes::default();
+        self.bytes = Bytes::open(&self.path)?;
         self.begin().map(drop)
     }
 

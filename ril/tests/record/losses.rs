@@ -1,13 +1,18 @@
 //! What did not come to the recorder is told by the record itself, exactly.
 
+use std::iter;
+use std::thread;
+use std::time::{Duration, Instant};
+
 use recording::EventKind;
 use ril_tests::process::Signal;
 
 use super::common::{Rig, end, says};
 use super::feed::{
-    Feed, TOPIC, check, lines, missing, only_file, record, record_by, samples, told,
+    Feed, TOPIC, check, has, lines, missing, only_file, record, record_by, samples, told,
     until_recorded, words,
 };
+use super::starved::Starved;
 
 /// A recorder that does not read while this many samples are published: four times what a subscriber holds.
 const STOPPED_FOR: u64 = 512;
@@ -21,8 +26,9 @@ fn lost(rig: &Rig, last: u64) -> u64 {
     let check = check(&file);
     assert!(check.is_complete, "{check:#?}");
     let told = told(&check, TOPIC);
-    let gaps = told.get(&EventKind::Gap).copied().unwrap_or_default();
-    assert_eq!(gaps, missing, "{told:?}");
+    let [before, dropped] = [EventKind::Gap, EventKind::Loss].map(|kind| told.get(&kind));
+    let lost = before.unwrap_or(&0) + dropped.unwrap_or(&0);
+    assert_eq!(lost, missing, "{told:?}");
     assert_eq!(check.topics[TOPIC].missing, missing);
     assert_eq!(samples.last().unwrap().0, last, "the last one is there");
     rig.run(&format!("log check {}", file.display()), 0);
@@ -60,8 +66,59 @@ fn a_slowed_recorder_tells_what_it_missed() {
     lost(&rig, last);
 }
 
+/// Longest flood. A recorder whose disk takes nothing has its queue full in a few seconds.
+const FLOOD: Duration = Duration::from_secs(20);
+
+/// Samples that a recorder with a processor and a disk would follow, and that one without cannot.
+const PACE: Duration = Duration::from_millis(1);
+
 #[test]
 fn a_starved_recorder_tells_what_it_missed() {
+    let rig = Rig::new();
+    let mut feed = Feed::new(&rig);
+    let recorder = record(&rig, "");
+    until_recorded(&rig, feed.publish());
+    let starved = Starved::threads_of(&recorder, None);
+    for _ in 0..2000 {
+        feed.publish();
+        // The pace is what is tried here, not something that is waited for.
+        thread::sleep(PACE);
+    }
+    drop(starved);
+    let last = feed.publish();
+    end(recorder, Signal::TERM);
+    lost(&rig, last);
+}
+
+#[test]
+fn a_recorder_whose_disk_is_slow_tells_what_it_dropped() {
+    let rig = Rig::new();
+    let mut feed = Feed::new(&rig);
+    let mut recorder = record(&rig, "");
+    until_recorded(&rig, feed.publish());
+    let starved = Starved::threads_of(&recorder, Some("disk"));
+    let begun = Instant::now();
+    // More than the queue has room for, unless the machine has no time for this test either.
+    while !says(&lines(&mut recorder), "messages are lost") && begun.elapsed() < FLOOD {
+        (0..10_000).for_each(|_| _ = feed.publish());
+    }
+    drop(starved);
+    // What is dropped last shows when a later sample is recorded.
+    let file = only_file(&rig);
+    let last = iter::repeat_with(|| feed.publish())
+        .find(|number| (0..10).any(|_| has(&file, *number)))
+        .unwrap();
+    recorder.signal(Signal::TERM);
+    let finished = recorder.wait_exit();
+    lost(&rig, last);
+    // What was dropped shows in the exit code, too.
+    let has_dropped = told(&check(&file), TOPIC).contains_key(&EventKind::Loss);
+    let expected = if has_dropped { 8 } else { 0 };
+    assert_eq!(finished.code(), Some(expected), "{finished:#?}");
+}
+
+#[test]
+fn a_flooded_recorder_tells_what_it_missed() {
     let rig = Rig::new();
     let mut feed = Feed::new(&rig);
     let recorder = record(&rig, "");
@@ -103,7 +160,7 @@ fn a_publisher_that_begins_again_is_told_in_its_place() {
     let mut last = feed.publish();
     while !says(&lines(&mut recorder), "a publisher began again") {
         last = feed.publish();
-        std::thread::yield_now();
+        thread::yield_now();
     }
     recorder.signal(Signal::TERM);
     assert_eq!(recorder.wait_exit().code(), Some(0));

@@ -9,3 +9,4 @@ mod flight;
 mod kills;
 mod log_lines;
 mod losses;
+mod starved;

@@ -152,6 +152,7 @@ fn a_robot_that_lives_is_not_replaced_and_mistakes_are_told() {
     for (args, expected) in [
         ("replay none.mcap", "not an MCAP file"),
         ("replay missing.mcap", "missing.mcap cannot be played"),
+        ("replay /dev/null", "it is no regular file"),
         ("replay flight.mcap --from 1h", "no message in this section"),
         ("replay flight.mcap --speed 0", "out of range"),
     ] {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use ril_tests::languages::{run, skip};
+use ril_tests::languages::{run, skip, target_folder};
 
 use crate::readers::Reader;
 
@@ -31,8 +31,8 @@ const NODE_PACKAGES: [&str; 5] = [
     "@lichtblick/rosmsg2-serialization@1",
 ];
 
-fn folder() -> &'static Path {
-    Path::new(env!("CARGO_TARGET_TMPDIR"))
+fn folder() -> PathBuf {
+    target_folder().join("tmp")
 }
 
 /// The readers that can be had; says which are skipped.

@@ -12,9 +12,11 @@ mod kills;
 mod made;
 mod readers;
 mod recorded;
+mod sums;
 
 use environment::readers_or_skip;
 use made::made;
+use sums::Sums;
 
 #[test]
 fn a_finished_file_is_read_by_all_as_it_was_recorded() {
@@ -56,5 +58,20 @@ fn a_file_that_a_kill_has_ended_is_read_by_all_up_to_the_last_half_second() {
         for (kill, read) in kills.iter().zip(reader.read(&paths)) {
             kill.assert_read(&made, &read, reader);
         }
+    }
+}
+
+#[test]
+fn sums_of_readers_agree() {
+    let readers = readers_or_skip("sums");
+    let folder = tempfile::tempdir().unwrap();
+    let made = made();
+    let path = folder.path().join("finished.mcap");
+    std::fs::write(&path, made.finished()).unwrap();
+    let ours = Sums::of(&made.finished());
+    let recorded: usize = made.expected.0.values().map(Vec::len).sum();
+    assert_eq!(ours.messages(), recorded as u64);
+    for reader in readers.iter().filter(|reader| reader.is_of_others()) {
+        assert_eq!(reader.sums(&[&path])[..], [ours.clone()], "{reader}");
     }
 }

@@ -1,4 +1,4 @@
-"""Prints all that a reader finds in files of recordings: read.py READER FILE...
+"""Prints all that a reader finds in files of recordings: read.py READER [--sums] FILE...
 
 READER is `mcap` (with `mcap-ros2-support`), `rosbags`, or `hero_ril`, the package of this workspace. Lines, divided by tabs:
 
@@ -6,9 +6,14 @@ READER is `mcap` (with `mcap-ros2-support`), `rosbags`, or `hero_ril`, the packa
     message <topic> <log time> <publish time> <sequence> <name=value> ...
     error <text>                                    what the reader complained of behind the last message
 
+With `--sums`, which `hero_ril` does not have, there is no line for each message, but one for each topic:
+
+    sum <topic> <messages> <SHA-256 of the log time, u64 little-endian, and the data of each message>
+
 Floats are the bits of a float64 in hexadecimal, texts are their UTF-8 in hexadecimal; what a reader does not give is "-".
 """
 
+import hashlib
 import os
 import pathlib
 import struct
@@ -90,9 +95,55 @@ def read_hero_ril(path):
             message(topic, "-", time, "-", {name: values[i] for name, values in columns})
 
 
+class Sums:
+    def __init__(self):
+        self.topics = {}
+
+    def take(self, topic, log_time, data):
+        sum = self.topics.setdefault(topic, [0, hashlib.sha256()])
+        sum[0] += 1
+        sum[1].update(struct.pack("<Q", log_time))
+        sum[1].update(data)
+
+    def print(self):
+        for topic, (messages, digest) in self.topics.items():
+            print("sum", topic, messages, digest.hexdigest(), sep="\t")
+
+
+def sum_mcap(path, sums):
+    from mcap.reader import make_reader
+
+    with open(path, "rb") as file:
+        for _, channel, found in make_reader(file, validate_crcs=True).iter_messages():
+            sums.take(channel.topic, found.log_time, found.data)
+
+
+def sum_rosbags(path, sums):
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([pathlib.Path(path)]) as reader:
+        for connection, time, data in reader.messages():
+            sums.take(connection.topic, time, data)
+
+
+def summed(reader):
+    sum_up = {"mcap": sum_mcap, "rosbags": sum_rosbags}[reader]
+
+    def read(path):
+        sums = Sums()
+        try:
+            sum_up(path, sums)
+        finally:
+            sums.print()
+
+    return read
+
+
 def main():
     reader, *paths = sys.argv[1:]
     read = {"mcap": read_mcap, "rosbags": read_rosbags, "hero_ril": read_hero_ril}[reader]
+    if paths[:1] == ["--sums"]:
+        read, paths = summed(reader), paths[1:]
     for path in paths:
         print("file", path, sep="\t")
         try:

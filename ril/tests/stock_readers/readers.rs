@@ -7,6 +7,7 @@ use std::process::Command;
 use ril_tests::languages::root;
 
 use crate::expected::{Line, Read};
+use crate::sums::Sums;
 
 /// A reader.
 #[derive(Clone, Debug)]
@@ -66,13 +67,46 @@ impl Reader {
         )
     }
 
-    /// Reads files.
+    /// Whether others wrote it.
+    pub fn is_of_others(&self) -> bool {
+        !matches!(
+            self,
+            Reader::Python {
+                name: "hero_ril",
+                ..
+            }
+        )
+    }
+
+    /// Reads files: every field of every message.
     ///
     /// # Panics
     ///
     /// When the program fails.
     #[track_caller]
     pub fn read(&self, files: &[&Path]) -> Vec<Read> {
+        let output = self.run(None, files);
+        let reads = parse(&output);
+        assert_eq!(reads.len(), files.len(), "{self}: {output}");
+        reads
+    }
+
+    /// Reads files with one process, and sums up what is in each. Only readers of others can.
+    ///
+    /// # Panics
+    ///
+    /// When the program fails.
+    #[track_caller]
+    pub fn sums(&self, files: &[&Path]) -> Vec<Sums> {
+        let output = self.run(Some("--sums"), files);
+        let sums = Sums::parse(&output);
+        assert_eq!(sums.len(), files.len(), "{self}: {output}");
+        sums
+    }
+
+    /// What the reader's program prints.
+    #[track_caller]
+    fn run(&self, option: Option<&str>, files: &[&Path]) -> String {
         let here = root().join("ril/tests/stock_readers");
         let mut command = match self {
             Reader::Python { interpreter, name } => {
@@ -86,15 +120,14 @@ impl Reader {
                 command
             }
         };
-        command.env("HERO_RIL_SOURCE", package()).args(files);
+        command.env("HERO_RIL_SOURCE", package());
+        command.args(option).args(files);
         let output = command
             .output()
             .unwrap_or_else(|error| panic!("{self}: {error}"));
         let problems = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{self}: {problems}");
-        let reads = parse(&String::from_utf8(output.stdout).unwrap());
-        assert_eq!(reads.len(), files.len(), "{self}: {problems}");
-        reads
+        String::from_utf8(output.stdout).unwrap()
     }
 }
 

@@ -41,6 +41,10 @@ pub(super) fn tail(args: &LogTailArgs) -> Result<(), Failure> {
     if !args.follow {
         // A log that is followed may have no first line yet.
         file.begin()?;
+    }
+    // A record is in memory as a whole; it is never there twice.
+    drop(file);
+    if !args.follow {
         return Tail::open(args, path)?.print().map(drop);
     }
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
