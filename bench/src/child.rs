@@ -3,6 +3,7 @@
 //! A child prints `ready` when it can be measured, and whoever measures prints `result` and JSON at the end. A role that
 //! has no end of its own ends at SIGTERM.
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -75,6 +76,8 @@ enum Role {
     ReadRaw { port: PathBuf, samples: usize },
     /// Reads telemetry
     Consume { service: Service, samples: usize },
+    /// Reads the telemetry of status until it is ended
+    Watch,
     /// Reads telemetry for a time and counts
     KeepUp { seconds: f64 },
     /// Orders landings
@@ -105,6 +108,11 @@ enum Role {
     Bridge(bridge::cli::Args),
     /// Status
     Status(status::cli::Args),
+    /// The operator's tool
+    Ril {
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        args: Vec<OsString>,
+    },
 }
 
 /// Reads a rate as it stands on a command line.
@@ -123,6 +131,7 @@ pub fn run(args: Args) -> ExitCode {
     match args.role {
         Role::Bridge(args) => runtime::exit::main_with(|| bridge::cli::run(args)),
         Role::Status(args) => runtime::exit::main_with(|| status::cli::run(args)),
+        Role::Ril { args } => ril::main(std::iter::once("ril".into()).chain(args)),
         #[cfg(feature = "relay")]
         Role::Relay { command } => runtime::exit::main_with(|| relay::cli::run(command)),
         role => match play(role) {
@@ -158,6 +167,10 @@ fn play(role: Role) -> Result<()> {
         Role::Consume { service, samples } => {
             tell_result(&consumer::consume(service, samples, tell_ready)?)
         }
+        Role::Watch => {
+            let termination = Termination::install()?;
+            tell_result(&consumer::watch(&termination, tell_ready)?)
+        }
         Role::KeepUp { seconds } => {
             tell_alive();
             let duration = Duration::from_secs_f64(seconds);
@@ -184,7 +197,7 @@ fn play(role: Role) -> Result<()> {
             tell_result(&plain_zenoh::consume(&endpoint, samples, tell_ready)?)
         }
         // They have exit codes of their own.
-        Role::Bridge(_) | Role::Status(_) => Ok(()),
+        Role::Bridge(_) | Role::Status(_) | Role::Ril { .. } => Ok(()),
         #[cfg(feature = "relay")]
         Role::Relay { .. } => Ok(()),
     }

@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use dsp_protocol::MAX_CLASSIC_FRAME_LEN;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{Losses, MonotonicNs, SchedulingRole, Topic, request_short_slice};
+use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use rustix::time::ClockId;
@@ -95,6 +96,77 @@ fn consume_topic<T: Indexed>(
         consumer.wait_and_drain(|sample| arrivals.push(sample.arrival()))?;
     }
     Ok(arrivals)
+}
+
+/// A sample as it came to a consumer that watches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WatchedSample {
+    /// DSP time, which counts the frames from 1.
+    pub index: u32,
+    /// When the bridge had read it.
+    pub received_ns: u64,
+    /// When the consumer could read it.
+    pub arrived_ns: u64,
+}
+
+/// What came to a consumer that watches until it is ended. Kept as short numbers: all of them are told in one line, which has room
+/// for some 40,000 samples.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Watched {
+    /// When the first one came.
+    since_ns: u64,
+    /// Of each its index, when it came since the first, and how long the bridge had it by then.
+    samples: Vec<(u32, u64, u64)>,
+}
+
+impl Watched {
+    /// Adds the next one.
+    pub fn add(&mut self, sample: WatchedSample) {
+        if self.samples.is_empty() {
+            self.since_ns = sample.arrived_ns;
+        }
+        self.samples.push((
+            sample.index,
+            sample.arrived_ns - self.since_ns,
+            sample.arrived_ns.saturating_sub(sample.received_ns),
+        ));
+    }
+
+    /// All of them, in order.
+    pub fn samples(&self) -> impl Iterator<Item = WatchedSample> + '_ {
+        self.samples.iter().map(|(index, since_first, since_read)| {
+            let arrived_ns = self.since_ns + since_first;
+            WatchedSample {
+                index: *index,
+                received_ns: arrived_ns.saturating_sub(*since_read),
+                arrived_ns,
+            }
+        })
+    }
+}
+
+/// Reads `HeroTelemetry` until `termination`, and keeps when each sample came.
+pub fn watch(termination: &Termination, ready: impl FnOnce() -> Result<()>) -> Result<Watched> {
+    let mut consumer = ours::Blocking::<HeroTelemetry>::new()?;
+    request_short_slice(SchedulingRole::Consumer);
+    let mut watched = Watched::default();
+    ready()?;
+    while !termination.requested() {
+        consumer.wait_and_drain(|sample| {
+            let Arrival {
+                index,
+                received_ns,
+                arrived_ns,
+                ..
+            } = sample.arrival();
+            watched.add(WatchedSample {
+                index,
+                received_ns,
+                arrived_ns,
+            });
+        })?;
+    }
+    Ok(watched)
 }
 
 /// The times of one round of one case, and what the receiver used.
@@ -227,4 +299,27 @@ pub fn read_raw(
         held -= whole;
     }
     Ok(arrivals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_watched_is_told_as_it_came() {
+        let samples = [(7, 100, 130), (8, 200, 260), (10, 400, 410)].map(
+            |(index, received_ns, arrived_ns)| WatchedSample {
+                index,
+                received_ns,
+                arrived_ns,
+            },
+        );
+        let mut watched = Watched::default();
+        for sample in samples {
+            watched.add(sample);
+        }
+        let text = serde_json::to_string(&watched).unwrap();
+        let told: Watched = serde_json::from_str(&text).unwrap();
+        assert_eq!(told.samples().collect::<Vec<_>>(), samples);
+    }
 }

@@ -1,12 +1,13 @@
 //! Measures the RIL side by side with what its users would use otherwise.
 //!
-//! Six commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
+//! Seven commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
 //!
 //! * `hop`: one sample of telemetry from one process to another;
 //! * `anticipate`: a consumer that is awake when a sample comes, against one that is woken for it;
 //! * `codec`: the decoder of the serial line;
 //! * `end-to-end`: from a byte on the serial line to a consumer, and a request and its answer;
 //! * `cost`: processor time, wake-ups, system calls, highest rate, losses;
+//! * `record`: how old telemetry is while it is recorded, and what the recorder takes;
 //! * `relay`: telemetry on another machine, beside plain Zenoh, and a star of many robots.
 //!
 //! What is compared is always measured in the same run, in rounds that take turns, so that whatever else the machine
@@ -64,6 +65,8 @@ enum Command {
     EndToEnd(commands::end_to_end::Args),
     /// Processor time, wake-ups, system calls, highest rate, losses
     Cost(commands::cost::Args),
+    /// How old telemetry is while it is recorded, and what the recorder takes
+    Record(commands::record::Args),
     /// Telemetry on another machine, beside plain Zenoh, and a star of many robots
     #[cfg(feature = "relay")]
     Relay(commands::relay::Args),
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Command::Codec(args) => commands::codec::run(&args),
         Command::EndToEnd(args) => commands::end_to_end::run(&args),
         Command::Cost(args) => commands::cost::run(&args),
+        Command::Record(args) => commands::record::run(&args),
         #[cfg(feature = "relay")]
         Command::Relay(args) => commands::relay::run(&args),
         Command::Child(args) => return child::run(args),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use ril_tests::Process;
 use ril_tests::process::Signal;
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use crate::child::{ALIVE, PORT, READY, RESULT};
@@ -166,4 +167,43 @@ fn start_daemon(site: &Site, arguments: &[&dyn Argument]) -> Result<Child> {
     let Child(mut process) = Child::spawn(site, arguments)?;
     process.wait_for_text("ready");
     Ok(Child(process))
+}
+
+/// `ril record`.
+pub struct Recorder(Child);
+
+/// What a recorder says at its end.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub struct Recorded {
+    /// Messages that the disk has.
+    pub messages: u64,
+    /// Messages that the disk did not take.
+    pub dropped: u64,
+    /// Samples that did not come to the recorder.
+    pub lost: u64,
+}
+
+impl Recorder {
+    /// Starts a recorder of every topic, whose files are in `folder`; the first one is open when this returns.
+    pub fn start(site: &Site, folder: &Path) -> Result<Recorder> {
+        let arguments: [&dyn Argument; 5] = [&"ril", &"record", &"--json", &"--output", &folder];
+        let Child(mut process) = Child::spawn(site, &arguments)?;
+        process.wait_for_text("recording");
+        Ok(Recorder(Child(process)))
+    }
+
+    /// The process id.
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// Ends the recording, and says what became of it.
+    pub fn end(self) -> Result<Recorded> {
+        let Child(mut process) = self.0;
+        process.signal(Signal::TERM);
+        let line = process.wait_for_line(|line| line.text.contains("ril.Record.v1"));
+        let recorded = serde_json::from_str(&line.text)?;
+        process.wait_exit();
+        Ok(recorded)
+    }
 }

@@ -5,6 +5,7 @@ pub mod codec;
 pub mod cost;
 pub mod end_to_end;
 pub mod hop;
+pub mod record;
 #[cfg(feature = "relay")]
 pub mod relay;
 
