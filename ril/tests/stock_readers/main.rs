@@ -72,6 +72,10 @@ fn sums_of_readers_agree() {
     let recorded: usize = made.expected.0.values().map(Vec::len).sum();
     assert_eq!(ours.messages(), recorded as u64);
     for reader in readers.iter().filter(|reader| reader.is_of_others()) {
-        assert_eq!(reader.sums(&[&path])[..], [ours.clone()], "{reader}");
+        assert_eq!(
+            reader.sums(&[&path]),
+            std::slice::from_ref(&ours),
+            "{reader}"
+        );
     }
 }
