@@ -51,7 +51,10 @@ fn a_killed_recorder_leaves_a_file_without_a_hole_which_can_be_made_whole() {
         let found = samples(&file, TOPIC);
         assert_eq!(missing(&found), told);
         let name = file.display();
-        rig.run(&format!("log check {name}"), 8);
+        let said = rig.run(&format!("log check {name}"), 8).stderr.join("\n");
+        // The name has parentheses, which a shell would not take.
+        let next_step = format!("`ril log recover '{name}'`");
+        assert!(said.contains(&next_step), "{said}");
         rig.run(&format!("log recover {name} --output whole.mcap"), 0);
         rig.run("log check whole.mcap", 0);
         assert_eq!(samples(&rig.folder().join("whole.mcap"), TOPIC), found);

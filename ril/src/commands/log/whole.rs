@@ -13,7 +13,7 @@ use super::files::{OrFailUsage, newest, open};
 use crate::cli::{LogFileArgs, LogRecoverArgs};
 use crate::commands::{configuration, json_line};
 use crate::log::check::FileCheck;
-use crate::words::count;
+use crate::words::{count, shell_word};
 
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
 /// name, so that none removes the file to make room.
@@ -45,7 +45,10 @@ pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
     let (text, next_step) = match check.complete {
         false => (
             format!("{name} is not complete: everything that is in it was counted"),
-            format!("`ril log recover {name}` makes a whole file of it"),
+            format!(
+                "`ril log recover {}` makes a whole file of it",
+                shell_word(&name)
+            ),
         ),
         true => (
             format!(

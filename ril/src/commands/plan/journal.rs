@@ -5,6 +5,7 @@ use plans::flight::Step;
 use serde::Serialize;
 
 use crate::cli::PlanFlyArgs;
+use crate::words::shell_word;
 
 /// What happens in a flight, for programs.
 #[derive(Debug, PartialEq, Serialize)]
@@ -91,7 +92,7 @@ impl Journal {
         let robot = args.ask.common.robot;
         let mut words = vec![
             "ril plan fly".to_owned(),
-            quoted(&plan.file.to_string_lossy()),
+            shell_word(&plan.file.to_string_lossy()),
         ];
         let mut add = |option: &str, value: String| words.push(format!("{option} {value}"));
         add("--from", item.to_string());
@@ -113,10 +114,10 @@ impl Journal {
             add("--altitude", format!("{metres}m"));
         }
         if let Some(bridge) = &plan.bridge {
-            add("--bridge", quoted(&bridge.to_string_lossy()));
+            add("--bridge", shell_word(&bridge.to_string_lossy()));
         }
         if let Some(config) = &args.ask.common.config {
-            add("--config", quoted(&config.to_string_lossy()));
+            add("--config", shell_word(&config.to_string_lossy()));
         }
         if robot.get() != 1 {
             add("--robot", robot.to_string());
@@ -160,15 +161,6 @@ fn action(step: &Step) -> &'static str {
         Step::Wait { .. } => "hover",
         Step::Speed { .. } => "speed",
         Step::Land { .. } => "land",
-    }
-}
-
-/// As a shell reads it as one word.
-fn quoted(word: &str) -> String {
-    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-+,:".contains(letter);
-    match !word.is_empty() && word.chars().all(is_plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
     }
 }
 

@@ -11,7 +11,7 @@ use status::rate_limited::RateLimitedCounter;
 use super::outcome::{ClosedFile, Note};
 use super::topics::TopicCounts;
 use crate::commands::json_line;
-use crate::words::count;
+use crate::words::{count, shell_word};
 
 /// How often lost messages are reported while they go on.
 const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(60);
@@ -112,7 +112,10 @@ impl Reporter {
             let messages = count(file.messages, "message");
             let how = match file.is_whole {
                 true => String::new(),
-                false => format!(", cut off; `ril log recover {name}` makes a whole file"),
+                false => format!(
+                    ", cut off; `ril log recover {}` makes a whole file",
+                    shell_word(&name)
+                ),
             };
             // As in `print`.
             let _ = writeln!(io::stdout(), "{name}: {messages}, {size:.1} MB{how}");

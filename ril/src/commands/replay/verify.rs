@@ -14,6 +14,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use crate::cli::ReplayArgs;
 use crate::commands::json_line;
 use crate::replay::verification::{Of, Verification};
+use crate::words::shell_word;
 
 /// Topics of which verification needs every message.
 const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];
@@ -97,7 +98,7 @@ pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
             "{} has the journals of the flight, {} kB; `ril replay {} --verify` verifies them",
             path.display(),
             kept.len().div_ceil(1000),
-            path.display()
+            shell_word(&path.to_string_lossy())
         );
     }
     Ok(())
