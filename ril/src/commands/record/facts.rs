@@ -117,7 +117,10 @@ impl FactsOfRobot {
         }
         let named = self.named.get(process.name).cloned();
         let is_named = named.is_some();
-        let running = || file_of_process(&provider?, process.default_file);
+        let running = || {
+            let own = provider.filter(|provider| is_own(provider, process.name))?;
+            file_of_process(&own, process.default_file)
+        };
         let default = PathBuf::from(process.default_file);
         let file = named.or_else(running).unwrap_or(default);
         let files = &mut self.facts.files;
@@ -159,6 +162,12 @@ fn text_of(file: &str) -> String {
     text.trim().to_owned()
 }
 
+/// Whether a provider is the process `name` itself, with a number that means something here. A relay provides the same services
+/// with a configuration of its own.
+fn is_own(provider: &Provider, name: &str) -> bool {
+    provider.process == name && provider.shares_pids()
+}
+
 /// The configuration of a live process on this machine, by its command line; nothing when the process cannot be looked at.
 fn file_of_process(provider: &Provider, default_file: &str) -> Option<PathBuf> {
     let folder = PathBuf::from(format!("/proc/{}", provider.pid));
@@ -198,7 +207,28 @@ fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::MetadataExt;
+
     use super::*;
+
+    #[test]
+    fn the_configuration_of_a_relay_or_of_another_namespace_is_not_taken_for_that_of_the_bridge() {
+        let here = fs::metadata("/proc/self/ns/pid").unwrap().ino();
+        for (process, pid_namespace, expected) in [
+            ("bridge", here, true),
+            ("relay", here, false),
+            ("bridge", here + 1, false),
+        ] {
+            let provider = Provider {
+                pid: 1,
+                process: process.to_owned(),
+                since_ns: 1,
+                pid_namespace,
+                time_namespace: 0,
+            };
+            assert_eq!(is_own(&provider, "bridge"), expected, "{provider:?}");
+        }
+    }
 
     #[test]
     fn the_command_line_names_the_configuration_before_the_environment() {
