@@ -69,8 +69,21 @@ impl Journaled {
             return self.bridge.apply(now, input, out);
         }
         let journal = &mut self.journal;
-        journal.input(now, &input);
-        self.bridge.apply(now, input, &mut Tee { out, journal });
+        let mut tee = Tee {
+            out,
+            journal,
+            received: None,
+        };
+        match input {
+            // Telemetry follows from it, which does not wait for the journal.
+            Input::Received(bytes) => {
+                tee.journal.now = now;
+                tee.received = Some(bytes);
+            }
+            ref input => tee.journal.input(now, input),
+        }
+        self.bridge.apply(now, input, &mut tee);
+        tee.write_received();
     }
 
     /// See [`Bridge::transmit`].
@@ -137,10 +150,20 @@ impl Journal {
 struct Tee<'a, O> {
     out: &'a mut O,
     journal: &'a mut Journal,
+    /// The input, while it is not in the journal yet: it comes before the first output.
+    received: Option<&'a [u8]>,
 }
 
 impl<O> Tee<'_, O> {
+    fn write_received(&mut self) {
+        if let Some(bytes) = self.received.take() {
+            let now = self.journal.now;
+            self.journal.input(now, &Input::Received(bytes));
+        }
+    }
+
     fn record(&mut self, encode: impl FnOnce(&mut Encoder, &mut Vec<u8>)) {
+        self.write_received();
         let Journal {
             writer,
             encoder,

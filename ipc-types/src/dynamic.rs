@@ -238,6 +238,17 @@ impl DynamicSubscriber {
         self.bytes.drain(take)
     }
 
+    /// As [`drain`](DynamicSubscriber::drain), but the [`descriptor`](DynamicSubscriber::descriptor) stays readable, and a publisher
+    /// that finds it so does not notify this subscriber again, which spares it a system call for each sample. For a process that
+    /// looks at the time while samples flow. Before it waits for the descriptor, it drains as usual.
+    ///
+    /// # Errors
+    ///
+    /// As [`DynamicSubscriber::drain`].
+    pub fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        self.bytes.drain_quietly(take)
+    }
+
     /// Hands on the bytes of the oldest sample that was not handed on yet, and says whether there was one.
     ///
     /// # Errors

@@ -413,8 +413,22 @@ impl BytesSubscriber {
     }
 
     /// Hands on every sample that is there, in order, and says how many those were.
-    pub(crate) fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+    pub(crate) fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let begun = self.begin();
+        self.drain_begun(begun, take)
+    }
+
+    /// The same without emptying what has woken the port.
+    pub(crate) fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        let followed = self.follow_if_alone();
+        self.drain_begun(followed, take)
+    }
+
+    fn drain_begun(
+        &mut self,
+        begun: Result<(), ReceiveError>,
+        mut take: impl FnMut(&[u8]),
+    ) -> Result<usize, ReceiveError> {
         let mut left = MAX_SAMPLES_PER_DRAIN;
         let mut taken = 0;
         while let Some(sample) = self.next_of(&mut left)? {
@@ -442,16 +456,22 @@ impl BytesSubscriber {
 
     /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can be read.
     fn begin(&mut self) -> Result<(), ReceiveError> {
-        // While there is a former generation, its samples are on the way.
-        let followed = match self.former {
-            None => self.follow(HISTORY),
-            Some(_) => Ok(()),
-        };
+        let followed = self.follow_if_alone();
         for port in self.former.iter().chain(&self.port) {
             port.samples.take();
         }
         self.pollable.drained();
-        followed.map_err(|error| self.failed(error.to_string()))
+        followed
+    }
+
+    /// Looks for another generation, unless there is a former one: its samples are on the way.
+    fn follow_if_alone(&mut self) -> Result<(), ReceiveError> {
+        match self.former {
+            None => self
+                .follow(HISTORY)
+                .map_err(|error| self.failed(error.to_string())),
+            Some(_) => Ok(()),
+        }
     }
 
     /// The oldest of at most `left` samples.

@@ -6,8 +6,8 @@ use std::os::fd::{AsRawFd, BorrowedFd};
 use std::thread;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::fresh_request_id;
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
+use ipc_types::{DynamicSubscriber, Schema, Topic, fresh_request_id};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use support::{WATCHDOG, in_domain, join, until};
@@ -68,6 +68,41 @@ fn draining_a_subscriber_makes_its_descriptor_unreadable() {
         // Nothing is published: the bound alone.
         wait_until_readable(subscriber.descriptor().unwrap());
         assert!(samples > 0);
+    });
+}
+
+/// A process that looks at the time while samples flow leaves its descriptor as it is, and misses nothing when it waits again.
+#[test]
+fn draining_quietly_takes_the_samples_and_leaves_the_descriptor_readable() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let schema = Schema::of::<DspTelemetry>();
+        let mut subscriber = DynamicSubscriber::open(&ipc, DspTelemetry::KEY, &schema).unwrap();
+        wait_until_readable(subscriber.descriptor().unwrap());
+        for _ in 0..3 {
+            publisher.publish(|_| {}).unwrap();
+            assert_eq!(subscriber.drain_quietly(|_| {}).unwrap(), 1);
+            assert!(is_readable(subscriber.descriptor().unwrap()));
+        }
+        // The next publisher is followed as well.
+        drop(publisher);
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        assert_eq!(subscriber.drain_quietly(|_| {}).unwrap(), 0);
+        publisher.publish(|_| {}).unwrap();
+        assert_eq!(subscriber.drain_quietly(|_| {}).unwrap(), 1);
+        // A machine that stalls for longer than the bound between drain and look sees the bound.
+        until("quiet", || {
+            subscriber.drain(|_| {}).unwrap();
+            !is_readable(subscriber.descriptor().unwrap())
+        });
+        publisher.publish(|_| {}).unwrap();
+        wait_until_readable(subscriber.descriptor().unwrap());
+        assert_eq!(subscriber.drain(|_| {}).unwrap(), 1);
+        assert_eq!(
+            (subscriber.losses().lost, subscriber.losses().received),
+            (0, 5)
+        );
     });
 }
 

@@ -42,7 +42,7 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Flush after 0.2 s, sync after 4 s, one file, 16 MiB in memory. The bytes of the serial line have waited for up to 0.25 s in
+    /// Flush after 0.2 s, sync after 4 s, one file, 16 MiB in memory. The bytes of the serial line have waited for up to 0.2 s in
     /// a piece of a journal before; a kill must not cost more than 0.5 s of them.
     fn default() -> Settings {
         Settings {

@@ -15,7 +15,7 @@ pub const MAX_RECORD: usize = 2 << 20;
 pub const MAX_WAITING: usize = 4 << 20;
 
 /// How long a piece that is not full waits for more records.
-pub const DELAY: Duration = Duration::from_millis(250);
+pub const DELAY: Duration = Duration::from_millis(200);
 
 /// How long the journal goes on until there is another snapshot: a loss costs a reader at most so much of it. Later, when a snapshot
 /// has more than a quarter of the bytes that were written since the last one.

@@ -5,6 +5,7 @@
 
 mod disk;
 mod facts;
+mod gather;
 mod outcome;
 mod report;
 mod shell;

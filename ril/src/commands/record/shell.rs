@@ -10,14 +10,11 @@ use status::log::store::{FileStore, Store};
 
 use super::disk::{Disk, DiskGone};
 use super::facts::FactsOfRobot;
+use super::gather::Gather;
 use super::outcome::Outcome;
 use super::report::Reporter;
 use super::sinks::Sinks;
-use super::topics::{TopicCounts, Topics};
-
-/// How long samples gather after a wake, before the next one wakes the process: at most 100 wakes a second, however many topics
-/// there are and how often they come. A subscriber holds 128 samples, so that topics of up to 12.8 kHz lose nothing by it.
-const GATHER: Duration = Duration::from_millis(10);
+use super::topics::{TopicCounts, Topics, Wakes};
 
 /// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
 /// and a process that cannot be ended is worse than an unknown number of messages.
@@ -51,8 +48,7 @@ pub(super) struct Shell {
     sinks: Sinks,
     disk: Disk,
     reporter: Reporter,
-    /// Until when samples do not wake the process.
-    gather_until: MonotonicNs,
+    gather: Gather,
     /// Until when the disk may take to end; nothing before the end was asked for.
     end: Option<MonotonicNs>,
     /// Whether the action that is outstanding is one that writes.
@@ -75,7 +71,7 @@ impl Shell {
             sinks,
             disk,
             reporter,
-            gather_until: MonotonicNs(0),
+            gather: Gather::default(),
             end: None,
             is_writing: false,
         }
@@ -103,20 +99,25 @@ impl Shell {
 
     fn take_samples(&mut self, now: MonotonicNs) {
         // What comes after the end was asked for belongs to no file, and is not lost either.
-        if now < self.gather_until || self.end.is_some() {
+        if !self.gather.is_due(now) || self.end.is_some() {
             return;
         }
-        let taken = self.topics.drain(&mut self.recorder, &mut self.sinks, now);
+        let wakes = match self.gather.flows(now) {
+            true => Wakes::Unneeded,
+            false => Wakes::Needed,
+        };
+        let (recorder, sinks) = (&mut self.recorder, &mut self.sinks);
+        let most = self.topics.drain(recorder, sinks, now, wakes);
         if self.topics.take_news() {
             self.facts.look_again();
             let info = self.facts.flight_info(self.topics.layouts());
             self.recorder.describe(info);
         }
-        if taken > 0 {
+        if most > 0 {
             // The recorder's lines alone are no reason for a file.
             self.sinks.own_lines(&mut self.recorder, now);
-            self.gather_until = now + GATHER;
         }
+        self.gather.looked(now, most);
     }
 
     fn take_outcome(&mut self, now: MonotonicNs) -> Result<(), RecordError> {
@@ -150,11 +151,11 @@ impl Process for Shell {
     type Error = RecordError;
     type Key = ();
 
-    const ROLE: SchedulingRole = SchedulingRole::Consumer;
+    const ROLE: SchedulingRole = SchedulingRole::Background;
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.descriptor((), self.disk.as_fd());
-        if self.end.is_none() && MonotonicNs::now() >= self.gather_until {
+        if self.end.is_none() && self.gather.deadline().is_none() {
             sources.descriptor((), self.topics.ports().descriptor());
         }
     }
@@ -185,7 +186,7 @@ impl Process for Shell {
             false => self.recorder.deadline(),
         };
         [
-            Some(self.gather_until).filter(|until| *until > MonotonicNs::now()),
+            self.gather.deadline().filter(|_| self.end.is_none()),
             self.topics.deadline(),
             recorder,
             flights.and_then(|flights| flights.deadline()),
@@ -200,7 +201,7 @@ impl Process for Shell {
     /// Records what came until the end was asked for, and waits for the disk.
     fn may_end(&mut self, now: MonotonicNs) -> bool {
         let Some(end) = self.end else {
-            self.gather_until = MonotonicNs(0);
+            self.gather = Gather::default();
             self.take_samples(now);
             self.recorder.end(now);
             self.end = Some(now + END_TIMEOUT);

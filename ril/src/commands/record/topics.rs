@@ -56,6 +56,15 @@ struct Topic {
     is_failing: bool,
 }
 
+/// Whether publishers are to wake the recorder for what they publish next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wakes {
+    /// The recorder will look by the time.
+    Unneeded,
+    /// The recorder may sleep until a sample comes.
+    Needed,
+}
+
 /// What else is made of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Content {
@@ -133,8 +142,15 @@ impl Topics {
         self.retry
     }
 
-    /// Opens topics that are new, tells `recorder` of them, and takes all samples that are there. Says how many those were.
-    pub fn drain(&mut self, recorder: &mut Recorder, sinks: &mut Sinks, now: MonotonicNs) -> usize {
+    /// Opens topics that are new, tells `recorder` of them, and takes all samples that are there. Says how many those were of the
+    /// topic that had most.
+    pub fn drain(
+        &mut self,
+        recorder: &mut Recorder,
+        sinks: &mut Sinks,
+        now: MonotonicNs,
+        wakes: Wakes,
+    ) -> usize {
         let seen = self.ipc.generations();
         if seen != self.seen || self.retry.is_some_and(|retry| retry <= now) {
             // What changes from here on is seen by the next look.
@@ -143,7 +159,10 @@ impl Topics {
             self.look(DynamicSubscriber::open_with_history);
         }
         let topics = self.topics.iter_mut();
-        topics.map(|topic| topic.drain(recorder, sinks, now)).sum()
+        topics
+            .map(|topic| topic.drain(recorder, sinks, now, wakes))
+            .max()
+            .unwrap_or_default()
     }
 
     fn look(
@@ -240,7 +259,13 @@ impl Topic {
         }
     }
 
-    fn drain(&mut self, recorder: &mut Recorder, sinks: &mut Sinks, now: MonotonicNs) -> usize {
+    fn drain(
+        &mut self,
+        recorder: &mut Recorder,
+        sinks: &mut Sinks,
+        now: MonotonicNs,
+        wakes: Wakes,
+    ) -> usize {
         if self.id.is_none() {
             self.id = recorder.channel(self.channel.clone());
         }
@@ -254,7 +279,7 @@ impl Topic {
             cdr,
             ..
         } = self;
-        let drained = subscriber.drain(|sample| {
+        let take = |sample: &[u8]| {
             let stamps = stamps.read(sample, now);
             let at = match stamps.sent {
                 MonotonicNs(0) => now,
@@ -279,7 +304,11 @@ impl Topic {
                 Content::StatusJournal => sinks.status_journal(recorder, sample, now),
                 Content::Other => {}
             }
-        });
+        };
+        let drained = match wakes {
+            Wakes::Unneeded => subscriber.drain_quietly(take),
+            Wakes::Needed => subscriber.drain(take),
+        };
         let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
         drained.unwrap_or_else(|error| {
             if !was_failing {
