@@ -136,11 +136,7 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     assert_eq!(log.executed_twice(), Vec::<u64>::new());
     // Taken, not reached: the bridge's box is larger than the DSP's, so a landing that follows at once is allowed to empty the
     // path buffer just before the DSP reaches the last waypoint.
-    assert!(
-        says(&sim.stderr, "waypoints_taken=4"),
-        "{:#?}",
-        sim.stderr
-    );
+    assert!(says(&sim.stderr, "waypoints_taken=4"), "{:#?}", sim.stderr);
 }
 
 #[test]
