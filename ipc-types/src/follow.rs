@@ -19,6 +19,9 @@ const RETRY: Duration = Duration::from_millis(100);
 /// processes, and begins a new generation, or removes them.
 const ROOM_LIMIT: Duration = Duration::from_secs(2);
 
+/// How often it tries at least: of a machine that stands still for longer than [`ROOM_LIMIT`], the provider has had no time either.
+const ROOM_TRIES: u32 = 20;
+
 /// Opens a port for the first time, and tries again for a while when all places for such ports are taken.
 ///
 /// They may be held by processes that were killed. Only the provider can find out, so it is told.
@@ -31,11 +34,14 @@ pub(crate) fn until_room(
     let doorbell = session.doorbell();
     // A new generation wakes every sleeper.
     let bits = place.bits(Channel::Samples);
+    let mut tries = 0;
     loop {
         let seen = doorbell.listen(bits);
         let opened = open();
+        tries += 1;
         let now = MonotonicNs::now();
-        if !matches!(opened, Err(OpenError::Full { .. })) || now >= deadline {
+        let has_waited = now >= deadline && tries >= ROOM_TRIES;
+        if !matches!(opened, Err(OpenError::Full { .. })) || has_waited {
             return opened;
         }
         doorbell.join(place);

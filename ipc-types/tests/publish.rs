@@ -492,6 +492,8 @@ fn a_sample_that_is_held_stays_as_it_was() {
 fn a_consumer_that_anticipates_gets_every_sample() {
     const SAMPLES: u64 = 300;
     const BUDGET: f64 = 0.05;
+    /// Samples that are on their way at most: of a consumer that a machine does not let run, none is dropped.
+    const AHEAD: u64 = SUBSCRIBER_BUFFER as u64 / 4;
     in_domain(|domain| {
         let mut publisher = join(domain, "publisher")
             .publisher::<DspTelemetry>()
@@ -501,11 +503,13 @@ fn a_consumer_that_anticipates_gets_every_sample() {
                 .subscriber::<DspTelemetry>()
                 .unwrap();
             enter(&mut subscriber);
-            thread::spawn(move || {
+            let (taken, is_taken) = std::sync::mpsc::channel();
+            let thread = thread::spawn(move || {
                 subscriber.anticipate(budget);
                 let begin = Instant::now();
                 while subscriber.losses().received < SAMPLES {
                     assert!(subscriber.recv_timeout(WATCHDOG).unwrap().is_some());
+                    taken.send(()).unwrap();
                 }
                 let spun = subscriber.anticipated().map(|it| it.spun);
                 // Unused time is kept for a second.
@@ -513,16 +517,23 @@ fn a_consumer_that_anticipates_gets_every_sample() {
                 assert!(spun.is_none_or(|spun| spun <= most), "{spun:?} of {most:?}");
                 assert_eq!(spun.is_some(), budget > 0.0);
                 subscriber.losses().lost
-            })
+            });
+            (thread, is_taken)
         });
         let mut next = Instant::now();
-        for _ in 0..SAMPLES {
+        for number in 1..=SAMPLES {
             next += Duration::from_millis(3);
             thread::sleep(next.saturating_duration_since(Instant::now()));
+            if number > AHEAD {
+                for (_, is_taken) in &consumers {
+                    is_taken.recv_timeout(WATCHDOG).expect("the next is taken");
+                }
+            }
             publisher.publish(|_| {}).unwrap();
         }
-        for consumer in consumers {
+        for (consumer, is_taken) in consumers {
             assert_eq!(consumer.join().unwrap(), 0);
+            assert_eq!(is_taken.iter().count() as u64, AHEAD);
         }
     });
 }

@@ -9,7 +9,7 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::thread::{self, JoinHandle};
 
-use common::{Rig, end};
+use common::{PATIENT, Rig, end};
 use ipc_types::code::LinkState;
 use ril_tests::process::Signal;
 use rustix::event::{PollFd, PollFlags, poll};
@@ -104,6 +104,7 @@ fn a_simulator_at_a_serial_port_is_flown_over_a_cable_that_is_unplugged_in_betwe
     let (at_sim, at_bridge) = plug_in(&rig);
     let mut sim = rig.start("sim --port sim-port --baud-rate 57600 --seed 1");
     sim.wait_for_text("ready");
+    rig.write("bridge.toml", PATIENT);
     let mut bridge = rig.start("bridge --port bridge-port");
     bridge.wait_for_text("port open");
     let cable = Cable::join(at_sim, at_bridge);

@@ -44,9 +44,13 @@ use std::time::Duration;
 
 use crew::{Kind, Program, Site, has};
 use environment::readers_or_skip;
+use healthy::Heard;
 use ril_tests::watchdog::DEFAULT_LIMIT;
 
 const SEED: u64 = 7;
+
+/// Less than a subscriber's buffer holds at the rate of the chain: 128 samples, 200 a second.
+const BUFFERED: Duration = Duration::from_millis(500);
 
 fn site(name: &str) -> Site {
     let program = Program::at(env!("CARGO_BIN_EXE_ril"));
@@ -137,8 +141,11 @@ fn processes_that_crash_in_a_loop_cost_healthy_consumers_nothing() {
     let _ = Kind::ALL.map(has);
     let outcome = crashes::run(&site("crashes"), &plan, &|| true);
     // In so short a time the survivors do not come to hold all that they need.
-    let flies_on = outcome.flies_on && outcome.link_losses == 0;
-    assert!(flies_on && outcome.lost() == 0, "{outcome}");
+    assert!(outcome.flies_on && outcome.link_losses == 0, "{outcome}");
+    // A consumer that the machine has not let run may lose what its buffer cannot hold: that, no other process has cost it.
+    let has_stalled = |heard: &Heard| heard.gaps.iter().any(|gap| gap > BUFFERED);
+    let is_harmed = |heard: &Heard| heard.losses.lost > 0 && !has_stalled(heard);
+    assert!(!outcome.heard.iter().any(is_harmed), "{outcome}");
     assert!(outcome.heard.iter().all(|heard| heard.losses.received > 0));
 }
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Rig, end, says};
+use common::{PATIENT, Rig, end, says};
 use ril_tests::process::{Process, Signal};
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 
@@ -33,7 +33,7 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
 fn a_bridge_whose_messages_no_longer_fit_into_their_file_flies_on() {
     let rig = Rig::new();
     let sim = rig.sim(1, "");
-    rig.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
+    rig.write("bridge.toml", PATIENT);
     let line = "exec \"$0\" bridge --port dsp-1 2>messages.txt";
     let bridge = Process::spawn(&rig.domain, rig.shell(line));
     let mut watch = rig.watch(1);

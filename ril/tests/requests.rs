@@ -236,7 +236,7 @@ fn a_bridge_that_hangs_is_a_timeout() {
     );
     bridge.answer_next(accepted());
     bridge.answer_next(Answer::Hang);
-    let finished = rig.run("goto 37,-6,20 37,-6,21 --timeout 100ms", 4);
+    let finished = rig.run("goto 37,-6,20 37,-6,21 --timeout 5s", 4);
     assert!(
         says(&finished.stderr, "did not answer to waypoint 2 of 2"),
         "{finished:#?}"

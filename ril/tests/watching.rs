@@ -115,7 +115,7 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
         "{finished:#?}"
     );
 
-    let mut echo = rig.start("echo dsp --timeout 200ms --field geographic.altitude_m");
+    let mut echo = rig.start("echo dsp --timeout 5s --field geographic.altitude_m");
     echo.wait_for_text("geographic.altitude_m=2");
     bridge.die();
     let finished = echo.wait_exit();

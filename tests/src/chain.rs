@@ -16,6 +16,20 @@ use crate::pty::PtyFolder;
 /// Environment variable that names the binary `ril`.
 pub const BINARY_VARIABLE: &str = "RIL_BINARY";
 
+/// Environment variable and value for commands of `ril`: how long each waits for an answer or a sample. A machine that stalls for
+/// longer than the usual two seconds must not make it give up.
+pub const PATIENCE: (&str, &str) = ("RIL_TIMEOUT", "80s");
+
+/// A `bridge.toml` with which no machine that stalls for seconds ends a flight, loses the link or lets a request expire.
+pub const PATIENT: &str = "\
+[link]
+pc_timeout_ms = 60000
+ack_timeout_ms = 5000
+silent_after_ms = 20000
+[movement]
+begin_within_ms = 60000
+";
+
 /// The processes of robot 1, in the order in which they are started. Any of them may be killed, replaced or taken away.
 #[derive(Debug)]
 pub struct Chain {
@@ -94,12 +108,7 @@ impl Chain {
                 "run", "sim", "--link", "dsp", "--seed", "1", "--speed", &speed,
             ],
         );
-        // A machine that stalls for seconds must end no flight.
-        std::fs::write(
-            folder.link("bridge.toml"),
-            "[link]\npc_timeout_ms = 60000\n",
-        )
-        .expect("a file in the test's folder");
+        std::fs::write(folder.link("bridge.toml"), PATIENT).expect("a file in the test's folder");
         let bridge = spawn(domain, binary, &folder, &["run", "bridge", "--port", "dsp"]);
         let status = spawn(domain, binary, &folder, &["run", "status"]);
         wait_for_telemetry(domain);
@@ -154,6 +163,7 @@ impl Chain {
 fn command(domain: &Domain, binary: &Path, folder: &PtyFolder, args: &[&str]) -> Process {
     let mut command = std::process::Command::new(binary);
     command.args(args).current_dir(folder.path());
+    command.env(PATIENCE.0, PATIENCE.1);
     for variable in ["RIL_ROBOT", "RIL_CONFIG", "RIL_PORT", "RIL_LOG"] {
         command.env_remove(variable);
     }

@@ -11,7 +11,7 @@ use ipc_types::{Domain, Ipc, RobotId, files};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Far longer than any test takes; only a test that hangs meets it.
-pub const WATCHDOG: Duration = Duration::from_secs(60);
+pub const WATCHDOG: Duration = Duration::from_secs(300);
 
 /// Runs a test in a domain of its own, on a thread of its own because ports stay on one, and checks that nothing is
 /// left of the domain.

@@ -17,6 +17,7 @@ use std::time::Duration;
 use ipc_types::code::{LinkState, RelayLinkState};
 use ipc_types::payload::{ModuleState, RelayLink};
 use ipc_types::{Ipc, RobotId, Subscriber, Topic, Wake};
+use ril_tests::chain::{PATIENCE, PATIENT};
 use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, TestDomain, Watchdog};
 
@@ -24,12 +25,11 @@ use ril_tests::{Process, PtyFolder, TestDomain, Watchdog};
 const TEST_LIMIT: Duration = Duration::from_secs(300);
 
 /// Variables of the environment that would change what the processes do.
-const VARIABLES: [&str; 6] = [
+const VARIABLES: [&str; 5] = [
     "RIL_ROBOT",
     "RIL_CONFIG",
     "RIL_PORT",
     "RIL_LOG",
-    "RIL_TIMEOUT",
     "RIL_DEADLINE",
 ];
 
@@ -87,6 +87,7 @@ impl Machine {
         let mut command = Command::new(words.next().expect("a program"));
         command.args(words).args(args.split_whitespace());
         command.current_dir(self.folder.path());
+        command.env(PATIENCE.0, PATIENCE.1);
         for variable in VARIABLES {
             command.env_remove(variable);
         }
@@ -164,8 +165,7 @@ impl Crew {
     /// Starts the three, and returns when telemetry comes.
     #[track_caller]
     pub fn start(machine: &Machine, robot: u32) -> Crew {
-        // A machine that stalls for seconds must end no flight.
-        machine.write("bridge.toml", "[link]\npc_timeout_ms = 60000\n");
+        machine.write("bridge.toml", PATIENT);
         let speed = machine.speed;
         let sim = format!("run sim --robot {robot} --link dsp --seed 1 --speed {speed}");
         let crew = Crew {
@@ -175,10 +175,7 @@ impl Crew {
             robot,
         };
         // Not by a subscriber of this process: the machine's clock may be another one.
-        machine.run(
-            &format!("echo hero --robot {robot} --count 1 --timeout 80s"),
-            0,
-        );
+        machine.run(&format!("echo hero --robot {robot} --count 1"), 0);
         crew
     }
 

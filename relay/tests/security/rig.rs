@@ -130,6 +130,18 @@ impl Rig {
         self.received += more as u64;
     }
 
+    /// Publishes until `count` more samples have come.
+    pub fn until_telemetry_comes(&mut self, count: u64) {
+        let wanted = self.received + count;
+        for _ in 0..WAIT_LIMIT.as_millis() / SAMPLE_PERIOD.as_millis() {
+            if self.received >= wanted {
+                return;
+            }
+            self.telemetry();
+        }
+        panic!("{} samples, and then none", self.received);
+    }
+
     /// How many samples were published.
     pub fn published(&self) -> usize {
         self.published

@@ -91,10 +91,12 @@ pub(super) fn fly(
 }
 
 /// The bridge of the demonstration: a brisk helicopter, and an acceptance radius that fits its speed. A machine that is
-/// busy with something else may stop the bridge for seconds, which must not end the flight that it shows.
+/// busy with something else may stop the bridge or the simulator for seconds, which must not end the flight that it shows.
 const BRIDGE_CONFIG: &str = "\
 [link]
-pc_timeout_ms = 30000
+pc_timeout_ms = 60000
+ack_timeout_ms = 2000
+silent_after_ms = 10000
 
 [parameters]
 cruise_speed_mps = 8.0

@@ -13,16 +13,17 @@ use std::process::Command;
 
 use ipc_types::payload::{ModuleState, MovementData};
 use ipc_types::{Ipc, RobotId, Subscriber, Wake};
+use ril_tests::chain::PATIENCE;
+pub use ril_tests::chain::PATIENT;
 use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, Received, TestDomain};
 
 /// Variables of the environment that would change what the commands do.
-const VARIABLES: [&str; 6] = [
+const VARIABLES: [&str; 5] = [
     "RIL_ROBOT",
     "RIL_CONFIG",
     "RIL_PORT",
     "RIL_LOG",
-    "RIL_TIMEOUT",
     "RIL_DEADLINE",
 ];
 
@@ -66,9 +67,10 @@ impl Rig {
         self.place(command)
     }
 
-    /// `command` in the folder, and without what would change what `ril` does.
+    /// `command` in the folder, patient, and without what would change what `ril` does.
     pub fn place(&self, mut command: Command) -> Command {
         command.current_dir(self.folder());
+        command.env(PATIENCE.0, PATIENCE.1);
         for variable in VARIABLES {
             command.env_remove(variable);
         }
@@ -96,10 +98,15 @@ impl Rig {
         json(&finished.stdout[0])
     }
 
-    /// Runs `ril status` with these words, which must find a bridge.
+    /// Runs `ril status` with these words, which must find a bridge. Unless they say how long, it waits a few seconds for what is new:
+    /// in some tests nothing new comes.
     #[track_caller]
     pub fn state_of(&self, args: &str) -> Finished {
-        let finished = self.start(args).wait_exit();
+        let limit = match args.contains("--timeout") {
+            true => "",
+            false => "--timeout 5s",
+        };
+        let finished = self.start(&format!("{args} {limit}")).wait_exit();
         assert!(
             matches!(finished.code(), Some(0 | 4 | 6)),
             "ril {args}: {finished:#?}"
@@ -117,13 +124,13 @@ impl Rig {
     }
 
     /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet. Without a `bridge.toml` of the
-    /// test it gets one with which a machine that stalls for seconds ends no flight.
+    /// test it is patient.
     pub fn bridge(&self, robot: u32) -> Process {
         let is_configured = self.folder().join("bridge.toml").exists();
         let options = if is_configured {
             ""
         } else {
-            self.write("patient.toml", "[link]\npc_timeout_ms = 60000\n");
+            self.write("patient.toml", PATIENT);
             "--config patient.toml"
         };
         let mut bridge = self.start(&format!(

@@ -197,7 +197,7 @@ fn of_a_relayed_robot_the_link_is_checked_and_the_disk_is_not() {
     link.publish(|link| link.state = RelayLinkState::Down.code())
         .unwrap();
     module.publish(|_| {}).unwrap();
-    let report = report(&rig, "", 8);
+    let report = report(&rig, "--timeout 2s", 8);
     for (id, expected) in [
         ("bridge", "pass"),
         ("relay-link", "fail"),
@@ -205,7 +205,7 @@ fn of_a_relayed_robot_the_link_is_checked_and_the_disk_is_not() {
     ] {
         assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
     }
-    let finished = rig.run("preflight", 8);
+    let finished = rig.run("preflight --timeout 2s", 8);
     assert!(
         says(&finished.stdout, "relayed from another machine (process "),
         "{finished:#?}"

@@ -81,12 +81,12 @@ fn a_dead_link_is_no_landing() {
         let last = ipc_types::MonotonicNs(state.link.last_telemetry_ns);
         ipc_types::MonotonicNs::now().since(last) > std::time::Duration::from_millis(1100)
     });
-    let finished = rig.run("wait --for landed --timeout 50ms", 4);
+    let finished = rig.run("wait --for landed --timeout 5s", 4);
     assert!(
         says(&finished.stderr, "landed (the telemetry is old)"),
         "{finished:#?}"
     );
-    let finished = rig.run("wait --for up --timeout 50ms", 4);
+    let finished = rig.run("wait --for up --timeout 5s", 4);
     assert!(says(&finished.stderr, "up (link gone)"), "{finished:#?}");
     for process in [status, bridge] {
         end(process, Signal::INT);

@@ -2,8 +2,7 @@
 
 use ril_tests::process::Signal;
 
-use super::PATIENT;
-use crate::common::{Rig, end, json, says};
+use crate::common::{PATIENT, Rig, end, json, says};
 
 /// The helicopter's altitude, m, with the zero of telemetry.
 fn altitude_m(rig: &Rig) -> f64 {

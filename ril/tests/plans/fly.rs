@@ -6,9 +6,8 @@ use ipc_types::code::Functionality;
 use ril_tests::Process;
 use ril_tests::process::{Finished, Signal};
 
-use super::PATIENT;
 use super::check::SQUARE;
-use crate::common::{Rig, end, json, says};
+use crate::common::{PATIENT, Rig, end, json, says};
 
 /// A simulator and a bridge, started.
 struct Robot {
@@ -75,7 +74,7 @@ fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
         "{finished:#?}"
     );
     assert_eq!(cruise_speed(&rig), "cruise_speed_mps = 5");
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["link"]["waypoints_sent"], 3);
     robot.end();
 }
@@ -132,7 +131,7 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
         finding["next_step"],
         "let it take off first: `--takeoff 20m`"
     );
-    let state = json(&rig.run("state --json", 0).stdout[0]);
+    let state = rig.state(1);
     assert_eq!(state["link"]["waypoints_sent"], 0);
     assert_eq!(
         state["module"]["functionality"],
@@ -236,12 +235,14 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
         "geoFence":{"version":2,"circles":[],"polygons":[
         {"inclusion":true,"version":1,"polygon":[[37.41,-6.003],[37.41,-5.999],[37.412,-5.999],[37.412,-6.003]]}]}}"#;
     rig.write("fenced.plan", plan);
-    let areas =
-        |rig: &Rig| json(&rig.run("state --json", 0).stdout[0])["safety"]["fence_areas"].clone();
+    let areas = |rig: &Rig| rig.state(1)["safety"]["fence_areas"].clone();
 
     // Another file than the bridge's: both stay as they are.
     let other = rig.write("other.toml", &rules);
-    let finished = rig.run("plan fly fenced.plan --fence --bridge other.toml", 5);
+    let finished = rig.run(
+        "plan fly fenced.plan --fence --bridge other.toml --timeout 5s",
+        5,
+    );
     assert!(
         says(&finished.stderr, "it does not read other.toml"),
         "{finished:#?}"

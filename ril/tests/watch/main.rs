@@ -36,14 +36,15 @@ fn a_flight_is_watched_held_and_its_bridge_is_missed_and_back() {
     screen.shows("hold: done");
     assert_eq!(path.wait_exit().code(), Some(5));
     screen.shows("hovering");
-    assert_eq!(screen.bells(), 0);
 
+    // It rings as well for a bridge that a machine which stalls keeps silent.
+    let before = screen.bells();
     flight.bridge.signal(Signal::KILL);
     flight.bridge.wait_status();
     screen.shows("ALARM  the bridge is gone: start `ril bridge --robot 1`");
     screen.shows("GONE, ");
     screen.shows("STALE, ");
-    assert_eq!(screen.bells(), 1);
+    assert!(screen.bells() > before);
 
     flight.bridge = rig.bridge(1);
     screen.hides("GONE, ");

@@ -157,16 +157,20 @@ fn a_directory_that_is_taken_away_and_given_back_costs_no_telemetry() {
     let (code, messages) = process.end(Signal::TERM);
     assert_eq!(code, Some(0));
     let last = messages.last().unwrap();
-    // The removed file had taken rows, which are gone with it.
     let expected = [
         format!("published={SAMPLES}"),
-        format!(": {SAMPLES} rows in 2 files, {THIRD} rows perhaps not on the disk"),
+        format!(": {SAMPLES} rows in 2 files"),
     ];
     assert!(expected.iter().all(|part| last.contains(part)), "{last}");
+    // The removed file had taken the first rows, which are gone with it. How many is a matter of pace: it takes them until
+    // it is next forced onto the disk.
+    let before = last.split(" rows perhaps not on the disk").next().unwrap();
+    let gone: u32 = before.rsplit(' ').next().unwrap().parse().expect(last);
+    assert!(gone <= THIRD, "{last}");
     // The rows since then waited in memory.
     let text = log_text(&logs);
     let numbers = numbers(text.lines().skip(1));
-    assert!(numbers.into_iter().eq(THIRD + 1..=SAMPLES));
+    assert!(numbers.into_iter().eq(gone + 1..=SAMPLES));
 }
 
 /// Lets the room for logs in `directory` run out while telemetry flows, and gives it back: nothing is lost, because it
