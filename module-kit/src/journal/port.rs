@@ -13,7 +13,7 @@ use super::writer::{Piece, Writer};
 /// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own beginning.
 const BURST: usize = SUBSCRIBER_BUFFER / 4;
 
-/// Shortest time between two bursts: a recorder has read the one before.
+/// Shortest time between two bursts: a recorder that looks every 40 ms has room for those of that time.
 const REST: Duration = Duration::from_millis(20);
 
 /// The publisher of a journal.
