@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 use dsp_protocol::MAX_CLASSIC_FRAME_LEN;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{Losses, MonotonicNs, SchedulingRole, Topic, request_short_slice};
+use ipc_types::{Losses, MonotonicNs, SchedulingRole, Topic, request_slice};
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -89,7 +89,7 @@ fn consume_topic<T: Indexed>(
     ready: impl FnOnce() -> Result<()>,
 ) -> Result<Vec<Arrival>> {
     let mut consumer = ours::Blocking::<T>::new()?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     let mut arrivals = Vec::with_capacity(count + 64);
     ready()?;
     while arrivals.len() < count {
@@ -148,7 +148,7 @@ impl Watched {
 /// Reads `HeroTelemetry` until `termination`, and keeps when each sample came.
 pub fn watch(termination: &Termination, ready: impl FnOnce() -> Result<()>) -> Result<Watched> {
     let mut consumer = ours::Blocking::<HeroTelemetry>::new()?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     let mut watched = Watched::default();
     ready()?;
     while !termination.requested() {
@@ -183,7 +183,7 @@ pub struct Cost {
 /// Reads `count` samples as a consumer that looks out for each with a share of a processor, or blocks when that is 0.
 pub fn anticipate(count: usize, budget: f64, ready: impl FnOnce() -> Result<()>) -> Result<Cost> {
     let mut subscriber = ours::join("bench-receiver")?.subscriber::<HeroTelemetry>()?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     subscriber.anticipate(budget);
     let mut recorder = Recorder::new(count);
     let mut begin = None;
@@ -242,7 +242,7 @@ pub struct Kept {
 /// Reads `HeroTelemetry` for so long, and counts.
 pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result<Kept> {
     let mut consumer = ours::Blocking::<HeroTelemetry>::new()?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     ready()?;
     // The first sample begins the count: bridge and status are up by then.
     let (mut last, mut missing) = (None, 0_u64);

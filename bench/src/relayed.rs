@@ -12,7 +12,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{
-    Domain, Ipc, MonotonicNs, Publisher, RobotId, SchedulingRole, Subscriber, request_short_slice,
+    Domain, Ipc, MonotonicNs, Publisher, RobotId, SchedulingRole, Subscriber, request_slice,
 };
 use runtime::signal::Termination;
 use serde::{Deserialize, Serialize};
@@ -179,7 +179,7 @@ fn read(number: NonZeroU32, samples: usize, first: impl FnOnce()) -> Result<Read
     let ipc = Ipc::join(&domain, RobotId::from(number), "bench-consumer")?;
     let mut subscriber = ipc.subscriber::<HeroTelemetry>()?;
     let mut link = LinkCounts::new(&ipc)?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     let mut recorder = Recorder::new(samples);
     let mut first = Some(first);
     let mut last = MonotonicNs::now();

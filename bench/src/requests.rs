@@ -11,7 +11,7 @@ use iceoryx2::prelude::ipc;
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData, RequestReport};
 use ipc_types::{
-    Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_short_slice,
+    Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_slice,
 };
 use runtime::signal::Termination;
 
@@ -28,7 +28,7 @@ const WARM_UP: usize = 20;
 /// report that the DSP has acknowledged it, ns.
 pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> Result<Vec<u64>> {
     let ipc = ours::join("bench-client")?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     let mut control = ipc.client::<ModuleControl>()?;
     let mut movement = ipc.client::<MovementData>()?;
     let mut telemetry = ipc.subscriber::<DspTelemetry>()?;

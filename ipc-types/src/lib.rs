@@ -129,7 +129,7 @@ pub use publisher::{PublishError, Publisher};
 pub use request_handle::RequestHandle;
 pub use request_id::fresh_request_id;
 pub use robot::RobotId;
-pub use scheduling::{SchedulingRole, request_short_slice};
+pub use scheduling::{SchedulingRole, request_slice};
 pub use schema::Schema;
 pub use sequence::{Losses, SequenceTracker};
 pub use server::{ReportError, ServeError, Server};

@@ -1,4 +1,4 @@
-//! [`request_short_slice`]: what a thread that waits for data can ask of the Linux scheduler without any privilege.
+//! [`request_slice`]: what a thread that waits for data can ask of the Linux scheduler without any privilege.
 //!
 //! A thread that is woken on a processor where another one runs, such as the publisher that has just woken it, may have to
 //! wait until that one sleeps: between slices of the same length it is a matter of chance. A thread with a shorter slice
@@ -43,12 +43,12 @@ impl SchedulingRole {
     }
 }
 
-/// Asks the scheduler to let the calling thread run as soon as it is woken, or one in the background after all others. Threads that
-/// it starts later inherit that.
+/// Asks the scheduler for the slice of `role`: to let the calling thread run as soon as it is woken, or in the background after all
+/// others. Threads that it starts later inherit that.
 ///
 /// Slices hold for ordinary threads on Linux 6.12 and later; before that, and for real-time threads, which are woken at once
 /// in any case, they change nothing. Never needed, only faster: `docs/performance.md` says by how much.
-pub fn request_short_slice(role: SchedulingRole) {
+pub fn request_slice(role: SchedulingRole) {
     if let Err(error) = set_slice(role) {
         tracing::debug!(%error, ?role, "the scheduler grants no slice of its own");
     }
@@ -97,7 +97,7 @@ mod tests {
         let Ok(before) = attributes() else { return };
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                request_short_slice(SchedulingRole::Background);
+                request_slice(SchedulingRole::Background);
                 let now = attributes().unwrap();
                 assert_eq!(now.sched_nice, before.sched_nice);
                 match before.sched_policy == libc::SCHED_OTHER as u32 {
@@ -117,7 +117,7 @@ mod tests {
         let slice_ns = SchedulingRole::Consumer.slice_ns();
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                request_short_slice(SchedulingRole::Consumer);
+                request_slice(SchedulingRole::Consumer);
                 let now = attributes().unwrap();
                 assert_eq!(now.sched_policy, before.sched_policy);
                 assert_eq!(now.sched_nice, before.sched_nice);

@@ -9,7 +9,7 @@ use std::time::Duration;
 use arrayvec::ArrayVec;
 use ipc_types::waiter::{MAX_SOURCES, SAFETY_BOUND};
 use ipc_types::{
-    Descriptor, MonotonicNs, SchedulingRole, Source, WaitError, Waiter, Wake, request_short_slice,
+    Descriptor, MonotonicNs, SchedulingRole, Source, WaitError, Waiter, Wake, request_slice,
 };
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -129,7 +129,7 @@ pub fn run<P: Process>(
         .watchdog_period()
         .map_or(ROUND_PERIOD, |watchdog| watchdog.min(ROUND_PERIOD));
     let mut next_round = MonotonicNs::now() + period;
-    request_short_slice(P::ROLE);
+    request_slice(P::ROLE);
     supervisor.ready();
     // Nothing is known yet of what there is.
     let mut wake = Wake::TimedOut;

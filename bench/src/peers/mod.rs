@@ -26,7 +26,7 @@ use std::path::Path;
 use anyhow::Result;
 use clap::ValueEnum;
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{SchedulingRole, request_short_slice};
+use ipc_types::{SchedulingRole, request_slice};
 
 /// A way from one process to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -119,7 +119,7 @@ impl Peer {
     /// The receiving end, which is made first. `site` is a folder that both ends know and nobody else uses.
     pub fn receiver(self, site: &Path) -> Result<Box<dyn Receiver>> {
         if self.is_prompt() {
-            request_short_slice(SchedulingRole::Consumer);
+            request_slice(SchedulingRole::Consumer);
         }
         Ok(match self {
             Peer::Ours | Peer::OursLongSlice => Box::new(ours::Blocking::<HeroTelemetry>::new()?),

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use altitude_guard::{Guard, watch};
-use ipc_types::{Ipc, SchedulingRole, request_short_slice};
+use ipc_types::{Ipc, SchedulingRole, request_slice};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let limit = std::env::args().nth(1).unwrap_or_default();
@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err(format!("`{limit}` is no altitude in metres: altitude-guard LIMIT_M").into());
     };
     let mut telemetry = Ipc::connect("altitude-guard")?.subscriber()?;
-    request_short_slice(SchedulingRole::Consumer);
+    request_slice(SchedulingRole::Consumer);
     println!("guarding {limit_m} m");
     watch(
         &mut telemetry,

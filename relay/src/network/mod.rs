@@ -12,7 +12,7 @@ mod settings;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
 
-use ipc_types::{SchedulingRole, request_short_slice};
+use ipc_types::{SchedulingRole, request_slice};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 use rustix::io::Errno;
 use zenoh::Wait;
@@ -47,7 +47,7 @@ impl Network {
             NetworkError::new("the configuration of the network is refused", error)
         })?;
         // Zenoh's threads inherit it.
-        request_short_slice(SchedulingRole::Provider);
+        request_slice(SchedulingRole::Provider);
         let session = open_session(zenoh_config, end)?.map_err(|error| {
             NetworkError::new(
                 "the network cannot be opened; is an address taken or a certificate missing?",

@@ -39,7 +39,7 @@ use std::time::Duration;
 use ipc_types::service::{ServiceId, own};
 use ipc_types::{
     Descriptor, Domain, Ipc, Module, MonotonicNs, Provider, RelayModule, RobotId, SchedulingRole,
-    Source, Waiter, request_short_slice,
+    Source, Waiter, request_slice,
 };
 use runtime::args::CommonArgs;
 use runtime::duration::Shown;
@@ -76,7 +76,7 @@ impl Session {
         let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         let ipc =
             Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
-        request_short_slice(SchedulingRole::Consumer);
+        request_slice(SchedulingRole::Consumer);
         Ok(Session {
             ipc,
             waiter: Waiter::new(),

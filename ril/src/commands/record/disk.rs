@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::thread;
 
-use ipc_types::{SchedulingRole, request_short_slice};
+use ipc_types::{SchedulingRole, request_slice};
 use recording::Action;
 use rustix::event::{EventfdFlags, eventfd};
 use status::log::store::FileStore;
@@ -45,7 +45,7 @@ impl Disk {
         let waker = Arc::clone(&woken);
         let mut worker = Worker::new(place, FileStore);
         let body = move || {
-            request_short_slice(SchedulingRole::Background);
+            request_slice(SchedulingRole::Background);
             for action in orders {
                 let outcome = worker.perform(action);
                 if ended.send(outcome).is_err() {

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ipc_types::{
-    Descriptor, Ipc, MonotonicNs, RobotId, SchedulingRole, Source, Waiter, request_short_slice,
+    Descriptor, Ipc, MonotonicNs, RobotId, SchedulingRole, Source, Waiter, request_slice,
 };
 use recording::play::{Content, Flight, PROCESS, Player, Section, Services};
 use runtime::args::CommonArgs;
@@ -75,7 +75,7 @@ pub fn replay(args: &ReplayArgs, choice: RobotChoice) -> Result<(), Failure> {
     let ipc = Ipc::join(&domain, robot, PROCESS).or_fail(ExitCode::Internal)?;
     let services =
         Services::open(&flight, &ipc).map_err(|error| place::not_provided(error, robot))?;
-    request_short_slice(SchedulingRole::Provider);
+    request_slice(SchedulingRole::Provider);
     let notes = Notes {
         common: &args.common,
     };
