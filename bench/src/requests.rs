@@ -10,9 +10,7 @@ use iceoryx2::port::server::Server as RawServer;
 use iceoryx2::prelude::ipc;
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData, RequestReport};
-use ipc_types::{
-    Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_slice,
-};
+use ipc_types::{Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_slice};
 use runtime::signal::Termination;
 
 use crate::pace::{Pace, sleep_until};

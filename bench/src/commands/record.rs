@@ -350,11 +350,17 @@ fn ratio(
     Ratio::of_rounds(&quantiles(one), &quantiles(other))
 }
 
+/// A part of the way of a sample.
+type Part = fn(&Ages) -> &Times;
+
+/// The windows with the recorder, or those without.
+type WithOrWithout = fn(&Round) -> &Side;
+
 const RECORDED: [fn(&Round) -> &Ages; 2] = [|round| &round.with.ages, |round| &round.without.ages];
 const UNCHANGED: [fn(&Round) -> &Ages; 2] = [|round| &round.after, |round| &round.before];
 
 fn ratio_rows(case: Case, measured: &Rounds) -> Vec<Vec<String>> {
-    let parts: [(&str, fn(&Ages) -> &Times); 2] = [
+    let parts: [(&str, Part); 2] = [
         ("", |ages| &ages.whole),
         (", from the bridge's read on", |ages| &ages.after_read),
     ];
@@ -386,14 +392,13 @@ fn ratio_rows(case: Case, measured: &Rounds) -> Vec<Vec<String>> {
 
 fn load_rows(case: Case, measured: &Rounds) -> [Vec<String>; 3] {
     let row = |process: &str, of: fn(&Side) -> Load| {
-        let figure = |side: fn(&Round) -> &Side, figure: fn(Load) -> f64| {
+        let figure = |side: WithOrWithout, figure: fn(Load) -> f64| {
             let values = measured.each(case, |round| figure(of(side(round))));
             median(&values).unwrap_or_default()
         };
         let percent = |side| format!("{:.2}", figure(side, |load| load.percent));
         let wakes = |side| format!("{:.0}", figure(side, |load| load.wakes_hz));
-        let (without, with): (fn(&Round) -> &Side, fn(&Round) -> &Side) =
-            (|round| &round.without, |round| &round.with);
+        let [without, with]: [WithOrWithout; 2] = [|round| &round.without, |round| &round.with];
         vec![
             format!("{process}, {case}"),
             percent(without),
