@@ -52,7 +52,7 @@ const OF_SAMPLES: [&str; 4] = [
     "no sample lost",
     "waypoints reached in order",
     "log rows equal samples published",
-    "record has every sample received",
+    "record tells of every sample",
 ];
 
 /// Whether a demonstration that has flown passed, by its plain lines; nothing but the count of samples may be wrong with it.
