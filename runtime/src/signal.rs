@@ -5,6 +5,7 @@
 //! process by itself.
 
 use std::io::{self, Read, Write};
+use std::mem;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -58,18 +59,16 @@ impl Termination {
             is_owner: true,
             handlers: Vec::new(),
         };
-        // The handlers of a signal run in the order of their registration. From the first one on the signal does not end the process,
-        // so that one alone must make the wish known.
+        // From the first handler on a signal does not end the process, but what is to be done with it is not known before all are
+        // registered. Until then it waits.
+        let _waiting = Waiting::begin([SIGINT, SIGTERM])?;
+        // The handlers of a signal run in the order of their registration.
         for signal in [SIGINT, SIGTERM] {
             let which = Arc::clone(&termination.signal);
             let handler = flag::register_usize(signal, which, signal as usize)?;
             termination.handlers.push(handler);
             let sender = sender.try_clone()?;
             termination.handlers.push(pipe::register(signal, sender)?);
-        }
-        if termination.is_set() {
-            // It came between the two, and has woken nobody.
-            wake(&sender);
         }
         Ok(termination)
     }
@@ -113,6 +112,41 @@ impl Termination {
 
     fn is_set(&self) -> bool {
         self.signal.load(Ordering::Acquire) != 0
+    }
+}
+
+/// Lets signals wait, for the calling thread, until it is dropped. Processes take their signals before they have other threads.
+struct Waiting {
+    before: libc::sigset_t,
+}
+
+impl Waiting {
+    #[allow(unsafe_code)]
+    fn begin<const N: usize>(signals: [i32; N]) -> io::Result<Waiting> {
+        // SAFETY: a set is filled by the call before it is read, and each call is given sets of this function alone.
+        let (before, error) = unsafe {
+            let (mut set, mut before) = (mem::zeroed(), mem::zeroed());
+            libc::sigemptyset(&mut set);
+            for signal in signals {
+                libc::sigaddset(&mut set, signal);
+            }
+            let error = libc::pthread_sigmask(libc::SIG_BLOCK, &set, &mut before);
+            (before, error)
+        };
+        match error {
+            0 => Ok(Waiting { before }),
+            error => Err(io::Error::from_raw_os_error(error)),
+        }
+    }
+}
+
+impl Drop for Waiting {
+    #[allow(unsafe_code)]
+    fn drop(&mut self) {
+        // SAFETY: the set is the one that the kernel gave, and nothing is to be given back.
+        unsafe {
+            libc::pthread_sigmask(libc::SIG_SETMASK, &self.before, std::ptr::null_mut());
+        }
     }
 }
 
