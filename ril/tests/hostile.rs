@@ -176,9 +176,9 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         bridge.publish_state(&state);
         if number % 100 == 0 {
             // A time that is none is old: code 4, unless the numbers say by chance that the link is down.
-            let finished = rig.state_of("status --json --timeout 10s");
+            let finished = rig.state_of("status --json --timeout 3s");
             assert_eq!(json(&finished.stdout[0])["schema"], "ril.State.v3");
-            rig.state_of("status --timeout 10s");
+            rig.state_of("status --timeout 3s");
         }
     }
     let mut good = DspTelemetry {
