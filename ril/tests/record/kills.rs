@@ -2,10 +2,7 @@
 //! records` measures; here a machine may stall.
 
 use std::fs;
-use std::time::Duration;
 
-use module_kit::journal;
-use recording::Settings;
 use ril_tests::process::Signal;
 
 use super::common::Rig;
@@ -13,22 +10,6 @@ use super::feed::{Feed, TOPIC, check, missing, only_file, record, samples};
 
 /// Moments of the kills: samples that are published before each.
 const MOMENTS: [u32; 5] = [0, 3, 50, 300, 1000];
-
-/// What a kill costs at most.
-const PROMISE: Duration = Duration::from_millis(500);
-
-/// How long samples gather before the recorder looks at them.
-const GATHER: Duration = Duration::from_millis(40);
-
-/// How late the threads of three processes may be, together, for the promise to hold.
-const LATE: Duration = Duration::from_millis(50);
-
-#[test]
-fn bytes_of_the_serial_line_wait_less_than_a_kill_may_cost() {
-    // They wait in a piece of the journal, in shared memory, and then in the recorder.
-    let waiting = journal::DELAY + GATHER + Settings::default().flush;
-    assert!(waiting + LATE <= PROMISE, "{waiting:?}");
-}
 
 #[test]
 fn a_killed_recorder_leaves_a_file_without_a_hole_which_can_be_made_whole() {

@@ -7,22 +7,17 @@ use ipc_types::payload::SharedStruct;
 use replay::{Verdict, Verifier};
 
 use crate::config::WorldConfig;
-use crate::operator::{Step, fly, point};
+use crate::operator::{Step, fly, triangle};
 use crate::world::World;
 
 /// Flies a path, hovers and lands for `seconds` in all at least, and verifies the journals; false when they differ.
 pub fn measure(seconds: u64) -> bool {
     let mut world = World::new(&WorldConfig::new().wind(3.0, 200.0, 1.0));
     world.keep_journals();
-    let path = vec![
-        point(0.0, 20.0, 10.0),
-        point(20.0, 20.0, 15.0),
-        point(0.0, 0.0, 10.0),
-    ];
     let steps = [
         Step::Start,
         Step::TakeOff(10.0),
-        Step::Path(path),
+        Step::Path(triangle()),
         Step::Wait(Duration::from_secs(seconds)),
         Step::Land,
         Step::Stop,

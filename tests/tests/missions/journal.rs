@@ -10,7 +10,7 @@ use replay::{JournalVerdict, Verifier};
 use status::config::Config;
 
 use crate::config::WorldConfig;
-use crate::operator::{Step, fly, point};
+use crate::operator::{Step, fly, triangle};
 use crate::world::World;
 
 /// The journals of a whole mission with wind: a path of three legs, and some time at rest, so that several snapshots lie in them.
@@ -24,15 +24,10 @@ impl Mission {
     fn fly(config: &WorldConfig) -> Mission {
         let mut world = World::new(&config.clone().wind(3.0, 200.0, 1.0));
         world.keep_journals();
-        let path = vec![
-            point(0.0, 20.0, 10.0),
-            point(20.0, 20.0, 15.0),
-            point(0.0, 0.0, 10.0),
-        ];
         let steps = [
             Step::Start,
             Step::TakeOff(10.0),
-            Step::Path(path),
+            Step::Path(triangle()),
             Step::Land,
             Step::Wait(Duration::from_secs(15)),
             Step::Stop,

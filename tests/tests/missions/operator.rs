@@ -34,6 +34,15 @@ pub fn point(east_m: f64, north_m: f64, up_m: f64) -> Vector {
     Vector::new(east_m, north_m, up_m)
 }
 
+/// A path of three legs that ends above its beginning.
+pub fn triangle() -> Vec<Vector> {
+    vec![
+        point(0.0, 20.0, 10.0),
+        point(20.0, 20.0, 15.0),
+        point(0.0, 0.0, 10.0),
+    ]
+}
+
 /// Runs until the bridge has a link and knows where the helicopter is.
 pub fn await_link(world: &mut World) {
     world.run_until("a link", |world| {

@@ -75,7 +75,23 @@ impl Gather {
 
 #[cfg(test)]
 mod tests {
+    use module_kit::journal;
+    use recording::Settings;
+
     use super::*;
+
+    /// What a kill costs at most.
+    const PROMISE: Duration = Duration::from_millis(500);
+
+    /// How late the threads of three processes may be, together, for the promise to hold.
+    const LATE: Duration = Duration::from_millis(50);
+
+    #[test]
+    fn bytes_of_the_serial_line_wait_less_than_a_kill_may_cost() {
+        // They wait in a piece of the journal, in shared memory, and then in the recorder.
+        let waiting = journal::DELAY + LONGEST + Settings::default().flush;
+        assert!(waiting + LATE <= PROMISE, "{waiting:?}");
+    }
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(1_000_000 * ms)
