@@ -55,12 +55,7 @@ enum Role {
         peer: Peer,
         site: PathBuf,
         rate_hz: u32,
-        /// How late a sample may be by chance
-        #[arg(default_value_t = 0)]
-        jitter_us: u32,
     },
-    /// Receives samples as a consumer that anticipates them, or with a budget of 0 blocks
-    Anticipate { samples: usize, budget: f64 },
     /// Receives samples over a peer
     HopReceive {
         peer: Peer,
@@ -150,11 +145,7 @@ fn play(role: Role) -> Result<()> {
             peer,
             site,
             rate_hz,
-            jitter_us,
-        } => hop_send(peer, &site, rate_hz, jitter_us),
-        Role::Anticipate { samples, budget } => {
-            tell_result(&consumer::anticipate(samples, budget, tell_ready)?)
-        }
+        } => hop_send(peer, &site, rate_hz),
         Role::HopReceive {
             peer,
             site,
@@ -227,11 +218,11 @@ fn tell_alive() {
     });
 }
 
-fn hop_send(peer: Peer, site: &Path, rate_hz: u32, jitter_us: u32) -> Result<()> {
+fn hop_send(peer: Peer, site: &Path, rate_hz: u32) -> Result<()> {
     let termination = Termination::install()?;
     let mut sender = peer.sender(site)?;
     let mut sample = telemetry();
-    let mut pace = Pace::new(rate_hz).with_jitter(Duration::from_micros(jitter_us.into()));
+    let mut pace = Pace::new(rate_hz);
     tell_ready()?;
     while !termination.requested() {
         pace.wait()?;

@@ -13,11 +13,9 @@ use ipc_types::{Losses, MonotonicNs, SchedulingRole, Topic, request_slice};
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-use rustix::time::ClockId;
 use serde::{Deserialize, Serialize};
 
-use crate::latency::{Recorder, Series};
-use crate::peers::{Mark, PATIENCE, ours};
+use crate::peers::ours;
 use crate::stream;
 
 /// Length of a full status frame.
@@ -167,63 +165,6 @@ pub fn watch(termination: &Termination, ready: impl FnOnce() -> Result<()>) -> R
         })?;
     }
     Ok(watched)
-}
-
-/// The times of one round of one case, and what the receiver used.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Cost {
-    /// The times.
-    pub series: Series,
-    /// Share of a processor.
-    pub cpu: f64,
-    /// Share of the waits that looking out has ended.
-    pub caught: f64,
-}
-
-/// Reads `count` samples as a consumer that looks out for each with a share of a processor, or blocks when that is 0.
-pub fn anticipate(count: usize, budget: f64, ready: impl FnOnce() -> Result<()>) -> Result<Cost> {
-    let mut subscriber = ours::join("bench-receiver")?.subscriber::<HeroTelemetry>()?;
-    request_slice(SchedulingRole::Consumer);
-    subscriber.anticipate(budget);
-    let mut recorder = Recorder::new(count);
-    let mut begin = None;
-    ready()?;
-    while !recorder.is_complete() {
-        subscriber.wait(PATIENCE)?;
-        subscriber.drain(|sample| {
-            recorder.take(Mark {
-                index: sample.source_sequence,
-                sent_ns: sample.published_ns,
-            });
-        })?;
-        if begin.is_none() && recorder.has_begun() {
-            begin = Some((
-                MonotonicNs::now(),
-                processor_time(),
-                subscriber.anticipated(),
-            ));
-        }
-    }
-    let (began, before, caught_before) = begin.context("nothing came")?;
-    let wall = MonotonicNs::now().since(began);
-    let caught = match (subscriber.anticipated(), caught_before) {
-        (Some(now), Some(before)) => {
-            let caught = (now.caught - before.caught) as f64;
-            caught / (caught + (now.others - before.others) as f64)
-        }
-        _ => 0.0,
-    };
-    Ok(Cost {
-        series: recorder.finish(),
-        cpu: processor_time().saturating_sub(before).as_secs_f64() / wall.as_secs_f64(),
-        caught,
-    })
-}
-
-/// What the thread has used.
-fn processor_time() -> Duration {
-    let time = rustix::time::clock_gettime(ClockId::ThreadCPUTime);
-    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }
 
 /// What a consumer counted that only keeps up.

@@ -63,6 +63,7 @@ impl Recorder {
     }
 
     /// Whether the first sample that counts has come.
+    #[cfg(feature = "relay")]
     pub fn has_begun(&self) -> bool {
         !self.series.times_ns.is_empty()
     }

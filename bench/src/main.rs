@@ -1,9 +1,8 @@
 //! Measures the RIL side by side with what its users would use otherwise.
 //!
-//! Seven commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
+//! Six commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
 //!
 //! * `hop`: one sample of telemetry from one process to another;
-//! * `anticipate`: a consumer that is awake when a sample comes, against one that is woken for it;
 //! * `codec`: the decoder of the serial line;
 //! * `end-to-end`: from a byte on the serial line to a consumer, and a request and its answer;
 //! * `cost`: processor time, wake-ups, system calls, highest rate, losses;
@@ -34,6 +33,7 @@ mod relayed;
 mod report;
 mod requests;
 mod rounds;
+mod setting;
 mod site;
 mod statistics;
 mod stream;
@@ -57,8 +57,6 @@ struct Cli {
 enum Command {
     /// One sample of telemetry from one process to another, over everything that could carry it
     Hop(commands::hop::Args),
-    /// A consumer that is awake when a sample comes, against one that is woken for it
-    Anticipate(commands::anticipate::Args),
     /// The decoder of the serial line against other parsers
     Codec(commands::codec::Args),
     /// From a byte on the serial line to a consumer, and from a request to its report
@@ -78,7 +76,6 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Hop(args) => commands::hop::run(&args),
-        Command::Anticipate(args) => commands::anticipate::run(&args),
         Command::Codec(args) => commands::codec::run(&args),
         Command::EndToEnd(args) => commands::end_to_end::run(&args),
         Command::Cost(args) => commands::cost::run(&args),

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use anyhow::Result;
-use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
 use rustix::io::Errno;
 use rustix::thread::ClockId;
@@ -13,8 +12,6 @@ use rustix::time::Timespec;
 pub struct Pace {
     next: MonotonicNs,
     period: Duration,
-    jitter: Duration,
-    chance: Random,
 }
 
 impl Pace {
@@ -23,18 +20,7 @@ impl Pace {
         Pace {
             next: MonotonicNs::now(),
             period: Duration::from_secs(1) / rate_hz,
-            jitter: Duration::ZERO,
-            chance: Random::new(7, 0),
         }
-    }
-
-    /// The same with each tick late by chance, evenly distributed up to `jitter`.
-    pub fn with_jitter(self, jitter: Duration) -> Pace {
-        Pace { jitter, ..self }
-    }
-
-    fn delay(&mut self) -> Duration {
-        self.jitter.mul_f64(self.chance.uniform())
     }
 
     /// When the next tick is.
@@ -51,8 +37,7 @@ impl Pace {
     /// Sleeps until the next tick.
     pub fn wait(&mut self) -> Result<()> {
         self.advance();
-        let delay = self.delay();
-        sleep_until(self.next + delay)
+        sleep_until(self.next)
     }
 }
 

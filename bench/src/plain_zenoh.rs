@@ -9,7 +9,7 @@ use zenoh::qos::{CongestionControl, Reliability};
 use zenoh::{Config, Session, Wait};
 
 use crate::latency::{Recorder, Series};
-use crate::peers::PATIENCE;
+use crate::peers::ends::PATIENCE;
 use crate::relayed::{self, Outlet, mark};
 
 /// Key of the telemetry that is measured.

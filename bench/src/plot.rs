@@ -3,6 +3,7 @@
 
 use std::fmt::Write;
 
+use crate::setting::Setting;
 use crate::statistics::Times;
 
 /// Width of the picture, of the names on its left and of the margin on its right, pixels.
@@ -64,14 +65,16 @@ impl Plot {
     /// of `rates`, Hz.
     pub fn of_latencies<C: Copy>(
         title: &str,
-        rates: &[u32],
+        settings: &[Setting],
         cases: &[C],
         row: impl Fn(C) -> (&'static str, bool),
-        times: impl Fn(C, u32) -> Times,
+        times: impl Fn(C, Setting) -> Times,
     ) -> Plot {
         let rows = cases.iter().map(|case| {
             let (name, is_ours) = row(*case);
-            let bars = rates.iter().map(|rate_hz| Bar::of(&times(*case, *rate_hz)));
+            let bars = settings
+                .iter()
+                .map(|setting| Bar::of(&times(*case, *setting)));
             Row {
                 name: name.to_owned(),
                 is_ours,
@@ -82,10 +85,7 @@ impl Plot {
             title: title.to_owned(),
             subtitle: "µs, logarithmic; bar: median, line: to the 99th percentile, dot: 99.9th"
                 .to_owned(),
-            series: rates
-                .iter()
-                .map(|rate_hz| format!("{rate_hz} Hz"))
-                .collect(),
+            series: settings.iter().map(Setting::to_string).collect(),
             rows: rows.collect(),
         }
     }
@@ -137,7 +137,7 @@ impl Plot {
             HEAD - 6.0,
         );
         for (index, name) in self.series.iter().enumerate() {
-            let x = WIDTH - MARGIN - 90.0 * (self.series.len() - index) as f64 + MARGIN - 12.0;
+            let x = WIDTH - MARGIN - 190.0 * (self.series.len() - index) as f64 + MARGIN - 12.0;
             let _ = writeln!(
                 svg,
                 r##"<rect x="{x:.1}" y="14" width="12" height="10" fill="{}"/><text x="{:.1}" y="23">{}</text>"##,

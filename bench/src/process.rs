@@ -29,7 +29,8 @@ impl Child {
         let program = std::env::current_exe()?;
         let arguments = arguments.iter().map(|argument| argument.text());
         let arguments = std::iter::once(OsString::from("child")).chain(arguments);
-        Ok(Child(Process::start(site.domain(), program, arguments)))
+        let start = || Process::start(site.domain(), program, arguments);
+        Ok(Child(site.start_next(start)?))
     }
 
     /// The process id.

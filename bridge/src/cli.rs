@@ -36,6 +36,9 @@ pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
         args.common.config.as_deref(),
         Path::new(DEFAULT_CONFIG_FILE),
     );
+    let loaded = runtime::config::load::<BridgeConfig>(file, default)?;
+    let fits = loaded.value.check_line();
+    fits.map_err(|fault| loaded.refuse(&fault))?;
     let resulting = Resulting::load::<BridgeConfig>(file, default, include_str!("../bridge.toml"))?;
     let port = given("--port", "RIL_PORT").filter(|_| args.port.is_some());
     let port = port.map(|(text, origin)| (value_of(&text), origin));
@@ -50,12 +53,16 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if args.common.check_config {
         return check_config(&args)?.print();
     }
-    let Some(mut set_up) = SetUp::<BridgeConfig>::begin(&args.common, DEFAULT_CONFIG_FILE)? else {
+    let check = |config: &mut BridgeConfig| {
+        if let Some(port) = args.port {
+            config.serial.port = port;
+        }
+        config.check_line()
+    };
+    let set_up = SetUp::begin_with(&args.common, DEFAULT_CONFIG_FILE, check)?;
+    let Some(set_up) = set_up else {
         return Ok(());
     };
-    if let Some(port) = args.port {
-        set_up.config.serial.port = port;
-    }
     let ipc = set_up.join("bridge")?;
     let explicit = args.common.config.as_deref();
     let read_fence = || {

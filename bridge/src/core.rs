@@ -17,6 +17,7 @@ use crate::flight::request::{RequestKey, parse_control, parse_movement, parse_pa
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
 use crate::link::dsp_path::DspPath;
+use crate::link::last_minute::LastMinute;
 use crate::link::{Link, LinkEvent};
 use crate::outputs::Outputs;
 use crate::safety::fence::Fence;
@@ -37,6 +38,7 @@ pub struct Bridge {
     flight: Flight,
     #[serde(with = "raw")]
     dsp_errors: DspErrorCounters,
+    last_minute: LastMinute,
     #[serde(with = "raw")]
     published: ModuleState,
     next_state: MonotonicNs,
@@ -60,6 +62,7 @@ impl Bridge {
             link: Link::new(config),
             flight: Flight::new(config, trajectory),
             dsp_errors: DspErrorCounters::default(),
+            last_minute: LastMinute::default(),
             published: ModuleState::default(),
             next_state: MonotonicNs(0),
             is_changed: true,
@@ -109,10 +112,12 @@ impl Bridge {
 
     /// Bytes arrived from the DSP. All of them are handled.
     pub fn receive<O: Outputs>(&mut self, now: MonotonicNs, mut bytes: &[u8], out: &mut O) {
+        self.begin(now, out);
         while !bytes.is_empty() {
             self.link.receive(now, &mut bytes);
             self.handle_events(now, out);
         }
+        self.link.end_read(now);
         self.publish_if_due(now, out);
     }
 
@@ -124,7 +129,8 @@ impl Bridge {
         control: &ModuleControl,
         out: &mut O,
     ) {
-        let (header, command) = parse_control(key, control, &self.limits);
+        self.begin(now, out);
+        let (header, command) = parse_control(key, control, &self.limits, now);
         let link = &mut self.link;
         self.flight
             .control_request(&header, command, &mut Context { now, link, out });
@@ -140,7 +146,9 @@ impl Bridge {
         fence: Result<Fence, Reason>,
         out: &mut O,
     ) {
-        let (header, _) = parse_control(key, control, &self.limits);
+        self.begin(now, out);
+        let (header, command) = parse_control(key, control, &self.limits, now);
+        let fence = command.and(fence);
         let link = &mut self.link;
         self.flight
             .new_fence(&header, fence, &mut Context { now, link, out });
@@ -155,7 +163,8 @@ impl Bridge {
         data: &MovementData,
         out: &mut O,
     ) {
-        let (header, movement) = parse_movement(key, data, &self.limits);
+        self.begin(now, out);
+        let (header, movement) = parse_movement(key, data, &self.limits, now);
         let link = &mut self.link;
         self.flight
             .movement_request(&header, movement, &mut Context { now, link, out });
@@ -170,7 +179,8 @@ impl Bridge {
         request: &ParameterRequest,
         out: &mut O,
     ) {
-        let (header, operation) = parse_parameter(key, request, &self.limits);
+        self.begin(now, out);
+        let (header, operation) = parse_parameter(key, request, &self.limits, now);
         let link = &mut self.link;
         let cx = &mut Context { now, link, out };
         self.flight
@@ -188,6 +198,7 @@ impl Bridge {
 
     /// Time has passed: handles every deadline up to `now`. Cheap when there is none.
     pub fn advance<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+        self.begin(now, out);
         loop {
             let link_expired = self.link.expire(now);
             self.handle_events(now, out);
@@ -262,6 +273,12 @@ impl Bridge {
         &self.published
     }
 
+    /// First of every input: what the time that has passed since the one before says of the DSP.
+    fn begin<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+        self.link.begin_input(now);
+        self.handle_events(now, out);
+    }
+
     fn handle_events<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
         while let Some(event) = self.link.poll_event() {
             match &event {
@@ -303,7 +320,9 @@ impl Bridge {
         }
     }
 
-    fn compose_state(&self, now: MonotonicNs) -> ModuleState {
+    fn compose_state(&mut self, now: MonotonicNs) -> ModuleState {
+        let (link, rejected) = (self.link.health(), *self.link.rejected());
+        let last_minute = self.last_minute.look(now, &link, &rejected);
         let flight = &self.flight;
         let motion = flight.motion();
         let distance = flight.distance_to_go_m(now);
@@ -315,10 +334,13 @@ impl Bridge {
             functionality: motion.functionality(flight.is_receiving_path()).code(),
             unable_to_abort: u32::from(motion.unable_to_abort()),
             movement: *flight.movement(),
-            link: self.link.health(),
-            refused: *self.link.rejected(),
+            link,
+            refused: rejected,
             dsp_errors: self.dsp_errors,
             safety: flight.safety_state(now),
+            ground_altitude_m: flight.ground_altitude_m().unwrap_or_default(),
+            ground_valid: u32::from(flight.ground_altitude_m().is_some()),
+            last_minute,
             ..ModuleState::default()
         };
         state.movement.distance_valid = u32::from(distance.is_some());

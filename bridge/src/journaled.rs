@@ -90,7 +90,10 @@ impl Journaled {
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
         let is_on = self.begin(now);
         // Without bytes nothing has happened.
-        if !self.bridge.transmit(now).is_empty() && is_on {
+        if self.bridge.transmit(now).is_empty() {
+            return &[];
+        }
+        if is_on {
             self.journal.input(now, &Input::Transmit);
         }
         self.bridge.unsent()

@@ -53,7 +53,12 @@ impl<N: TimerName> TimerTable<N> {
 
     /// Whether `timer` is armed.
     pub fn is_armed(&self, timer: N) -> bool {
-        self.due[timer.index()].is_some()
+        self.due(timer).is_some()
+    }
+
+    /// When `timer` expires, if it is armed.
+    pub fn due(&self, timer: N) -> Option<MonotonicNs> {
+        self.due[timer.index()]
     }
 
     /// The earliest deadline.

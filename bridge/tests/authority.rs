@@ -10,7 +10,7 @@ use ipc_types::code::{
     ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleStatus, PilotSwitch,
     Reason, SafetyAction, SafetyRule, Stage,
 };
-use ipc_types::payload::{ModuleControl, MovementData};
+use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 
 fn config(text: &str) -> BridgeConfig {
     runtime::config::parse(text, "test.toml").unwrap()
@@ -161,6 +161,72 @@ fn each_leg_of_a_path_must_keep_to_the_fence() {
     assert_eq!(desk.last(path[1]).0, Stage::Accepted);
 }
 
+/// Most often a height above take-off was given where a telemetry altitude is meant.
+#[test]
+fn a_waypoint_below_the_ground_of_the_take_off_is_refused_unless_the_configuration_allows_it() {
+    let ground_m = HOME.altitude_m;
+    let at = |altitude_m| dsp_protocol::Waypoint {
+        altitude_m,
+        ..north(30)
+    };
+    let mut desk = flying_with("");
+    let state = desk.bridge.state();
+    assert_eq!(state.ground_altitude(), Some(ground_m));
+    let path = desk.path(1, &[north(10), at(ground_m - 4.5)]);
+    assert_eq!(desk.last(path[1]), refused(Reason::FenceBreach));
+    let report = desk.last_report(path[1]);
+    assert_eq!(
+        (report.rule(), report.waypoint, report.value()),
+        (Some(SafetyRule::FenceFloor), 2, Some(4.5))
+    );
+    desk.run(500);
+    assert!(desk.dsp.waypoints.is_empty());
+    // On the ground's height it is the pilot's choice.
+    let path = desk.path(2, &[at(ground_m)]);
+    assert_eq!(desk.last(path[0]).0, Stage::Accepted);
+
+    let mut desk = flying_with("[safety]\nbelow_take_off = true\n");
+    let path = desk.path(1, &[at(ground_m - 4.5)]);
+    assert_eq!(desk.last(path[0]).0, Stage::Accepted);
+
+    // A bridge that begins in the air has not seen the ground.
+    let mut desk = Desk::closed(&BridgeConfig::default());
+    desk.dsp.status.flying = true;
+    desk.open();
+    desk.control(ControlCommand::Start);
+    desk.run(40);
+    assert_eq!(desk.bridge.state().ground_altitude(), None);
+    let path = desk.path(1, &[at(ground_m - 4.5)]);
+    assert_eq!(desk.last(path[0]).0, Stage::Accepted);
+}
+
+#[test]
+fn an_outage_is_in_the_figures_of_the_last_minute_and_not_in_those_of_the_next() {
+    let mut desk = Desk::started();
+    desk.run(20_000);
+    desk.dsp.acknowledges = false;
+    desk.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 3.0));
+    desk.run(2_000);
+    desk.dsp.acknowledges = true;
+    desk.run(2_000);
+    let state = desk.bridge.state();
+    assert!(state.link.commands_failed > 0);
+    assert_eq!(
+        state.last_minute.commands_failed,
+        state.link.commands_failed
+    );
+    assert!(state.last_minute.commands_repeated > 0);
+    assert!((22..=25).contains(&state.last_minute.duration_s));
+    desk.run(80_000);
+    let state = desk.bridge.state();
+    assert!(state.link.commands_failed > 0, "since the bridge began");
+    let minute = state.last_minute;
+    assert_eq!((minute.commands_repeated, minute.commands_failed), (0, 0));
+    assert!((60..=70).contains(&minute.duration_s), "{minute:?}");
+    // 50 statuses and 10 flow controls a second.
+    assert!((3_600..=4_600).contains(&minute.messages), "{minute:?}");
+}
+
 /// Otherwise a client whose waypoints are refused, again and again, would keep everybody from sending a path.
 #[test]
 fn a_path_that_the_fence_refuses_at_once_disturbs_no_other() {
@@ -188,7 +254,10 @@ fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
     let path = desk.path(1, &[north(-20), north(30)]);
     desk.run(350);
     let reload = |desk: &mut Desk, request_id, fence| {
-        let request = ModuleControl::new(request_id, ControlCommand::ReloadFence);
+        let request = ModuleControl {
+            issued_ns: desk.now.0,
+            ..ModuleControl::new(request_id, ControlCommand::ReloadFence)
+        };
         let key = RequestKey::Control(request_id);
         desk.bridge
             .new_fence(desk.now, key, &request, fence, &mut desk.out);
@@ -415,4 +484,139 @@ fn a_dsp_without_time_whose_mask_had_to_be_written_again_is_believed() {
     }
     assert_eq!(desk.dsp.mask, 0xFFFF, "it was written again");
     assert!(desk.out.telemetry.len() > 100);
+}
+
+type OnTheSpot = fn(&mut Desk) -> u64;
+const ON_THE_SPOT: [OnTheSpot; 2] = [|desk| desk.hold(), |desk| desk.land()];
+
+/// Lets a hold or a landing come to its end, and checks that it did.
+fn carry_out(desk: &mut Desk, request: u64) {
+    desk.run(600);
+    if desk.functionality() == Functionality::Landing {
+        desk.dsp.status.flying = false;
+        desk.run(600);
+    }
+    assert_eq!(desk.last(request).0, Stage::Done);
+    assert!(desk.dsp.held.is_empty());
+}
+
+#[test]
+fn hold_and_land_are_taken_in_flight_whatever_the_state_of_the_module_and_leave_it_so() {
+    let never_started: fn(&mut Desk) = |_| ();
+    let stopped: fn(&mut Desk) = |desk| {
+        desk.control(ControlCommand::Start);
+        desk.control(ControlCommand::Stop);
+    };
+    let after_an_outage: fn(&mut Desk) = |desk| {
+        desk.control(ControlCommand::Start);
+        following(desk);
+        desk.dsp.silent = true;
+        desk.run(3000);
+        desk.dsp.silent = false;
+        desk.run(3000);
+        assert_eq!(desk.link(), LinkState::Up);
+    };
+    for (prepare, status) in [
+        (never_started, ModuleStatus::WaitingDataToStart),
+        (stopped, ModuleStatus::Ended),
+        (after_an_outage, ModuleStatus::Aborted),
+    ] {
+        for ask in ON_THE_SPOT {
+            let mut desk = Desk::up(&BridgeConfig::default());
+            desk.lift_off();
+            prepare(&mut desk);
+            assert_eq!((desk.module(), desk.bridge.state().blocked), (status, 1));
+            let request = ask(&mut desk);
+            assert_eq!(desk.last_report(request).reason, 0, "{status:?}");
+            let path = desk.preempting(8, north(7));
+            assert_eq!(desk.last(path), refused(Reason::NotStarted));
+            carry_out(&mut desk, request);
+            assert_eq!((desk.module(), desk.bridge.state().blocked), (status, 1));
+        }
+    }
+}
+
+#[test]
+fn a_landing_that_the_dsp_refuses_does_not_start_the_module() {
+    let mut desk = Desk::up(&BridgeConfig::default());
+    desk.lift_off();
+    desk.dsp.obeys = false;
+    let land = desk.land();
+    desk.run(1500);
+    assert_eq!(desk.last(land).1, Reason::RefusedByDsp);
+    assert_eq!(desk.module(), ModuleStatus::WaitingDataToStart);
+}
+
+#[test]
+fn hold_and_land_wait_for_a_dsp_that_is_not_heard() {
+    // Silent, in the start-up, and without a port.
+    for unheard_ms in [1100, 2500, 0] {
+        for ask in ON_THE_SPOT {
+            let mut desk = Desk::flying();
+            desk.run(200);
+            match unheard_ms {
+                0 => desk.bridge.port_closed(desk.now, &mut desk.out),
+                _ => desk.dsp.silent = true,
+            }
+            desk.run(unheard_ms);
+            assert_ne!(desk.link(), LinkState::Up);
+            let request = ask(&mut desk);
+            let wanted = (Stage::Accepted, Reason::LinkDown, ImiError::None);
+            assert_eq!(desk.last(request), wanted);
+            desk.run(500);
+            assert_eq!(desk.last(request), wanted, "{unheard_ms}");
+            desk.dsp.silent = false;
+            if unheard_ms == 0 {
+                desk.bridge.port_opened(desk.now, &mut desk.out);
+            }
+            desk.run(1500);
+            carry_out(&mut desk, request);
+            let accepted = desk.stages(request);
+            let accepted = accepted.iter().filter(|stage| **stage == Stage::Accepted);
+            assert_eq!(accepted.count(), 1);
+            assert_eq!(desk.bridge.state().blocked, 0);
+        }
+    }
+}
+
+#[test]
+fn a_hold_takes_the_place_of_a_path_whose_dsp_is_silent() {
+    let mut desk = Desk::flying();
+    let path = following(&mut desk);
+    desk.dsp.silent = true;
+    desk.run(1100);
+    assert_eq!(desk.link(), LinkState::Silent);
+    let hold = desk.hold();
+    assert_eq!(desk.last(path), aborted(Reason::Replaced));
+    let land = desk.land();
+    assert_eq!(
+        desk.last(hold),
+        aborted(Reason::Replaced),
+        "the last one counts"
+    );
+    let hold = desk.hold();
+    assert_eq!(desk.last(land), aborted(Reason::Replaced));
+    desk.dsp.silent = false;
+    carry_out(&mut desk, hold);
+    assert_eq!(desk.module(), ModuleStatus::Ended);
+}
+
+#[test]
+fn a_wanted_hold_or_landing_that_waits_too_long_is_given_up() {
+    for ask in ON_THE_SPOT {
+        let mut desk = Desk::flying();
+        desk.dsp.silent = true;
+        desk.run(1100);
+        let request = ask(&mut desk);
+        desk.run(30_000);
+        assert_eq!(desk.last(request), aborted(Reason::TooLate));
+        desk.dsp.silent = false;
+        desk.run(3000);
+        let land = Command::Write16 {
+            port: port::LAND,
+            value: 1,
+        };
+        assert!(!desk.dsp.commands.contains(&land));
+        assert_eq!(desk.module(), ModuleStatus::Running);
+    }
 }

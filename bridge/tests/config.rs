@@ -112,6 +112,37 @@ fn parameters_become_writes_in_the_order_of_the_ports() {
 }
 
 #[test]
+fn what_the_line_cannot_carry_is_refused_with_the_arithmetic_and_what_to_do() {
+    let check = |text: &str| parse(text).unwrap().check_line();
+    // 128 bytes each 20 ms and 3 bytes each 100 ms: 6400 + 30 bytes a second.
+    assert_eq!(check(""), Ok(()));
+    assert_eq!(check("[serial]\nbaud_rate = 64300"), Ok(()));
+    let fault = check("[serial]\nbaud_rate = 64290").unwrap_err();
+    for part in [
+        "64290 baud carry 6429 bytes a second",
+        "asked for 6430",
+        "128 bytes each 20 ms",
+        "fewer groups in `status.groups`",
+        "`status_period_ms` = 21 or more",
+    ] {
+        assert!(fault.reason().contains(part), "{fault}");
+    }
+    let with = |baud_rate: u32, rest: &str| {
+        check(&format!("[serial]\nbaud_rate = {baud_rate}\n{rest}")).is_ok()
+    };
+    assert!(!with(1200, ""));
+    assert!(with(1200, "[parameters]\nstatus_period_ms = 1423\n"));
+    assert!(!with(1200, "[parameters]\nstatus_period_ms = 1422\n"));
+    assert!(with(
+        19_200,
+        "[status]\ngroups = [\"time\", \"geographic\"]\n"
+    ));
+    // The extended profile has six bytes more for each frame.
+    let extended = "[link]\nprofile = \"extended\"\n";
+    assert!(with(67_900, extended) && !with(67_800, extended));
+}
+
+#[test]
 fn values_that_contradict_each_other_are_refused() {
     for (text, hint) in [
         (

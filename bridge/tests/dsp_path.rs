@@ -229,15 +229,90 @@ fn a_bridge_that_was_stopped_for_so_long_that_the_dsp_dropped_the_path_ends_it()
 }
 
 #[test]
+fn a_path_whose_bridge_stood_still_longer_than_the_dsp_waits_never_goes_on() {
+    for has_pc_timeout in [true, false] {
+        let mut desk = Desk::closed(&BridgeConfig::default());
+        desk.dsp.has_pc_timeout = has_pc_timeout;
+        desk.open();
+        desk.control(ControlCommand::Start);
+        desk.lift_off();
+        let points: Vec<_> = (1..=9).map(|step| north(100 * step)).collect();
+        let path = desk.path(1, &points);
+        desk.run(350);
+        let sent = desk.dsp.waypoints.len();
+        // Flow control says 1 all the time.
+        desk.stand_still(2000);
+        let fatal = ImiError::CommunicationFatalError;
+        assert_eq!(
+            desk.last(path[8]),
+            (Stage::Unknown, Reason::CommunicationFatalError, fatal)
+        );
+        desk.run(3000);
+        assert_eq!(desk.dsp.waypoints.len(), sent, "{has_pc_timeout}");
+        assert!(desk.dsp.held.is_empty());
+        assert_eq!(dsp_path(&desk), DspPathState::Empty);
+    }
+}
+
+#[test]
+fn a_path_whose_bridge_stood_still_right_after_it_was_accepted_is_not_flown_late() {
+    let mut desk = Desk::flying();
+    let path = desk.path(1, &[north(100), north(200)]);
+    desk.stand_still(12_000);
+    desk.run(3000);
+    assert_eq!(desk.last(path[1]), aborted(Reason::TooLate));
+    assert!(desk.dsp.waypoints.is_empty());
+}
+
+#[test]
+fn a_waypoint_that_has_not_left_before_a_standstill_does_not_leave_after_it() {
+    let mut desk = Desk::flying();
+    mid_path(&mut desk);
+    let sent = desk.dsp.waypoints.len();
+    // It is on its way to the port when the process stands still.
+    desk.say(dsp_protocol::Downlink::FlowControl(
+        dsp_protocol::FlowControl::Send,
+    ));
+    assert!(!desk.bridge.unsent().is_empty());
+    desk.now = ipc_types::MonotonicNs(desk.now.0 + 2_000_000_000);
+    assert!(desk.bridge.transmit(desk.now).is_empty());
+    desk.run(1000);
+    assert_eq!(desk.dsp.waypoints.len(), sent);
+    assert!(desk.dsp.held.is_empty());
+}
+
+#[test]
+fn a_bridge_that_ends_in_flight_says_so_when_the_buffer_is_empty_and_else_that_it_does_not_know() {
+    for acknowledges in [true, false] {
+        let mut desk = Desk::flying();
+        let path = mid_path(&mut desk);
+        desk.dsp.acknowledges = acknowledges;
+        desk.bridge.wind_down(desk.now, &mut desk.out);
+        assert_eq!(desk.last(path[3]).0, Stage::Progress);
+        desk.exchange();
+        assert_eq!(desk.bridge.has_wound_down(), acknowledges);
+        let ending = Reason::BridgeEnding;
+        if acknowledges {
+            assert_eq!(desk.last(path[3]), aborted(ending));
+        }
+        desk.bridge.close(desk.now, &mut desk.out);
+        if !acknowledges {
+            let unknown = (Stage::Unknown, ending, ImiError::None);
+            assert_eq!(desk.last(path[3]), unknown);
+        }
+    }
+}
+
+#[test]
 fn a_bridge_that_ends_in_flight_empties_the_buffer_before_it_goes() {
     let mut desk = Desk::flying();
     let path = mid_path(&mut desk);
     desk.bridge.wind_down(desk.now, &mut desk.out);
     assert!(!desk.bridge.has_wound_down());
-    assert_eq!(desk.last(path[3]), aborted(Reason::BridgeEnding));
     let late = desk.land();
     assert_eq!(desk.last(late), desk::refused(Reason::BridgeEnding));
     desk.exchange();
+    assert_eq!(desk.last(path[3]), aborted(Reason::BridgeEnding));
     assert!(desk.bridge.has_wound_down());
     assert!(desk.dsp.held.is_empty());
     desk.bridge.close(desk.now, &mut desk.out);

@@ -126,6 +126,11 @@ fn what_is_refused_when() {
         desk.bridge.port_closed(desk.now, &mut desk.out);
         desk
     };
+    let gone_on_ground: fn() -> Desk = || {
+        let mut desk = Desk::started();
+        desk.bridge.port_closed(desk.now, &mut desk.out);
+        desk
+    };
     let taking_off: fn() -> Desk = || {
         let mut desk = Desk::started();
         desk.take_off();
@@ -161,7 +166,12 @@ fn what_is_refused_when() {
             take_off,
             Reason::NoPosition,
         ),
-        ("land without a port", gone, land, Reason::LinkDown),
+        (
+            "land on the ground without a port",
+            gone_on_ground,
+            land,
+            Reason::LinkDown,
+        ),
         ("go-to without a port", gone, go, Reason::LinkDown),
         ("take-off twice", taking_off, take_off, Reason::Busy),
         ("go-to during take-off", taking_off, go, Reason::Busy),
@@ -272,7 +282,7 @@ fn a_movement_that_does_not_begin_or_end_in_time_is_given_up() {
     desk.dsp.grants = false;
     let path = desk.path(1, &[north(3)]);
     desk.run(5100);
-    assert_eq!(desk.last(path[0]), aborted(Reason::DeadlineExpired));
+    assert_eq!(desk.last(path[0]), aborted(Reason::TooLate));
     assert_eq!(
         (desk.module(), desk.imi_error()),
         (ModuleStatus::Running, ImiError::None),
@@ -350,6 +360,7 @@ fn asking_again_never_executes_twice() {
     let again = |desk: &mut Desk, repeat| {
         let data = MovementData {
             request_id: take_off,
+            issued_ns: desk.now.0,
             kind: MovementKind::TakeOff.code(),
             altitude_m: 10.0,
             repeat,

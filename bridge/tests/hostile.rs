@@ -65,7 +65,7 @@ impl Random {
         data.latitude_deg = value(HOME.latitude_deg);
         data.longitude_deg = value(HOME.longitude_deg);
         data.altitude_m = value(20.0);
-        data.deadline_ms = self.pick(&[0, 1, 5000, u32::MAX, data.deadline_ms]);
+        data.begin_by_ns = self.pick(&[0, 1, 5_000_000_000, u64::MAX, data.begin_by_ns]);
         data.repeat = self.pick(&[0, 0, 1, data.repeat]);
         data
     }
@@ -82,9 +82,11 @@ impl Random {
 fn one_step(desk: &mut Desk, random: &mut Random, request_id: u64) {
     match random.below(6) {
         0 => {
+            let control = random.control();
             let control = ModuleControl {
                 request_id,
-                ..random.control()
+                issued_ns: random.pick(&[desk.now.0, desk.now.0, control.issued_ns]),
+                ..control
             };
             let key = RequestKey::Control(request_id);
             desk.bridge.control(desk.now, key, &control, &mut desk.out);
@@ -92,9 +94,11 @@ fn one_step(desk: &mut Desk, random: &mut Random, request_id: u64) {
         1 => desk.run(10 << random.below(6)),
         2 => desk.dsp.status.flying = random.below(2) > 0,
         _ => {
+            let movement = random.movement();
             let movement = MovementData {
                 request_id,
-                ..random.movement()
+                issued_ns: random.pick(&[desk.now.0, desk.now.0, movement.issued_ns]),
+                ..movement
             };
             let key = RequestKey::Movement(request_id);
             desk.bridge

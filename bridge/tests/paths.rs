@@ -104,7 +104,7 @@ fn a_path_whose_sender_stops_sending_is_given_up() {
     let mut desk = Desk::flying();
     let late = desk.waypoint(1, 1, 0, north(3));
     desk.run(5100);
-    assert_eq!(desk.last(late), aborted(Reason::DeadlineExpired));
+    assert_eq!(desk.last(late), aborted(Reason::TooLate));
     let vanished = desk.waypoint(2, 1, 0, north(3));
     desk.bridge
         .sender_gone(desk.now, RequestKey::Movement(vanished), &mut desk.out);
@@ -175,6 +175,110 @@ fn a_dsp_that_does_not_count_gets_each_waypoint_once() {
     desk.run(300);
     assert_eq!(desk.dsp.waypoints, [north(3), north(6)]);
     assert_eq!(desk.bridge.state().link.delivery_verified, 0);
+}
+
+/// A path of so many waypoints to a DSP without port 10003.
+fn uncounted(waypoints: i32, prepare: impl FnOnce(&mut Desk)) -> (Desk, Vec<u64>) {
+    let mut desk = Desk::flying();
+    desk.dsp.counts = false;
+    prepare(&mut desk);
+    let points: Vec<Waypoint> = (1..=waypoints).map(|index| north(10 * index)).collect();
+    let path = desk.path(1, &points);
+    (desk, path)
+}
+
+/// The path has ended, because the DSP does not have this waypoint; it hovers, and no more goes out.
+fn assert_ended_without(desk: &mut Desk, path: &[u64], reason: Reason, waypoint: u32, error: u32) {
+    let closing = *path.last().unwrap();
+    assert_eq!(desk.last(closing), aborted(reason));
+    let report = desk.last_report(closing);
+    assert_eq!((report.waypoint, report.dsp_error_code), (waypoint, error));
+    assert!(desk.dsp.held.is_empty());
+    let sent = desk.dsp.waypoints.len();
+    desk.run(2000);
+    assert_eq!(desk.dsp.waypoints.len(), sent);
+    assert_eq!(desk.last(closing), aborted(reason));
+}
+
+#[test]
+fn without_counts_the_first_waypoint_that_the_dsp_refuses_ends_the_path() {
+    let (mut desk, path) = uncounted(4, |desk| desk.dsp.rejects = Some(north(20)));
+    desk.run(320);
+    assert_ended_without(&mut desk, &path, Reason::RefusedByDsp, 2, 30);
+}
+
+#[test]
+fn without_counts_the_first_waypoint_that_finds_the_buffer_full_ends_the_path() {
+    let (mut desk, path) = uncounted(5, |_| ());
+    desk.run(320);
+    // Flow control has said 1; another waypoint was counted twice since.
+    desk.dsp.places = desk.dsp.held.len();
+    desk.say(dsp_protocol::Downlink::FlowControl(
+        dsp_protocol::FlowControl::Send,
+    ));
+    desk.run(60);
+    assert_ended_without(&mut desk, &path, Reason::RefusedByDsp, 4, 15);
+}
+
+#[test]
+fn without_counts_a_damaged_frame_ends_the_path_since_it_may_have_been_a_waypoint() {
+    for code in [100, 102] {
+        let (mut desk, path) = uncounted(5, |_| ());
+        desk.run(320);
+        desk.dsp.errors.push_back(dsp_protocol::DspErrorCode(code));
+        desk.run(40);
+        let error = u32::from(code);
+        assert_ended_without(&mut desk, &path, Reason::DeliveryFailed, 3, error);
+    }
+}
+
+#[test]
+fn without_counts_a_standstill_sends_no_burst_and_loses_no_waypoint() {
+    for (has_pc_timeout, standstills_ms) in [(true, &[250, 1300][..]), (false, &[250, 1300, 1900])]
+    {
+        for &standstill_ms in standstills_ms {
+            let mut desk = Desk::closed(&BridgeConfig::default());
+            desk.dsp.has_pc_timeout = has_pc_timeout;
+            desk.dsp.counts = false;
+            desk.dsp.places = 16;
+            desk.open();
+            desk.control(ControlCommand::Start);
+            desk.lift_off();
+            let points: Vec<Waypoint> = (1..=30).map(|index| north(10 * index)).collect();
+            let path = desk.path(1, &points);
+            desk.run(330);
+            let before = desk.dsp.waypoints.len();
+            desk.stand_still(standstill_ms);
+            assert_eq!(desk.dsp.waypoints.len(), before, "{standstill_ms}");
+            desk.run(200);
+            assert!((before + 1..=before + 2).contains(&desk.dsp.waypoints.len()));
+            // The DSP drops each waypoint that it reaches.
+            for point in &points {
+                desk.run(150);
+                desk.dsp.at(*point);
+                desk.run(40);
+                desk.dsp.held.retain(|held| held != point);
+            }
+            desk.run(300);
+            assert_eq!(desk.dsp.waypoints, points);
+            assert_eq!(desk.last(path[29]).0, Stage::Done);
+        }
+    }
+}
+
+#[test]
+fn without_counts_a_path_of_which_a_waypoint_was_not_seen_to_be_reached_is_never_done() {
+    let (mut desk, path) = uncounted(3, |_| ());
+    desk.run(420);
+    for place in [10, 30] {
+        desk.dsp.at(north(place));
+        desk.run(100);
+    }
+    desk.run(8000);
+    let unknown = (Stage::Unknown, Reason::DeliveryFailed, ImiError::None);
+    assert_eq!(desk.last(path[2]), unknown);
+    assert_eq!(desk.last_report(path[2]).waypoint, 2);
+    assert!(desk.dsp.held.is_empty());
 }
 
 #[test]

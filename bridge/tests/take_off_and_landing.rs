@@ -213,12 +213,12 @@ fn an_order_that_is_late_is_not_given() {
         port::CRUISE_SPEED_MPS,
     ));
     let request = ipc_types::payload::MovementData {
-        deadline_ms: 50,
+        begin_by_ns: desk.now.0 + 50_000_000,
         ..ipc_types::payload::MovementData::take_off(0, 10.0)
     };
     let take_off = desk.movement(request);
     desk.run(100);
-    assert_eq!(desk.last(take_off), aborted(Reason::DeadlineExpired));
+    assert_eq!(desk.last(take_off), aborted(Reason::TooLate));
     assert_eq!(desk.module(), ModuleStatus::Running, "not blocked");
     desk.dsp.acknowledges = true;
     desk.run(2000);

@@ -17,14 +17,14 @@
 #define HERO_DSP_TELEMETRY_LAYOUT_HASH "25be95d4f5a2c01b"
 #define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v2"
 #define HERO_HERO_TELEMETRY_LAYOUT_HASH "cc14cf2487fae1b2"
-#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v2"
-#define HERO_MODULE_STATE_LAYOUT_HASH "aaba1b4bee5d8e24"
-#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v1/hero.RequestReport.v2"
-#define HERO_MODULE_CONTROL_LAYOUT_HASH "4aa467ce33ac6017"
-#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v2/hero.RequestReport.v2"
-#define HERO_MOVEMENT_LAYOUT_HASH "054f1aaa18bd09c9"
-#define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v1/hero.RequestReport.v2"
-#define HERO_PARAMETERS_LAYOUT_HASH "68457090c7457483"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v3"
+#define HERO_MODULE_STATE_LAYOUT_HASH "b4e09f1f99062c73"
+#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v2/hero.RequestReport.v2"
+#define HERO_MODULE_CONTROL_LAYOUT_HASH "6bfcc9740509a353"
+#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v3/hero.RequestReport.v2"
+#define HERO_MOVEMENT_LAYOUT_HASH "2af2c004c0511e69"
+#define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v2/hero.RequestReport.v2"
+#define HERO_PARAMETERS_LAYOUT_HASH "76e7bccf46c20e2f"
 #define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v2"
 #define HERO_RELAY_LINK_LAYOUT_HASH "657a275948d9ee4b"
 #define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v1"
@@ -154,7 +154,7 @@ enum hero_reason {
     HERO_REASON_PATH_TOO_LONG = 15,
     HERO_REASON_PATH_BROKEN = 16,
     HERO_REASON_TOO_MANY_REQUESTS = 17,
-    HERO_REASON_DEADLINE_EXPIRED = 18,
+    HERO_REASON_TOO_LATE = 18,
     HERO_REASON_MOVEMENT_TIMEOUT = 19,
     HERO_REASON_STOPPED = 20,
     HERO_REASON_DSP_FATAL_ERROR = 21,
@@ -179,6 +179,8 @@ enum hero_reason {
     HERO_REASON_STILL_OPEN = 40,
     HERO_REASON_RELAY_TOO_MANY_STATIONS = 41,
     HERO_REASON_REPLAYED = 42,
+    HERO_REASON_SUPERSEDED = 43,
+    HERO_REASON_MODULE_GONE = 44,
 };
 
 enum hero_imi_error {
@@ -703,7 +705,22 @@ HERO_ASSERT(offsetof(SafetyState, fence_areas) == 20);
 HERO_ASSERT(offsetof(SafetyState, interventions) == 24);
 HERO_ASSERT(offsetof(SafetyState, reserved) == 28);
 
-#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v2"
+#define HERO_LAST_MINUTE_TYPE_NAME "hero.LastMinute.v1"
+typedef struct LastMinute {
+    uint32_t duration_s;
+    uint32_t messages;
+    uint32_t rejected;
+    uint32_t commands_repeated;
+    uint32_t commands_failed;
+} LastMinute;
+HERO_ASSERT(sizeof(LastMinute) == 20);
+HERO_ASSERT(offsetof(LastMinute, duration_s) == 0);
+HERO_ASSERT(offsetof(LastMinute, messages) == 4);
+HERO_ASSERT(offsetof(LastMinute, rejected) == 8);
+HERO_ASSERT(offsetof(LastMinute, commands_repeated) == 12);
+HERO_ASSERT(offsetof(LastMinute, commands_failed) == 16);
+
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v3"
 typedef struct ModuleState {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -719,8 +736,11 @@ typedef struct ModuleState {
     RefusedCounters refused;
     DspErrorCounters dsp_errors;
     SafetyState safety;
+    double ground_altitude_m;
+    uint32_t ground_valid;
+    LastMinute last_minute;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 384);
+HERO_ASSERT(sizeof(ModuleState) == 416);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -735,61 +755,84 @@ HERO_ASSERT(offsetof(ModuleState, link) == 88);
 HERO_ASSERT(offsetof(ModuleState, refused) == 184);
 HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 232);
 HERO_ASSERT(offsetof(ModuleState, safety) == 352);
+HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 384);
+HERO_ASSERT(offsetof(ModuleState, ground_valid) == 392);
+HERO_ASSERT(offsetof(ModuleState, last_minute) == 396);
 
-#define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v1"
+#define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v2"
 typedef struct ModuleControl {
     uint64_t request_id;
+    uint64_t issued_ns;
+    uint64_t begin_by_ns;
     uint32_t command;
-    uint32_t deadline_ms;
+    uint32_t issued_within_ns;
+    uint32_t origin;
+    uint32_t reserved;
 } ModuleControl;
-HERO_ASSERT(sizeof(ModuleControl) == 16);
+HERO_ASSERT(sizeof(ModuleControl) == 40);
 HERO_ASSERT(offsetof(ModuleControl, request_id) == 0);
-HERO_ASSERT(offsetof(ModuleControl, command) == 8);
-HERO_ASSERT(offsetof(ModuleControl, deadline_ms) == 12);
+HERO_ASSERT(offsetof(ModuleControl, issued_ns) == 8);
+HERO_ASSERT(offsetof(ModuleControl, begin_by_ns) == 16);
+HERO_ASSERT(offsetof(ModuleControl, command) == 24);
+HERO_ASSERT(offsetof(ModuleControl, issued_within_ns) == 28);
+HERO_ASSERT(offsetof(ModuleControl, origin) == 32);
+HERO_ASSERT(offsetof(ModuleControl, reserved) == 36);
 
-#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v2"
+#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v3"
 typedef struct MovementData {
     uint64_t request_id;
     uint64_t path_id;
+    uint64_t issued_ns;
+    uint64_t begin_by_ns;
     double latitude_deg;
     double longitude_deg;
     double altitude_m;
     uint32_t kind;
     uint16_t first;
     uint16_t last;
-    uint32_t deadline_ms;
+    uint32_t issued_within_ns;
+    uint32_t origin;
     uint16_t repeat;
     uint16_t preempt;
+    uint32_t reserved;
 } MovementData;
-HERO_ASSERT(sizeof(MovementData) == 56);
+HERO_ASSERT(sizeof(MovementData) == 80);
 HERO_ASSERT(offsetof(MovementData, request_id) == 0);
 HERO_ASSERT(offsetof(MovementData, path_id) == 8);
-HERO_ASSERT(offsetof(MovementData, latitude_deg) == 16);
-HERO_ASSERT(offsetof(MovementData, longitude_deg) == 24);
-HERO_ASSERT(offsetof(MovementData, altitude_m) == 32);
-HERO_ASSERT(offsetof(MovementData, kind) == 40);
-HERO_ASSERT(offsetof(MovementData, first) == 44);
-HERO_ASSERT(offsetof(MovementData, last) == 46);
-HERO_ASSERT(offsetof(MovementData, deadline_ms) == 48);
-HERO_ASSERT(offsetof(MovementData, repeat) == 52);
-HERO_ASSERT(offsetof(MovementData, preempt) == 54);
+HERO_ASSERT(offsetof(MovementData, issued_ns) == 16);
+HERO_ASSERT(offsetof(MovementData, begin_by_ns) == 24);
+HERO_ASSERT(offsetof(MovementData, latitude_deg) == 32);
+HERO_ASSERT(offsetof(MovementData, longitude_deg) == 40);
+HERO_ASSERT(offsetof(MovementData, altitude_m) == 48);
+HERO_ASSERT(offsetof(MovementData, kind) == 56);
+HERO_ASSERT(offsetof(MovementData, first) == 60);
+HERO_ASSERT(offsetof(MovementData, last) == 62);
+HERO_ASSERT(offsetof(MovementData, issued_within_ns) == 64);
+HERO_ASSERT(offsetof(MovementData, origin) == 68);
+HERO_ASSERT(offsetof(MovementData, repeat) == 72);
+HERO_ASSERT(offsetof(MovementData, preempt) == 74);
+HERO_ASSERT(offsetof(MovementData, reserved) == 76);
 
-#define HERO_PARAMETER_REQUEST_TYPE_NAME "hero.ParameterRequest.v1"
+#define HERO_PARAMETER_REQUEST_TYPE_NAME "hero.ParameterRequest.v2"
 typedef struct ParameterRequest {
     uint64_t request_id;
+    uint64_t issued_ns;
+    uint64_t begin_by_ns;
     double value;
     uint32_t port;
     uint32_t operation;
-    uint32_t deadline_ms;
-    uint32_t reserved;
+    uint32_t issued_within_ns;
+    uint32_t origin;
 } ParameterRequest;
-HERO_ASSERT(sizeof(ParameterRequest) == 32);
+HERO_ASSERT(sizeof(ParameterRequest) == 48);
 HERO_ASSERT(offsetof(ParameterRequest, request_id) == 0);
-HERO_ASSERT(offsetof(ParameterRequest, value) == 8);
-HERO_ASSERT(offsetof(ParameterRequest, port) == 16);
-HERO_ASSERT(offsetof(ParameterRequest, operation) == 20);
-HERO_ASSERT(offsetof(ParameterRequest, deadline_ms) == 24);
-HERO_ASSERT(offsetof(ParameterRequest, reserved) == 28);
+HERO_ASSERT(offsetof(ParameterRequest, issued_ns) == 8);
+HERO_ASSERT(offsetof(ParameterRequest, begin_by_ns) == 16);
+HERO_ASSERT(offsetof(ParameterRequest, value) == 24);
+HERO_ASSERT(offsetof(ParameterRequest, port) == 32);
+HERO_ASSERT(offsetof(ParameterRequest, operation) == 36);
+HERO_ASSERT(offsetof(ParameterRequest, issued_within_ns) == 40);
+HERO_ASSERT(offsetof(ParameterRequest, origin) == 44);
 
 #define HERO_PORT_INFO_TYPE_NAME "hero.PortInfo.v1"
 typedef struct PortInfo {

@@ -10,10 +10,10 @@ import enum
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
     "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
-    "module_state": ("hero.ModuleState.v2", "aaba1b4bee5d8e24"),
-    "module_control": ("hero.ModuleControl.v1/hero.RequestReport.v2", "4aa467ce33ac6017"),
-    "movement": ("hero.MovementData.v2/hero.RequestReport.v2", "054f1aaa18bd09c9"),
-    "parameters": ("hero.ParameterRequest.v1/hero.RequestReport.v2", "68457090c7457483"),
+    "module_state": ("hero.ModuleState.v3", "b4e09f1f99062c73"),
+    "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
+    "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
+    "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v2", "657a275948d9ee4b"),
     "relay/stations": ("hero.RelayStations.v1", "cd591e6b7779750e"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
@@ -141,7 +141,7 @@ class Reason(enum.IntEnum):
     PATH_TOO_LONG = 15
     PATH_BROKEN = 16
     TOO_MANY_REQUESTS = 17
-    DEADLINE_EXPIRED = 18
+    TOO_LATE = 18
     MOVEMENT_TIMEOUT = 19
     STOPPED = 20
     DSP_FATAL_ERROR = 21
@@ -166,6 +166,8 @@ class Reason(enum.IntEnum):
     STILL_OPEN = 40
     RELAY_TOO_MANY_STATIONS = 41
     REPLAYED = 42
+    SUPERSEDED = 43
+    MODULE_GONE = 44
 
 
 class ImiError(enum.IntEnum):
@@ -879,6 +881,28 @@ assert SafetyState.interventions.offset == 24
 assert SafetyState.reserved.offset == 28
 
 
+class LastMinute(ctypes.Structure):
+    _fields_ = [
+        ("duration_s", ctypes.c_uint32),
+        ("messages", ctypes.c_uint32),
+        ("rejected", ctypes.c_uint32),
+        ("commands_repeated", ctypes.c_uint32),
+        ("commands_failed", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.LastMinute.v1"
+
+
+assert ctypes.sizeof(LastMinute) == 20
+assert LastMinute.duration_s.offset == 0
+assert LastMinute.messages.offset == 4
+assert LastMinute.rejected.offset == 8
+assert LastMinute.commands_repeated.offset == 12
+assert LastMinute.commands_failed.offset == 16
+
+
 class ModuleState(ctypes.Structure):
     _fields_ = [
         ("sequence", ctypes.c_uint64),
@@ -895,14 +919,17 @@ class ModuleState(ctypes.Structure):
         ("refused", RefusedCounters),
         ("dsp_errors", DspErrorCounters),
         ("safety", SafetyState),
+        ("ground_altitude_m", ctypes.c_double),
+        ("ground_valid", ctypes.c_uint32),
+        ("last_minute", LastMinute),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleState.v2"
+        return "hero.ModuleState.v3"
 
 
-assert ctypes.sizeof(ModuleState) == 384
+assert ctypes.sizeof(ModuleState) == 416
 assert ModuleState.sequence.offset == 0
 assert ModuleState.epoch_ns.offset == 8
 assert ModuleState.published_ns.offset == 16
@@ -917,82 +944,105 @@ assert ModuleState.link.offset == 88
 assert ModuleState.refused.offset == 184
 assert ModuleState.dsp_errors.offset == 232
 assert ModuleState.safety.offset == 352
+assert ModuleState.ground_altitude_m.offset == 384
+assert ModuleState.ground_valid.offset == 392
+assert ModuleState.last_minute.offset == 396
 
 
 class ModuleControl(ctypes.Structure):
     _fields_ = [
         ("request_id", ctypes.c_uint64),
+        ("issued_ns", ctypes.c_uint64),
+        ("begin_by_ns", ctypes.c_uint64),
         ("command", ctypes.c_uint32),
-        ("deadline_ms", ctypes.c_uint32),
+        ("issued_within_ns", ctypes.c_uint32),
+        ("origin", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleControl.v1"
+        return "hero.ModuleControl.v2"
 
 
-assert ctypes.sizeof(ModuleControl) == 16
+assert ctypes.sizeof(ModuleControl) == 40
 assert ModuleControl.request_id.offset == 0
-assert ModuleControl.command.offset == 8
-assert ModuleControl.deadline_ms.offset == 12
+assert ModuleControl.issued_ns.offset == 8
+assert ModuleControl.begin_by_ns.offset == 16
+assert ModuleControl.command.offset == 24
+assert ModuleControl.issued_within_ns.offset == 28
+assert ModuleControl.origin.offset == 32
+assert ModuleControl.reserved.offset == 36
 
 
 class MovementData(ctypes.Structure):
     _fields_ = [
         ("request_id", ctypes.c_uint64),
         ("path_id", ctypes.c_uint64),
+        ("issued_ns", ctypes.c_uint64),
+        ("begin_by_ns", ctypes.c_uint64),
         ("latitude_deg", ctypes.c_double),
         ("longitude_deg", ctypes.c_double),
         ("altitude_m", ctypes.c_double),
         ("kind", ctypes.c_uint32),
         ("first", ctypes.c_uint16),
         ("last", ctypes.c_uint16),
-        ("deadline_ms", ctypes.c_uint32),
+        ("issued_within_ns", ctypes.c_uint32),
+        ("origin", ctypes.c_uint32),
         ("repeat", ctypes.c_uint16),
         ("preempt", ctypes.c_uint16),
-    ]
-
-    @staticmethod
-    def type_name() -> str:
-        return "hero.MovementData.v2"
-
-
-assert ctypes.sizeof(MovementData) == 56
-assert MovementData.request_id.offset == 0
-assert MovementData.path_id.offset == 8
-assert MovementData.latitude_deg.offset == 16
-assert MovementData.longitude_deg.offset == 24
-assert MovementData.altitude_m.offset == 32
-assert MovementData.kind.offset == 40
-assert MovementData.first.offset == 44
-assert MovementData.last.offset == 46
-assert MovementData.deadline_ms.offset == 48
-assert MovementData.repeat.offset == 52
-assert MovementData.preempt.offset == 54
-
-
-class ParameterRequest(ctypes.Structure):
-    _fields_ = [
-        ("request_id", ctypes.c_uint64),
-        ("value", ctypes.c_double),
-        ("port", ctypes.c_uint32),
-        ("operation", ctypes.c_uint32),
-        ("deadline_ms", ctypes.c_uint32),
         ("reserved", ctypes.c_uint32),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ParameterRequest.v1"
+        return "hero.MovementData.v3"
 
 
-assert ctypes.sizeof(ParameterRequest) == 32
+assert ctypes.sizeof(MovementData) == 80
+assert MovementData.request_id.offset == 0
+assert MovementData.path_id.offset == 8
+assert MovementData.issued_ns.offset == 16
+assert MovementData.begin_by_ns.offset == 24
+assert MovementData.latitude_deg.offset == 32
+assert MovementData.longitude_deg.offset == 40
+assert MovementData.altitude_m.offset == 48
+assert MovementData.kind.offset == 56
+assert MovementData.first.offset == 60
+assert MovementData.last.offset == 62
+assert MovementData.issued_within_ns.offset == 64
+assert MovementData.origin.offset == 68
+assert MovementData.repeat.offset == 72
+assert MovementData.preempt.offset == 74
+assert MovementData.reserved.offset == 76
+
+
+class ParameterRequest(ctypes.Structure):
+    _fields_ = [
+        ("request_id", ctypes.c_uint64),
+        ("issued_ns", ctypes.c_uint64),
+        ("begin_by_ns", ctypes.c_uint64),
+        ("value", ctypes.c_double),
+        ("port", ctypes.c_uint32),
+        ("operation", ctypes.c_uint32),
+        ("issued_within_ns", ctypes.c_uint32),
+        ("origin", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ParameterRequest.v2"
+
+
+assert ctypes.sizeof(ParameterRequest) == 48
 assert ParameterRequest.request_id.offset == 0
-assert ParameterRequest.value.offset == 8
-assert ParameterRequest.port.offset == 16
-assert ParameterRequest.operation.offset == 20
-assert ParameterRequest.deadline_ms.offset == 24
-assert ParameterRequest.reserved.offset == 28
+assert ParameterRequest.issued_ns.offset == 8
+assert ParameterRequest.begin_by_ns.offset == 16
+assert ParameterRequest.value.offset == 24
+assert ParameterRequest.port.offset == 32
+assert ParameterRequest.operation.offset == 36
+assert ParameterRequest.issued_within_ns.offset == 40
+assert ParameterRequest.origin.offset == 44
 
 
 class PortInfo(ctypes.Structure):

@@ -22,6 +22,7 @@ use tokio::io::unix::AsyncFd;
 
 use crate::client::Client;
 use crate::dynamic::{DynamicClient, DynamicPublisher, DynamicServer, DynamicSubscriber};
+use crate::forked::Owned;
 use crate::publisher::Publisher;
 use crate::server::Server;
 use crate::service::{Request, Topic};
@@ -74,7 +75,7 @@ ports! {
 /// A port whose waits are those of tokio's event loop.
 pub struct Async<P> {
     // First, so that the event loop lets go of the descriptor before the port closes what is behind it.
-    readiness: AsyncFd<OwnedFd>,
+    readiness: Owned<AsyncFd<OwnedFd>>,
     port: P,
 }
 
@@ -90,6 +91,7 @@ impl<P: Port> Async<P> {
         #[allow(unsafe_code)]
         let readiness = unsafe { AsyncFd::register_with_interest(descriptor, Interest::READABLE) };
         let readiness = readiness.map_err(|error| failed(error.into()))?;
+        let readiness = Owned::new(readiness);
         Ok(Async { readiness, port })
     }
 

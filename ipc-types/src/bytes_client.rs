@@ -7,14 +7,29 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::client_port::{ClientPort, Outstanding, SendError};
+use crate::code::Reason;
 use crate::doorbell::{Channel, Place, place};
 use crate::follow::{Follower, until_room};
+use crate::forked::Owned;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
-use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, word};
+use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, word};
 use crate::session::Session;
 use crate::waiter::{WaitError, Waiter, Wake, sealed};
+
+/// Reports that a client keeps for its next drain: as many as can wait unread, 64. [`keep_report`] says which are dropped at the bound.
+pub(crate) const MAX_KEPT: usize = MAX_OUTSTANDING * RESPONSE_BUFFER;
+
+/// Keeps a report that the program has not asked for yet, beside at most `most` others. At that bound the oldest that is not final is
+/// dropped; when all are final, the oldest.
+pub fn keep_report(kept: &mut VecDeque<RequestReport>, report: RequestReport, most: usize) {
+    if kept.len() >= most {
+        let oldest = kept.iter().position(|report| !report.is_final());
+        kept.remove(oldest.unwrap_or_default());
+    }
+    kept.push_back(report);
+}
 
 /// Sends requests that are bytes.
 pub(crate) struct BytesClient {
@@ -22,9 +37,9 @@ pub(crate) struct BytesClient {
     outstanding: Vec<Outstanding>,
     /// Nothing while no server has been there.
     port: Option<ClientPort>,
-    /// The port of the former generation, for as long as requests are open there.
-    former: Option<ClientPort>,
-    /// Reports that came while a handle followed another request.
+    /// The ports of former generations, for as long as requests are open there.
+    former: Vec<ClientPort>,
+    /// Reports that came while a handle followed another request, or while a request was sent.
     kept: VecDeque<RequestReport>,
     follower: Follower,
     waiter: Waiter,
@@ -39,11 +54,14 @@ pub(crate) struct BytesClient {
 unsafe impl Send for BytesClient {}
 
 impl BytesClient {
-    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesClient, OpenError> {
+    pub(crate) fn open(
+        session: &Arc<Session>,
+        offer: Offer,
+    ) -> Result<Owned<BytesClient>, OpenError> {
         let mut client = BytesClient {
             outstanding: Vec::with_capacity(MAX_OUTSTANDING),
             port: None,
-            former: None,
+            former: Vec::new(),
             kept: VecDeque::new(),
             follower: Follower::new(session, &offer.key),
             waiter: Waiter::new(),
@@ -52,14 +70,15 @@ impl BytesClient {
             offer,
             session: Arc::clone(session),
         };
-        match until_room(session, client.place, || client.follow()) {
+        let key = client.offer.key.clone();
+        match until_room(session, &key, || client.follow()) {
             // Its server has gone in this moment, or goes: the next one will be followed.
-            Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
+            Err(error) if error.may_pass() => {
                 tracing::debug!(%error, "there is no server yet");
             }
             result => result?,
         }
-        Ok(client)
+        Ok(Owned::new(client))
     }
 
     /// Enters another generation if there is one.
@@ -70,15 +89,19 @@ impl BytesClient {
         })
     }
 
-    /// Enters another generation if there is one, unless requests are open in two already.
+    /// Enters another generation if there is one.
     fn follow(&mut self) -> Result<(), OpenError> {
-        if self.outstanding.is_empty() {
-            self.former = None;
+        self.drop_former();
+        match self.follower.is_due() {
+            true => self.change_generation(),
+            false => Ok(()),
         }
-        if self.former.is_some() || !self.follower.is_due() {
-            return Ok(());
-        }
-        self.change_generation()
+    }
+
+    fn drop_former(&mut self) {
+        let open = &self.outstanding;
+        self.former
+            .retain(|port| open.iter().any(|request| request.is_of(port)));
     }
 
     /// Apart from [`follow`](BytesClient::follow), which every request calls: a port that is moved about takes microseconds.
@@ -93,19 +116,27 @@ impl BytesClient {
         };
         if let Some(port) = entered {
             self.pollable.change(&port.responses);
-            let former = self.port.replace(port);
-            self.former = former.filter(|_| !self.outstanding.is_empty());
+            self.former.extend(self.port.replace(port));
+            self.drop_former();
         }
         Ok(())
     }
 
     /// See [`Client::send`](crate::Client::send). The bytes are as many as the service's requests have.
     pub(crate) fn send(&mut self, request: &[u8]) -> Result<(), SendError> {
+        self.session
+            .check_process()
+            .map_err(|forked| SendError::Failed(forked.to_string()))?;
+        if self.outstanding.len() >= MAX_OUTSTANDING {
+            self.keep_what_came();
+        }
         if self.outstanding.len() >= MAX_OUTSTANDING {
             return Err(SendError::TooManyOutstanding);
         }
-        self.follow()
-            .map_err(|error| SendError::Failed(error.to_string()))?;
+        self.follow().map_err(|error| match error {
+            OpenError::Full { .. } => SendError::NoPlace(error.to_string()),
+            error => SendError::Failed(error.with_cause()),
+        })?;
         let port = self.port.as_ref().filter(|port| port.server.look());
         let port = port.ok_or_else(|| self.no_server())?;
         let pending = port.deliver(request)?;
@@ -122,6 +153,19 @@ impl BytesClient {
             generation: port.generation.name().to_owned(),
         });
         Ok(())
+    }
+
+    /// Keeps the reports that are there for the next drain: a request whose final report is among them is open no longer.
+    fn keep_what_came(&mut self) {
+        let mut kept = mem::take(&mut self.kept);
+        self.receive(|report| keep_report(&mut kept, *report, MAX_KEPT));
+        self.kept = kept;
+    }
+
+    /// See [`DynamicClient::is_open`](crate::DynamicClient::is_open).
+    pub(crate) fn is_open(&self, request_id: u64) -> bool {
+        let mut open = self.outstanding.iter();
+        open.any(|outstanding| outstanding.request_id == request_id)
     }
 
     /// Gives up one request: its server sees it as vanished.
@@ -143,6 +187,9 @@ impl BytesClient {
 
     /// As [`BytesClient::drain`], of what comes now.
     pub(crate) fn receive(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
+        if self.session.check_process().is_err() {
+            return 0;
+        }
         for port in self.port.iter().chain(&self.former) {
             port.responses.take();
         }
@@ -151,11 +198,12 @@ impl BytesClient {
         if !self.outstanding.is_empty() {
             self.look_in_time();
         }
-        let ports = [self.port.as_ref(), self.former.as_ref()];
+        let ports = || self.port.iter().chain(&self.former);
+        let gone = gone_reason(&self.offer.key);
         let mut taken = 0;
         let mut anchor = None;
         self.outstanding.retain(|outstanding| {
-            let is_served = outstanding.is_served(&ports);
+            let is_served = outstanding.is_served(ports());
             let mut is_closed = false;
             outstanding.drain(&mut anchor, |report| {
                 is_closed |= report.is_final();
@@ -165,7 +213,7 @@ impl BytesClient {
             if !is_served && !is_closed {
                 is_closed = true;
                 taken += 1;
-                take(&outstanding.gone());
+                take(&outstanding.gone(gone));
             }
             !is_closed
         });
@@ -181,6 +229,7 @@ impl BytesClient {
 
     /// See [`Client::descriptor`](crate::Client::descriptor).
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.session.check_process()?;
         let receiver = self.port.as_ref().map(|port| &port.responses);
         self.pollable.descriptor(receiver)
     }
@@ -192,6 +241,9 @@ impl BytesClient {
     }
 
     fn give_up_those(&mut self, is_meant: impl Fn(&Outstanding) -> bool) {
+        if self.session.check_process().is_err() {
+            return;
+        }
         let before = self.outstanding.len();
         self.outstanding
             .retain(|outstanding| !is_meant(outstanding));
@@ -235,10 +287,18 @@ impl BytesClient {
             return false;
         }
         self.look_in_time();
-        let ports = [self.port.as_ref(), self.former.as_ref()];
-        self.outstanding
-            .iter()
-            .any(|outstanding| outstanding.pending.has_response() || !outstanding.is_served(&ports))
+        self.outstanding.iter().any(|outstanding| {
+            let ports = self.port.iter().chain(&self.former);
+            outstanding.pending.has_response() || !outstanding.is_served(ports)
+        })
+    }
+}
+
+/// Why a request ends whose server is gone.
+fn gone_reason(key: &str) -> Reason {
+    match key.contains('/') {
+        true => Reason::ModuleGone,
+        false => Reason::BridgeGone,
     }
 }
 
@@ -249,7 +309,7 @@ impl Drop for BytesClient {
 }
 
 impl sealed::Source for BytesClient {
-    fn has_something(&self) -> bool {
+    fn has_something(&self, _look: sealed::Look) -> bool {
         self.has_reports()
     }
 
@@ -259,6 +319,11 @@ impl sealed::Source for BytesClient {
             bits: self.place.bits(Channel::Responses),
             receiver: self.port.as_ref().map(|port| &port.responses),
             by_descriptor: false,
+            // Without a request there is no server to look for.
+            bound: match self.outstanding.is_empty() {
+                true => sealed::Bound::LONG,
+                false => sealed::Bound::SHORT,
+            },
         }
     }
 }

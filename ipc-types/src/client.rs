@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use crate::bytes_client::BytesClient;
 pub use crate::client_port::SendError;
+use crate::forked::Owned;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::request_handle::RequestHandle;
@@ -35,7 +36,7 @@ use crate::waiter::{WaitError, Wake, sealed};
 ///
 /// [`Client::request`] follows one request; [`Client::send`] and [`Client::drain`] follow several at once.
 pub struct Client<R: Request> {
-    bytes: BytesClient,
+    bytes: Owned<BytesClient>,
     payload: PhantomData<fn(R)>,
 }
 
@@ -58,6 +59,9 @@ impl<R: Request> Client<R> {
     }
 
     /// Sends a request. Its reports come out of [`Client::drain`], the last with a final stage.
+    ///
+    /// Requests whose final report has come do not count as open, drained or not: their reports are kept for the next drain, see
+    /// [`keep_report`](crate::keep_report).
     ///
     /// # Errors
     ///
@@ -109,8 +113,8 @@ impl<R: Request> Client<R> {
 }
 
 impl<R: Request> sealed::Source for Client<R> {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {

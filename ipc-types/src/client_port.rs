@@ -19,7 +19,7 @@ use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::provider::LockWatch;
 use crate::request_id::fresh_request_id;
-use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, service_name};
+use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, service_name, word};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::SAFETY_BOUND;
@@ -45,6 +45,9 @@ pub enum SendError {
     /// Too many requests of this client are open.
     #[error("{MAX_OUTSTANDING} requests are open: wait for final reports")]
     TooManyOutstanding,
+    /// The service has as many clients as it can have.
+    #[error("the request was not sent ({0})")]
+    NoPlace(String),
     /// The server does not read its requests.
     #[error("the server does not take requests: its queue is full")]
     ServerFull,
@@ -66,6 +69,8 @@ pub(crate) struct ClientPort {
     port: IoxClient,
     /// Bytes of a request.
     size: usize,
+    /// Where a request says when it was issued, if it does.
+    issued_offset: Option<usize>,
     pub(crate) responses: WakeReceiver,
     pub(crate) requests: WakeSender,
     pub(crate) server: ServerWatch,
@@ -121,6 +126,7 @@ impl ClientPort {
         Ok(ClientPort {
             port,
             size: offer.size,
+            issued_offset: offer.issued_offset,
             responses,
             requests: WakeSender::make(session, requests, place(key), Channel::Requests)?,
             server: ServerWatch::new(generation.provider_watch()),
@@ -128,7 +134,8 @@ impl ClientPort {
         })
     }
 
-    /// Sends the bytes of a request, which are as many as the service says.
+    /// Sends the bytes of a request, which are as many as the service says. One that does not say when it was issued is issued
+    /// now.
     pub(crate) fn deliver(&self, request: &[u8]) -> Result<Pending, SendError> {
         assert_eq!(request.len(), self.size, "bytes of a request");
         let mut loaned = self
@@ -136,10 +143,20 @@ impl ClientPort {
             .loan_uninit()
             .map_err(|error| SendError::Failed(format!("{error:?}")))?;
         let payload: *mut u8 = loaned.payload_mut().as_mut_ptr().cast();
-        // SAFETY: the service's requests have this size, which iceoryx2 has compared, and this one is the caller's alone.
+        let unissued = self
+            .issued_offset
+            .filter(|offset| word(request, *offset) == 0);
+        // SAFETY: the service's requests have this size, which iceoryx2 has compared, and this one is the caller's alone. The
+        // eight bytes of the moment lie in it, by the layout that the offset comes from.
         #[allow(unsafe_code)]
         let loaned = unsafe {
             payload.copy_from_nonoverlapping(request.as_ptr(), self.size);
+            if let Some(offset) = unissued {
+                let issued = MonotonicNs::now().0.to_ne_bytes();
+                payload
+                    .add(offset)
+                    .copy_from_nonoverlapping(issued.as_ptr(), issued.len());
+            }
             loaned.assume_init()
         };
         loaned.send().map_err(|error| match error {
@@ -193,10 +210,14 @@ impl ServerWatch {
 }
 
 impl Outstanding {
+    /// Whether it was sent by this port.
+    pub(crate) fn is_of(&self, port: &ClientPort) -> bool {
+        port.generation.name() == self.generation
+    }
+
     /// Whether the server that got the request still has it.
-    pub(crate) fn is_served(&self, ports: &[Option<&ClientPort>]) -> bool {
-        let mut ports = ports.iter().flatten();
-        let port = ports.find(|port| port.generation.name() == self.generation);
+    pub(crate) fn is_served<'p>(&self, mut ports: impl Iterator<Item = &'p ClientPort>) -> bool {
+        let port = ports.find(|port| self.is_of(port));
         port.is_some_and(|port| port.server.is_there.get()) && self.pending.is_connected()
     }
 
@@ -226,12 +247,12 @@ impl Outstanding {
     }
 
     /// The final report for a request whose server is gone.
-    pub(crate) fn gone(&self) -> RequestReport {
+    pub(crate) fn gone(&self, reason: Reason) -> RequestReport {
         RequestReport {
             request_id: self.request_id,
             path_id: self.path_id,
             reported_ns: MonotonicNs::now().0,
-            ..RequestReport::new(Stage::Unknown, Reason::BridgeGone)
+            ..RequestReport::new(Stage::Unknown, reason)
         }
     }
 }

@@ -321,8 +321,8 @@ codes! {
         PathBroken = 16 => "path-broken",
         /// A bounded table is full; try again later.
         TooManyRequests = 17 => "too-many-requests",
-        /// The request could not be delivered before its deadline.
-        DeadlineExpired = 18 => "deadline-expired",
+        /// The moment until which it may begin has passed.
+        TooLate = 18 => "too-late",
         /// The movement took longer than the configuration allows.
         MovementTimeout = 19 => "movement-timeout",
         /// The module was stopped.
@@ -372,6 +372,10 @@ codes! {
         RelayTooManyStations = 41 => "relay-too-many-stations",
         /// This is a recorded flight that is played, and no robot: nothing is carried out. Reported by the replay, never by the bridge.
         Replayed = 42 => "replayed",
+        /// A later order was taken, or came, before this one began.
+        Superseded = 43 => "superseded",
+        /// The module that serves the request vanished; reported by the client's port, never by the module.
+        ModuleGone = 44 => "module-gone",
     }
 }
 

@@ -27,7 +27,7 @@ pub enum DomainError {
         max: usize,
     },
     /// A folder of the domain belongs to another user, or others may write to it.
-    #[error("`{}` is not safe to use: {reason}; {next_step}", path.display())]
+    #[error("`{}` cannot be used: {reason}; {next_step}", path.display())]
     Unsafe {
         /// Which folder.
         path: PathBuf,

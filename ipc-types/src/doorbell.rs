@@ -25,14 +25,14 @@ use std::io;
 use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::ptr::{self, NonNull};
-use std::sync::atomic::{AtomicU16, AtomicU32, AtomicU64, Ordering, fence};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU32, Ordering, fence};
 
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
+use crate::forked::{Forked, Maker};
 use crate::random;
 use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
@@ -42,12 +42,6 @@ const LEN: usize = size_of::<Page>();
 
 /// Services that the page tells apart. Those beyond share a place, which wakes a process for nothing now and then.
 const PLACES: usize = 15;
-
-/// Longest time for which a consumer looks out for a sample: two consumers must not keep each other from a processor for long.
-pub(crate) const LONGEST_SPIN: Duration = Duration::from_millis(20);
-
-/// Processors that the page tells apart. Those beyond share a word, which keeps some consumers from looking out for nothing.
-const PROCESSORS: usize = 64;
 
 /// What lies in the file. `docs/ipc.md` has it as a table; another layout needs another name for the file.
 #[repr(C, align(64))]
@@ -61,15 +55,10 @@ struct Page {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; PLACES + 1],
-    /// For each service, the processor on which it was published last, counted from 1.
-    publishers: [AtomicU16; PLACES + 1],
-    also_reserved: [u32; 4],
-    /// For each processor, until when a consumer keeps it busy with looking out for a sample, host monotonic ns.
-    claims: [AtomicU64; PROCESSORS],
+    also_reserved: [u32; 140],
 }
 
-const _: () =
-    assert!(offset_of!(Page, joined) == 16 && offset_of!(Page, claims) == 128 && LEN == 640);
+const _: () = assert!(offset_of!(Page, joined) == 16 && LEN == 640);
 
 /// Which of a service's events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,6 +127,7 @@ pub(crate) struct Seen(u32);
 #[derive(Debug)]
 pub struct Doorbell {
     page: NonNull<Page>,
+    maker: Maker,
 }
 
 // SAFETY: the page is shared between processes, and nothing but atomics.
@@ -163,7 +153,10 @@ impl Doorbell {
             mmap(ptr::null_mut(), LEN, access, MapFlags::SHARED, file, 0)?
         };
         let page = NonNull::new(page.cast()).ok_or(io::ErrorKind::OutOfMemory)?;
-        Ok(Doorbell { page })
+        Ok(Doorbell {
+            page,
+            maker: Maker::this_process(),
+        })
     }
 
     fn page(&self) -> &Page {
@@ -173,6 +166,11 @@ impl Doorbell {
         unsafe {
             self.page.as_ref()
         }
+    }
+
+    /// Whether this is the process that mapped it.
+    pub(crate) fn check_process(&self) -> Result<(), Forked> {
+        self.maker.check()
     }
 
     /// Wakes the processes that sleep for one of `bits`. The data must have been written before.
@@ -240,59 +238,9 @@ impl Doorbell {
         self.ring(GENERATION);
     }
 
-    /// Says on which processor the service at `place` was published.
-    pub(crate) fn note_publisher(&self, place: Place, processor: usize) {
-        let number = u16::try_from(processor + 1).unwrap_or_default();
-        self.page().publishers[place.0].store(number, Ordering::Relaxed);
-    }
-
-    /// The processor on which the service at `place` was published last, if that is known.
-    pub(crate) fn publisher(&self, place: Place) -> Option<usize> {
-        let number = self.page().publishers[place.0].load(Ordering::Relaxed);
-        usize::from(number).checked_sub(1)
-    }
-
-    /// The right to keep a processor busy until then; nothing while another consumer of the robot does so.
-    ///
-    /// The claim of a consumer that was killed ends by itself. One that lasts longer than any may is of another clock, in
-    /// another time namespace, and counts for nothing.
-    pub(crate) fn claim_processor(
-        &self,
-        processor: usize,
-        until: MonotonicNs,
-    ) -> Option<Claim<'_>> {
-        let word = &self.page().claims[processor % PROCESSORS];
-        let claimed = word.load(Ordering::Relaxed);
-        let left = MonotonicNs(claimed).since(MonotonicNs::now());
-        if !left.is_zero() && left <= LONGEST_SPIN {
-            return None;
-        }
-        word.compare_exchange(claimed, until.0, Ordering::Relaxed, Ordering::Relaxed)
-            .ok()?;
-        Some(Claim {
-            word,
-            until: until.0,
-        })
-    }
-
     /// Another value than before: a service has another generation.
     pub(crate) fn generations(&self) -> u32 {
         self.page().generations.load(Ordering::SeqCst)
-    }
-}
-
-/// A consumer's right to keep a processor busy, until it is dropped.
-pub(crate) struct Claim<'doorbell> {
-    word: &'doorbell AtomicU64,
-    until: u64,
-}
-
-impl Drop for Claim<'_> {
-    fn drop(&mut self) {
-        // Another consumer may have it by now, if this one was stopped.
-        let _ = self
-            .word
-            .compare_exchange(self.until, 0, Ordering::Relaxed, Ordering::Relaxed);
     }
 }
 
@@ -309,6 +257,8 @@ impl Drop for Doorbell {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     const DATA: &str = "hero_telemetry";
@@ -422,23 +372,6 @@ mod tests {
         subscriber.join(place(DATA));
         assert_eq!(publisher.joined(place(DATA)), 2);
         assert_eq!(publisher.joined(place("dsp_telemetry")), 0);
-    }
-
-    /// Also one that was killed while it had it, and one whose clock is that of another time namespace.
-    #[test]
-    fn one_consumer_at_a_time_may_keep_a_processor_busy() {
-        let [one, other] = doorbells();
-        let until = MonotonicNs::now() + LONGEST_SPIN;
-        let claim = one.claim_processor(3, until).unwrap();
-        assert!(other.claim_processor(3, until).is_none());
-        assert!(other.claim_processor(4, until).is_some());
-        drop(claim);
-        std::mem::forget(other.claim_processor(3, until).unwrap());
-        while MonotonicNs::now() <= until {
-            std::thread::yield_now();
-        }
-        std::mem::forget(one.claim_processor(3, late()).unwrap());
-        assert!(other.claim_processor(3, late()).is_some());
     }
 
     #[test]

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::domain::Domain;
+use crate::forked::Owned;
 use crate::generation;
 use crate::ipc::Ipc;
 use crate::open::{Expected, Offer};
@@ -26,7 +27,7 @@ use crate::session::service_folder;
 use crate::subscriber::{BytesSubscriber, ReceiveError};
 use crate::waiter::{WaitError, Wake, sealed};
 
-use check::{check_key, is_request, is_sample, parse};
+use check::{check_key, check_provider, is_request, is_sample, parse};
 pub use error::DynamicError;
 pub use requests::{DynamicClient, DynamicServer};
 
@@ -82,7 +83,8 @@ impl Domain {
     /// See [`LoadError`].
     pub fn schema_of(&self, robot: RobotId, key: &str) -> Result<Schema, LoadError> {
         let service = service_folder(self, robot, key);
-        match generation::current(&service).filter(|current| current.key == key) {
+        let current = generation::current(&service).ok().flatten();
+        match current.filter(|current| current.key == key) {
             Some(current) => generation::schema(&service, &current.name),
             None => own(key)
                 .map(ServiceId::contract)
@@ -125,7 +127,7 @@ fn announced_in(domain: &Domain, robot: RobotId) -> Vec<Announced> {
     }
     let folders = generation::services(&domain.robot_folder(robot)).into_iter();
     let found = folders.filter_map(|folder| {
-        let current = generation::current(&folder)?;
+        let current = generation::current(&folder).ok()??;
         Some(Announced {
             key: current.key,
             generation: current.name,
@@ -167,7 +169,7 @@ impl Announced {
 
 /// The reading end of a topic whose struct is known by its schema alone.
 pub struct DynamicSubscriber {
-    bytes: BytesSubscriber,
+    bytes: Owned<BytesSubscriber>,
     schema: Schema,
     key: String,
 }
@@ -288,8 +290,8 @@ impl DynamicSubscriber {
 }
 
 impl sealed::Source for DynamicSubscriber {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
@@ -299,7 +301,7 @@ impl sealed::Source for DynamicSubscriber {
 
 /// The writing end of a topic whose struct is known by its schema alone: for other languages, and for tools.
 pub struct DynamicPublisher {
-    bytes: BytesPublisher,
+    bytes: Owned<BytesPublisher>,
     schema: Schema,
 }
 
@@ -317,7 +319,14 @@ impl DynamicPublisher {
             return Err(DynamicError::NoTopic(key.to_owned()));
         }
         check_key(key, Pattern::PublishSubscribe, schema.layout_hash())?;
+        check_provider(key, ipc.session().process_name())?;
         let offer = Offer::of_schema(key, &schema, text);
+        if offer.max_subscribers == 0 {
+            return Err(DynamicError::TooMuchMemory {
+                key: key.to_owned(),
+                size: schema.size(),
+            });
+        }
         Ok(DynamicPublisher {
             bytes: BytesPublisher::open(ipc.session(), offer)?,
             schema,
@@ -359,8 +368,8 @@ impl DynamicPublisher {
 }
 
 impl sealed::Source for DynamicPublisher {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn tend(&mut self) -> bool {

@@ -3,12 +3,15 @@
 //! An event carries nothing but a reason to drain. The provider makes both of its service's, with every setting of the table;
 //! the others open them.
 
+use std::sync::Arc;
+
 use iceoryx2::prelude::{EventId, PortFactory};
 
 use crate::doorbell::Channel;
 use crate::files;
 use crate::generation::Generation;
-use crate::iox::{EventService, Listener, Notifier};
+use crate::housekeeper::Tended;
+use crate::iox::{EventService, Listener, Members, Notifier};
 use crate::open::{self, OpenError};
 use crate::robot::RobotId;
 use crate::service::{self, EventCode, service_name};
@@ -96,14 +99,27 @@ impl Event {
         })
     }
 
-    /// Places of listeners and notifiers of the other side that are taken, and how many there are.
-    pub(crate) fn places(&self) -> (usize, usize) {
+    /// Has judged who has the places of the other side's listeners or notifiers.
+    pub(crate) fn count_places(&self, tended: &Arc<Tended>) {
         let taken = self.service.dynamic_config();
         let (listeners, notifiers) = self.limits;
         match listeners > notifiers {
-            true => (taken.number_of_listeners(), listeners),
-            false => (taken.number_of_notifiers(), notifiers),
+            true => tended.count_places((taken.number_of_listeners(), listeners), || {
+                let mut members = Members::default();
+                taken.list_listeners(|it| members.add(it.node_id));
+                members.count()
+            }),
+            false => tended.count_places((taken.number_of_notifiers(), notifiers), || {
+                let mut members = Members::default();
+                taken.list_notifiers(|it| members.add(it.node_id));
+                members.count()
+            }),
         }
+    }
+
+    /// Listeners that there are.
+    pub(crate) fn listeners(&self) -> usize {
+        self.service.dynamic_config().number_of_listeners()
     }
 
     pub(crate) fn name(&self) -> &str {

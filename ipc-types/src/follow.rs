@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::doorbell::{Channel, Place};
+use crate::doorbell::{Channel, place};
 use crate::generation::{self, Generation};
+use crate::inspect;
 use crate::open::OpenError;
 use crate::session::Session;
 use crate::time::MonotonicNs;
@@ -27,9 +28,10 @@ const ROOM_TRIES: u32 = 20;
 /// They may be held by processes that were killed. Only the provider can find out, so it is told.
 pub(crate) fn until_room(
     session: &Session,
-    place: Place,
+    key: &str,
     mut open: impl FnMut() -> Result<(), OpenError>,
 ) -> Result<(), OpenError> {
+    let place = place(key);
     let deadline = MonotonicNs::now() + ROOM_LIMIT;
     let doorbell = session.doorbell();
     // A new generation wakes every sleeper.
@@ -41,12 +43,13 @@ pub(crate) fn until_room(
         tries += 1;
         let now = MonotonicNs::now();
         let has_waited = now >= deadline && tries >= ROOM_TRIES;
-        if !matches!(opened, Err(OpenError::Full { .. })) || has_waited {
+        if !matches!(opened, Err(OpenError::Full { .. })) {
             return opened;
         }
         doorbell.join(place);
-        if doorbell.sleep(seen, bits, now + RETRY).is_err() {
-            return opened;
+        if has_waited || doorbell.sleep(seen, bits, now + RETRY).is_err() {
+            let users = inspect::users(session, key);
+            return opened.map_err(|error| error.with_members(&users));
         }
     }
 }
@@ -73,6 +76,11 @@ impl Follower {
         }
     }
 
+    /// Whether something failed and is to be tried again.
+    pub(crate) fn is_retrying(&self) -> bool {
+        self.retry.get().is_some()
+    }
+
     /// Whether there may be another generation than the one that was last looked at.
     pub(crate) fn is_due(&self) -> bool {
         self.seen.get() != Some(self.session.doorbell().generations())
@@ -94,18 +102,24 @@ impl Follower {
         // Before `current` is read: what changes later is seen by the next look.
         self.seen.set(Some(self.session.doorbell().generations()));
         self.retry.set(None);
-        let current = generation::current(&self.folder).map(|current| current.name);
-        let Some(name) = current.filter(|name| present != Some(name)) else {
-            return Ok(None);
-        };
-        let made = self
-            .session
-            .enter(&self.key, &name)
-            .and_then(|generation| make(&self.session, generation));
+        let made = self.enter_current(present, make);
         if made.is_err() {
             self.retry.set(Some(MonotonicNs::now() + RETRY));
         }
-        made.map(Some)
+        made
+    }
+
+    fn enter_current<P>(
+        &self,
+        present: Option<&str>,
+        make: impl FnOnce(&Arc<Session>, Generation) -> Result<P, OpenError>,
+    ) -> Result<Option<P>, OpenError> {
+        let current = generation::current(&self.folder)?.map(|current| current.name);
+        let Some(name) = current.filter(|name| present != Some(name)) else {
+            return Ok(None);
+        };
+        let generation = self.session.enter(&self.key, &name)?;
+        make(&self.session, generation).map(Some)
     }
 
     /// Looks again at the next opportunity, whatever the doorbell says.

@@ -7,23 +7,26 @@
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
-use std::fs::{self, DirBuilder, File};
+use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read};
+use std::os::fd::AsRawFd;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::DirBuilderExt;
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use iceoryx2::prelude::{
     Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode,
 };
-use rustix::fs::FlockOperation;
+use rustix::fs::{FlockOperation, OFlags};
 
 use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
 use crate::domain_error::DomainError;
 use crate::iox::{Node, NodeBuilder, Svc};
-use crate::lock_file::{entries, flock, is_at, is_ours, open_lock_file, open_to_look};
-use crate::provider::LockWatch;
+use crate::lock_file::{
+    entries, flock, is_at, is_ours, make_lock_file_in, open_folder, open_to_look,
+};
+use crate::provider::{LockWatch, ProviderLock};
 use crate::schema::{self, LoadError, Schema};
 use crate::service::{MAX_KEY_LEN, is_key};
 use crate::{files, random};
@@ -57,7 +60,7 @@ pub(crate) struct Generation {
     node: Option<Node>,
     lock: File,
     /// Locked while the provider lives; the provider alone has it.
-    _provider: Option<File>,
+    provider: Option<File>,
     config: Config,
     name: String,
     path: PathBuf,
@@ -104,12 +107,14 @@ impl Generation {
         let created = files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
         created.map_err(|error| DomainError::io("create", &draft, error))?;
         // Locked before it gets its name: a folder without a lock counts as dead.
-        let lock = open_lock_file(&draft.join(LOCK_FILE))?.ok_or(EnterError::Ended)?;
+        let folder = open_folder(&draft)?.ok_or(EnterError::Ended)?;
+        let lock = make_lock_file_in(&folder, LOCK_FILE, &draft)?.ok_or(EnterError::Ended)?;
         let path = service.join(&name);
         if !flock(&lock, FlockOperation::NonBlockingLockShared, &path)? {
             return Err(EnterError::Ended);
         }
-        let provider = open_lock_file(&draft.join(PROVIDER_FILE))?.ok_or(EnterError::Ended)?;
+        let provider =
+            make_lock_file_in(&folder, PROVIDER_FILE, &draft)?.ok_or(EnterError::Ended)?;
         if !flock(&provider, FlockOperation::NonBlockingLockExclusive, &path)? {
             return Err(EnterError::Ended);
         }
@@ -155,7 +160,7 @@ impl Generation {
         let mut generation = Generation {
             node: None,
             lock,
-            _provider: provider,
+            provider,
             config,
             name,
             path,
@@ -194,6 +199,11 @@ impl Generation {
     /// Tells whether the provider is still there.
     pub(crate) fn provider_watch(&self) -> LockWatch {
         provider_watch(&self.path)
+    }
+
+    /// Says that what is in it is not served any more.
+    pub(crate) fn stop_serving(&mut self) {
+        self.provider = None;
     }
 
     /// Lays the schema of its content beside it.
@@ -240,10 +250,9 @@ pub(crate) fn announce(
 }
 
 /// Says that no generation lives.
-pub(crate) fn withdraw(service: &Path) {
-    let path = service.join(CURRENT_FILE);
-    if let Err(error) = fs::remove_file(&path) {
-        tracing::debug!(path = %path.display(), %error, "not removed");
+pub(crate) fn withdraw(lock: &ProviderLock) {
+    if let Err(error) = lock.remove(CURRENT_FILE) {
+        tracing::debug!(?lock, %error, "not withdrawn");
     }
 }
 
@@ -256,9 +265,21 @@ pub(crate) struct Current {
     pub(crate) key: String,
 }
 
-/// The generation of a service that others may enter.
-pub(crate) fn current(service: &Path) -> Option<Current> {
-    let file = open_to_look(&service.join(CURRENT_FILE)).ok()?;
+/// The generation of a service that others may enter; `None` if it has no provider.
+///
+/// # Errors
+///
+/// When that cannot be found out, for want of descriptors for example.
+pub(crate) fn current(service: &Path) -> Result<Option<Current>, DomainError> {
+    let path = service.join(CURRENT_FILE);
+    match open_to_look(&path) {
+        Ok(file) => Ok(read_current(file)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(DomainError::io("open", &path, error)),
+    }
+}
+
+fn read_current(file: File) -> Option<Current> {
     let mut text = String::new();
     let limit = GENERATION_LEN + 1 + PREFIX_LEN + 1 + MAX_KEY_LEN + 1;
     file.take(limit as u64).read_to_string(&mut text).ok()?;
@@ -283,6 +304,11 @@ pub(crate) fn schema_with_text(service: &Path, name: &str) -> Result<(Schema, St
 /// Tells whether the generation in this folder has a provider.
 pub(crate) fn provider_watch(generation: &Path) -> LockWatch {
     LockWatch::new(generation.join(PROVIDER_FILE))
+}
+
+/// The file of which the kernel closes one description when a process leaves the generation in this folder.
+pub(crate) fn lock_file(generation: &Path) -> PathBuf {
+    generation.join(LOCK_FILE)
 }
 
 /// The folders of a robot's services.
@@ -453,11 +479,34 @@ pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
             .collect();
         segments.retain(|path| {
             let name = path.file_name().map(OsStr::as_bytes).unwrap_or_default();
-            prefix_of(name).is_some_and(|prefix| !known.contains(prefix))
+            prefix_of(name).is_some_and(|prefix| !known.contains(prefix)) && is_unused(path)
         });
     }
     segments
 }
+
+/// Whether no process has the segment open, in whichever container: only then the kernel grants a lease. The domain's tag is short, so
+/// another domain of this user may have the same.
+fn is_unused(path: &Path) -> bool {
+    let mut options = OpenOptions::new();
+    options
+        .read(true)
+        .write(true)
+        .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
+    options.open(path).is_ok_and(|file| {
+        let descriptor = file.as_raw_fd();
+        // SAFETY: commands for an open descriptor, without pointers. A process that opens the segment meanwhile is announced by a
+        // signal: by one that does nothing unless it is handled.
+        #[allow(unsafe_code)]
+        unsafe {
+            libc::fcntl(descriptor, F_SETSIG, libc::SIGURG) == 0
+                && libc::fcntl(descriptor, libc::F_SETLEASE, libc::F_WRLCK) == 0
+        }
+    })
+}
+
+/// `F_SETSIG` of Linux, which the crate `libc` has not for every C library.
+const F_SETSIG: i32 = 10;
 
 /// Deletes the [`orphans`]. Returns how many those were.
 pub(crate) fn delete_orphans(domain: &Domain) -> usize {

@@ -3,6 +3,7 @@
 //! Nothing here judges. Only [`Domain::repair`] and [`Domain::remove_if_dead`] remove something, and only what is certainly
 //! dead. A root that belongs to another user is not entered: what is in it is that user's choice.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::os::unix::fs::MetadataExt;
@@ -19,7 +20,7 @@ use crate::lock_file::{entries, is_ours};
 use crate::provider::{Provider, ProviderWatch};
 use crate::robot::RobotId;
 use crate::robot_folder;
-use crate::session::service_folder;
+use crate::session::{Session, service_folder};
 
 /// What is there of a domain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -292,7 +293,7 @@ fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
         };
         facts.generations += names.len();
         facts.former += names.iter().filter(|name| !has_provider(name)).count();
-        if let Some(current) = generation::current(&service) {
+        if let Ok(Some(current)) = generation::current(&service) {
             let is_tended = has_provider(&current.name);
             facts
                 .members
@@ -301,6 +302,32 @@ fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
     }
     facts.members.sort();
     facts
+}
+
+/// The processes with live members in the present generation of a service, but for its provider's own, in words.
+pub(crate) fn users(session: &Session, key: &str) -> Vec<String> {
+    let (domain, folder) = (session.membership().domain(), session.service_folder(key));
+    let Ok(Some(current)) = generation::current(&folder) else {
+        return Vec::new();
+    };
+    let mut ports: BTreeMap<(String, u32), usize> = BTreeMap::new();
+    for member in members(domain, &folder, &current, true) {
+        if member.life == Life::Live {
+            *ports.entry((member.process, member.pid)).or_default() += 1;
+        }
+    }
+    if let Ok(Some(provider)) = session.watch(key).look()
+        && let Some(count) = ports.get_mut(&(provider.process, provider.pid))
+    {
+        *count -= 1;
+    }
+    let names = ports.into_iter().filter(|(_, count)| *count > 0);
+    names
+        .map(|((process, pid), count)| match count {
+            1 => format!("`{process}` (process {pid})"),
+            _ => format!("`{process}` (process {pid}, {count} times)"),
+        })
+        .collect()
 }
 
 fn members(domain: &Domain, service: &Path, current: &Current, is_tended: bool) -> Vec<Member> {
@@ -448,6 +475,10 @@ mod tests {
         let segment = Path::new(SHM_DIR).join(format!("{}ghijkl_x", domain.tag()));
         fs::write(&segment, "x").unwrap();
         fs::write(domain.root().join("1/doorbell"), "").unwrap();
+        // Another domain may have the same tag: what a process has open is not taken for left behind.
+        let open = fs::File::options().write(true).open(&segment).unwrap();
+        assert_eq!(domain.inspect().leftovers, 1);
+        drop(open);
         assert_eq!(domain.inspect().leftovers, 2);
         let repair = domain.repair().unwrap();
         assert_eq!((repair.robots, repair.leftovers), (1, 2));
@@ -470,7 +501,7 @@ mod tests {
             mkfifoat(CWD, folder.join(name), Mode::RUSR | Mode::WUSR).unwrap();
         }
         assert_eq!(domain.provider(RobotId::DEFAULT, service).unwrap(), None);
-        assert_eq!(generation::current(&folder), None);
+        assert_eq!(generation::current(&folder).unwrap(), None);
         drop(ipc);
         assert!(domain.residue().is_empty());
     }

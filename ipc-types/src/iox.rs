@@ -1,7 +1,10 @@
 //! What this crate takes from iceoryx2: its service variant, and short names. Nothing of this module is public.
 
+use std::collections::HashSet;
 use std::fmt::Debug;
 
+use iceoryx2::identifiers::UniqueNodeId;
+use iceoryx2::prelude::CallbackProgression;
 use iceoryx2::service::Service;
 use iceoryx2::service::internal::ServiceInternal;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
@@ -94,6 +97,21 @@ pub(crate) struct AnyRequest([u8; 0]);
 unsafe impl ZeroCopySend for AnyRequest {
     unsafe fn type_name() -> &'static str {
         "any request"
+    }
+}
+
+/// The members that have ports of one kind: a program may have several ports in one node.
+#[derive(Default)]
+pub(crate) struct Members(HashSet<UniqueNodeId>);
+
+impl Members {
+    pub(crate) fn add(&mut self, node: UniqueNodeId) -> CallbackProgression {
+        self.0.insert(node);
+        CallbackProgression::Continue
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.0.len()
     }
 }
 

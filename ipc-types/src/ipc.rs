@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::domain::Domain;
+use crate::forked::Forked;
 use crate::open::OpenError;
 use crate::provider::Provider;
 use crate::robot::RobotId;
@@ -54,6 +55,15 @@ impl Ipc {
         Ok(Ipc {
             session: Arc::new(Session::join(domain, robot, process_name)?),
         })
+    }
+
+    /// Whether this is the process that joined.
+    ///
+    /// # Errors
+    ///
+    /// [`Forked`] in a child that was forked from it.
+    pub fn check_process(&self) -> Result<(), Forked> {
+        self.session.check_process()
     }
 
     /// The robot.

@@ -51,7 +51,6 @@
 //! # }
 //! ```
 
-mod anticipation;
 #[cfg(feature = "tokio")]
 mod async_io;
 mod bytes_client;
@@ -66,6 +65,7 @@ pub mod dynamic;
 mod event;
 pub mod files;
 mod follow;
+mod forked;
 mod generation;
 pub mod group;
 mod housekeeper;
@@ -73,6 +73,7 @@ pub mod inspect;
 mod iox;
 pub mod ipc;
 pub mod journal;
+mod limits;
 mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
 #[allow(unsafe_code)]
@@ -106,9 +107,9 @@ pub mod waiter;
 mod wake;
 
 #[doc(hidden)]
+pub use bytes_client::keep_report;
 pub use payload::support as macro_support;
 
-pub use anticipation::Anticipated;
 #[cfg(feature = "tokio")]
 pub use async_io::{Async, AsyncError};
 pub use client::{Client, SendError};
@@ -117,6 +118,7 @@ pub use domain_error::DomainError;
 pub use dynamic::{
     DynamicClient, DynamicError, DynamicPublisher, DynamicServer, DynamicSubscriber,
 };
+pub use forked::Forked;
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;

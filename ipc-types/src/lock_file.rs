@@ -7,7 +7,7 @@ use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
-use rustix::fs::{FlockOperation, OFlags};
+use rustix::fs::{FlockOperation, Mode, OFlags, openat};
 use rustix::io::Errno;
 
 use crate::domain_error::DomainError;
@@ -44,7 +44,10 @@ fn check_folder(folder: &Path, metadata: &Metadata) -> Result<(), DomainError> {
     if !is_ours(metadata) {
         let uid = rustix::process::geteuid().as_raw();
         let reason = format!("it belongs to user {}, this is user {uid}", metadata.uid());
-        return refuse(reason, OTHER_DOMAIN);
+        // Robots of that user may live and fly there.
+        const OTHER_USER: &str =
+            "run as that user if its robots are meant, or choose another domain with RIL_IPC_ROOT";
+        return refuse(reason, OTHER_USER);
     }
     if metadata.mode() & 0o022 != 0 {
         let mode = metadata.mode() & 0o777;
@@ -59,20 +62,57 @@ pub(crate) fn is_ours(metadata: &Metadata) -> bool {
     metadata.uid() == rustix::process::geteuid().as_raw()
 }
 
-/// Opens a file to lock it, and makes it if need be. Nothing when its folder is gone.
-pub(crate) fn open_lock_file(path: &Path) -> Result<Option<File>, DomainError> {
+/// Opens a folder of the user's own; `None` if there is none.
+pub(crate) fn open_folder(path: &Path) -> Result<Option<File>, DomainError> {
     let mut options = OpenOptions::new();
     options
         .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .mode(0o600)
-        .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
-    match files::while_no_port_opens(|| options.open(path)) {
-        Ok(file) => Ok(Some(file)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(DomainError::io("open", path, error)),
+        .custom_flags((OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
+    let error = match options.open(path) {
+        Ok(folder) => {
+            let metadata = folder.metadata();
+            let metadata = metadata.map_err(|error| DomainError::io("look at", path, error))?;
+            return check_folder(path, &metadata).map(|()| Some(folder));
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => error,
+    };
+    // What stands there instead says more.
+    if let Ok(metadata) = fs::symlink_metadata(path) {
+        check_folder(path, &metadata)?;
+    }
+    Err(DomainError::io("open", path, error))
+}
+
+/// Opens a file in a folder to lock it; `None` if there is none. `path` is the folder's.
+pub(crate) fn open_lock_file_in(
+    folder: &File,
+    name: &str,
+    path: &Path,
+) -> Result<Option<File>, DomainError> {
+    open_in(folder, name, OFlags::empty(), path)
+}
+
+/// The same, and makes the file if need be; `None` if its folder was removed.
+pub(crate) fn make_lock_file_in(
+    folder: &File,
+    name: &str,
+    path: &Path,
+) -> Result<Option<File>, DomainError> {
+    files::while_no_port_opens(|| open_in(folder, name, OFlags::CREATE, path))
+}
+
+fn open_in(
+    folder: &File,
+    name: &str,
+    flags: OFlags,
+    path: &Path,
+) -> Result<Option<File>, DomainError> {
+    let flags = flags | OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    match openat(folder, name, flags, Mode::RUSR | Mode::WUSR) {
+        Ok(file) => Ok(Some(File::from(file))),
+        Err(Errno::NOENT) => Ok(None),
+        Err(error) => Err(DomainError::io("open", &path.join(name), error)),
     }
 }
 
@@ -107,8 +147,17 @@ pub(crate) fn flock(
 
 /// Whether `file` is still the one at `path`, not one that was removed or renamed meanwhile.
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
-    match (file.metadata(), fs::symlink_metadata(path)) {
-        (Ok(ours), Ok(present)) => ours.dev() == present.dev() && ours.ino() == present.ino(),
+    is_one(file.metadata(), fs::symlink_metadata(path))
+}
+
+/// Whether two descriptors are of one file.
+pub(crate) fn is_same(one: &File, other: &File) -> bool {
+    is_one(one.metadata(), other.metadata())
+}
+
+fn is_one(one: io::Result<Metadata>, other: io::Result<Metadata>) -> bool {
+    match (one, other) {
+        (Ok(one), Ok(other)) => one.dev() == other.dev() && one.ino() == other.ino(),
         _ => false,
     }
 }

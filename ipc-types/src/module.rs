@@ -319,8 +319,8 @@ of_module! {
 }
 
 impl<M: Module> ControlOf<M> {
-    /// The request that asks the module for `command`.
-    pub const fn command(request_id: u64, command: ControlCommand) -> ControlOf<M> {
+    /// The request that asks the module for `command`, issued now.
+    pub fn command(request_id: u64, command: ControlCommand) -> ControlOf<M> {
         ControlOf::new(ModuleControl::new(request_id, command))
     }
 }

@@ -18,13 +18,15 @@ use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVar
 use crate::domain::SHM_DIR;
 use crate::domain_error::DomainError;
 use crate::files;
+use crate::forked::Forked;
 use crate::generation::{EnterError, Generation};
 use crate::iox::{AnyRequest, BytesService, RequestService, Svc, TopicService};
+use crate::limits;
 use crate::payload::{FieldKind, FieldLayout, Number, RequestReport, SharedStruct};
 use crate::provider::Provider;
 use crate::robot::RobotId;
 use crate::schema::Schema;
-use crate::service::{self, Contract, Request, Topic};
+use crate::service::{self, Contract, Request, Topic, subscribers_within_memory};
 
 /// A port cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +55,7 @@ pub enum OpenError {
     },
     /// As many ports as the table allows are there already.
     #[error(
-        "service `{service}` already has {max} {what}, as many as it can have: stop one of the processes that use it"
+        "service `{service}` already has {max} {what}, as many as it can have: stop one of the processes that use it{members}"
     )]
     Full {
         /// Name of the service.
@@ -62,10 +64,15 @@ pub enum OpenError {
         what: &'static str,
         /// How many there can be.
         max: usize,
+        /// The live processes that use it, as the end of a sentence; empty when that is not known.
+        members: String,
     },
     /// The folder of the domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
+    /// The process was forked from the one that joined.
+    #[error(transparent)]
+    Forked(#[from] Forked),
     /// `/dev/shm` is full.
     #[error(
         "service `{service}` finds no room in /dev/shm: remove what fills it (see `df -h /dev/shm` and `df -i /dev/shm`), or enlarge it (`mount -o remount,size=256m /dev/shm`)"
@@ -73,6 +80,18 @@ pub enum OpenError {
     NoRoom {
         /// Name of the service.
         service: String,
+    },
+    /// iceoryx2 failed in a process with low limits.
+    #[error(
+        "service `{service}` cannot be opened ({reason}); this process has low limits: {limits}; raise them (`ulimit -a` shows those of a shell; a service has `LimitNOFILE=` and the like)"
+    )]
+    Limited {
+        /// Name of the service.
+        service: String,
+        /// What iceoryx2 says.
+        reason: String,
+        /// The limits that are so low, with their values.
+        limits: String,
     },
     /// iceoryx2 failed.
     #[error(
@@ -94,12 +113,38 @@ fn describe(provider: Option<&Provider>) -> String {
 }
 
 impl OpenError {
+    /// In words, with the cause.
+    pub(crate) fn with_cause(&self) -> String {
+        match std::error::Error::source(self) {
+            Some(cause) => format!("{self}: {cause}"),
+            None => self.to_string(),
+        }
+    }
+
+    /// Whether the service may be there and cannot be opened just now.
+    pub(crate) fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            OpenError::Failed { .. } | OpenError::Limited { .. } | OpenError::Domain(_)
+        )
+    }
+
     /// Whether `/dev/shm` is full.
     pub fn is_no_room(&self) -> bool {
         matches!(
             self,
             OpenError::NoRoom { .. } | OpenError::Domain(DomainError::NoRoom { .. })
         )
+    }
+
+    /// Names the processes that have the places.
+    pub(crate) fn with_members(mut self, names: &[String]) -> OpenError {
+        if let OpenError::Full { members, .. } = &mut self
+            && !names.is_empty()
+        {
+            *members = format!("; these are {}", names.join(", "));
+        }
+        self
     }
 
     /// Of a generation of `service`.
@@ -115,6 +160,9 @@ impl OpenError {
 /// The field of a request that every report about it repeats, if the request has it.
 const PATH_ID: &str = "path_id";
 
+/// Name of the field of a request that says when its order was issued.
+const ISSUED: &str = "issued_ns";
+
 /// Free bytes and inodes below which a failure is laid to them.
 const LOW_BYTES: u64 = 4 << 20;
 const LOW_INODES: u64 = 32;
@@ -128,15 +176,21 @@ pub(crate) fn is_memory_full() -> bool {
     })
 }
 
-/// A failure of iceoryx2, which does not say when memory is full.
+/// A failure of iceoryx2, which does not say when memory is full or a limit is reached.
 pub(crate) fn failed(service: &str, error: impl Debug) -> OpenError {
     let service = service.to_owned();
     if is_memory_full() {
         return OpenError::NoRoom { service };
     }
-    OpenError::Failed {
-        service,
-        reason: format!("{error:?}"),
+    let reason = format!("{error:?}");
+    let limits = limits::too_low();
+    match limits.is_empty() {
+        true => OpenError::Failed { service, reason },
+        false => OpenError::Limited {
+            service,
+            reason,
+            limits,
+        },
     }
 }
 
@@ -275,6 +329,8 @@ pub(crate) struct Offer {
     align: usize,
     /// Of a request: where its `path_id` lies, if it has one, bytes.
     pub(crate) path_offset: Option<usize>,
+    /// Of a request: where its `issued_ns` lies, if it has one, bytes.
+    pub(crate) issued_offset: Option<usize>,
     /// Of a topic: subscribers that it can have.
     pub(crate) max_subscribers: usize,
     /// The text of the payload's schema.
@@ -284,7 +340,14 @@ pub(crate) struct Offer {
 impl Offer {
     pub(crate) fn of_topic<T: Topic>() -> Offer {
         Offer {
-            max_subscribers: T::MAX_SUBSCRIBERS,
+            max_subscribers: const {
+                let fitting = subscribers_within_memory(size_of::<T>(), T::MAX_SUBSCRIBERS);
+                assert!(
+                    fitting > 0,
+                    "a sample is larger than MAX_TOPIC_MEMORY allows"
+                );
+                fitting
+            },
             ..Offer::of_contract(T::KEY, &Contract::of_topic::<T>())
         }
     }
@@ -296,8 +359,12 @@ impl Offer {
 
     fn of_contract(key: &str, contract: &Contract) -> Offer {
         let payload = contract.payload;
-        let path_id = |field: &&FieldLayout| {
-            field.name == PATH_ID && field.kind == FieldKind::Number(Number::U64)
+        let offset = |name: &str| {
+            let is_meant = |field: &&FieldLayout| {
+                field.name == name && field.kind == FieldKind::Number(Number::U64)
+            };
+            let field = payload.fields.iter().find(is_meant);
+            field.map(|field| field.offset)
         };
         Offer {
             key: key.to_owned(),
@@ -306,11 +373,8 @@ impl Offer {
             type_name: payload.type_name.to_owned(),
             size: payload.size,
             align: payload.align,
-            path_offset: payload
-                .fields
-                .iter()
-                .find(path_id)
-                .map(|field| field.offset),
+            path_offset: offset(PATH_ID),
+            issued_offset: offset(ISSUED),
             max_subscribers: service::MAX_SUBSCRIBERS,
             schema: contract.schema(),
         }
@@ -326,20 +390,23 @@ impl Offer {
             size: schema.size(),
             align: schema.align(),
             path_offset: None,
-            max_subscribers: service::MAX_SUBSCRIBERS,
+            issued_offset: None,
+            max_subscribers: subscribers_within_memory(schema.size(), service::MAX_SUBSCRIBERS),
             schema: text.to_owned(),
         }
     }
 
     /// As [`Offer::of_schema`], of a request service. A client has no use for the text.
     pub(crate) fn of_request_schema(key: &str, schema: &Schema, text: &str) -> Offer {
-        let path_id = schema.number(PATH_ID);
+        let offset = |name: &str| {
+            let leaf = schema.number(name)?;
+            (leaf.number == Number::U64 && leaf.len.is_none()).then_some(leaf.offset)
+        };
         Offer {
             layout: format!("{}/{}", schema.type_name(), RequestReport::TYPE_NAME),
             layout_hash: schema.request_layout_hash(),
-            path_offset: path_id
-                .filter(|leaf| leaf.number == Number::U64 && leaf.len.is_none())
-                .map(|leaf| leaf.offset),
+            path_offset: offset(PATH_ID),
+            issued_offset: offset(ISSUED),
             ..Offer::of_schema(key, schema, text)
         }
     }
@@ -528,6 +595,7 @@ fn full(service: &str, (what, max): (&'static str, usize)) -> OpenError {
         service: service.to_owned(),
         what,
         max,
+        members: String::new(),
     }
 }
 

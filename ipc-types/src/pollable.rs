@@ -67,6 +67,16 @@ impl Pollable {
         }
     }
 
+    /// Watches the receiver of a former generation no longer, because the port does not empty it any more: it would keep the
+    /// descriptor readable until its listener is closed.
+    pub(crate) fn forget(&self, receiver: &WakeReceiver) {
+        if let (Some(set), Some(descriptor)) = (self.0.get(), receiver.lent())
+            && let Err(error) = epoll::delete(&set.epoll, descriptor)
+        {
+            tracing::debug!(%error, "a listener was not watched");
+        }
+    }
+
     /// Called when the port is drained, so that the descriptor is not readable any more for what has been dealt with.
     pub(crate) fn drained(&self) {
         let Some(set) = self.0.get() else {

@@ -9,10 +9,15 @@ use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::fs::FlockOperation;
+use rustix::fs::{AtFlags, FlockOperation, unlinkat};
+use rustix::io::Errno;
+use rustix::process::{Pid, test_kill_process};
 
 use crate::domain_error::DomainError;
-use crate::lock_file::{flock, make_folder, open_lock_file, open_to_look};
+use crate::lock_file::{
+    flock, is_at, is_same, make_folder, make_lock_file_in, open_folder, open_lock_file_in,
+    open_to_look,
+};
 
 /// The file in a service's folder that its provider has locked.
 const LOCK_FILE: &str = "lock";
@@ -74,7 +79,8 @@ fn namespace(kind: &str) -> u64 {
 /// The one live provider of a service of a robot: an exclusive lock.
 #[derive(Debug)]
 pub(crate) struct ProviderLock {
-    _file: File,
+    file: File,
+    path: PathBuf,
 }
 
 impl ProviderLock {
@@ -83,20 +89,56 @@ impl ProviderLock {
         folder: &Path,
         provider: &Provider,
     ) -> Result<Result<ProviderLock, Option<Provider>>, DomainError> {
-        make_folder(folder)?;
         let path = folder.join(LOCK_FILE);
-        let Some(mut file) = open_lock_file(&path)? else {
-            return Err(DomainError::Unsettled { path, attempts: 1 });
-        };
+        let mut by = None;
         for _ in 0..ATTEMPTS {
-            if flock(&file, FlockOperation::NonBlockingLockExclusive, &path)? {
+            make_folder(folder)?;
+            let Some(dir) = open_folder(folder)? else {
+                continue;
+            };
+            let Some(mut file) = make_lock_file_in(&dir, LOCK_FILE, folder)? else {
+                continue;
+            };
+            if !flock(&file, FlockOperation::NonBlockingLockExclusive, &path)? {
+                by = read(&file);
+                std::thread::sleep(PAUSE);
+                continue;
+            }
+            // Else it is the lock of a folder that was removed meanwhile.
+            if is_at(&file, &path) {
                 write(&mut file, provider)
                     .map_err(|error| DomainError::io("write", &path, error))?;
-                return Ok(Ok(ProviderLock { _file: file }));
+                return Ok(Ok(ProviderLock { file, path }));
             }
-            std::thread::sleep(PAUSE);
         }
-        Ok(Err(read(&file)))
+        Ok(Err(by))
+    }
+
+    /// Whether it still is the lock that others find. Else the folder of a live robot was removed from outside.
+    pub(crate) fn is_in_place(&self) -> bool {
+        is_at(&self.file, &self.path)
+    }
+
+    /// Removes a file from the folder in which this process provides, and from no other that has its name by now.
+    pub(crate) fn remove(&self, name: &str) -> Result<(), DomainError> {
+        let folder = self.path.parent().unwrap_or(&self.path);
+        let Some(dir) = open_folder(folder)? else {
+            return Ok(());
+        };
+        match open_lock_file_in(&dir, LOCK_FILE, folder)? {
+            Some(lock) if is_same(&lock, &self.file) => unlinkat(&dir, name, AtFlags::empty())
+                .map_err(|error| DomainError::io("remove", &folder.join(name), error)),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Drop for ProviderLock {
+    /// The next provider has the lock before it has written its name.
+    fn drop(&mut self) {
+        if let Err(error) = self.file.set_len(0) {
+            tracing::debug!(path = %self.path.display(), %error, "the provider's name stays");
+        }
     }
 }
 
@@ -184,7 +226,15 @@ fn write(file: &mut File, provider: &Provider) -> io::Result<()> {
 fn read(file: &File) -> Option<Provider> {
     let mut text = [0; MAX_LEN];
     let len = file.read_at(&mut text, 0).ok()?;
-    parse(str::from_utf8(&text[..len]).ok()?)
+    let provider = parse(str::from_utf8(&text[..len]).ok()?)?;
+    // A provider that has the lock, but has not yet written its name, has left the name of one that was killed.
+    let is_there = !provider.shares_pids() || is_alive(provider.pid);
+    is_there.then_some(provider)
+}
+
+fn is_alive(pid: u32) -> bool {
+    let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
+    pid.is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
 }
 
 fn parse(text: &str) -> Option<Provider> {
@@ -218,6 +268,46 @@ mod tests {
         assert_eq!(watch.look().unwrap(), None);
         let _lock = ProviderLock::acquire(&service, &other).unwrap().unwrap();
         assert_eq!(watch.look().unwrap(), Some(other));
+    }
+
+    #[test]
+    fn a_provider_whose_folder_was_taken_away_notices_and_leaves_the_next_ones_alone() {
+        let folder = crate::files::test_folder();
+        let [service, aside] = ["service", "aside"].map(|name| folder.path().join(name));
+        let [one, other] = [7, 8].map(|since_ns| Provider::this_process("bridge", since_ns));
+        let former = ProviderLock::acquire(&service, &one).unwrap().unwrap();
+        assert!(former.is_in_place());
+        fs::rename(&service, &aside).unwrap();
+        assert!(!former.is_in_place());
+        let lock = ProviderLock::acquire(&service, &other).unwrap().unwrap();
+        let file = service.join("current");
+        fs::write(&file, "x").unwrap();
+        former.remove("current").unwrap();
+        assert!(file.exists());
+        lock.remove("current").unwrap();
+        assert!(!file.exists());
+    }
+
+    #[test]
+    fn a_provider_that_has_not_written_its_name_is_not_taken_for_the_one_before() {
+        let folder = crate::files::test_folder();
+        let service = folder.path().join("service");
+        let mut dead = std::process::Command::new("true").spawn().unwrap();
+        dead.wait().unwrap();
+        let killed = Provider {
+            pid: dead.id(),
+            ..Provider::this_process("bridge", 7)
+        };
+        let next = Provider::this_process("bridge", 8);
+        drop(ProviderLock::acquire(&service, &next).unwrap().unwrap());
+        assert_eq!(fs::read_to_string(service.join(LOCK_FILE)).unwrap(), "");
+        let mut file = File::create(service.join(LOCK_FILE)).unwrap();
+        write(&mut file, &killed).unwrap();
+        assert!(flock(&file, FlockOperation::NonBlockingLockExclusive, &service).unwrap());
+        let refused = ProviderLock::acquire(&service, &next).unwrap();
+        assert_eq!(refused.unwrap_err(), None);
+        let seen = ProviderWatch::new(&service).look().unwrap().unwrap();
+        assert_eq!(seen.process, "unknown");
     }
 
     #[test]

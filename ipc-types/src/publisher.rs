@@ -4,12 +4,14 @@
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 makes a handle of 104 bytes on the heap for each sample.
 
+use std::cell::Cell;
 use std::marker::PhantomData;
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
 use arrayvec::ArrayVec;
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
@@ -17,12 +19,14 @@ use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
 use crate::doorbell::{Channel, Place, place};
 use crate::event::Event;
-use crate::generation::Generation;
+use crate::forked::Owned;
+use crate::generation::{self, Generation};
 use crate::housekeeper::Tended;
-use crate::iox::{Svc, TopicService};
+use crate::iox::{Members, Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
 use crate::pollable::Pollable;
 use crate::provider::ProviderLock;
+use crate::reserve;
 use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, Pattern, SEQUENCE_OFFSET, Topic, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
@@ -62,7 +66,7 @@ pub struct PublishError {
 /// Give it to the [`Waiter`](crate::Waiter) as well: subscribers that join between two samples then get the latest at once, not
 /// with the next one.
 pub struct Publisher<T: Topic> {
-    bytes: BytesPublisher,
+    bytes: Owned<BytesPublisher>,
     payload: PhantomData<fn(T)>,
 }
 
@@ -119,9 +123,7 @@ impl<T: Topic> Publisher<T> {
 
     /// Subscribers that are there now, in all processes. Costs a few nanoseconds.
     pub fn subscribers(&self) -> usize {
-        let former = self.bytes.former.iter().map(|(port, _)| port);
-        let ports = former.chain([&self.bytes.port]);
-        ports.map(Port::subscribers).sum()
+        self.bytes.ports().map(Port::subscribers).sum()
     }
 
     /// How often [`tend`](Publisher::tend) has met subscribers that joined.
@@ -142,8 +144,8 @@ impl<T: Topic> Publisher<T> {
 }
 
 impl<T: Topic> sealed::Source for Publisher<T> {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn tend(&mut self) -> bool {
@@ -172,7 +174,7 @@ pub(crate) struct BytesPublisher {
     sequence: u64,
     place: Place,
     offer: Offer,
-    _lock: ProviderLock,
+    lock: Arc<ProviderLock>,
     session: Arc<Session>,
 }
 
@@ -189,6 +191,8 @@ struct Port {
     served: u32,
     tended: Arc<Tended>,
     max_subscribers: usize,
+    /// Subscribers that there were when they were last connected. Those that do not ring the doorbell are found by it.
+    known: Cell<usize>,
     key: String,
     // Last: its node must outlive the ports.
     _generation: Generation,
@@ -212,43 +216,61 @@ fn bytes_of(sample: &mut Preloaned) -> &mut [u8] {
 unsafe impl Send for Port {}
 
 impl Port {
-    fn make(session: &Arc<Session>, offer: &Offer) -> Result<Port, OpenError> {
+    fn make(
+        session: &Arc<Session>,
+        lock: &Arc<ProviderLock>,
+        offer: &Offer,
+    ) -> Result<Port, OpenError> {
         let pattern = Pattern::PublishSubscribe;
-        session.begin(&offer.key, pattern, &offer.schema, |generation, tended| {
-            let robot = session.robot();
-            let key = offer.key.as_str();
-            let service = open::create_topic(&generation, offer, robot)?;
-            let event = |channel| Event::create(&generation, robot, key, channel);
-            let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
-            // Consumers in other languages announce themselves by this alone.
-            subscribers.listener()?;
-            let samples = event(Channel::Samples)?;
-            let port = open::port(
-                &service_name(robot, key),
-                ("publishers", MAX_PROVIDERS),
-                |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
-                || {
-                    service
-                        .publisher_builder()
-                        .max_loaned_samples(1)
-                        // Without effect while the oldest gives way to the newest, but never anything that waits.
-                        .backpressure_strategy(BackpressureStrategy::DiscardData)
-                        .create()
-                },
-            )?;
-            Ok(Port {
-                preloaned: None,
-                port,
-                service,
-                samples: WakeSender::make(session, samples, place(key), Channel::Samples)?,
-                subscribers,
-                served: session.doorbell().joined(place(key)),
-                tended,
-                max_subscribers: offer.max_subscribers,
-                key: key.to_owned(),
-                _generation: generation,
-            })
-        })
+        session.begin(
+            lock,
+            &offer.key,
+            pattern,
+            &offer.schema,
+            |generation, tended| {
+                let robot = session.robot();
+                let key = offer.key.as_str();
+                let service = open::create_topic(&generation, offer, robot)?;
+                let event = |channel| Event::create(&generation, robot, key, channel);
+                let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
+                // Consumers in other languages announce themselves by this alone.
+                subscribers.listener()?;
+                subscribers.leave_to_waiters();
+                let samples = event(Channel::Samples)?;
+                let failing = Arc::clone(&tended);
+                let port = open::port(
+                    &service_name(robot, key),
+                    ("publishers", MAX_PROVIDERS),
+                    |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
+                    || {
+                        service
+                            .publisher_builder()
+                            .max_loaned_samples(1)
+                            // Without effect while the oldest gives way to the newest, but never anything that waits.
+                            .backpressure_strategy(BackpressureStrategy::DiscardData)
+                            .set_degradation_handler(move |_, _: &_| {
+                                failing.note_unconnected();
+                                // The others are served.
+                                DegradationAction::Ignore
+                            })
+                            .create()
+                    },
+                )?;
+                Ok(Port {
+                    preloaned: None,
+                    port,
+                    service,
+                    samples: WakeSender::make(session, samples, place(key), Channel::Samples)?,
+                    subscribers,
+                    served: session.doorbell().joined(place(key)),
+                    tended,
+                    max_subscribers: offer.max_subscribers,
+                    known: Cell::new(0),
+                    key: key.to_owned(),
+                    _generation: generation,
+                })
+            },
+        )
     }
 
     fn loan(&mut self) -> Result<Preloaned, PublishError> {
@@ -275,7 +297,7 @@ impl Port {
         sample
             .send()
             .map_err(|error| publish_error(&self.key, error))?;
-        self.samples.wake_for_sample();
+        self.samples.wake();
         // Without one, the next call tries again and says why.
         self.preloaned = self.loan_zeros().ok();
         Ok(())
@@ -285,13 +307,24 @@ impl Port {
         self.service.dynamic_config().number_of_subscribers()
     }
 
+    /// Whether there are as many subscribers as when they were last connected.
+    fn knows_subscribers(&self) -> bool {
+        self.subscribers() == self.known.get()
+    }
+
     /// Connects subscribers that have joined, which gives them the latest sample.
     fn connect(&self) {
-        let subscribers = self.subscribers();
-        self.tended.count_places(subscribers, self.max_subscribers);
-        for (taken, places) in [self.samples.places(), self.subscribers.places()] {
-            self.tended.count_places(taken, places);
-        }
+        let places = (self.subscribers(), self.max_subscribers);
+        self.known.set(places.0);
+        self.tended.count_places(places, || {
+            let mut members = Members::default();
+            let taken = self.service.dynamic_config();
+            taken.list_subscribers(|it| members.add(it.node_id));
+            members.count()
+        });
+        self.samples.count_places(&self.tended);
+        self.subscribers.count_places(&self.tended);
+        let _held = reserve::hold_descriptors();
         if let Err(error) = self.port.update_connections() {
             tracing::debug!(service = self.key, ?error, "a subscriber was not reached");
         }
@@ -299,10 +332,13 @@ impl Port {
 }
 
 impl BytesPublisher {
-    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesPublisher, OpenError> {
+    pub(crate) fn open(
+        session: &Arc<Session>,
+        offer: Offer,
+    ) -> Result<Owned<BytesPublisher>, OpenError> {
         let lock = session.provide(&offer.key)?;
-        Ok(BytesPublisher {
-            port: Port::make(session, &offer)?,
+        Ok(Owned::new(BytesPublisher {
+            port: Port::make(session, &lock, &offer)?,
             former: ArrayVec::new(),
             retry: MonotonicNs::default(),
             generations: 1,
@@ -313,13 +349,19 @@ impl BytesPublisher {
             sequence: 0,
             place: place(&offer.key),
             offer,
-            _lock: lock,
+            lock,
             session: Arc::clone(session),
-        })
+        }))
     }
 
     /// See [`Publisher::publish`].
     pub(crate) fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
+        self.session
+            .check_process()
+            .map_err(|forked| PublishError {
+                service: self.offer.key.clone(),
+                reason: forked.to_string(),
+            })?;
         let mut sample = self.port.loan()?;
         let sequence = self.sequence + 1;
         let payload = bytes_of(&mut sample);
@@ -336,16 +378,24 @@ impl BytesPublisher {
                 let _ = former.send(copy);
             }
         }
+        if !self.port.knows_subscribers() {
+            // Sending connects new subscribers, too.
+            self.port.connect();
+        }
         self.port.send(sample)?;
         Ok(sequence)
     }
 
     /// See [`Publisher::tend`].
     pub(crate) fn tend(&mut self) {
+        if self.session.check_process().is_err() {
+            return;
+        }
         self.change_generation();
         self.pollable.drained();
         let joined = self.joined();
-        if self.port.subscribers.take() == 0 && joined == self.port.served {
+        let announced: u64 = self.ports().map(|port| port.subscribers.take()).sum();
+        if announced == 0 && joined == self.port.served && self.knows_subscribers() {
             return;
         }
         self.port.served = joined;
@@ -366,13 +416,14 @@ impl BytesPublisher {
         let now = MonotonicNs::now();
         while self.former.first().is_some_and(|(_, until)| now >= *until) {
             let (former, _) = self.former.remove(0);
+            self.pollable.forget(&former.subscribers);
             self.session.housekeeper().drop_later(former);
         }
         if self.former.is_full() || !self.port.tended.is_worn() || now < self.retry {
             return;
         }
         self.retry = now + RETRY;
-        match Port::make(&self.session, &self.offer) {
+        match Port::make(&self.session, &self.lock, &self.offer) {
             Ok(mut port) => {
                 self.generations += 1;
                 if self.sequence > 0
@@ -390,12 +441,23 @@ impl BytesPublisher {
         }
     }
 
+    fn ports(&self) -> impl Iterator<Item = &Port> {
+        let former = self.former.iter().map(|(former, _)| former);
+        former.chain([&self.port])
+    }
+
+    /// Whether each generation has as many subscribers as when they were last connected.
+    fn knows_subscribers(&self) -> bool {
+        self.ports().all(Port::knows_subscribers)
+    }
+
     /// Subscribers that have come so far, as the doorbell counts them.
     fn joined(&self) -> u32 {
         self.session.doorbell().joined(self.place)
     }
 
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.session.check_process()?;
         self.pollable.descriptor(Some(&self.port.subscribers))
     }
 
@@ -406,7 +468,7 @@ impl BytesPublisher {
 
 impl Drop for BytesPublisher {
     fn drop(&mut self) {
-        self.session.withdraw(&self.offer.key);
+        generation::withdraw(&self.lock);
     }
 }
 
@@ -418,9 +480,10 @@ fn publish_error(key: &str, error: impl std::fmt::Debug) -> PublishError {
 }
 
 impl sealed::Source for BytesPublisher {
-    fn has_something(&self) -> bool {
+    fn has_something(&self, _look: sealed::Look) -> bool {
         self.port.subscribers.is_pending()
             || self.joined() != self.port.served
+            || !self.knows_subscribers()
             || self.port.tended.is_worn() && MonotonicNs::now() >= self.retry
     }
 
@@ -435,6 +498,7 @@ impl sealed::Source for BytesPublisher {
             bits: self.place.bits(Channel::Subscribers),
             receiver: Some(&self.port.subscribers),
             by_descriptor: false,
+            bound: sealed::Bound::LONG,
         }
     }
 }

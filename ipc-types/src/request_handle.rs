@@ -3,16 +3,12 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::bytes_client::BytesClient;
+use crate::bytes_client::{BytesClient, MAX_KEPT, keep_report};
 use crate::client_port::SendError;
 use crate::payload::RequestReport;
-use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, word};
+use crate::service::{REQUEST_ID_OFFSET, word};
 use crate::time::MonotonicNs;
 use crate::waiter::WaitError;
-
-/// Reports about other requests that are kept while a handle follows one: as many as can wait unread, 64. At the bound the oldest
-/// progress is dropped. A final report never is: there are at most 7 of them.
-const MAX_KEPT: usize = MAX_OUTSTANDING * RESPONSE_BUFFER;
 
 /// A request that was sent: what an action's goal handle is in ROS 2. [`Client::request`](crate::Client::request) makes it.
 ///
@@ -72,7 +68,7 @@ impl<'c> RequestHandle<'c> {
             let (id, reports, others) = (self.request_id, &mut self.reports, &mut self.others);
             self.client.receive(|report| match report.request_id == id {
                 true => reports.push_back(*report),
-                false => keep(others, *report),
+                false => keep_report(others, *report, MAX_KEPT),
             });
         }
         let report = self.reports.pop_front()?;
@@ -143,15 +139,6 @@ impl<'c> RequestHandle<'c> {
         }
         Ok(self.result)
     }
-}
-
-/// Keeps a report about another request.
-fn keep(others: &mut VecDeque<RequestReport>, report: RequestReport) {
-    if others.len() >= MAX_KEPT {
-        let oldest = others.iter().position(|report| !report.is_final());
-        others.remove(oldest.unwrap_or_default());
-    }
-    others.push_back(report);
 }
 
 impl Drop for RequestHandle<'_> {

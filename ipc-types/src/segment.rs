@@ -5,7 +5,9 @@
 //! segment: same place, same content, so that programs with iceoryx2's variant `ipc` share them.
 
 use std::fmt::Debug;
+use std::fs::Metadata;
 use std::mem::MaybeUninit;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
 use std::time::Duration;
@@ -35,6 +37,9 @@ use crate::domain::SHM_DIR;
 /// The first pages are written before they can be allocated. Others would have to fill this much in the microseconds
 /// between to turn the error into a SIGBUS.
 const MARGIN_BYTES: u64 = 256 << 10;
+
+/// What the kernel counts allocated memory of a file in.
+const BLOCK_BYTES: u64 = 512;
 
 /// How long a segment that is still empty is given: making one takes microseconds. iceoryx2 would wait without end.
 const EMPTY_ATTEMPTS: u32 = 5;
@@ -158,8 +163,13 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
     }
 }
 
-/// Allocates every page of the segment.
+/// Allocates every page of the segment. One that its maker has allocated is not opened for that: a process may have no descriptor
+/// to spare.
 fn allocate(path: &Path) -> Result<(), Errno> {
+    let is_allocated = |it: Metadata| it.len() > 0 && it.blocks() * BLOCK_BYTES >= it.len();
+    if std::fs::symlink_metadata(path).is_ok_and(is_allocated) {
+        return Ok(());
+    }
     let file = open(
         path,
         OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW,

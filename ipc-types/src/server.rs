@@ -1,15 +1,18 @@
 //! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report. What it does with bytes,
 //! `BytesServer` does, which knows nothing of structs.
 
+use std::any::Any;
 use std::marker::PhantomData;
 use std::mem;
 use std::os::fd::BorrowedFd;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
 use crate::doorbell::{Channel, Place, place};
+use crate::forked::Owned;
+use crate::generation;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
@@ -59,7 +62,7 @@ const MAX_FORMER: usize = 3;
 /// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
 /// final stage closes it.
 pub struct Server<R: Request> {
-    bytes: BytesServer,
+    bytes: Owned<BytesServer>,
     payload: PhantomData<fn() -> R>,
 }
 
@@ -179,8 +182,8 @@ impl<R: Request> Server<R> {
 }
 
 impl<R: Request> sealed::Source for Server<R> {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
@@ -204,7 +207,7 @@ pub(crate) struct BytesServer {
     is_quiet: bool,
     place: Place,
     offer: Offer,
-    _lock: ProviderLock,
+    lock: Arc<ProviderLock>,
     session: Arc<Session>,
 }
 
@@ -213,11 +216,14 @@ pub(crate) struct BytesServer {
 unsafe impl Send for BytesServer {}
 
 impl BytesServer {
-    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesServer, OpenError> {
+    pub(crate) fn open(
+        session: &Arc<Session>,
+        offer: Offer,
+    ) -> Result<Owned<BytesServer>, OpenError> {
         let lock = session.provide(&offer.key)?;
-        Ok(BytesServer {
+        Ok(Owned::new(BytesServer {
             tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
-            port: ServingPort::make(session, &offer, 1)?,
+            port: ServingPort::make(session, &lock, &offer, 1)?,
             former: Vec::with_capacity(MAX_FORMER),
             retry: MonotonicNs::default(),
             waiter: Waiter::new(),
@@ -226,9 +232,9 @@ impl BytesServer {
             is_quiet: false,
             place: place(&offer.key),
             offer,
-            _lock: lock,
+            lock,
             session: Arc::clone(session),
-        })
+        }))
     }
 
     /// See [`Server::drain`].
@@ -236,38 +242,63 @@ impl BytesServer {
         &mut self,
         mut take: impl FnMut(Ticket, &[u8]),
     ) -> Result<usize, ServeError> {
+        self.session
+            .check_process()
+            .map_err(|forked| self.failed(forked.to_string()))?;
         self.change_generation();
-        let mut taken = 0;
-        for (former, _) in &mut self.former {
-            // What fails there has no consequence: its clients change to the new generation.
-            taken += former.drain(&mut self.tickets, &mut take).unwrap_or(0);
-        }
         self.pollable.drained();
-        let (port, tickets) = (&mut self.port, &mut self.tickets);
-        match catch_unwind(AssertUnwindSafe(|| port.drain(tickets, &mut take))) {
-            Ok(drained) => drained.map(|count| taken + count),
-            Err(panic) => self.replace_broken(panic),
-        }
+        let read = self.guarded(ServingPort::read);
+        let ports = self.former.iter_mut().map(|(former, _)| former);
+        let taken = ports
+            .chain([&mut self.port])
+            .map(|port| port.hand_on(&mut take))
+            .sum();
+        read.map(|()| taken)
     }
 
-    /// Begins a new generation in the place of one in which iceoryx2 has panicked.
-    fn replace_broken(
+    /// Does with all ports what calls iceoryx2. A port in which that panics is not touched again; in the place of the present one
+    /// a new generation begins.
+    fn guarded(
         &mut self,
-        panic: Box<dyn std::any::Any + Send>,
-    ) -> Result<usize, ServeError> {
-        let Ok(port) = ServingPort::make(&self.session, &self.offer, self.port.number() + 1) else {
-            std::panic::resume_unwind(panic);
+        act: impl Fn(&mut ServingPort, &mut Tickets<Entry>) -> Result<(), ServeError>,
+    ) -> Result<(), ServeError> {
+        let tickets = &mut self.tickets;
+        let mut guard = |port: &mut ServingPort| match port.is_broken() {
+            true => Err(Box::new("asked for requests") as Box<dyn Any + Send>),
+            false => catch_unwind(AssertUnwindSafe(|| act(port, tickets))),
+        };
+        // What fails in a former one has no consequence: its clients change to the new generation.
+        let is_broken = |(former, _): &mut (ServingPort, _)| guard(former).is_err();
+        let broken: Vec<_> = self.former.extract_if(.., is_broken).collect();
+        let result = guard(&mut self.port);
+        for (port, _) in broken {
+            self.abandon(port);
+        }
+        result.unwrap_or_else(|panic| self.replace_broken(panic))
+    }
+
+    /// Gives up a broken port. Its listener, which stays open and is not emptied again, would keep an event loop awake.
+    fn abandon(&mut self, broken: ServingPort) {
+        self.pollable.forget(&broken.requests);
+        broken.abandon(&mut self.tickets);
+    }
+
+    fn replace_broken(&mut self, panic: Box<dyn Any + Send>) -> Result<(), ServeError> {
+        let number = self.port.number() + 1;
+        let Ok(port) = ServingPort::make(&self.session, &self.lock, &self.offer, number) else {
+            // The locks go with the process.
+            resume_unwind(panic);
         };
         let broken = self.replace_port(port);
-        let number = broken.number();
-        // Their clients see that they are not served any more. Nothing of the broken port is touched again.
-        self.tickets
-            .remove_where(|entry| entry.is_of(number), |_, entry| mem::forget(entry));
-        mem::forget(broken);
-        Err(ServeError {
+        self.abandon(broken);
+        Err(self.failed("iceoryx2 panicked; a new generation has begun".to_owned()))
+    }
+
+    fn failed(&self, reason: String) -> ServeError {
+        ServeError {
             service: self.offer.key.clone(),
-            reason: "iceoryx2 panicked; a new generation has begun".to_owned(),
-        })
+            reason,
+        }
     }
 
     fn replace_port(&mut self, port: ServingPort) -> ServingPort {
@@ -286,13 +317,19 @@ impl BytesServer {
             return;
         }
         self.retry = now + RETRY;
-        match ServingPort::make(&self.session, &self.offer, self.port.number() + 1) {
+        match ServingPort::make(
+            &self.session,
+            &self.lock,
+            &self.offer,
+            self.port.number() + 1,
+        ) {
             Ok(port) => {
                 let former = self.replace_port(port);
                 if self.former.len() == MAX_FORMER {
                     let (oldest, _) = self.former.remove(0);
                     self.tickets
                         .remove_where(|entry| entry.is_of(oldest.number()), |_, _| ());
+                    self.pollable.forget(&oldest.requests);
                     self.session.housekeeper().drop_later(oldest);
                 }
                 self.former.push((former, now));
@@ -313,6 +350,7 @@ impl BytesServer {
             now.since(*since) >= OVERLAP && !tickets.entries_mut().any(|entry| entry.is_of(number))
         }) {
             self.refused_full += former.refused_full();
+            self.pollable.forget(&former.requests);
             self.session.housekeeper().drop_later(former);
         }
     }
@@ -334,6 +372,9 @@ impl BytesServer {
         ticket: Ticket,
         report: &RequestReport,
     ) -> Result<(), ReportError> {
+        self.session
+            .check_process()
+            .map_err(|forked| ReportError::Failed(forked.to_string()))?;
         self.port.settle(&mut self.tickets);
         for (former, _) in &mut self.former {
             former.settle(&mut self.tickets);
@@ -367,7 +408,7 @@ impl BytesServer {
 
     /// See [`Server::wake_clients`].
     pub(crate) fn wake_clients(&mut self) {
-        if mem::take(&mut self.is_quiet) {
+        if mem::take(&mut self.is_quiet) && self.session.check_process().is_ok() {
             self.port.responses.wake();
             for (former, _) in &self.former {
                 former.responses.wake();
@@ -377,10 +418,14 @@ impl BytesServer {
 
     /// See [`Server::vanished`].
     pub(crate) fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
-        self.port.update(&mut self.tickets);
-        for (former, _) in &mut self.former {
-            former.update(&mut self.tickets);
+        if self.session.check_process().is_err() {
+            return;
         }
+        // An error is that of a port whose requests are said to be gone here.
+        let _ = self.guarded(|port, tickets| {
+            port.update(tickets);
+            Ok(())
+        });
         self.tickets.remove_where(
             |entry| !entry.is_open(),
             |ticket, entry| {
@@ -401,6 +446,7 @@ impl BytesServer {
 
     /// See [`Server::descriptor`].
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.session.check_process()?;
         self.pollable.descriptor(Some(&self.port.requests))
     }
 
@@ -412,13 +458,16 @@ impl BytesServer {
 
 impl Drop for BytesServer {
     fn drop(&mut self) {
-        self.session.withdraw(&self.offer.key);
+        generation::withdraw(&self.lock);
     }
 }
 
 impl sealed::Source for BytesServer {
-    fn has_something(&self) -> bool {
-        self.port.has_something() || self.former.iter().any(|(former, _)| former.has_something())
+    fn has_something(&self, look: sealed::Look) -> bool {
+        // The listeners of former generations wake nobody.
+        let mut former = self.former.iter().map(|(former, _)| former);
+        self.port.has_something(look)
+            || former.any(|port| port.has_something(sealed::Look::Thorough))
     }
 
     /// Clients of other languages, and those that vanish, are only heard by the listener.
@@ -428,6 +477,10 @@ impl sealed::Source for BytesServer {
             bits: self.place.bits(Channel::Requests),
             receiver: Some(&self.port.requests),
             by_descriptor: true,
+            bound: match self.former.is_empty() {
+                true => sealed::Bound::LONG,
+                false => sealed::Bound::SHORT,
+            },
         }
     }
 }

@@ -1,6 +1,8 @@
 //! [`ServingPort`]: a server's part in one generation, and what iceoryx2 asks of it.
 
 use std::cell::Cell;
+use std::mem;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -20,14 +22,16 @@ use crate::doorbell::{Channel, place};
 use crate::event::Event;
 use crate::generation::Generation;
 use crate::housekeeper::Tended;
-use crate::iox::{AnyRequest, RequestService, Svc};
+use crate::iox::{AnyRequest, Members, RequestService, Svc};
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
+use crate::provider::ProviderLock;
 use crate::service::{
     MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, Pattern, REQUEST_ID_OFFSET,
     RESPONSE_BUFFER, service_name, word,
 };
 use crate::session::Session;
+use crate::source::sealed::Look;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
 use crate::wake::{WakeReceiver, WakeSender};
@@ -128,6 +132,10 @@ pub(crate) struct ServingPort {
     layout: RequestLayout,
     /// Whether connections may have been updated since the requests of those that are gone were closed.
     is_updated: Cell<bool>,
+    /// Whether there may be a request of which no event will tell: one that was left for the next drain.
+    may_have_more: Cell<bool>,
+    /// Whether iceoryx2 has panicked when it was asked for requests.
+    is_broken: Cell<bool>,
     pub(crate) requests: WakeReceiver,
     pub(crate) responses: WakeSender,
     wear: u32,
@@ -140,7 +148,7 @@ pub(crate) struct ServingPort {
     /// Deaths of clients that were looked after. iceoryx2 signals a death before the client has left the list.
     deaths: u32,
     // Last: its node must outlive the ports.
-    _generation: Generation,
+    generation: Generation,
 }
 
 type Active = ActiveRequest<Svc, AnyRequest, (), RequestReport, ()>;
@@ -232,12 +240,13 @@ unsafe impl Send for ServingPort {}
 impl ServingPort {
     pub(crate) fn make(
         session: &Arc<Session>,
+        lock: &Arc<ProviderLock>,
         offer: &Offer,
         number: PortNumber,
     ) -> Result<ServingPort, OpenError> {
         let key = offer.key.as_str();
         let pattern = Pattern::RequestResponse;
-        session.begin(key, pattern, &offer.schema, |generation, tended| {
+        session.begin(lock, key, pattern, &offer.schema, |generation, tended| {
             let robot = session.robot();
             let service = open::create_request(&generation, offer, robot)?;
             let event = |channel| Event::create(&generation, robot, key, channel);
@@ -245,9 +254,10 @@ impl ServingPort {
             requests.listener()?;
             let failures = Arc::new(AtomicU32::new(0));
             let counter = || {
-                let failures = Arc::clone(&failures);
+                let (failures, failing) = (Arc::clone(&failures), Arc::clone(&tended));
                 move |_, _: &_| {
                     failures.fetch_add(1, Ordering::Relaxed);
+                    failing.note_unconnected();
                     // The others are served.
                     DegradationAction::Ignore
                 }
@@ -287,6 +297,8 @@ impl ServingPort {
                     path_offset: offer.path_offset,
                 },
                 is_updated: Cell::new(false),
+                may_have_more: Cell::new(true),
+                is_broken: Cell::new(false),
                 requests,
                 responses: WakeSender::make(session, responses, place(key), Channel::Responses)?,
                 wear: 0,
@@ -295,7 +307,7 @@ impl ServingPort {
                 unconnected: None,
                 deaths: tended.deaths(),
                 tended,
-                _generation: generation,
+                generation,
             })
         })
     }
@@ -316,16 +328,24 @@ impl ServingPort {
         }
     }
 
-    /// Hands on the requests that are there: see [`Server::drain`](crate::Server::drain).
-    pub(crate) fn drain(
-        &mut self,
-        tickets: &mut Tickets<Entry>,
-        mut take: impl FnMut(Ticket, &[u8]),
-    ) -> Result<usize, ServeError> {
+    /// Lets go of it without touching what iceoryx2 may have left half done. Its clients see that it is not served any more; its
+    /// requests count as given up.
+    pub(crate) fn abandon(mut self, tickets: &mut Tickets<Entry>) {
+        // First of all: while it is locked, clients wait.
+        self.generation.stop_serving();
+        for entry in self.entries(tickets) {
+            mem::forget(entry.active.take());
+        }
+        mem::forget(self);
+    }
+
+    /// Reads the requests that are there, for [`hand_on`](ServingPort::hand_on).
+    pub(crate) fn read(&mut self, tickets: &mut Tickets<Entry>) -> Result<(), ServeError> {
         self.requests.take();
         self.update(tickets);
         self.close_given_up(tickets);
         self.send_unsent(tickets);
+        self.may_have_more.set(true);
         let mut left = MAX_REQUESTS_PER_DRAIN;
         let result = loop {
             match self.receive(tickets) {
@@ -337,20 +357,29 @@ impl ServingPort {
         self.round.senders.clear();
         self.round.ended.clear();
         self.round.taken.sort_by_key(|(turn, _, _)| *turn);
+        result
+    }
+
+    /// Hands on what was read: see [`Server::drain`](crate::Server::drain).
+    pub(crate) fn hand_on(&mut self, mut take: impl FnMut(Ticket, &[u8])) -> usize {
         let taken = self.round.taken.len();
         for (_, ticket, from) in self.round.taken.drain(..) {
             take(ticket, &self.round.payloads[from..][..self.layout.size]);
         }
         self.round.payloads.clear();
-        result.map(|()| taken)
+        taken
     }
 
     /// Reads one request into the round; `false` when there is none, or each client that has one has had its share.
     fn receive(&mut self, tickets: &mut Tickets<Entry>) -> Result<bool, ServeError> {
         let active = match self.port.receive() {
             Ok(Some(active)) => active,
+            Ok(None) => {
+                self.may_have_more.set(false);
+                return Ok(false);
+            }
             // All that a client can have open is held of each that has more.
-            Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
+            Err(ReceiveError::ExceedsMaxBorrows) => return Ok(false),
             Err(error) => {
                 return Err(ServeError {
                     service: self.layout.key.clone(),
@@ -413,11 +442,15 @@ impl ServingPort {
     /// Connects new clients, and lets go of those that are gone.
     pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry>) {
         self.deaths = self.tended.deaths();
-        let clients = self.service.dynamic_config().number_of_clients();
-        self.tended.count_places(clients, MAX_CLIENTS);
-        for (taken, places) in [self.requests.places(), self.responses.places()] {
-            self.tended.count_places(taken, places);
-        }
+        let taken = self.service.dynamic_config();
+        let places = (taken.number_of_clients(), MAX_CLIENTS);
+        self.tended.count_places(places, || {
+            let mut members = Members::default();
+            taken.list_clients(|it| members.add(it.node_id));
+            members.count()
+        });
+        self.requests.count_places(&self.tended);
+        self.responses.count_places(&self.tended);
         if let Err(error) = self.port.update_connections() {
             // The failures are counted where they happen.
             tracing::debug!(?error, "a client was not connected");
@@ -524,12 +557,25 @@ impl ServingPort {
     }
 
     /// A notification counts without a request too: a client may have given one up.
-    pub(crate) fn has_something(&self) -> bool {
-        if self.requests.is_pending() || self.deaths != self.tended.deaths() {
+    ///
+    /// Trouble counts as something: draining then says what it is.
+    pub(crate) fn has_something(&self, look: Look) -> bool {
+        if self.requests.is_pending() || self.deaths != self.tended.deaths() || self.is_broken() {
             return true;
         }
+        if look == Look::Quick && !self.may_have_more.get() {
+            return false;
+        }
         self.is_updated.set(true);
-        // Trouble counts as something: draining then says what it is.
-        self.port.has_requests().unwrap_or(true)
+        let asked = catch_unwind(AssertUnwindSafe(|| self.port.has_requests()));
+        self.is_broken.set(asked.is_err());
+        let has_requests = asked.map_or(true, |has| has.unwrap_or(true));
+        self.may_have_more.set(has_requests);
+        has_requests
+    }
+
+    /// Whether iceoryx2 has panicked in this port when it was asked for requests.
+    pub(crate) fn is_broken(&self) -> bool {
+        self.is_broken.get()
     }
 }

@@ -11,9 +11,10 @@ use iceoryx2::prelude::{LogLevel, set_log_level_from_env_or};
 use crate::domain::Domain;
 use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
+use crate::forked::{Forked, Owned};
 use crate::generation::{self, Generation};
 use crate::housekeeper::{Housekeeper, Tended};
-use crate::open::OpenError;
+use crate::open::{self, OpenError};
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
 use crate::reserve;
 use crate::robot::{InvalidRobotId, RobotId};
@@ -43,7 +44,7 @@ pub enum JoinError {
 /// What all ports share.
 pub(crate) struct Session {
     /// First, so that it has ended before the process leaves. Begun when it is first needed.
-    housekeeper: OnceLock<Housekeeper>,
+    housekeeper: Owned<OnceLock<Housekeeper>>,
     membership: Arc<Membership>,
     process_name: String,
 }
@@ -58,7 +59,7 @@ impl Session {
         set_log_level_from_env_or(LogLevel::Error);
         check_process_name(process_name)?;
         Ok(Session {
-            housekeeper: OnceLock::new(),
+            housekeeper: Owned::new(OnceLock::new()),
             membership: Arc::new(Membership::join(domain, robot)?),
             process_name: process_name.to_owned(),
         })
@@ -68,8 +69,17 @@ impl Session {
         &self.membership
     }
 
+    /// Whether this is the process that joined.
+    pub(crate) fn check_process(&self) -> Result<(), Forked> {
+        self.doorbell().check_process()
+    }
+
     pub(crate) fn doorbell(&self) -> &Doorbell {
         self.membership.doorbell()
+    }
+
+    pub(crate) fn process_name(&self) -> &str {
+        &self.process_name
     }
 
     pub(crate) fn robot(&self) -> RobotId {
@@ -86,37 +96,56 @@ impl Session {
     }
 
     /// Becomes the one provider of the service `key`.
-    pub(crate) fn provide(&self, key: &str) -> Result<ProviderLock, OpenError> {
+    pub(crate) fn provide(&self, key: &str) -> Result<Arc<ProviderLock>, OpenError> {
+        self.check_process()?;
         let provider = Provider::this_process(&self.process_name, MonotonicNs::now().0);
-        ProviderLock::acquire(&self.service_folder(key), &provider)?.map_err(|by| {
-            OpenError::AlreadyProvided {
-                service: service_name(self.robot(), key),
-                by,
-            }
+        let lock = ProviderLock::acquire(&self.service_folder(key), &provider)?;
+        lock.map(Arc::new).map_err(|by| OpenError::AlreadyProvided {
+            service: service_name(self.robot(), key),
+            by,
         })
     }
 
     /// Begins a generation of a service that this process provides, makes something in it, and then announces it.
     pub(crate) fn begin<P>(
         &self,
+        lock: &Arc<ProviderLock>,
         key: &str,
         pattern: Pattern,
         schema: &str,
         make: impl FnOnce(Generation, Arc<Tended>) -> Result<P, OpenError>,
     ) -> Result<P, OpenError> {
+        if pattern == Pattern::RequestResponse {
+            reserve::note_server();
+        }
         let folder = self.service_folder(key);
         let domain = self.membership.domain();
+        if !lock.is_in_place() {
+            let service = service_name(self.robot(), key);
+            return Err(open::failed(
+                &service,
+                "its folder was removed from outside",
+            ));
+        }
         generation::delete_many_dead(domain, &folder);
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
         generation.describe(schema)?;
         let keeps_reserve = pattern == Pattern::RequestResponse;
-        let tended = Tended::new(domain, folder.clone(), &generation, keeps_reserve);
+        let housekeeper = self.housekeeper();
+        let tended = Tended::new(
+            housekeeper,
+            domain,
+            lock,
+            folder.clone(),
+            &generation,
+            keeps_reserve,
+        );
         let name = generation.name().to_owned();
         let made = make(generation, Arc::clone(&tended))?;
         generation::announce(domain, &folder, &name, key)?;
         self.doorbell().change_generation();
-        self.housekeeper().tend(&tended);
+        housekeeper.tend(&tended);
         Ok(made)
     }
 
@@ -129,13 +158,9 @@ impl Session {
         made
     }
 
-    /// Says that a service has no provider any more.
-    pub(crate) fn withdraw(&self, key: &str) {
-        generation::withdraw(&self.service_folder(key));
-    }
-
     /// Enters a generation that another process provides.
     pub(crate) fn enter(&self, key: &str, name: &str) -> Result<Generation, OpenError> {
+        self.check_process()?;
         Generation::enter(
             self.membership.domain(),
             &self.service_folder(key),

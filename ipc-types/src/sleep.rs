@@ -8,23 +8,20 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use crate::doorbell::{Bits, Doorbell, Slept};
-use crate::source::sealed::Sense;
-use crate::source::{MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
+use crate::forked::Forked;
+use crate::source::sealed::{Bound, Look, Sense};
+use crate::source::{LONGEST_SLEEP, MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
 use crate::time::MonotonicNs;
 use crate::wake::WakeReceiver;
 
 /// How much longer a sleep may be when its own deadline comes so shortly after the bound: one wake then serves both.
 const BOUND_SLACK: Duration = Duration::from_millis(50);
 
-/// How long after the last time a wake that comes anyway is used to empty all listeners, so that a process with other
-/// deadlines does not also wake for that. Each listener takes two system calls.
-const DRAIN_PERIOD: Duration = Duration::from_millis(150);
-
 /// What one sleep leaves for the next.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    /// When all listeners were last emptied.
-    drained_all: Cell<MonotonicNs>,
+    /// When all sources were last looked at thoroughly.
+    looked: Cell<MonotonicNs>,
     /// Sleeps that nothing but the safety bound ended although there was something.
     pub(crate) missed: Cell<u64>,
 }
@@ -89,14 +86,14 @@ impl<'a> Sleep<'a> {
         deadline: MonotonicNs,
         history: &History,
     ) -> Result<Ended, WaitError> {
-        match self.doorbell() {
+        match self.doorbell()? {
             Some((doorbell, bits)) => self.by_doorbell(doorbell, bits, deadline, history),
             None => self.by_descriptors(deadline, history),
         }
     }
 
     /// The one doorbell that wakes for all sources, and by which bits.
-    fn doorbell(&self) -> Option<(&'a Doorbell, Bits)> {
+    fn doorbell(&self) -> Result<Option<(&'a Doorbell, Bits)>, Forked> {
         let mut found: Option<(&Doorbell, Bits)> = None;
         for source in self.sources() {
             let Sense::Port {
@@ -106,15 +103,16 @@ impl<'a> Sleep<'a> {
                 ..
             } = source.sense()
             else {
-                return None;
+                return Ok(None);
             };
+            doorbell.check_process()?;
             found = match found {
                 None => Some((doorbell, bits)),
                 Some((other, all)) if std::ptr::eq(doorbell, other) => Some((doorbell, all | bits)),
-                Some(_) => return None,
+                Some(_) => return Ok(None),
             };
         }
-        found
+        Ok(found)
     }
 
     fn by_doorbell(
@@ -124,12 +122,11 @@ impl<'a> Sleep<'a> {
         deadline: MonotonicNs,
         history: &History,
     ) -> Result<Ended, WaitError> {
-        // A process that is rung all the time meets no safety bound.
-        self.drain_all_if_due(MonotonicNs::now(), history);
-        let mut ready = self.look();
+        let bound = self.bound(|bound| bound.by_doorbell);
+        let mut ready = self.look(Look::Quick);
         while ready.is_empty() {
             let seen = doorbell.listen(bits);
-            ready = self.look();
+            ready = self.look(Look::Quick);
             if !ready.is_empty() {
                 break;
             }
@@ -137,15 +134,14 @@ impl<'a> Sleep<'a> {
             if now >= deadline {
                 return Ok(Ended::TimedOut);
             }
-            let until = deadline.min(now + SAFETY_BOUND);
+            let until = deadline.min(now + bound);
             match doorbell.sleep(seen, bits, until)? {
                 // Draining looks by itself, and looking twice takes microseconds when the caches are cold.
                 Slept::Rung => return Ok(Ended::Ready(self.all())),
-                Slept::Passed => ready = self.look(),
+                Slept::Passed => ready = self.look(Look::Quick),
                 Slept::Interrupted => return Ok(Ended::Interrupted),
                 Slept::TimedOut => {
-                    self.drain_all();
-                    ready = self.look();
+                    ready = self.look(Look::Thorough);
                     if !ready.is_empty() && until < deadline && doorbell.is_awaited(bits) {
                         history.count_missed();
                     }
@@ -158,18 +154,22 @@ impl<'a> Sleep<'a> {
     fn by_descriptors(&self, deadline: MonotonicNs, history: &History) -> Result<Ended, WaitError> {
         // Before anything is looked at: a listener that is made here announces nothing of what came before it.
         let descriptors = self.descriptors()?;
+        let bound = self.bound(|bound| bound.by_descriptor);
         let mut slept = None;
         loop {
             let now = MonotonicNs::now();
-            self.drain_all_if_due(now, history);
-            let mut ready = self.look();
+            let is_due = now.since(history.looked.get()) >= SAFETY_BOUND;
+            let mut ready = match is_due {
+                true => self.look_thoroughly(now, history),
+                false => self.look(Look::Quick),
+            };
             if slept == Some(Slept::TimedOut) && !ready.is_empty() {
                 history.count_missed();
             }
             if slept.is_some() && now >= deadline && ready.is_empty() {
                 return Ok(Ended::TimedOut);
             }
-            let bound = history.drained_all.get() + SAFETY_BOUND;
+            let bound = history.looked.get() + bound;
             // With something to do already, the kernel is only asked what else there is.
             let until = match ready.is_empty() {
                 true if deadline <= bound + BOUND_SLACK => deadline,
@@ -193,36 +193,54 @@ impl<'a> Sleep<'a> {
         all
     }
 
+    /// The shortest of all sources.
+    fn bound(&self, by: impl Fn(Bound) -> Duration) -> Duration {
+        self.sources()
+            .filter_map(|source| match source.sense() {
+                Sense::Port { bound, .. } => Some(by(bound)),
+                Sense::Descriptor(_) => None,
+            })
+            .fold(LONGEST_SLEEP, Duration::min)
+    }
+
     /// Which sources have something.
-    fn look(&self) -> Places {
+    fn look(&self, look: Look) -> Places {
         let mut ready = Places::default();
         for (place, source) in self.sources().enumerate() {
-            if source.has_something() {
+            if source.has_something(look) {
                 ready.insert(place);
             }
         }
         ready
     }
 
-    fn drain_all_if_due(&self, now: MonotonicNs, history: &History) {
-        if now.since(history.drained_all.get()) >= DRAIN_PERIOD {
-            self.drain_all();
-            history.drained_all.set(now);
+    /// Which sources have something, also when iceoryx2 has lost the event of it. Their listeners are emptied, which makes iceoryx2
+    /// send events again.
+    fn look_thoroughly(&self, now: MonotonicNs, history: &History) -> Places {
+        history.looked.set(now);
+        let announced = self.look(Look::Quick);
+        let ready = self.look(Look::Thorough);
+        let missed = ready.without(announced);
+        for (place, source) in self.sources().enumerate() {
+            if missed.contains(place) {
+                drain(source);
+            }
         }
-    }
-
-    fn drain_all(&self) {
-        for source in self.sources() {
-            drain(source);
-        }
+        ready
     }
 
     fn descriptors(&self) -> Result<Descriptors<'a>, WaitError> {
         let mut descriptors = [None; MAX_SOURCES];
         for (descriptor, source) in descriptors.iter_mut().zip(self.sources()) {
             *descriptor = match source.sense() {
-                Sense::Port { receiver, .. } => {
-                    receiver.map(WakeReceiver::descriptor).transpose()?
+                Sense::Port {
+                    doorbell, receiver, ..
+                } => {
+                    doorbell.check_process()?;
+                    receiver
+                        .inspect(|receiver| receiver.leave_to_waiters())
+                        .map(WakeReceiver::descriptor)
+                        .transpose()?
                 }
                 Sense::Descriptor(descriptor) => Some(descriptor),
             };
@@ -288,29 +306,42 @@ fn drain(source: &dyn Source) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::payload::HeroTelemetry;
+    use crate::event::drain_listener;
+    use crate::payload::ModuleControl;
     use crate::source::sealed;
-    use crate::{Domain, Ipc, Publisher, RobotId, Subscriber, Waiter};
+    use crate::{Client, Domain, Ipc, RobotId, Server, Waiter};
 
-    /// It would do so in every wait, with two system calls for each publisher.
+    /// A request whose event iceoryx2 lost, as when it came while the listener was emptied.
     #[test]
-    fn a_publisher_that_is_waited_with_does_not_empty_its_listener_itself() {
+    fn a_request_that_no_event_announces_is_found_and_the_next_event_comes() {
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
-        let mut publisher: Publisher<HeroTelemetry> = ipc.publisher().unwrap();
-        let mut subscriber: Subscriber<HeroTelemetry> = ipc.subscriber().unwrap();
+        let mut server: Server<ModuleControl> = ipc.server().unwrap();
+        let mut client: Client<ModuleControl> = ipc.client().unwrap();
         let waiter = Waiter::new();
-        for _ in 0..3 {
-            publisher.publish(|_| {}).unwrap();
-            let sources: &mut [(_, &mut dyn Source)] = &mut [
-                ("telemetry", &mut subscriber),
-                ("publisher", &mut publisher),
-            ];
-            assert!(waiter.wait(sources, None).unwrap().has("telemetry"));
-        }
-        let Sense::Port { receiver, .. } = sealed::Source::sense(&publisher) else {
-            panic!("a publisher is a port");
+        let wait = |server: &mut Server<ModuleControl>| {
+            let sources: &mut [(_, &mut dyn Source)] = &mut [("requests", server)];
+            let wake = waiter.wait(sources, Some(30 * LONGEST_SLEEP)).unwrap();
+            assert!(wake.has("requests"));
+            let mut requests = 0;
+            server.drain(|_, _| requests += 1).unwrap();
+            requests
         };
-        assert!(!receiver.unwrap().empties_itself());
+        let send = |client: &mut Client<ModuleControl>| {
+            client.send(&ModuleControl::default()).unwrap();
+        };
+        send(&mut client);
+        assert_eq!(wait(&mut server), 1);
+        assert_eq!(waiter.missed(), 0);
+        send(&mut client);
+        let Sense::Port { receiver, .. } = sealed::Source::sense(&server) else {
+            panic!("a server is a port");
+        };
+        assert!(drain_listener(receiver.unwrap().listener().unwrap()) > 0);
+        assert_eq!(wait(&mut server), 1);
+        assert_eq!(waiter.missed(), 1);
+        send(&mut client);
+        assert_eq!(wait(&mut server), 1);
+        assert_eq!(waiter.missed(), 1);
     }
 }

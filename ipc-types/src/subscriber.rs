@@ -12,10 +12,10 @@ use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::PortFactory;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
-use crate::anticipation::{Anticipated, Anticipation};
 use crate::doorbell::{Channel, Place, place};
 use crate::event::Event;
 use crate::follow::{Follower, until_room};
+use crate::forked::Owned;
 use crate::generation::Generation;
 use crate::iox::Svc;
 use crate::open::{self, Expected, OpenError};
@@ -41,6 +41,15 @@ const SPINS_PER_LOOK: u32 = 16;
 pub struct ReceiveError {
     key: String,
     reason: String,
+    is_full: bool,
+}
+
+impl ReceiveError {
+    /// Whether the topic has as many subscribers as it can have. A subscriber that is there before the publisher learns it when the
+    /// publisher comes.
+    pub fn is_full(&self) -> bool {
+        self.is_full
+    }
 }
 
 /// The next sample could not be waited for or received.
@@ -68,7 +77,7 @@ pub enum RecvError {
 ///
 /// It may be there before its publisher, and stays over the publisher's restarts.
 pub struct Subscriber<T: Topic> {
-    bytes: BytesSubscriber,
+    bytes: Owned<BytesSubscriber>,
     payload: PhantomData<fn() -> T>,
 }
 
@@ -113,7 +122,7 @@ impl<T: Topic> Subscriber<T> {
     pub fn try_borrow(&mut self) -> Result<Option<Sample<'_, T>>, ReceiveError> {
         let sample = self.bytes.next()?;
         Ok(sample.map(|sample| Sample {
-            sample,
+            sample: Owned::new(sample),
             borrowed: PhantomData,
         }))
     }
@@ -179,22 +188,6 @@ impl<T: Topic> Subscriber<T> {
         self.bytes.spin(timeout)
     }
 
-    /// Lets [`wait`](Subscriber::wait) and all that waits with it be awake shortly before the next sample of a periodic topic is
-    /// due, and look out for it with at most `budget` of a processor: 0.02 is two percent, 0.5 the most, 0 ends it.
-    ///
-    /// A sample that is caught that way is seen a tenth of a microsecond after it was published, instead of some microseconds.
-    /// Where samples come so irregularly that the budget would catch less than half of them, and beside another consumer of
-    /// the robot that looks out on the same processor, the wait sleeps as without. Timers of the waiting thread become exact,
-    /// which Linux does not make them unasked, and the thread is kept off the processor of the publisher, which it would hold up. `docs/performance.md` says what it brings, and when it does not.
-    pub fn anticipate(&mut self, budget: f64) {
-        self.bytes.anticipate(budget);
-    }
-
-    /// What [`Subscriber::anticipate`] has brought and cost since it was called.
-    pub fn anticipated(&self) -> Option<Anticipated> {
-        self.bytes.anticipated()
-    }
-
     /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be read when
     /// there may be samples, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case. Drain the port then; nothing else
     /// may read the descriptor. It is the same for as long as the port lives.
@@ -223,8 +216,8 @@ impl<T: Topic> Subscriber<T> {
 }
 
 impl<T: Topic> sealed::Source for Subscriber<T> {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
@@ -234,7 +227,7 @@ impl<T: Topic> sealed::Source for Subscriber<T> {
 
 /// A sample that lies in shared memory, until it is dropped. Made by [`Subscriber::try_borrow`].
 pub struct Sample<'subscriber, T: Topic> {
-    sample: BytesSample,
+    sample: Owned<BytesSample>,
     /// It shares counts of references with the port, so it stays in the thread.
     borrowed: PhantomData<(&'subscriber mut Subscriber<T>, *const T)>,
 }
@@ -263,8 +256,6 @@ pub(crate) struct BytesSubscriber {
     size: usize,
     follower: Follower,
     waiter: Waiter,
-    /// Nothing unless it was asked for.
-    anticipation: Option<Box<Anticipation>>,
     pollable: Pollable,
     tracker: SequenceTracker,
     generations: u64,
@@ -371,7 +362,7 @@ impl BytesSubscriber {
         expected: Expected,
         size: usize,
         history: usize,
-    ) -> Result<BytesSubscriber, OpenError> {
+    ) -> Result<Owned<BytesSubscriber>, OpenError> {
         let mut subscriber = BytesSubscriber {
             port: None,
             former: None,
@@ -380,21 +371,20 @@ impl BytesSubscriber {
             size,
             follower: Follower::new(session, key),
             waiter: Waiter::new(),
-            anticipation: None,
             pollable: Pollable::default(),
             tracker: SequenceTracker::default(),
             generations: 0,
             place: place(key),
             session: Arc::clone(session),
         };
-        match until_room(session, subscriber.place, || subscriber.follow(history)) {
+        match until_room(session, key, || subscriber.follow(history)) {
             // Its publisher has gone in this moment, or goes: the next one will be followed.
-            Err(error @ (OpenError::Failed { .. } | OpenError::Domain(_))) => {
+            Err(error) if error.may_pass() => {
                 tracing::debug!(%error, "there is no publisher yet");
             }
             result => result?,
         }
-        Ok(subscriber)
+        Ok(Owned::new(subscriber))
     }
 
     /// Enters another generation if there is one. Samples that the former one got go first; from now on the publisher feeds
@@ -456,6 +446,7 @@ impl BytesSubscriber {
 
     /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can be read.
     fn begin(&mut self) -> Result<(), ReceiveError> {
+        self.check_process()?;
         let followed = self.follow_if_alone();
         for port in self.former.iter().chain(&self.port) {
             port.samples.take();
@@ -467,30 +458,23 @@ impl BytesSubscriber {
     /// Looks for another generation, unless there is a former one: its samples are on the way.
     fn follow_if_alone(&mut self) -> Result<(), ReceiveError> {
         match self.former {
-            None => self
-                .follow(HISTORY)
-                .map_err(|error| self.failed(error.to_string())),
+            None => self.follow(HISTORY).map_err(|error| ReceiveError {
+                is_full: matches!(error, OpenError::Full { .. }),
+                ..self.failed(error.with_cause())
+            }),
             Some(_) => Ok(()),
         }
     }
 
     /// The oldest of at most `left` samples.
     fn next_of(&mut self, left: &mut usize) -> Result<Option<BytesSample>, ReceiveError> {
-        let sample = self.receive(left)?;
-        if sample.is_some()
-            && let Some(anticipation) = &mut self.anticipation
-        {
-            anticipation.taken();
-        }
-        Ok(sample)
-    }
-
-    fn receive(&mut self, left: &mut usize) -> Result<Option<BytesSample>, ReceiveError> {
+        self.check_process()?;
         if let Some(former) = &self.former {
             if let Ok(Some(sample)) = former.next(&mut self.tracker, self.size, left) {
                 return Ok(Some(sample));
             }
             if let Some(former) = self.former.take_if(|_| *left > 0) {
+                self.pollable.forget(&former.samples);
                 // The last member of a generation deletes it, among the segments of all users.
                 self.session.housekeeper().drop_later(former);
             }
@@ -507,42 +491,31 @@ impl BytesSubscriber {
             })
     }
 
+    fn check_process(&self) -> Result<(), ReceiveError> {
+        let here = self.session.check_process();
+        here.map_err(|forked| self.failed(forked.to_string()))
+    }
+
     fn failed(&self, reason: String) -> ReceiveError {
         ReceiveError {
             key: self.key.clone(),
             reason,
+            is_full: false,
         }
     }
 
     pub(crate) fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
         let waiter = mem::take(&mut self.waiter);
-        let wake = match self.anticipation.take() {
-            None => waiter.wait_for_one(self, timeout),
-            Some(mut anticipation) => {
-                let wake = anticipation.wait(&waiter, self, timeout);
-                self.anticipation = Some(anticipation);
-                wake
-            }
-        };
+        let wake = waiter.wait_for_one(self, timeout);
         self.waiter = waiter;
         wake
-    }
-
-    pub(crate) fn anticipate(&mut self, budget: f64) {
-        let anticipation =
-            (budget > 0.0).then(|| Anticipation::new(budget, self.place, &self.session));
-        self.anticipation = anticipation.map(Box::new);
-    }
-
-    pub(crate) fn anticipated(&self) -> Option<Anticipated> {
-        self.anticipation.as_ref().map(|it| it.anticipated())
     }
 
     fn spin(&self, timeout: Duration) -> bool {
         let deadline = MonotonicNs::now() + timeout;
         loop {
             for _ in 0..SPINS_PER_LOOK {
-                if sealed::Source::has_something(self) {
+                if sealed::Source::has_something(self, sealed::Look::Quick) {
                     return true;
                 }
                 hint::spin_loop();
@@ -558,6 +531,7 @@ impl BytesSubscriber {
     }
 
     pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
+        self.session.check_process()?;
         let receiver = self.port.as_ref().map(|port| &port.samples);
         self.pollable.descriptor(receiver)
     }
@@ -568,7 +542,7 @@ impl BytesSubscriber {
 }
 
 impl sealed::Source for BytesSubscriber {
-    fn has_something(&self) -> bool {
+    fn has_something(&self, _look: sealed::Look) -> bool {
         self.port.as_ref().is_some_and(Port::has_samples)
             || self.former.is_some()
             || self.follower.is_due()
@@ -580,6 +554,10 @@ impl sealed::Source for BytesSubscriber {
             bits: self.place.bits(Channel::Samples),
             receiver: self.port.as_ref().map(|port| &port.samples),
             by_descriptor: false,
+            bound: match self.follower.is_retrying() {
+                true => sealed::Bound::SHORT,
+                false => sealed::Bound::LONG_BY_DOORBELL,
+            },
         }
     }
 }

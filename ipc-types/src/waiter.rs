@@ -8,15 +8,15 @@
 //!
 //! iceoryx2 can lose a wake-up: a notification that comes while a listener is being emptied may be swallowed, and the
 //! listener then stays marked as notified, so that later notifiers send nothing. Two things make that harmless here.
-//! Before each sleep every port is asked for data; and no sleep is longer than [`SAFETY_BOUND`], which is also how often
-//! every listener is emptied, whatever the kernel says of it. The doorbell loses nothing; a provider that was held up, or
-//! killed, between its data and the doorbell costs the bound.
+//! A listener is emptied until there is nothing in it, which takes the mark away; and no sleep is longer than
+//! [`LONGEST_SLEEP`], after which every port is asked for data, whatever the kernel says of its listener. The doorbell loses nothing; a
+//! provider that was held up, or killed, between its data and the doorbell costs the bound.
 
 use std::time::Duration;
 
 use crate::sleep::{Ended, History, Places, Sleep};
 pub(crate) use crate::source::sealed;
-pub use crate::source::{Descriptor, MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
+pub use crate::source::{Descriptor, LONGEST_SLEEP, MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
 use crate::time::MonotonicNs;
 
 /// Why a wait ended. `K` is what the caller calls its sources.
@@ -68,15 +68,6 @@ pub struct Ready<K = ()> {
     keys: [Option<K>; MAX_SOURCES],
 }
 
-impl Ready {
-    /// The one source of a wait.
-    pub(crate) fn one() -> Ready {
-        Ready {
-            keys: std::array::from_fn(|place| (place == 0).then_some(())),
-        }
-    }
-}
-
 impl<K> Ready<K> {
     /// The keys of the sources that are ready, in the order of the wait.
     pub fn keys(&self) -> impl Iterator<Item = &K> {
@@ -118,7 +109,7 @@ impl<K> Ready<K> {
     }
 }
 
-/// Waits for several sources at once. Keep it from wait to wait: it remembers when it last emptied the listeners.
+/// Waits for several sources at once. Keep it from wait to wait: it remembers when it last asked all ports for data.
 #[derive(Debug, Default)]
 pub struct Waiter {
     history: History,
@@ -130,7 +121,7 @@ impl Waiter {
         Waiter::default()
     }
 
-    /// Sleeps that were ended by nothing but [`SAFETY_BOUND`] although there was something: wake-ups that were lost, or that
+    /// Sleeps that were ended by nothing but [`LONGEST_SLEEP`] although there was something: wake-ups that were lost, or that
     /// came too late. Each cost that much at most.
     pub fn missed(&self) -> u64 {
         self.history.missed.get()
@@ -165,7 +156,7 @@ impl Waiter {
         sources: &mut [(K, &mut dyn Source)],
         timeout: Option<Duration>,
     ) -> Result<Wake<K>, WaitError> {
-        if sources.is_empty() {
+        if sources.is_empty() && timeout.is_none() {
             return Err(WaitError::NoSources);
         }
         if sources.len() > MAX_SOURCES {

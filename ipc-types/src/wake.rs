@@ -10,8 +10,10 @@ use std::sync::Arc;
 
 use crate::doorbell::{Bits, Channel, Place};
 use crate::event::{self, Event};
+use crate::housekeeper::Tended;
 use crate::iox::{Listener, Notifier};
 use crate::open::OpenError;
+use crate::reserve;
 use crate::robot_folder::Membership;
 use crate::session::Session;
 
@@ -21,8 +23,9 @@ pub(crate) struct WakeSender {
     event: Event,
     /// Not the session: a former port may be the last thing that the session's own thread drops.
     membership: Arc<Membership>,
-    place: Place,
     bits: Bits,
+    /// Listeners of subscribers that there were when it last notified.
+    known: Option<Cell<usize>>,
 }
 
 impl WakeSender {
@@ -37,28 +40,23 @@ impl WakeSender {
             notifier: event.notifier()?,
             event,
             membership: Arc::clone(session.membership()),
-            place,
             bits: place.bits(channel),
+            known: (channel == Channel::Samples).then(Cell::default),
         })
     }
 
-    /// See [`Event::places`].
-    pub(crate) fn places(&self) -> (usize, usize) {
-        self.event.places()
-    }
-
-    /// As [`wake`](WakeSender::wake) after a sample was published, and says where that was: a consumer that looks out for the
-    /// next one must not do so on this processor.
-    pub(crate) fn wake_for_sample(&self) {
-        self.wake();
-        let processor = rustix::thread::sched_getcpu();
-        self.membership
-            .doorbell()
-            .note_publisher(self.place, processor);
+    /// See [`Event::count_places`].
+    pub(crate) fn count_places(&self, tended: &Arc<Tended>) {
+        self.event.count_places(tended);
     }
 
     /// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
     pub(crate) fn wake(&self) {
+        // Notifying connects new listeners. Those of subscribers get none of the descriptors that clients need.
+        let _held = self.known.as_ref().and_then(|known| {
+            let listeners = self.event.listeners();
+            (known.replace(listeners) != listeners).then(reserve::hold_descriptors)
+        });
         self.membership.doorbell().ring(self.bits);
         if let Err(error) = self.notifier.notify() {
             tracing::debug!(event = self.event.name(), ?error, "nobody was notified");
@@ -72,20 +70,15 @@ pub struct WakeReceiver {
     listener: OnceCell<Listener>,
     /// Notifications that the owner has not yet taken.
     pending: Cell<u64>,
-    /// The side that empties the listener.
-    keeper: Cell<Keeper>,
+    /// Whether an event loop outside of this crate watches the descriptor.
+    is_lent: Cell<bool>,
+    /// Whether a waiter empties the listener, which knows from the kernel when there is something. Else the owner does, which takes
+    /// system calls each time.
+    is_waited: Cell<bool>,
 }
 
-/// The side that empties a listener, which takes system calls even when nothing is in it.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Keeper {
-    /// The receiver, whenever its owner asks.
-    Receiver,
-    /// A waiter, which knows from the kernel when there is something.
-    Waiter,
-    /// The receiver as well: a reactor outside of this crate watches the descriptor.
-    Outside,
-}
+/// How often a listener is emptied at most before the kernel is asked again whether there is something in it.
+const MAX_EMPTYINGS: u32 = 4;
 
 impl WakeReceiver {
     pub(crate) fn new(event: Event) -> WakeReceiver {
@@ -93,7 +86,8 @@ impl WakeReceiver {
             event,
             listener: OnceCell::new(),
             pending: Cell::new(0),
-            keeper: Cell::new(Keeper::Receiver),
+            is_lent: Cell::new(false),
+            is_waited: Cell::new(false),
         }
     }
 
@@ -106,9 +100,9 @@ impl WakeReceiver {
         Ok(self.listener.get_or_init(|| listener))
     }
 
-    /// See [`Event::places`].
-    pub(crate) fn places(&self) -> (usize, usize) {
-        self.event.places()
+    /// See [`Event::count_places`].
+    pub(crate) fn count_places(&self, tended: &Arc<Tended>) {
+        self.event.count_places(tended);
     }
 
     /// A descriptor that can be read when there is something to drain, until [`drain`](WakeReceiver::drain).
@@ -126,22 +120,35 @@ impl WakeReceiver {
     /// As [`descriptor`](WakeReceiver::descriptor), for a reactor that does not call [`drain`](WakeReceiver::drain): the
     /// owner will do that.
     pub(crate) fn lend_descriptor(&self) -> Result<BorrowedFd<'_>, OpenError> {
-        self.keeper.set(Keeper::Outside);
+        self.is_lent.set(true);
         self.descriptor()
     }
 
-    /// Empties the listener for the owner, which learns it from [`take`](WakeReceiver::take). A waiter calls it when there is
-    /// something, and from time to time in any case: iceoryx2 can lose a wake-up, and emptying the listener repairs that.
-    pub(crate) fn drain(&self) {
-        if self.keeper.get() == Keeper::Receiver {
-            self.keeper.set(Keeper::Waiter);
-        }
-        self.empty();
+    /// The descriptor that was lent, if one was.
+    pub(crate) fn lent(&self) -> Option<BorrowedFd<'_>> {
+        self.is_lent.get().then(|| self.descriptor().ok()).flatten()
     }
 
-    fn empty(&self) {
-        if let Some(listener) = self.listener.get() {
+    /// Empties the listener only for a waiter or an event loop: the owner finds by itself what is announced.
+    pub(crate) fn leave_to_waiters(&self) {
+        self.is_waited.set(true);
+    }
+
+    /// Empties the listener for the owner, which learns it from [`take`](WakeReceiver::take). To be called when the kernel says that
+    /// there is something.
+    ///
+    /// iceoryx2 0.10 loses a wake-up that comes while the listener is emptied, and all later ones with it (`event/common.rs`,
+    /// `drain_events`): the listener stays marked as notified. Emptying it again takes the mark away. So that is done until there is
+    /// nothing.
+    pub(crate) fn drain(&self) {
+        let Some(listener) = self.listener.get() else {
+            return;
+        };
+        for _ in 0..MAX_EMPTYINGS {
             let drained = event::drain_listener(listener);
+            if drained == 0 {
+                return;
+            }
             self.pending.set(self.pending.get().saturating_add(drained));
         }
     }
@@ -151,15 +158,10 @@ impl WakeReceiver {
         self.pending.get() > 0
     }
 
-    /// Whether the listener is emptied whenever the owner asks, for want of a waiter that does it.
-    pub(crate) fn empties_itself(&self) -> bool {
-        self.keeper.get() != Keeper::Waiter
-    }
-
     /// Notifications since the last call, none while there is no listener.
     pub(crate) fn take(&self) -> u64 {
-        if self.empties_itself() {
-            self.empty();
+        if self.is_lent.get() || !self.is_waited.get() {
+            self.drain();
         }
         self.pending.take()
     }

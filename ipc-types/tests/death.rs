@@ -7,6 +7,7 @@ mod support;
 use std::collections::HashSet;
 use std::fs;
 use std::io::BufRead;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::sync::Arc;
@@ -21,7 +22,9 @@ use ipc_types::{
     Wake, files, fresh_request_id,
 };
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat, open};
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{
+    Pid, Resource, Rlimit, Signal, WaitOptions, kill_process, setrlimit, waitpid,
+};
 
 use support::{Role, WATCHDOG, in_domain, join, open_descriptors, until};
 
@@ -33,6 +36,10 @@ const TESTS: &[(&str, fn())] = &[
     (
         "a_killed_server_ends_every_request_without_a_clean_up",
         a_killed_server_ends_every_request_without_a_clean_up,
+    ),
+    (
+        "the_kernel_tells_of_each_death",
+        the_kernel_tells_of_each_death,
     ),
     (
         "a_killed_client_is_seen_as_vanished",
@@ -86,6 +93,22 @@ const TESTS: &[(&str, fn())] = &[
     (
         "another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody",
         another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody,
+    ),
+    (
+        "a_process_that_is_held_up_while_it_leaves_or_joins_takes_no_folder_of_the_living",
+        a_process_that_is_held_up_while_it_leaves_or_joins_takes_no_folder_of_the_living,
+    ),
+    (
+        "a_client_that_breaks_the_server_s_port_costs_the_others_no_more_than_to_ask_again",
+        a_client_that_breaks_the_server_s_port_costs_the_others_no_more_than_to_ask_again,
+    ),
+    (
+        "an_order_is_answered_though_subscribers_took_all_descriptors",
+        an_order_is_answered_though_subscribers_took_all_descriptors,
+    ),
+    (
+        "a_forked_child_takes_nothing_from_its_parent_and_may_join_anew",
+        a_forked_child_takes_nothing_from_its_parent_and_may_join_anew,
     ),
     (
         "what_the_dead_left_is_removed_by_the_next_process",
@@ -159,8 +182,121 @@ fn play(role: &str) {
                 .expect("wait");
             println!("{wake:?}");
         }
+        "passer_by" => drop(ipc),
+        "limited" => {
+            let mut publisher = ipc.publisher::<DspTelemetry>().expect("publisher");
+            let mut server = ipc.server::<ModuleControl>().expect("server");
+            server.drain(|_, _| ()).expect("drain");
+            let limit = Some(open_descriptors() as u64 + 14);
+            let limits = Rlimit {
+                current: limit,
+                maximum: limit,
+            };
+            setrlimit(Resource::Nofile, limits).expect("a lower limit");
+            let third = ipc.publisher::<ModuleState>().err();
+            println!("{}", third.map(text).unwrap_or_default());
+            let waiter = Waiter::new();
+            loop {
+                let ports: &mut [(_, &mut dyn ipc_types::Source)] =
+                    &mut [((), &mut publisher), ((), &mut server)];
+                waiter.wait(ports, None).expect("wait");
+                let mut tickets = Vec::new();
+                server
+                    .drain(|ticket, _| tickets.push(ticket))
+                    .expect("drain");
+                server.vanished(|_, _| ());
+                for ticket in tickets {
+                    let done = RequestReport::new(Stage::Done, Reason::None);
+                    server.report(ticket, &done).expect("report");
+                }
+            }
+        }
+        "sturdy_server" => {
+            let mut server = ipc.server::<ModuleControl>().expect("server");
+            println!("serving");
+            loop {
+                server.wait(WATCHDOG).expect("wait");
+                let mut tickets = Vec::new();
+                if let Err(error) = server.drain(|ticket, _| tickets.push(ticket)) {
+                    println!("{error}");
+                }
+                server.vanished(|_, _| println!("gone"));
+                for ticket in tickets {
+                    let accepted = RequestReport::new(Stage::Accepted, Reason::None);
+                    server.report(ticket, &accepted).expect("report");
+                }
+            }
+        }
+        "parent" => play_parent(&domain, ipc),
         other => panic!("no role {other}"),
     }
+}
+
+/// Has one port of each kind when it forks. The child tries everything with them, drops them and ends as a program that returns from
+/// `main`; the parent goes on.
+fn play_parent(domain: &Domain, ipc: Ipc) {
+    let mut publisher = ipc.publisher::<DspTelemetry>().expect("publisher");
+    let mut subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
+    let mut server = ipc.server::<ModuleControl>().expect("server");
+    let mut client = ipc.client::<ModuleControl>().expect("client");
+    client.send(&start()).expect("send");
+    publisher.publish(|_| {}).expect("publish");
+    let borrowed = subscriber.try_borrow().expect("receive").expect("a sample");
+    // SAFETY: the child uses nothing of the other threads.
+    #[allow(unsafe_code)]
+    let child = unsafe { libc::fork() };
+    if child == 0 {
+        drop(borrowed);
+        let here = Ipc::join(domain, RobotId::DEFAULT, "child").expect("the child joins anew");
+        let mut own = here.publisher::<ModuleState>().expect("a publisher");
+        let mut heard = here.subscriber::<ModuleState>().expect("a subscriber");
+        own.publish(|_| {}).expect("the child publishes");
+        assert_eq!(heard.drain(|_| {}).expect("the child hears"), 1);
+        drop((own, heard, here));
+        let errors = [
+            ipc.publisher::<ModuleState>().err().map(text),
+            ipc.subscriber::<DspTelemetry>().err().map(text),
+            publisher.publish(|_| {}).err().map(text),
+            subscriber.drain(|_| {}).err().map(text),
+            subscriber.wait(WATCHDOG).err().map(text),
+            server.drain(|_, _| {}).err().map(text),
+            server.wait(WATCHDOG).err().map(text),
+            client.send(&start()).err().map(text),
+            client.wait(WATCHDOG).err().map(text),
+            Waiter::new()
+                .wait(&mut [((), &mut client)], None)
+                .err()
+                .map(text),
+        ];
+        let is_said = |error: &Option<String>| error.as_ref().is_some_and(|it| it.contains("fork"));
+        println!("{}", errors.iter().filter(|error| is_said(error)).count());
+        publisher.tend();
+        server.vanished(|_, _| println!("vanished"));
+        client.give_up();
+        drop((publisher, subscriber, server, client, ipc));
+        std::process::exit(0);
+    }
+    drop(borrowed);
+    let child = Pid::from_raw(child).expect("a child");
+    let (_, status) = waitpid(Some(child), WaitOptions::empty())
+        .expect("wait")
+        .expect("it has ended");
+    println!("child {:?}", status.exit_status());
+    publisher.publish(|_| {}).expect("publish");
+    let heard = subscriber.drain(|_| {}).expect("drain");
+    let mut served = 0;
+    server.drain(|_, _| served += 1).expect("drain");
+    println!("heard {heard}, served {served}");
+    let waiter = Waiter::new();
+    loop {
+        waiter
+            .wait(&mut [((), &mut publisher)], None)
+            .expect("wait");
+    }
+}
+
+fn text(error: impl std::fmt::Display) -> String {
+    error.to_string()
 }
 
 fn start() -> ModuleControl {
@@ -233,6 +369,28 @@ fn a_killed_server_ends_every_request_without_a_clean_up() {
             client.wait(WATCHDOG).unwrap();
             client.drain(|report| assert_eq!(report.stage(), Some(Stage::Accepted))) > 0
         });
+    });
+}
+
+/// One look comes by itself a second after the start, the next one a minute later.
+fn the_kernel_tells_of_each_death() {
+    const LIMIT: Duration = Duration::from_secs(30);
+    in_domain(|domain| {
+        let ipc = join(domain, "bridge");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let begun = MonotonicNs::now();
+        for _ in 0..3 {
+            let mut subscriber = Role::ready(domain, "subscriber", "subscribed");
+            assert_eq!(publisher.subscribers(), 1);
+            subscriber.kill();
+            until("its place is given back", || {
+                publisher.tend();
+                // No event says that a place is free.
+                thread::sleep(Duration::from_millis(5));
+                publisher.subscribers() == 0
+            });
+        }
+        assert!(MonotonicNs::now().since(begun) < LIMIT);
     });
 }
 
@@ -602,6 +760,151 @@ fn files_of_members(domain: &Domain) -> HashSet<PathBuf> {
         .filter(|entry| entry.path().is_file())
         .map(|entry| entry.path())
         .collect()
+}
+
+/// The first rename of a process that is alone gives the robot's folder its name, the second takes it away.
+fn a_process_that_is_held_up_while_it_leaves_or_joins_takes_no_folder_of_the_living() {
+    if Command::new("strace").arg("-V").output().is_err() {
+        return eprintln!("SKIPPED: strace is not installed");
+    }
+    for (rename, lock_before) in [(1, "LOCK_SH"), (2, "LOCK_EX")] {
+        in_domain(move |domain| {
+            let folder = tempfile::tempdir_in("/tmp").unwrap();
+            let trace = folder.path().join("trace");
+            mkfifoat(CWD, &trace, Mode::RUSR | Mode::WUSR).unwrap();
+            let renames = "rename,renameat,renameat2";
+            let mut strace = Command::new("strace");
+            strace
+                .args(["-f", "-e", &format!("trace=flock,{renames}"), "-e"])
+                .arg(format!("inject={renames}:delay_enter=700000:when={rename}"))
+                .arg("-o")
+                .arg(&trace)
+                .arg(std::env::current_exe().unwrap());
+            let mut passer_by = Role::spawn(domain, "passer_by", strace);
+            let mut lines = std::io::BufReader::new(fs::File::open(&trace).unwrap()).lines();
+            let mut before = (&mut lines).map(Result::unwrap);
+            assert!(before.any(|line| line.contains(lock_before)), "no lock");
+            // Its rename comes next, and takes 0.7 s to begin.
+            let mut publisher = Role::ready(domain, "publisher", "published");
+            let robot = domain.root().join("1");
+            let inode = || fs::metadata(&robot).map(|it| it.ino()).ok();
+            let living = inode();
+            assert!(
+                lines
+                    .map(Result::unwrap)
+                    .any(|line| line.contains("DELAYED"))
+            );
+            passer_by.child.wait().unwrap();
+            assert_eq!(inode(), living, "rename {rename}");
+
+            let ipc = join(domain, "another");
+            let refused = ipc.publisher::<DspTelemetry>().err().map(text).unwrap();
+            let pid = format!("process {}", publisher.child.id());
+            assert!(refused.contains(&pid), "{refused}");
+            let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+            until("the latest sample", || {
+                subscriber.wait(WATCHDOG).unwrap();
+                subscriber.drain(|_| {}).unwrap() > 0
+            });
+            publisher.kill();
+        });
+    }
+}
+
+fn a_client_that_breaks_the_server_s_port_costs_the_others_no_more_than_to_ask_again() {
+    in_domain(|domain| {
+        let mut server = Role::ready(domain, "sturdy_server", "serving");
+        let ipc = join(domain, "operator");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut told = Vec::new();
+        let mut ask = |end: &dyn Fn(&[Option<Reason>]) -> bool| {
+            if client.outstanding() == 0 {
+                client.send(&start()).unwrap();
+            }
+            told.clear();
+            until("the reports", || {
+                client.wait(WATCHDOG).unwrap();
+                client.drain(|report| told.push(report.reason()));
+                end(&told)
+            });
+        };
+        ask(&|told| *told == [Some(Reason::None)]);
+        server.signal(Signal::STOP);
+        let data = || {
+            let entries = fs::read_dir("/dev/shm").unwrap().flatten();
+            let paths = entries.map(|entry| entry.path().display().to_string());
+            let is_ours = |path: &String| path.contains(&domain.tag()) && path.ends_with(".data");
+            paths.filter(is_ours).collect::<HashSet<_>>()
+        };
+        let before = data();
+        let mut vandal = Role::ready(domain, "client", "sent");
+        for path in data().difference(&before) {
+            // Behind the segment's own header: where iceoryx2 keeps what it computes addresses with.
+            let mut bytes = fs::read(path).unwrap();
+            bytes[128..].fill(0xff);
+            let file = fs::OpenOptions::new().write(true).open(path).unwrap();
+            file.write_all_at(&bytes, 0).unwrap();
+        }
+        server.signal(Signal::CONT);
+        assert!(server.next_line().contains("panicked"));
+        assert_eq!(server.next_line(), "gone");
+        vandal.kill();
+        ask(&|told| *told == [Some(Reason::BridgeGone)]);
+        ask(&|told| *told == [Some(Reason::None)]);
+        server.kill();
+    });
+}
+
+fn an_order_is_answered_though_subscribers_took_all_descriptors() {
+    in_domain(|domain| {
+        let mut limited = Role::start(domain, "limited");
+        let refused = limited.next_line();
+        assert!(refused.contains("low limits: nofile "), "{refused}");
+        let ipc = join(domain, "another");
+        let used = || {
+            let folder = format!("/proc/{}/fd", limited.child.id());
+            fs::read_dir(folder).unwrap().count()
+        };
+        let before = used();
+        let subscribers: Vec<_> = (0..24)
+            .map(|_| ipc.subscriber::<DspTelemetry>().unwrap())
+            .inspect(|subscriber| assert!(subscriber.descriptor().is_ok()))
+            .collect();
+        // One operator after the other.
+        for _ in 0..3 {
+            let mut client = ipc.client::<ModuleControl>().unwrap();
+            let result = client.request(&start()).unwrap().result().unwrap();
+            assert_eq!(result.stage(), Some(Stage::Done));
+        }
+        assert!(used() > before);
+        drop(subscribers);
+        limited.kill();
+    });
+}
+
+fn a_forked_child_takes_nothing_from_its_parent_and_may_join_anew() {
+    in_domain(|domain| {
+        let mut parent = Role::start(domain, "parent");
+        assert_eq!(parent.next_line(), "10");
+        assert_eq!(parent.next_line(), "child Some(0)");
+        assert_eq!(parent.next_line(), "heard 1, served 1");
+        let ipc = join(domain, "another");
+        for key in ["dsp_telemetry", "module_control"] {
+            let provider = ipc.provider(key).unwrap().unwrap();
+            assert_eq!(provider.pid, parent.child.id(), "{key}");
+        }
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        until("the latest sample", || {
+            subscriber.wait(WATCHDOG).unwrap();
+            subscriber
+                .drain(|sample| assert_eq!(sample.sequence, 2))
+                .unwrap()
+                > 0
+        });
+        // The parent's locks go with the parent.
+        parent.kill();
+        assert_eq!(ipc.provider("dsp_telemetry").unwrap(), None);
+    });
 }
 
 fn what_the_dead_left_is_removed_by_the_next_process() {

@@ -4,6 +4,7 @@ mod support;
 
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
@@ -68,6 +69,37 @@ fn draining_a_subscriber_makes_its_descriptor_unreadable() {
         // Nothing is published: the bound alone.
         wait_until_readable(subscriber.descriptor().unwrap());
         assert!(samples > 0);
+    });
+}
+
+/// Subscribers that leave a generation notify the publisher's listener there, which stays in the set for a second more.
+#[test]
+fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        wait_until_readable(publisher.descriptor().unwrap());
+        publisher.tend();
+        publisher.wear_out();
+        publisher.tend();
+        publisher.publish(|_| {}).unwrap();
+        let mut received = 0;
+        until("a sample of the next generation", || {
+            publisher.tend();
+            received += subscriber.drain(|_| {}).unwrap();
+            received > 0
+        });
+        assert_eq!(subscriber.generations(), 2);
+        let mut wakes = 0;
+        let end = Instant::now() + Duration::from_secs(1);
+        while Instant::now() < end {
+            wait_until_readable(publisher.descriptor().unwrap());
+            publisher.tend();
+            wakes += 1;
+        }
+        // The safety bound has its part, and each notification.
+        assert!(wakes < 20, "{wakes}");
     });
 }
 

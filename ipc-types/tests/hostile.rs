@@ -243,10 +243,12 @@ fn names_that_a_stranger_took_first_are_refused_in_words() {
         for part in [
             path.to_str().unwrap(),
             &format!("it belongs to user {STRANGER_UID}, this is user 0"),
+            "run as that user",
             "choose another domain with RIL_IPC_ROOT",
         ] {
             assert!(error.contains(part), "{part} is not in: {error}");
         }
+        assert!(!error.contains("remove"), "{error}");
     };
     // The folder, with what would hold up a process that opened it.
     let domain = Domain::isolated();

@@ -5,9 +5,9 @@ mod support;
 use std::io::Write;
 use std::os::fd::AsFd;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::payload::{BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::{MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
 use ipc_types::waiter::MAX_SOURCES;
 use ipc_types::{
@@ -271,8 +271,37 @@ fn one_subscriber_too_many_is_refused_with_the_number() {
             ),
             "{error}"
         );
+        let own = format!("`test` (process {}, 32 times)", std::process::id());
+        assert!(error.to_string().ends_with(&own), "{error}");
         drop(subscribers);
         assert!(ipc.subscriber::<DspTelemetry>().is_ok());
+    });
+}
+
+#[test]
+fn many_living_subscribers_do_not_wear_a_generation_out() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut journal = ipc.publisher::<BridgeJournal>().unwrap();
+        let _subscribers: Vec<_> = (0..24)
+            .map(|_| ipc.subscriber::<DspTelemetry>().unwrap())
+            .collect();
+        let mut few: Vec<_> = (0..2)
+            .map(|_| ipc.subscriber::<BridgeJournal>().unwrap())
+            .collect();
+        let waiter = Waiter::new();
+        for _ in 0..2 {
+            few.push(ipc.subscriber::<BridgeJournal>().unwrap());
+            // Longer than from one look at the members to the next.
+            let ports: &mut [(_, &mut dyn Source)] =
+                &mut [((), &mut publisher), ((), &mut journal)];
+            let wake = waiter
+                .wait(ports, Some(Duration::from_millis(1500)))
+                .unwrap();
+            assert_eq!(wake, Wake::TimedOut);
+            assert_eq!((publisher.generations(), journal.generations()), (1, 1));
+        }
     });
 }
 
@@ -378,7 +407,9 @@ fn a_waiter_refuses_what_it_cannot_wait_for() {
         let wait =
             |sources: &mut [((), &mut dyn Source)]| waiter.wait(sources, Some(Duration::ZERO));
 
-        assert!(matches!(wait(&mut []), Err(WaitError::NoSources)));
+        let for_ever = waiter.wait::<()>(&mut [], None);
+        assert!(matches!(for_ever, Err(WaitError::NoSources)));
+        assert_eq!(wait(&mut []).unwrap(), Wake::TimedOut);
         let mut many = [Descriptor::new(pipe.as_fd()); MAX_SOURCES + 1];
         let mut many: Vec<_> = many
             .iter_mut()
@@ -484,56 +515,5 @@ fn a_sample_that_is_held_stays_as_it_was() {
         drop(held);
         let next = subscriber.try_borrow().unwrap().unwrap();
         assert_eq!(next.rotor_rpm, 8);
-    });
-}
-
-/// Two consumers that anticipate and one that does not get every sample, and looking out stays within its budget.
-#[test]
-fn a_consumer_that_anticipates_gets_every_sample() {
-    const SAMPLES: u64 = 300;
-    const BUDGET: f64 = 0.05;
-    /// Samples that are on their way at most: of a consumer that a machine does not let run, none is dropped.
-    const AHEAD: u64 = SUBSCRIBER_BUFFER as u64 / 4;
-    in_domain(|domain| {
-        let mut publisher = join(domain, "publisher")
-            .publisher::<DspTelemetry>()
-            .unwrap();
-        let consumers = [0.0, BUDGET, BUDGET].map(|budget| {
-            let mut subscriber = join(domain, "consumer")
-                .subscriber::<DspTelemetry>()
-                .unwrap();
-            enter(&mut subscriber);
-            let (taken, is_taken) = std::sync::mpsc::channel();
-            let thread = thread::spawn(move || {
-                subscriber.anticipate(budget);
-                let begin = Instant::now();
-                while subscriber.losses().received < SAMPLES {
-                    assert!(subscriber.recv_timeout(WATCHDOG).unwrap().is_some());
-                    taken.send(()).unwrap();
-                }
-                let spun = subscriber.anticipated().map(|it| it.spun);
-                // Unused time is kept for a second.
-                let most = (begin.elapsed() + Duration::from_secs(1)).mul_f64(BUDGET);
-                assert!(spun.is_none_or(|spun| spun <= most), "{spun:?} of {most:?}");
-                assert_eq!(spun.is_some(), budget > 0.0);
-                subscriber.losses().lost
-            });
-            (thread, is_taken)
-        });
-        let mut next = Instant::now();
-        for number in 1..=SAMPLES {
-            next += Duration::from_millis(3);
-            thread::sleep(next.saturating_duration_since(Instant::now()));
-            if number > AHEAD {
-                for (_, is_taken) in &consumers {
-                    is_taken.recv_timeout(WATCHDOG).expect("the next is taken");
-                }
-            }
-            publisher.publish(|_| {}).unwrap();
-        }
-        for (consumer, is_taken) in consumers {
-            assert_eq!(consumer.join().unwrap(), 0);
-            assert_eq!(is_taken.iter().count() as u64, AHEAD);
-        }
     });
 }

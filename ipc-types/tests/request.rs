@@ -6,14 +6,15 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
 use ipc_types::server::MAX_OPEN_TICKETS;
 use ipc_types::service::{MAX_CLIENTS, MAX_OUTSTANDING, RESPONSE_BUFFER};
 use ipc_types::{
-    Client, ReportError, Request, SendError, Server, Source, Ticket, Waiter, Wake, fresh_request_id,
+    Client, MonotonicNs, ReportError, Request, SendError, Server, Source, Ticket, Waiter, Wake,
+    fresh_request_id,
 };
 
 use support::{WATCHDOG, in_domain, join, until};
@@ -76,6 +77,37 @@ fn a_request_is_accepted_goes_on_and_has_a_final_report() {
             Err(ReportError::NotOpen)
         );
         assert_eq!(client.wait(Duration::ZERO).unwrap(), Wake::TimedOut);
+    });
+}
+
+#[test]
+fn a_request_that_does_not_say_when_it_was_issued_is_issued_when_it_is_sent() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let issued = MovementData::hold(fresh_request_id());
+        let unissued = MovementData {
+            request_id: fresh_request_id(),
+            issued_ns: 0,
+            ..issued
+        };
+        client.send(&issued).unwrap();
+        let before = MonotonicNs::now().0;
+        client.send(&unissued).unwrap();
+        let after = MonotonicNs::now().0;
+        let requests = take(&mut server);
+        let [(_, first), (_, second)] = requests[..] else {
+            panic!("{requests:?}");
+        };
+        assert_eq!(first, issued, "as it says");
+        assert!((before..=after).contains(&second.issued_ns), "{second:?}");
+        let issued_ns = second.issued_ns;
+        let stamped = MovementData {
+            issued_ns,
+            ..unissued
+        };
+        assert_eq!(second, stamped, "and nothing else is changed");
     });
 }
 
@@ -170,6 +202,42 @@ fn a_request_whose_sender_is_gone_is_never_seen() {
 }
 
 #[test]
+fn a_client_follows_every_generation_while_a_request_is_open_in_the_first() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let open = start();
+        client.send(&open).unwrap();
+        assert_eq!(server.drain(|_, _| ()).unwrap(), 1);
+        // A generation is followed by the next after a second at least, and served for another one.
+        let end = Instant::now() + Duration::from_secs(5);
+        while Instant::now() < end {
+            server.wear_out();
+            let request = start();
+            client.send(&request).unwrap();
+            let mut done = false;
+            until("done", || {
+                server.wait(A_MOMENT).unwrap();
+                let mut tickets = Vec::new();
+                server.drain(|ticket, _| tickets.push(ticket)).unwrap();
+                for ticket in tickets {
+                    server.report(ticket, &report(Stage::Done)).unwrap();
+                }
+                client.wait(A_MOMENT).unwrap();
+                client.drain(|report| {
+                    assert_eq!(report.request_id, request.request_id);
+                    done = true;
+                });
+                done
+            });
+        }
+        assert!(server.generations() > 3, "{}", server.generations());
+        assert_eq!(client.outstanding(), 1);
+    });
+}
+
+#[test]
 fn when_the_server_goes_every_open_request_ends_as_unknown() {
     in_domain(|domain| {
         let ipc = join(domain, "test");
@@ -225,6 +293,34 @@ fn the_last_words_of_a_server_reach_everybody_though_it_goes_at_once() {
             (count(Stage::Unknown), count(Stage::Aborted)),
             (1, MAX_OUTSTANDING - 1)
         );
+    });
+}
+
+/// Four times as many requests as may be open: each has its final report before the next is sent, and the program reads none.
+#[test]
+fn requests_that_have_ended_do_not_count_as_open_though_their_reports_were_not_read() {
+    const SENT: usize = 4 * MAX_OUTSTANDING;
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        let mut server = ipc.server::<ModuleControl>().unwrap();
+        let mut sent = Vec::new();
+        for _ in 0..SENT {
+            let request = start();
+            client.send(&request).unwrap();
+            sent.push(request.request_id);
+            for (ticket, _) in take(&mut server) {
+                for stage in [Stage::Accepted, Stage::Progress, Stage::Done] {
+                    server.report(ticket, &report(stage)).unwrap();
+                }
+            }
+        }
+        // Every final report is there; of the others the oldest gave way.
+        let told = reports(&mut client);
+        let done = told.iter().filter(|(_, stage, _)| *stage == Stage::Done);
+        assert_eq!(done.map(|(id, ..)| *id).collect::<Vec<_>>(), sent);
+        assert!(told.len() < 3 * SENT, "{}", told.len());
+        assert_eq!(client.outstanding(), 0);
     });
 }
 

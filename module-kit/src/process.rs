@@ -7,7 +7,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use arrayvec::ArrayVec;
-use ipc_types::waiter::{MAX_SOURCES, SAFETY_BOUND};
+use ipc_types::waiter::{LONGEST_SLEEP, MAX_SOURCES};
 use ipc_types::{
     Descriptor, MonotonicNs, SchedulingRole, Source, WaitError, Waiter, Wake, request_slice,
 };
@@ -27,7 +27,7 @@ pub trait Process {
     type Key: Copy + Default + PartialEq;
 
     /// Whether the process has publishers, subscribers and clients alone. It then sleeps on their doorbell, which wakes sooner
-    /// than a descriptor does, and a signal ends the sleep by interrupting it, or [`SAFETY_BOUND`] does.
+    /// than a descriptor does, and a signal ends the sleep by interrupting it, or [`LONGEST_SLEEP`] does.
     const IS_PORTS_ALONE: bool = false;
 
     /// Where the process stands in the flow of telemetry.
@@ -168,8 +168,8 @@ fn sleep<P: Process>(
         sources.add(None, AnySource::Descriptor(signals));
     }
     process.sources(&mut sources);
-    // A signal that comes just before a sleep on ports alone does not end it; then the safety bound does.
-    sources.wait(waiter, timeout.min(SAFETY_BOUND))
+    // A signal that comes just before a sleep on ports alone does not end it; then the longest sleep does.
+    sources.wait(waiter, timeout.min(LONGEST_SLEEP))
 }
 
 #[cfg(test)]

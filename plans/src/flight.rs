@@ -1,6 +1,6 @@
 //! From a plan to what the helicopter does: take-offs, paths, hovers and landings, in order.
 //!
-//! What the helicopter offers: a vertical take-off to a height, paths of waypoints whose altitude has the zero of telemetry, a
+//! What the helicopter offers: a vertical take-off to a height, paths of waypoints with telemetry altitudes, a
 //! cruise speed, hovering, and landing on the spot. An item that needs anything else is a finding, never left out in silence.
 
 use bridge::flight::arrival::distance_m;
@@ -196,6 +196,8 @@ impl Builder<'_> {
             return;
         }
         let Some(altitude_m) = self.resolve(item, altitude) else {
+            // What is behind it does not lack a take-off.
+            self.is_flying = true;
             return;
         };
         if self.has_landed {
@@ -373,13 +375,11 @@ impl Builder<'_> {
         }
     }
 
-    /// The altitude with the zero of telemetry, m; nothing, and a finding, when the file does not give it.
+    /// The telemetry altitude, m; `None`, and a finding, if it is not known.
     fn resolve(&mut self, item: &Item, altitude: Altitude) -> Option<f64> {
-        let (metres, finding) = in_telemetry(altitude, self.site);
-        if let Some(finding) = finding {
-            self.find(finding.item(item.number));
-        }
-        metres
+        in_telemetry(altitude, self.site)
+            .map_err(|finding| self.find(finding.item(item.number)))
+            .ok()
     }
 
     fn find(&mut self, finding: Finding) {

@@ -27,6 +27,7 @@
 //! let home = Waypoint { latitude_deg: 37.411, longitude_deg: -6.001, altitude_m: 10.0 };
 //! let site = Site {
 //!     home,
+//!     is_home_altitude_known: true,
 //!     home_source: HomeSource::Operator,
 //!     start: Start::Ground(home),
 //!     zero_above_sea_m: None,

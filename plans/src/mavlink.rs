@@ -25,7 +25,7 @@ impl PartialEq for MissionItem {
     }
 }
 
-/// Coordinates above sea level, as integers or not.
+/// Coordinates above sea, as integers or not.
 pub const FRAMES_SEA: [u16; 2] = [0, 5];
 /// No coordinates.
 pub const FRAME_MISSION: u16 = 2;

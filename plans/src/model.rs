@@ -95,7 +95,7 @@ impl Position {
 pub struct PlannedHome {
     /// Where.
     pub position: Position,
-    /// Metres above sea level, if the file says so.
+    /// Metres above sea, if the file says so.
     pub above_sea_m: Option<f64>,
 }
 
@@ -148,7 +148,7 @@ impl fmt::Display for Altitude {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Altitude::AboveTakeOff(metres) => write!(f, "{metres:.1} m above take-off"),
-            Altitude::AboveSea(metres) => write!(f, "{metres:.1} m above sea level"),
+            Altitude::AboveSea(metres) => write!(f, "{metres:.1} m above sea"),
             Altitude::AboveTerrain(metres) => write!(f, "{metres:.1} m above terrain"),
             Altitude::Unstated(Some(metres)) => write!(f, "{metres:.1} m above an unknown zero"),
             Altitude::Unstated(None) => f.write_str("no altitude"),

@@ -5,13 +5,15 @@ use dsp_protocol::Waypoint;
 /// What a plan is flown from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Site {
-    /// The point of take-off; its altitude has the zero of telemetry.
+    /// The point of take-off, with its telemetry altitude: 0 if that is not known.
     pub home: Waypoint,
+    /// Whether the telemetry altitude of home is known.
+    pub is_home_altitude_known: bool,
     /// How that is known.
     pub home_source: HomeSource,
     /// Where the flight begins.
     pub start: Start,
-    /// Telemetry's zero of altitude above mean sea level, m, if it is known.
+    /// How high telemetry's zero lies above sea, m, if it is known.
     pub zero_above_sea_m: Option<f64>,
     /// The height of a take-off that the operator asks for in front of the plan, m.
     pub take_off_m: Option<f64>,
@@ -39,7 +41,7 @@ pub enum HomeSource {
 pub enum Start {
     /// On the ground, here; usually that is home.
     Ground(Waypoint),
-    /// In the air, here; the altitude has the zero of telemetry.
+    /// In the air, here, with its telemetry altitude.
     Flying(Waypoint),
 }
 

@@ -13,7 +13,7 @@ pub enum Step {
     TakeOff {
         /// The item; nothing for the take-off that the operator asked for.
         item: Option<u32>,
-        /// Over the point of take-off, m.
+        /// Height above take-off, m.
         height_m: f64,
     },
     /// Fly a path, at most [`MAX_WAYPOINTS`](bridge::flight::assembly::MAX_WAYPOINTS); afterwards the helicopter hovers.
@@ -44,7 +44,7 @@ pub enum Step {
 pub struct PathPoint {
     /// The item that it belongs to.
     pub item: u32,
-    /// As the DSP gets it; the altitude has the zero of telemetry.
+    /// As the DSP gets it, with its telemetry altitude.
     pub waypoint: Waypoint,
 }
 

@@ -13,7 +13,7 @@ use crate::description::{PART_BYTES, Part};
 use crate::orders::message::{Answer, Order};
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// Longest message, bytes: a [`Command`].
 pub const MAX_BYTES: usize = MAX_COMMAND_BYTES;

@@ -1,19 +1,26 @@
-//! [`RequestFields`]: the two fields of a request that a relay reads or writes, whatever its struct is.
+//! [`RequestFields`]: the fields of a request that a relay reads or writes, whatever its struct is.
 
-use std::time::Duration;
+use ipc_types::code::{ControlCommand, MovementKind};
+use ipc_types::payload::{ModuleControl, MovementData, Number, SharedStruct};
+use ipc_types::{MonotonicNs, Schema};
 
-use ipc_types::Schema;
-use ipc_types::payload::Number;
-
-use crate::orders::robot::Repeat;
+use crate::orders::robot::{Repeat, Traits};
 
 /// Where a request has these fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RequestFields {
     /// `uint16 repeat`: 1 asks a server what became of a request that it may have had.
     repeat: Option<usize>,
-    /// `uint32 deadline_ms`: within how long the request must have begun, 0 for the server's default.
-    deadline_ms: Option<usize>,
+    /// `uint64 issued_ns`: when the order was issued, 0 when it does not say.
+    issued: Option<usize>,
+    /// `uint64 begin_by_ns`: until when it may begin, 0 for the server's default.
+    begin_by: Option<usize>,
+    /// `uint32 issued_within_ns`: by how much later it may have been issued.
+    issued_within: Option<usize>,
+    /// `uint32 origin`: by which clock it was issued.
+    origin: Option<usize>,
+    /// `uint32`: what is to be done, and the two codes that end a movement.
+    what: Option<(usize, [u32; 2])>,
 }
 
 impl RequestFields {
@@ -23,76 +30,142 @@ impl RequestFields {
             let leaf = schema.number(path)?;
             (leaf.number == number && leaf.len.is_none()).then_some(leaf.offset)
         };
+        let what = if schema.type_name() == MovementData::TYPE_NAME {
+            let ends = [MovementKind::Hold.code(), MovementKind::Land.code()];
+            offset("kind", Number::U32).zip(Some(ends))
+        } else if schema.type_name() == ModuleControl::TYPE_NAME {
+            offset("command", Number::U32).zip(Some([ControlCommand::Stop.code(); 2]))
+        } else {
+            None
+        };
         RequestFields {
             repeat: offset("repeat", Number::U16),
-            deadline_ms: offset("deadline_ms", Number::U32),
+            issued: offset("issued_ns", Number::U64),
+            begin_by: offset("begin_by_ns", Number::U64),
+            issued_within: offset("issued_within_ns", Number::U32),
+            origin: offset("origin", Number::U32),
+            what,
         }
     }
 
-    /// Whether a server can be asked again.
-    pub fn repeat(&self) -> Repeat {
-        match self.repeat {
-            Some(_) => Repeat::Field,
-            None => Repeat::None,
+    /// What is to be known of a request before it is handed on.
+    pub fn traits(&self, request: &[u8]) -> Traits {
+        let code = self.what.zip(self.what.and_then(|(offset, _)| {
+            let bytes = request.get(offset..)?.first_chunk()?;
+            Some(u32::from_le_bytes(*bytes))
+        }));
+        Traits {
+            repeat: match self.repeat {
+                Some(_) => Repeat::Field,
+                None => Repeat::None,
+            },
+            ends_movement: code.is_some_and(|((_, ends), code)| ends.contains(&code)),
         }
     }
 
     /// Says in the request that it is a repetition.
     pub fn set_repeat(&self, request: &mut [u8]) {
-        if let Some(bytes) = self
-            .repeat
-            .and_then(|offset| request.get_mut(offset..offset + 2))
-        {
-            bytes.copy_from_slice(&1_u16.to_le_bytes());
-        }
+        write(request, self.repeat, &1_u16.to_le_bytes());
     }
 
-    /// The request's own deadline; nothing when it has none.
-    pub fn deadline(&self, request: &[u8]) -> Option<Duration> {
-        let bytes = request.get(self.deadline_ms?..)?.first_chunk::<4>()?;
-        let deadline_ms = u32::from_le_bytes(*bytes);
-        (deadline_ms > 0).then(|| Duration::from_millis(deadline_ms.into()))
+    /// When the order was issued; nothing when it does not say.
+    pub fn issued(&self, request: &[u8]) -> Option<MonotonicNs> {
+        moment(request, self.issued)
     }
 
-    /// Gives the request what is left of its deadline, at least 1 ms, because 0 is the server's default.
-    pub fn set_deadline(&self, request: &mut [u8], left: Duration) {
-        let left_ms = u32::try_from(left.as_millis()).unwrap_or(u32::MAX).max(1);
-        if let Some(bytes) = self
-            .deadline_ms
-            .and_then(|offset| request.get_mut(offset..offset + 4))
-        {
-            bytes.copy_from_slice(&left_ms.to_le_bytes());
-        }
+    /// Says when the order was issued, by how much later it may have been, and by which clock.
+    pub fn set_issued(&self, request: &mut [u8], at: MonotonicNs, within_ns: u32, origin: u32) {
+        write(request, self.issued, &at.0.to_le_bytes());
+        write(request, self.issued_within, &within_ns.to_le_bytes());
+        write(request, self.origin, &origin.to_le_bytes());
+    }
+
+    /// Until when the request may begin; nothing when it does not say.
+    pub fn begin_by(&self, request: &[u8]) -> Option<MonotonicNs> {
+        moment(request, self.begin_by)
+    }
+
+    /// Says until when the request may begin.
+    pub fn set_begin_by(&self, request: &mut [u8], at: MonotonicNs) {
+        write(request, self.begin_by, &at.0.to_le_bytes());
+    }
+}
+
+fn moment(request: &[u8], offset: Option<usize>) -> Option<MonotonicNs> {
+    let bytes = request.get(offset?..)?.first_chunk()?;
+    let moment = MonotonicNs(u64::from_le_bytes(*bytes));
+    (moment.0 > 0).then_some(moment)
+}
+
+fn write(request: &mut [u8], offset: Option<usize>, value: &[u8]) {
+    let place = offset.and_then(|offset| request.get_mut(offset..offset + value.len()));
+    if let Some(place) = place {
+        place.copy_from_slice(value);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ipc_types::payload::{ModuleControl, MovementData, SharedStruct};
+
+    const SOME: MonotonicNs = MonotonicNs(7_000);
+    const LATER: MonotonicNs = MonotonicNs(8_000);
 
     #[test]
-    fn a_movement_can_be_repeated_and_a_control_request_has_a_deadline_alone() {
+    fn a_movement_says_when_it_was_issued_and_until_when_it_may_begin() {
         let fields = RequestFields::of(&Schema::of::<MovementData>());
-        let mut request = MovementData::take_off(7, 10.0).bytes().to_vec();
-        assert_eq!(fields.deadline(&request), None);
-        fields.set_deadline(&mut request, Duration::from_micros(1_500_900));
+        let movement = MovementData {
+            issued_ns: 0,
+            ..MovementData::take_off(7, 10.0)
+        };
+        let mut request = movement.bytes().to_vec();
+        assert_eq!(fields.issued(&request), None);
+        assert_eq!(fields.begin_by(&request), None);
+        fields.set_issued(&mut request, SOME, 9, 5);
+        fields.set_begin_by(&mut request, LATER);
         fields.set_repeat(&mut request);
-        assert_eq!(fields.deadline(&request), Some(Duration::from_millis(1500)));
-        let read = MovementData::from_bytes(&request).unwrap();
-        assert_eq!(
-            (read.repeat, read.deadline_ms, read.request_id),
-            (1, 1500, 7)
-        );
-        fields.set_deadline(&mut request, Duration::ZERO);
-        assert_eq!(fields.deadline(&request), Some(Duration::from_millis(1)));
-        assert!(fields.repeat() == Repeat::Field);
+        assert_eq!(fields.issued(&request), Some(SOME));
+        assert_eq!(fields.begin_by(&request), Some(LATER));
+        let expected = MovementData {
+            issued_ns: 7_000,
+            begin_by_ns: 8_000,
+            issued_within_ns: 9,
+            origin: 5,
+            repeat: 1,
+            ..movement
+        };
+        assert_eq!(MovementData::from_bytes(&request), Some(expected));
+    }
+
+    #[test]
+    fn a_control_request_cannot_be_repeated_and_too_few_bytes_change_nothing() {
         let control = RequestFields::of(&Schema::of::<ModuleControl>());
-        assert!(control.repeat() == Repeat::None);
-        let before = request.clone();
-        control.set_repeat(&mut request);
-        assert_eq!(request, before);
-        control.set_deadline(&mut [], Duration::ZERO);
-        assert_eq!(control.deadline(&[]), None);
+        let request = ModuleControl::new(7, ControlCommand::Start);
+        let mut bytes = request.bytes().to_vec();
+        control.set_repeat(&mut bytes);
+        assert_eq!(bytes, request.bytes());
+        assert_eq!(control.traits(&bytes).repeat, Repeat::None);
+        control.set_issued(&mut [], SOME, 9, 5);
+        control.set_begin_by(&mut [0; 12], SOME);
+        assert_eq!(control.issued(&[]), None);
+        assert!(!control.traits(&[]).ends_movement);
+    }
+
+    #[test]
+    fn a_hold_a_landing_and_a_stop_end_movements() {
+        let movements = RequestFields::of(&Schema::of::<MovementData>());
+        let ends = |request: &MovementData| movements.traits(request.bytes()).ends_movement;
+        assert!(ends(&MovementData::hold(7)) && ends(&MovementData::land(7)));
+        assert!(!ends(&MovementData::take_off(7, 10.0)));
+        let control = RequestFields::of(&Schema::of::<ModuleControl>());
+        for command in [
+            ControlCommand::Start,
+            ControlCommand::Stop,
+            ControlCommand::ReloadFence,
+        ] {
+            let request = ModuleControl::new(7, command);
+            let is_stop = command == ControlCommand::Stop;
+            assert_eq!(control.traits(request.bytes()).ends_movement, is_stop);
+        }
     }
 }

@@ -29,7 +29,7 @@ fn a_ping_is_a_version_a_variant_and_four_fields() {
         index: 128,
         from: 300,
     };
-    let bytes = [&[1, 1, 127, 0x80, 0x01][..], &THREE_HUNDRED].concat();
+    let bytes = [&[VERSION, 1, 127, 0x80, 0x01][..], &THREE_HUNDRED].concat();
     assert_eq!(encode(&describe), bytes);
 }
 
@@ -44,7 +44,7 @@ fn a_sample_header_is_four_numbers() {
     let life = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01];
     assert_eq!(
         encode(&header),
-        [&[1][..], &life, &[2], &THREE_HUNDRED, &[0]].concat()
+        [&[VERSION][..], &life, &[2], &THREE_HUNDRED, &[0]].concat()
     );
 }
 
@@ -60,7 +60,12 @@ fn a_command_ends_with_the_length_and_the_bytes_of_its_request() {
         is_given_up: false,
         request: vec![9, 8, 7],
     };
-    let bytes = [&[1, 1, 2, 3, 4][..], &THREE_HUNDRED, &[1, 0, 3, 9, 8, 7]].concat();
+    let bytes = [
+        &[VERSION, 1, 2, 3, 4][..],
+        &THREE_HUNDRED,
+        &[1, 0, 3, 9, 8, 7],
+    ]
+    .concat();
     assert_eq!(encode(&Command::from(&order)), bytes);
     assert_eq!(Order::from(decode::<Command>(&bytes).unwrap()), order);
 }
@@ -78,7 +83,7 @@ fn what_a_robot_tells_has_four_variants() {
         session: 8,
         services: 9,
     });
-    assert_eq!(encode(&pong), [1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    assert_eq!(encode(&pong), [VERSION, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     let part = Tell::Part(Part {
         robot_life: 1,
         index: 2,
@@ -91,7 +96,7 @@ fn what_a_robot_tells_has_four_variants() {
     assert_eq!(
         encode(&part),
         [
-            &[1, 1, 1, 2, 3][..],
+            &[VERSION, 1, 1, 2, 3][..],
             b"a/b",
             &[1],
             &THREE_HUNDRED,
@@ -109,31 +114,39 @@ fn what_a_robot_tells_has_four_variants() {
     };
     let bytes = encode(&Tell::Answer(AnswerBytes::new(&answer)));
     // 136 as a varint.
-    assert_eq!(bytes[..7], [1, 2, 1, 2, 3, 0x88, 0x01]);
+    assert_eq!(bytes[..7], [VERSION, 2, 1, 2, 3, 0x88, 0x01]);
     assert_eq!(bytes.len(), 7 + 136);
     let Ok(Tell::Answer(read)) = decode(&bytes) else {
         panic!("it is an answer");
     };
     assert_eq!(read.answer(), Some(answer));
-    assert_eq!(encode(&Tell::UnknownSession(5)), [1, 3, 5]);
+    assert_eq!(encode(&Tell::UnknownSession(5)), [VERSION, 3, 5]);
 }
 
 #[test]
 fn what_is_no_message_is_an_error() {
     assert_eq!(decode::<Ask>(&[]), Err(NoMessage::Length(0)));
-    assert_eq!(decode::<Ask>(&[2, 0]), Err(NoMessage::Version(2)));
+    assert_eq!(decode::<Ask>(&[1, 0]), Err(NoMessage::Version(1)));
     assert_eq!(
         decode::<Ask>(&vec![1; MAX_BYTES + 1]),
         Err(NoMessage::Length(MAX_BYTES + 1))
     );
-    for bytes in [&[1][..], &[1, 2], &[1, 0, 1], &[1, 3, 5, 0]] {
+    for bytes in [
+        &[VERSION][..],
+        &[VERSION, 2],
+        &[VERSION, 0, 1],
+        &[VERSION, 3, 5, 0],
+    ] {
         assert!(
             matches!(decode::<Ask>(bytes), Err(NoMessage::Contents(_))),
             "{bytes:?}"
         );
     }
     assert!(
-        matches!(decode::<Tell>(&[1, 3, 5, 0]), Err(NoMessage::Contents(_))),
+        matches!(
+            decode::<Tell>(&[VERSION, 3, 5, 0]),
+            Err(NoMessage::Contents(_))
+        ),
         "a byte too many"
     );
 }

@@ -7,8 +7,8 @@ use bridge::journal::{Decoder, Entry, Input, Output, Snapshot};
 use bridge::outputs::{Notice, Outputs};
 use bridge::{BridgeConfig, RequestKey};
 use ipc_types::payload::{
-    BridgeJournal, DspTelemetry, LinkHealth, ModuleState, MovementState, RefusedCounters,
-    RequestReport,
+    BridgeJournal, DspTelemetry, LastMinute, LinkHealth, ModuleState, MovementState,
+    RefusedCounters, RequestReport,
 };
 use ipc_types::{MonotonicNs, Topic};
 use module_kit::journal::bytes::Malformed;
@@ -286,6 +286,9 @@ fn of_changes(recorded: &ModuleState, replayed: &ModuleState) -> Values {
             ..LinkHealth::default()
         },
         refused: RefusedCounters::default(),
+        last_minute: LastMinute::default(),
+        ground_altitude_m: 0.0,
+        ground_valid: 0,
         movement: MovementState {
             distance_to_go_m: 0.0,
             ..state.movement

@@ -99,7 +99,7 @@ impl StatusCore {
                     true => Ok(()),
                     false => Err(String::new()),
                 };
-                status.record(dsp, outcome, at);
+                status.record(outcome, at);
             }
             Input::Step(counts) => {
                 status.count(counts, at);

@@ -48,7 +48,7 @@ pub struct RequestConfig {
     /// How long the bridge has for its first answer, s.
     #[serde(deserialize_with = "timeout_s")]
     pub timeout_s: f64,
-    /// Within how many ms the request must have reached the DSP; 0 leaves it to the bridge.
+    /// Until how many ms after its issue the order may begin; 0 leaves it to the bridge.
     #[serde(deserialize_with = "deadline_ms")]
     pub deadline_ms: u32,
 }
@@ -104,7 +104,7 @@ pub struct PlanConfig {
     /// How much of that shall be left at the end, s.
     #[serde(deserialize_with = "reserve_s")]
     pub reserve_s: f64,
-    /// How high telemetry's zero of altitude is above mean sea level, m.
+    /// How high telemetry's zero of altitude is above sea, m. Without it no plan with altitudes above sea is flown.
     #[serde(deserialize_with = "zero_above_sea_m")]
     pub zero_above_sea_m: Option<f64>,
 }

@@ -12,7 +12,7 @@ mod reason;
 mod tests;
 mod verb;
 
-use ipc_types::code::Stage;
+use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
 use details::{details, port_label, port_value};
@@ -99,10 +99,13 @@ pub fn line(verb: Verb, index: usize, total: usize, report: &RequestReport) -> O
             Stage::Accepted | Stage::Progress,
         ) => return None,
         (Verb::TakeOff, Stage::Done) => match report.value().filter(|height| height.is_finite()) {
-            Some(height) => format!("{stage}, {height:.1} m over the point of take-off"),
+            Some(height) => format!("{stage}, {height:.1} m above take-off"),
             None => stage.to_string(),
         },
         (_, Stage::Progress) => "begun on the DSP".to_owned(),
+        (_, Stage::Accepted) if report.reason() == Some(Reason::LinkDown) => {
+            format!("{stage}, and carried out as soon as the DSP is heard")
+        }
         (_, Stage::Accepted | Stage::Done) => stage.to_string(),
         (_, Stage::Refused | Stage::Aborted | Stage::Unknown) => {
             let reason = report

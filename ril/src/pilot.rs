@@ -77,7 +77,7 @@ pub struct PilotView {
     pub flying: Option<bool>,
     /// Where it is.
     pub place: Option<Place>,
-    /// Altitude, m, with the zero of telemetry.
+    /// Telemetry altitude, m.
     pub altitude_m: Option<f64>,
     /// Climb speed, m/s, up positive.
     pub climb_mps: Option<f64>,

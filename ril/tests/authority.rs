@@ -121,7 +121,7 @@ fn a_take_off_prints_the_height_that_was_reached() {
         ..RequestReport::new(Stage::Done, Reason::None)
     }]));
     let finished = rig.run("takeoff --altitude 10", 0);
-    let expected = "takeoff: done, 9.8 m over the point of take-off";
+    let expected = "takeoff: done, 9.8 m above take-off";
     assert_eq!(finished.stdout, [expected]);
 }
 
@@ -137,7 +137,8 @@ fn the_geofence_is_read_again() {
     assert_eq!(
         request,
         ModuleControl {
-            deadline_ms: 70,
+            issued_ns: request.issued_ns,
+            begin_by_ns: request.issued_ns + 70_000_000,
             ..expected
         }
     );

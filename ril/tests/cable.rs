@@ -8,11 +8,16 @@ use std::os::unix::fs::symlink;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
+use common::flight::Flight;
 use common::{PATIENT, Rig, end};
-use ipc_types::code::LinkState;
-use ril_tests::process::Signal;
-use rustix::event::{PollFd, PollFlags, poll};
+use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Uplink};
+use ipc_types::code::{LinkState, Reason, Stage};
+use ipc_types::payload::{MovementData, WaypointPosition};
+use ipc_types::{Wake, fresh_request_id};
+use ril_tests::process::{Signal, WAIT_LIMIT};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 /// One end of a cable: what is written to the terminal at `path` can be read here, and the other way round.
@@ -129,4 +134,91 @@ fn a_simulator_at_a_serial_port_is_flown_over_a_cable_that_is_unplugged_in_betwe
     end(bridge, Signal::TERM);
     end(sim, Signal::TERM);
     cable.unplug();
+}
+
+/// Waits until the bridge has said something at this end, and says whether it has.
+fn has_said_something(end: &CableEnd, limit: Duration) -> bool {
+    let mut sources = [PollFd::new(&end.master, PollFlags::IN)];
+    let limit = Timespec::try_from(limit).expect("a time");
+    poll(&mut sources, Some(&limit)).expect("a wait") > 0
+}
+
+/// The next command of the bridge at this end.
+fn next_command(end: &mut CableEnd, decoder: &mut Decoder<Uplink>) -> Command {
+    loop {
+        assert!(has_said_something(end, WAIT_LIMIT), "no command came");
+        let mut byte = [0];
+        end.master.read_exact(&mut byte).expect("a byte");
+        if let (_, Decoded::Message(received)) = decoder.receive(&byte)
+            && let Uplink::Command(command) = received.message
+        {
+            return command;
+        }
+    }
+}
+
+#[test]
+fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
+    let rig = Rig::new();
+    let mut dsp = CableEnd::open();
+    dsp.plug_in(&rig, "dsp-1");
+    rig.write("bridge.toml", "[link]\nack_timeout_ms = 400\n");
+    let bridge = rig.bridge(1);
+    let mut decoder = Decoder::new();
+    let first = next_command(&mut dsp, &mut decoder);
+
+    bridge.signal(Signal::STOP);
+    let stop = Downlink::FlowControl(FlowControl::Stop).encode();
+    let mut said = stop.as_bytes().repeat(3000);
+    let acknowledgement = Downlink::Ack {
+        command: first.code(),
+    };
+    said.extend_from_slice(acknowledgement.encode().as_bytes());
+    dsp.master.write_all(&said).expect("room for it");
+    assert!(!has_said_something(&dsp, Duration::from_millis(600)));
+    bridge.signal(Signal::CONT);
+    let second = next_command(&mut dsp, &mut decoder);
+    assert_ne!(second, first, "the start-up goes on");
+    end(bridge, Signal::INT);
+}
+
+#[test]
+fn a_request_after_a_standstill_is_judged_by_what_the_dsp_has_said_meanwhile() {
+    let rig = Rig::new();
+    // Positions are known for a second; the rest is patient.
+    let times = "ack_timeout_ms = 2000\npc_timeout_ms = 30000\nsilent_after_ms = 1000\n";
+    rig.write("bridge.toml", &format!("[link]\n{times}"));
+    let flight = Flight::begin(&rig);
+    let ipc = rig.domain.join("operator");
+    let mut client = ipc.client::<MovementData>().expect("a client");
+    let (latitude, longitude, altitude) = flight.place;
+    let mut ask = |request: MovementData, standstill: Duration| {
+        flight.bridge.signal(Signal::STOP);
+        client.send(&request).expect("room for it");
+        assert_eq!(client.wait(standstill).expect("a wait"), Wake::TimedOut);
+        flight.bridge.signal(Signal::CONT);
+        let mut first = None;
+        while first.is_none() {
+            client.wait(WAIT_LIMIT).expect("a wait");
+            client.drain(|report| {
+                if report.request_id == request.request_id {
+                    first = first.or(report.stage().zip(report.reason()));
+                }
+            });
+        }
+        first
+    };
+    let far = WaypointPosition {
+        latitude_deg: latitude + 0.01,
+        longitude_deg: longitude,
+        altitude_m: altitude,
+    };
+    let path = MovementData::waypoint(fresh_request_id(), 7, far, true, true);
+    let standstill = Duration::from_millis(1500);
+    let accepted = Some((Stage::Accepted, Reason::None));
+    assert_eq!(ask(path, standstill), accepted);
+    let land = MovementData::land(fresh_request_id()).preempting();
+    assert_eq!(ask(land, standstill), accepted);
+    drop(client);
+    flight.end();
 }

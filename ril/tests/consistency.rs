@@ -281,18 +281,24 @@ fn every_verb_with_a_configuration_refuses_one_that_is_wrong_and_prints_one_that
 #[test]
 fn a_checked_configuration_names_the_origin_of_each_value() {
     let rig = Rig::new();
-    rig.write("bridge.toml", "# mine\n[serial]\nbaud_rate = 57600\n");
+    rig.write("bridge.toml", "# mine\n[serial]\nbaud_rate = 230400\n");
     let mut command = rig.command(["run", "bridge", "--check-config"]);
     command.env("RIL_PORT", "/dev/ttyUSB9");
     let finished = Process::spawn(&rig.domain, command).wait_exit();
     for (key, expected) in [
-        ("serial.baud_rate", ["57600", "# bridge.toml:3"]),
+        ("serial.baud_rate", ["230400", "# bridge.toml:3"]),
         ("serial.port", ["\"/dev/ttyUSB9\"", "# RIL_PORT"]),
         ("link.ack_timeout_ms", ["200", "# built-in"]),
     ] {
         let line = finished.stdout.iter().find(|line| line.starts_with(key));
         let line = line.unwrap_or_else(|| panic!("{key}: {finished:#?}"));
         assert!(expected.iter().all(|part| line.contains(part)), "{line}");
+    }
+    rig.write("bridge.toml", "# mine\n[serial]\nbaud_rate = 1200\n");
+    for args in ["run bridge --check-config", "run bridge"] {
+        let finished = rig.run(args, 78);
+        let expected = "bridge.toml:3: 1200 baud carry 120 bytes a second";
+        assert!(says(&finished.stderr, expected), "{finished:#?}");
     }
     let finished = rig.run("start --check-config --timeout 1m --deadline 50ms", 0);
     for expected in [

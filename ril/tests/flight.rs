@@ -4,8 +4,9 @@ mod common;
 
 use std::fs;
 
+use common::flight::Flight;
 use common::{PATIENT, Rig, Watch, end, json, says};
-use ipc_types::code::{Functionality, LinkState, ModuleStatus};
+use ipc_types::code::{Functionality, LinkState, ModuleStatus, MovementKind};
 use ril_tests::Process;
 use ril_tests::process::Signal;
 use ril_tests::pty::is_link;
@@ -188,7 +189,7 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
 
 #[test]
 fn each_signal_ends_each_process_with_nothing_left() {
-    for signal in [Signal::INT, Signal::TERM] {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         let rig = Rig::new();
         let processes = Processes::start(&rig, "");
         let link = rig.folder().join("dsp-1");
@@ -290,4 +291,36 @@ fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
     rig.run("land", 0);
     rig.run("stop", 0);
     processes.end();
+}
+
+#[test]
+fn a_path_that_would_begin_late_because_the_bridge_stood_still_is_not_flown() {
+    let rig = Rig::new();
+    let prompt = PATIENT.replace("begin_within_ms = 60000", "begin_within_ms = 4000");
+    rig.write("bridge.toml", &prompt);
+    let flight = Flight::begin(&rig);
+    let (latitude, longitude, altitude) = flight.place;
+    let (mut watch, mut former) = (rig.watch(1), 0);
+    for deadline in ["--deadline 2s", ""] {
+        // Without flow control no waypoint leaves: the path stays at accepted.
+        flight.sim.signal(Signal::STOP);
+        let target = format!("{},{longitude},{altitude}", latitude + 0.001);
+        rig.run(&format!("goto {target} --no-wait {deadline}"), 0);
+        flight.bridge.signal(Signal::STOP);
+        flight.sim.signal(Signal::CONT);
+        // So long nothing new comes from the bridge, and grants wait in the terminal.
+        rig.run("status --timeout 5s", 4);
+        flight.bridge.signal(Signal::CONT);
+        let state = watch.until("the path has ended", |state| {
+            state.movement.kind() == Some(MovementKind::GoToWaypoint)
+                && state.movement.path_id != former
+                && state.functionality() != Some(Functionality::FollowingPath)
+        });
+        former = state.movement.path_id;
+        assert_eq!(state.movement.waypoints_sent, 0, "{state:#?}");
+        assert_eq!(state.link.waypoints_sent, 0, "{state:#?}");
+        assert_eq!(state.status(), Some(ModuleStatus::Running), "not blocked");
+    }
+    drop(watch);
+    flight.end();
 }

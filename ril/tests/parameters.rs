@@ -93,7 +93,8 @@ fn a_parameter_is_read_and_written_by_name_and_by_number() {
         assert_eq!(request.operation(), Some(ParameterOperation::Read));
         let request = written_or_read(&bridge);
         assert_eq!(request.operation(), Some(ParameterOperation::Write));
-        assert_eq!((request.port, request.deadline_ms), (number.into(), 70));
+        let within_ns = request.begin_by_ns - request.issued_ns;
+        assert_eq!((request.port, within_ns), (number.into(), 70_000_000));
         let written = bridge.port(number).unwrap();
         assert_eq!(
             finished.stdout,

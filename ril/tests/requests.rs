@@ -135,11 +135,7 @@ fn final_reports_become_exit_codes() {
             6,
             "ended early (link-down)",
         ),
-        (
-            Answer::abort(Reason::DeadlineExpired),
-            4,
-            "(deadline-expired)",
-        ),
+        (Answer::abort(Reason::TooLate), 4, "(too-late)"),
         (
             Answer::abort(Reason::MovementTimeout),
             4,
@@ -201,14 +197,16 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
         }
         let finished = Process::spawn(&rig.domain, command).wait_exit();
         assert_eq!(finished.code(), Some(0), "{finished:#?}");
-        assert_eq!(
-            control(bridge.next_request()).deadline_ms,
-            expected,
-            "{args} {variable:?}"
-        );
+        let request = control(bridge.next_request());
+        let begin_by_ns = match expected {
+            0 => 0,
+            ms => request.issued_ns + ms * 1_000_000,
+        };
+        assert_eq!(request.begin_by_ns, begin_by_ns, "{args} {variable:?}");
     }
     rig.run("land --deadline 50ms", 0);
-    assert_eq!(movement(bridge.next_request()).deadline_ms, 50);
+    let land = movement(bridge.next_request());
+    assert_eq!(land.begin_by_ns, land.issued_ns + 50_000_000);
 }
 
 #[test]
@@ -303,6 +301,103 @@ fn an_interrupted_command_says_what_goes_on() {
         says(&finished.stderr, "nothing of it is flown"),
         "{finished:#?}"
     );
+}
+
+#[test]
+fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        bridge.answer_next(accepted());
+        bridge.answer_next(accepted());
+        let mut process = rig.start("goto 37,-6,20 --hold-on-exit");
+        process.wait_for_text("accepted");
+        process.signal(signal);
+        let finished = process.wait_exit();
+        assert_eq!(finished.code(), Some(7), "{signal:?}: {finished:#?}");
+        let expected =
+            "interrupted before the final report about goto: a hold was sent and accepted";
+        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        let kinds = [bridge.next_request(), bridge.next_request()].map(|one| movement(one).kind());
+        assert_eq!(
+            kinds,
+            [Some(MovementKind::GoToWaypoint), Some(MovementKind::Hold)]
+        );
+    }
+    // A hold that gets no answer is no hold.
+    bridge.answer_next(accepted());
+    bridge.answer_next(Answer::Hang);
+    let mut process = rig.start("goto 37,-6,20 --hold-on-exit --timeout 1s");
+    process.wait_for_text("accepted");
+    process.signal(Signal::HUP);
+    let finished = process.wait_exit();
+    assert_eq!(finished.code(), Some(7), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "the hold that was sent failed"),
+        "{finished:#?}"
+    );
+    bridge.next_request();
+    bridge.next_request();
+    // As under nohup.
+    bridge.answer_next(accepted());
+    let line = "trap '' HUP; exec \"$0\" goto 37,-6,20 --hold-on-exit";
+    let mut process = Process::spawn(&rig.domain, rig.shell(line));
+    process.wait_for_text("accepted");
+    process.signal(Signal::HUP);
+    let path = movement(bridge.next_request());
+    let done = RequestReport::new(Stage::Done, Reason::None);
+    bridge.report(path.request_id, &done).unwrap();
+    let finished = process.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    // What is over is over.
+    bridge.answer_next(Answer::done());
+    rig.run("goto 37,-6,20 --hold-on-exit", 0);
+    rig.run("goto 37,-6,20 --hold-on-exit --no-wait", 2);
+}
+
+/// `head -n 1` ends after *accepted*, and the path goes on.
+#[test]
+fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for (option, expected) in [
+        ("", "`ril hold` makes the helicopter hover at once"),
+        ("--hold-on-exit", "a hold was sent and accepted"),
+    ] {
+        bridge.answer_next(accepted());
+        bridge.answer_next(accepted());
+        let line = format!(
+            "{{ \"$0\" goto 37,-6,20 {option}; echo \"code $?\" >&2; }} | {{ head -n 1; exec <&-; echo gone >&2; }}"
+        );
+        let mut process = Process::spawn(&rig.domain, rig.shell(&line));
+        let path = movement(bridge.next_request());
+        process.wait_for_text("gone");
+        let under_way = RequestReport::new(Stage::Progress, Reason::None);
+        bridge.report(path.request_id, &under_way).unwrap();
+        let finished = process.wait_exit();
+        assert!(says(&finished.stderr, "code 7"), "{option}: {finished:#?}");
+        for expected in [
+            "standard output was closed before the final report",
+            expected,
+        ] {
+            assert!(says(&finished.stderr, expected), "{option}: {finished:#?}");
+        }
+        if !option.is_empty() {
+            assert_eq!(
+                movement(bridge.next_request()).kind(),
+                Some(MovementKind::Hold)
+            );
+        } else {
+            // The answer that was meant for a hold.
+            rig.run("takeoff 5m --no-wait", 0);
+            bridge.next_request();
+        }
+    }
+    // The final report was there before its reader had gone: the outcome is known.
+    bridge.answer_next(Answer::refuse(Reason::Busy));
+    let line = "{ \"$0\" goto 37,-6,20; echo \"code $?\" >&2; } | true";
+    let finished = Process::spawn(&rig.domain, rig.shell(line)).wait_exit();
+    assert!(says(&finished.stderr, "code 5"), "{finished:#?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Ctrl+C and SIGTERM as a file descriptor, so that they wake the one wait of a process like any other input; and the
+//! Ctrl+C, SIGTERM and the end of the terminal (SIGHUP) as a file descriptor, so that they wake the one wait of a process like any other input; and the
 //! signal of a file that may not grow, which must end no process.
 //!
 //! Nothing here runs code in a signal handler but the setting of a flag and a one-byte write, and nothing ends the
@@ -11,9 +11,12 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
+
+/// What ends a process in order.
+const SIGNALS: [i32; 3] = [SIGINT, SIGTERM, SIGHUP];
 
 /// In the place of a signal: the wish came from a [`TerminationRequest`].
 const BY_HAND: usize = usize::MAX;
@@ -38,16 +41,16 @@ pub struct Termination {
 #[derive(Debug, thiserror::Error)]
 pub enum SignalError {
     /// Another part of this process owns the signals.
-    #[error("SIGINT and SIGTERM already have an owner in this process")]
+    #[error("SIGINT, SIGTERM and SIGHUP already have an owner in this process")]
     AlreadyOwned,
     /// The operating system refused.
-    #[error("the handlers of SIGINT and SIGTERM cannot be installed")]
+    #[error("the handlers of SIGINT, SIGTERM and SIGHUP cannot be installed")]
     System(#[from] io::Error),
 }
 
 impl Termination {
-    /// Takes SIGINT and SIGTERM. From now on they no longer end the process by themselves, not even after this value
-    /// was dropped.
+    /// Takes SIGINT, SIGTERM and, unless it is ignored (`nohup`), SIGHUP. From now on they no longer end the process by themselves,
+    /// not even after this value was dropped.
     pub fn install() -> Result<Termination, SignalError> {
         let (receiver, sender) = pair()?;
         if OWNED.swap(true, Ordering::AcqRel) {
@@ -61,9 +64,12 @@ impl Termination {
         };
         // From the first handler on a signal does not end the process, but what is to be done with it is not known before all are
         // registered. Until then it waits.
-        let _waiting = Waiting::begin([SIGINT, SIGTERM])?;
+        let _waiting = Waiting::begin(SIGNALS)?;
         // The handlers of a signal run in the order of their registration.
-        for signal in [SIGINT, SIGTERM] {
+        for signal in SIGNALS {
+            if signal == SIGHUP && is_ignored(signal) {
+                continue;
+            }
             let which = Arc::clone(&termination.signal);
             let handler = flag::register_usize(signal, which, signal as usize)?;
             termination.handlers.push(handler);
@@ -103,7 +109,7 @@ impl Termination {
     pub fn requested(&self) -> bool {
         let requested = self.is_set();
         if requested {
-            // One read takes more signals than the two kinds can have pending; what is left wakes the next wait.
+            // One read takes more signals than the three kinds can have pending; what is left wakes the next wait.
             let mut signals = [0; 64];
             let _ = (&self.receiver).read(&mut signals);
         }
@@ -147,6 +153,17 @@ impl Drop for Waiting {
         unsafe {
             libc::pthread_sigmask(libc::SIG_SETMASK, &self.before, std::ptr::null_mut());
         }
+    }
+}
+
+/// Whether the process that started this one had it ignore the signal.
+#[allow(unsafe_code)]
+fn is_ignored(signal: i32) -> bool {
+    // SAFETY: without a new action the call only fills the structure that it is given.
+    unsafe {
+        let mut action: libc::sigaction = mem::zeroed();
+        libc::sigaction(signal, std::ptr::null(), &mut action) == 0
+            && action.sa_sigaction == libc::SIG_IGN
     }
 }
 
@@ -226,8 +243,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_signals_request_the_end_and_have_one_owner() {
-        for signal in [SIGINT, SIGTERM] {
+    fn each_signal_requests_the_end_and_has_one_owner() {
+        for signal in SIGNALS {
             let termination = Termination::install().unwrap();
             assert_eq!(termination.signal(), None);
             assert!(matches!(

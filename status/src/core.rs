@@ -89,6 +89,8 @@ pub struct Status {
     logs: Logs,
     input: Input,
     output: Output,
+    /// The sample that was translated last, without its implausible groups, and those.
+    checked: (DspTelemetry, GroupSet),
     /// What the published state says.
     manager: Manager,
     /// Drained by the caller after each step: at most a handful for a step and a log.
@@ -169,6 +171,7 @@ impl Status {
             logs: Logs::default(),
             input: kept.input,
             output: kept.output,
+            checked: Default::default(),
             manager: kept.manager,
             events: Vec::new(),
         })
@@ -207,6 +210,7 @@ impl Status {
                 implausible: GroupSet::default(),
             },
             output: Output::default(),
+            checked: Default::default(),
             manager,
             events: Vec::new(),
         };
@@ -223,16 +227,17 @@ impl Status {
 
     /// What to publish for `dsp` at `now`. To be called once for each sample: the estimator goes on with it.
     pub fn translate(&mut self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
-        let (dsp, _) = plausible(dsp);
-        let mut hero = translate(&dsp, &self.calibration, now);
+        self.checked = plausible(dsp);
+        let (dsp, _) = &self.checked;
+        let mut hero = translate(dsp, &self.calibration, now);
         if let Some(estimator) = &mut self.estimator {
-            hero.estimate = estimator.update(&dsp, &hero);
+            hero.estimate = estimator.update(dsp, &hero);
         }
         hero
     }
 
-    /// Takes note of `dsp` at `now`, after what [`translate`](Self::translate) gave was published or could not be.
-    pub fn record(&mut self, dsp: &DspTelemetry, outcome: Result<(), String>, now: MonotonicNs) {
+    /// Takes note at `now` of the sample that was [translated](Self::translate) last: what that gave was published or could not be.
+    pub fn record(&mut self, outcome: Result<(), String>, now: MonotonicNs) {
         if self.input.flowing_since.replace(now).is_none() {
             self.events.push(Event::InputStarted);
             self.input_flows(true, now);
@@ -248,13 +253,13 @@ impl Status {
                 }
             }
         }
-        let (dsp, implausible) = plausible(dsp);
+        let (dsp, implausible) = &self.checked;
         let groups = implausible.without(self.input.implausible);
         if !groups.is_empty() {
             self.input.implausible = self.input.implausible.union(groups);
             self.events.push(Event::GroupsImplausible { groups });
         }
-        self.logs.record(&dsp);
+        self.logs.record(dsp);
     }
 
     /// Takes note of what the subscriber has counted by `now`.
@@ -357,6 +362,16 @@ mod tests {
         Status::new(Calibration::default(), Logs::default(), START)
     }
 
+    fn take(
+        status: &mut Status,
+        dsp: &DspTelemetry,
+        outcome: Result<(), String>,
+        now: MonotonicNs,
+    ) {
+        status.translate(dsp, now);
+        status.record(outcome, now);
+    }
+
     /// Names of the events since the last call.
     fn events(status: &mut Status) -> Vec<String> {
         let events = status.take_events();
@@ -380,8 +395,8 @@ mod tests {
         status.on_time(after_ms(60_000));
         assert!(events(&mut status).is_empty());
 
-        status.record(&sample(1, 1), Ok(()), START);
-        status.record(&sample(1, 2), Ok(()), after_ms(20));
+        take(&mut status, &sample(1, 1), Ok(()), START);
+        take(&mut status, &sample(1, 2), Ok(()), after_ms(20));
         assert_eq!(events(&mut status), ["InputStarted"]);
         assert_eq!(status.deadline(), Some(after_ms(1020)));
         status.on_time(after_ms(1019));
@@ -389,7 +404,7 @@ mod tests {
         status.on_time(after_ms(1020));
         assert_eq!(events(&mut status), ["InputSilent"]);
         assert_eq!(status.deadline(), None);
-        status.record(&sample(1, 3), Ok(()), after_ms(5000));
+        take(&mut status, &sample(1, 3), Ok(()), after_ms(5000));
         assert_eq!(events(&mut status), ["InputStarted"]);
     }
 
@@ -404,10 +419,10 @@ mod tests {
             let position = TelemetryGroup::Geographic;
             assert!(!hero.valid(position) && hero.valid(TelemetryGroup::Xy));
             assert_eq!((hero.geodetic.latitude_rad, hero.flying), (0.0, 1));
-            status.record(&dsp, Ok(()), START);
+            status.record(Ok(()), START);
         }
         dsp.gps_quality = 99;
-        status.record(&dsp, Ok(()), START);
+        take(&mut status, &dsp, Ok(()), START);
         let implausible = |event: &Event| match event {
             Event::GroupsImplausible { groups } => Some(groups.to_string()),
             _ => None,
@@ -490,7 +505,7 @@ mod tests {
         let failed = || Err("no room".to_owned());
         let outcomes = [failed(), failed(), Ok(()), failed()];
         for (sequence, outcome) in (1..).zip(outcomes) {
-            status.record(&sample(1, sequence), outcome, START);
+            take(&mut status, &sample(1, sequence), outcome, START);
         }
         assert_eq!(events(&mut status), ["InputStarted", "no room", "no room"]);
         assert_eq!(status.finish().published, 1);
@@ -508,7 +523,7 @@ mod tests {
             status.on_time(now);
             let dsp = sample(1, sequence);
             assert_eq!(status.translate(&dsp, now).source_sequence, sequence);
-            status.record(&dsp, Ok(()), now);
+            status.record(Ok(()), now);
         }
         assert_eq!(events(&mut status), ["InputStarted", "log lost 1"]);
         let summary = status.finish();

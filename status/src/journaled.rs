@@ -69,7 +69,7 @@ impl Journaled {
                 .record(now, |record| encoder.telemetry(&hero, record));
             self.input(now, &Input::Record(outcome.is_ok()));
         }
-        self.status.record(dsp, outcome, now);
+        self.status.record(outcome, now);
     }
 
     /// See [`Status::count`] and [`Status::on_time`].

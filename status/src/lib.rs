@@ -42,7 +42,7 @@
 //! // A group that is not valid is zero, whatever its calibration makes of zero.
 //! assert_eq!(hero.barometer_altitude_m, 0.0);
 //!
-//! status.record(&dsp, Ok(()), now);
+//! status.record(Ok(()), now);
 //! assert_eq!(status.finish().published, 1);
 //! ```
 

@@ -199,7 +199,7 @@ impl Process for Shell {
     }
 
     /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes with the
-    /// next wake, [`SAFETY_BOUND`](ipc_types::waiter::SAFETY_BOUND) later at the latest.
+    /// next wake, [`LONGEST_SLEEP`](ipc_types::waiter::LONGEST_SLEEP) after the one before at the latest.
     fn round(&mut self, now: MonotonicNs) {
         self.publish_state(true, now);
     }

@@ -126,7 +126,7 @@ impl Compiler {
     }
 
     /// Compiles `examples/<source>`; `libraries` come last.
-    fn build(&self, source: &str, program: &Path, libraries: &[&OsStr]) {
+    fn build(&self, source: &str, program: &Path, libraries: &[&OsStr]) -> Result<(), String> {
         let mut command = Command::new(&self.program);
         command
             .arg(self.standard)
@@ -138,7 +138,7 @@ impl Compiler {
             .arg(root().join("ipc-types/layouts"))
             .arg(root().join("examples").join(source))
             .args(libraries);
-        run(&mut command).expect("the example compiles");
+        run(&mut command)
     }
 
     /// Compiles `examples/<source>` into `program`.
@@ -147,6 +147,20 @@ impl Compiler {
     ///
     /// When that fails, with what the compiler says.
     pub fn with_shared_library(&self, source: &str, program: &Path) {
+        self.shared(source, program, &[])
+            .expect("the example compiles");
+    }
+
+    /// The same with the compiler's sanitizer of addresses.
+    ///
+    /// # Errors
+    ///
+    /// When the compiler has none.
+    pub fn sanitized(&self, source: &str, program: &Path) -> Result<(), String> {
+        self.shared(source, program, &["-fsanitize=address".as_ref()])
+    }
+
+    fn shared(&self, source: &str, program: &Path, options: &[&OsStr]) -> Result<(), String> {
         let mut run_path = OsString::from("-Wl,-rpath,");
         run_path.push(self.libraries);
         let libraries = [
@@ -155,7 +169,7 @@ impl Compiler {
             "-lhero_ril".as_ref(),
             &run_path,
         ];
-        self.build(source, program, &libraries);
+        self.build(source, program, &[options, &libraries].concat())
     }
 
     /// Compiles `examples/<source>` into `program`.
@@ -167,7 +181,8 @@ impl Compiler {
         let library = self.libraries.join("libhero_ril.a");
         let mut libraries = vec![library.as_os_str()];
         libraries.extend(["-lpthread", "-ldl", "-lm"].map(OsStr::new));
-        self.build(source, program, &libraries);
+        self.build(source, program, &libraries)
+            .expect("the example compiles");
     }
 }
 

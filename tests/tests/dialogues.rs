@@ -419,6 +419,7 @@ impl PcSide {
         self.requests += 1;
         let data = MovementData {
             request_id: self.requests,
+            issued_ns: host(at_ms).0,
             ..data
         };
         let key = RequestKey::Movement(self.requests);
@@ -452,6 +453,7 @@ impl Side for PcSide {
                 self.requests += 1;
                 let control = ModuleControl {
                     request_id: self.requests,
+                    issued_ns: host(at_ms).0,
                     command: ControlCommand::Start.code(),
                     ..ModuleControl::default()
                 };

@@ -120,6 +120,63 @@ mod module {
     ipc_types::request!(Move, "gripper/move");
 }
 
+/// What a program of `bindings/c/tests` says at its end.
+fn passes(program: Command, how: &str) {
+    let domain = TestDomain::new();
+    let finished = Process::spawn(&domain, program).wait_exit();
+    assert_eq!(finished.code(), Some(0), "{how}: {finished:#?}");
+    let last = finished.stdout.last().map(String::as_str);
+    assert_eq!(last, Some("passed"), "{how}: {finished:#?}");
+}
+
+#[test]
+fn clients_in_c_and_cpp_send_whatever_they_have_read_and_wait_without_a_processor() {
+    let folder = PtyFolder::new();
+    if let Some(compiler) = or_skip("C", Compiler::c()) {
+        let program = folder.link("in-c");
+        compiler.with_shared_library("../bindings/c/tests/clients.c", &program);
+        passes(Command::new(program), "C");
+    }
+    if let Some(compiler) = or_skip("C++", Compiler::cpp()) {
+        let program = folder.link("in-cpp");
+        compiler.with_static_library("../bindings/c/tests/clients.cpp", &program);
+        passes(Command::new(program), "C++");
+    }
+}
+
+#[test]
+fn a_client_in_c_makes_no_wrong_access_to_memory() {
+    let Some(compiler) = or_skip("C", Compiler::c()) else {
+        return;
+    };
+    let folder = PtyFolder::new();
+    let source = "../bindings/c/tests/clients.c";
+    let program = folder.link("in-c");
+    compiler.with_shared_library(source, &program);
+    let mut valgrind = Command::new("valgrind");
+    match valgrind.arg("--version").output() {
+        Ok(_) => {
+            let mut valgrind = Command::new("valgrind");
+            // Values: iceoryx2 compares unused bytes of its ids, which are the same in every copy.
+            valgrind
+                .args(["--quiet", "--error-exitcode=9", "--undef-value-errors=no"])
+                .arg(&program);
+            passes(valgrind, "valgrind");
+        }
+        Err(why) => skip("C programs under valgrind", &why.to_string()),
+    }
+    let program = folder.link("sanitized");
+    match compiler.sanitized(source, &program) {
+        Ok(()) => {
+            let mut sanitized = Command::new(&program);
+            // A forked child leaks what its parent made, on purpose.
+            sanitized.env("ASAN_OPTIONS", "detect_leaks=0");
+            passes(sanitized, "address sanitizer");
+        }
+        Err(why) => skip("C programs with the address sanitizer", &why),
+    }
+}
+
 #[test]
 fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
     let Some(compiler) = or_skip("C", Compiler::c()) else {

@@ -71,7 +71,7 @@ fn nothing_that_cannot_be_is_translated_whatever_was_published() {
         kept += hero.valid_groups.count_ones();
         left_out += u32::from(dsp.valid_groups).count_ones() - hero.valid_groups.count_ones();
 
-        status.record(&dsp, Ok(()), now);
+        status.record(Ok(()), now);
         let counts = InputCounts {
             received: dsp.sequence,
             lost: dsp.epoch_ns,

@@ -57,7 +57,7 @@ impl Outputs for Behind {
         self.samples += 1;
         (sample.sequence, sample.epoch_ns) = (self.samples, 1);
         self.latest = self.status.translate(&sample, self.now);
-        self.status.record(&sample, Ok(()), self.now);
+        self.status.record(Ok(()), self.now);
     }
 
     fn state(&mut self, _state: &ModuleState) {}

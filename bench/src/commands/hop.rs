@@ -12,6 +12,7 @@ use crate::plot::Plot;
 use crate::process::Child;
 use crate::report::{Bound, Section, us};
 use crate::rounds::Measured;
+use crate::setting::{Placement, Setting};
 use crate::site::Site;
 use crate::statistics::{Ratio, Times};
 
@@ -24,6 +25,10 @@ pub struct Args {
     /// Rates, Hz
     #[arg(long, value_delimiter = ',', default_values_t = [1000, 100], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     rates: Vec<u32>,
+
+    /// Where the two processes run
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Placement::PINNED)]
+    placements: Vec<Placement>,
 
     /// Seconds that one case is measured for in one round
     #[arg(long, default_value_t = 1.0)]
@@ -39,21 +44,21 @@ pub struct Args {
 pub struct Case {
     /// The way.
     pub peer: Peer,
-    /// Samples a second.
-    pub rate_hz: u32,
+    /// At which rate, and where.
+    pub setting: Setting,
 }
 
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} at {} Hz", self.peer, self.rate_hz)
+        write!(f, "{} at {}", self.peer, self.setting)
     }
 }
 
 /// Measures `case` once, for about so many seconds.
 pub fn measure(case: Case, seconds: f64) -> Result<Series> {
-    let site = Site::new()?;
+    let site = Site::placed(case.setting.placement)?;
     let (peer, folder) = (case.peer.key(), site.path());
-    let (peer, rate_hz) = (peer.as_str(), case.rate_hz);
+    let (peer, rate_hz) = (peer.as_str(), case.setting.rate_hz);
     let samples = (f64::from(rate_hz) * seconds).ceil() as usize;
     let mut receiver = Child::start(&site, &[&"hop-receive", &peer, &folder, &samples])?;
     let sender = Child::start(&site, &[&"hop-send", &peer, &folder, &rate_hz])?;
@@ -65,13 +70,13 @@ pub fn measure(case: Case, seconds: f64) -> Result<Series> {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let cases: Vec<Case> = args
-        .rates
+    let settings = Setting::all(&args.rates, &args.placements);
+    let cases: Vec<Case> = settings
         .iter()
-        .flat_map(|rate_hz| {
+        .flat_map(|setting| {
             args.peers.iter().map(|peer| Case {
                 peer: *peer,
-                rate_hz: *rate_hz,
+                setting: *setting,
             })
         })
         .collect();
@@ -81,8 +86,8 @@ pub fn run(args: &Args) -> Result<()> {
     let mut section = Section::new("hop", "One hop: from a process to another");
     section.text(format!(
         "A `HeroTelemetry` ({} bytes) from one process to another, from just before it is given to the sender's library until \
-         the receiver can read it; µs. {} rounds, in each of which every way is measured for {} s in two new processes; the \
-         ratios are medians of the rounds' ratios of their medians.",
+         the receiver can read it; µs. {} rounds, in each of which every way is measured for {} s in two new processes, which \
+         share a processor or have one each; the ratios are medians of the rounds' ratios of their medians.",
         size_of::<HeroTelemetry>(),
         args.common.rounds,
         args.seconds,
@@ -90,10 +95,10 @@ pub fn run(args: &Args) -> Result<()> {
     section.plot(
         "performance-hop.svg",
         "Latency of one hop",
-        plot(args, &measured).to_svg(),
+        plot(&settings[..args.placements.len()], args, &measured).to_svg(),
     );
-    for rate_hz in &args.rates {
-        section.text(format!("At {rate_hz} Hz:"));
+    for setting in &settings {
+        section.text(format!("At {setting}:"));
         let header = [
             "way",
             "p50",
@@ -106,11 +111,11 @@ pub fn run(args: &Args) -> Result<()> {
         let rows: Vec<_> = args
             .peers
             .iter()
-            .map(|peer| row(&measured, *peer, *rate_hz))
+            .map(|peer| row(&measured, *peer, *setting))
             .collect();
         section.table(&header, &rows);
     }
-    goals(&mut section, args, &measured);
+    goals(&mut section, &settings, &measured);
     section.publish(args.common.out().as_deref())
 }
 
@@ -119,10 +124,10 @@ fn merged(rounds: &[Series]) -> Times {
     Times::merged(rounds.iter().map(Series::times))
 }
 
-fn row(measured: &Measured<Case, Series>, peer: Peer, rate_hz: u32) -> Vec<String> {
-    let rounds = measured.rounds(Case { peer, rate_hz });
+fn row(measured: &Measured<Case, Series>, peer: Peer, setting: Setting) -> Vec<String> {
+    let rounds = measured.rounds(Case { peer, setting });
     let times = merged(rounds);
-    let to = |other| match ratio(measured, peer, other, rate_hz) {
+    let to = |other| match ratio(measured, peer, other, setting) {
         Some(ratio) => format!("{:.2}", ratio.median),
         None => "–".to_owned(),
     };
@@ -146,34 +151,35 @@ fn ratio(
     measured: &Measured<Case, Series>,
     peer: Peer,
     other: Peer,
-    rate_hz: u32,
+    setting: Setting,
 ) -> Option<Ratio> {
-    let medians = |peer| measured.each(Case { peer, rate_hz }, |series| series.times().p50_ns());
+    let medians = |peer| measured.each(Case { peer, setting }, |series| series.times().p50_ns());
     Ratio::of_rounds(&medians(peer), &medians(other))
 }
 
-fn goals(section: &mut Section, args: &Args, measured: &Measured<Case, Series>) {
-    for rate_hz in &args.rates {
+fn goals(section: &mut Section, settings: &[Setting], measured: &Measured<Case, Series>) {
+    for setting in settings {
         for (peer, other, most) in [
             (Peer::Ours, Peer::UnixSocket, 0.75),
             (Peer::Ours, Peer::Futex, 1.15),
             (Peer::OursSpin, Peer::IceoryxSpin, 1.1),
         ] {
             section.goal(
-                format!("{peer} / {other}, p50, {rate_hz} Hz"),
+                format!("{peer} / {other}, p50, {setting}"),
                 Bound::AtMost(most),
-                ratio(measured, peer, other, *rate_hz),
+                ratio(measured, peer, other, *setting),
             );
         }
     }
 }
 
-fn plot(args: &Args, measured: &Measured<Case, Series>) -> Plot {
+/// The first rate, at each placement.
+fn plot(settings: &[Setting], args: &Args, measured: &Measured<Case, Series>) -> Plot {
     Plot::of_latencies(
         "One sample of telemetry from a process to another",
-        &args.rates,
+        settings,
         &args.peers,
         |peer| (peer.title(), peer.is_ours()),
-        |peer, rate_hz| merged(measured.rounds(Case { peer, rate_hz })),
+        |peer, setting| merged(measured.rounds(Case { peer, setting })),
     )
 }

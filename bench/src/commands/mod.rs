@@ -1,6 +1,5 @@
 //! The commands: each measures, and makes one section of the report.
 
-pub mod anticipate;
 pub mod codec;
 pub mod cost;
 pub mod end_to_end;

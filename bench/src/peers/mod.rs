@@ -17,7 +17,7 @@ mod zenoh;
 #[cfg(feature = "peers")]
 mod zeromq;
 
-pub use ends::{Mark, PATIENCE, Receiver, Sender};
+pub use ends::{Mark, Receiver, Sender};
 pub use futex::segment;
 
 use std::fmt;

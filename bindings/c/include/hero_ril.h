@@ -7,7 +7,8 @@
  * handle may move to another thread. Close the handles of a robot in any order; when the last one is closed, the process has left
  * nothing in shared memory. Other processes clean up after a process that was killed.
  *
- * Fork: make handles after fork(). A child cannot use the handles of its parent.
+ * Fork: a child that was forked cannot use its parent's handles. What it calls with them fails, with a text that names the fork, or does
+ * nothing; closing them, or returning from main, changes nothing for the parent. The child may join anew.
  */
 #ifndef HERO_RIL_H
 #define HERO_RIL_H
@@ -36,6 +37,13 @@ typedef enum hero_ril_result {
     HERO_RIL_PANIC = -7       /* A bug in the library. Close the handle. */
 } hero_ril_result;
 
+/* How soon a thread runs after it was woken; see hero_ril_request_slice. */
+typedef enum hero_ril_role {
+    HERO_RIL_PROVIDER = 0,  /* Others wait for what it publishes. */
+    HERO_RIL_CONSUMER = 1,  /* It takes samples or sends requests, and is to run as soon as it is woken. */
+    HERO_RIL_BACKGROUND = 2 /* Samples may wait for it, as for a recorder: it runs after all others. */
+} hero_ril_role;
+
 typedef struct hero_ril_robot hero_ril_robot;
 typedef struct hero_ril_subscriber hero_ril_subscriber;
 typedef struct hero_ril_publisher hero_ril_publisher;
@@ -55,7 +63,7 @@ typedef struct hero_ril_topic {
  * another key, as ModuleControl is for "<module>/control", `layout_hash` says which one it is. */
 typedef hero_ril_topic hero_ril_service;
 
-/* A place to fly to. The altitude has the same zero as telemetry. */
+/* A place to fly to. The altitude is a telemetry altitude. */
 typedef struct hero_ril_waypoint {
     double latitude_deg;
     double longitude_deg;
@@ -89,9 +97,13 @@ const char *hero_ril_last_error(void);
 
 /* Takes part in the shared memory of a robot (1, 2, ...). `root` is the folder of the shared memory; NULL takes the variable
  * RIL_IPC_ROOT, else the user's own. `process_name` is what others see: letters, digits, `-` and `_`, and not
- * `relay`, which is the name of the RIL's own module. */
+ * `bridge`, `status` or `relay`, which are the names of the RIL's own modules. */
 int hero_ril_join(const char *root, uint32_t robot, const char *process_name, hero_ril_robot **out);
 void hero_ril_leave(hero_ril_robot *robot);
+
+/* Asks Linux (6.12 and later) for a slice of the calling thread's processor as `role`, a hero_ril_role, has it: a shorter slice lets a
+ * thread run sooner after it was woken. Needs no privilege. Where the system grants none, nothing changes. Never needed. */
+int hero_ril_request_slice(int role);
 
 /* ---- Telemetry, and topics of modules ---- */
 
@@ -134,8 +146,10 @@ void hero_ril_withdraw(hero_ril_publisher *publisher);
 
 /* ---- Requests ---- */
 
-/* A client of all request services of the robot, those of modules included. It follows up to 8 requests of each service at a
- * time. */
+/* A client of all request services of the robot, those of modules included. Up to 8 requests of each service may be open, that is,
+ * without a final report, whether or not reports were read. While 8 are open, sending waits 0.25 s at most for one to end, and is then
+ * refused with HERO_RIL_FULL. The client keeps 256 reports that were not read; at that bound the oldest that is not final is dropped,
+ * and when all are final, the oldest. */
 int hero_ril_client_open(hero_ril_robot *robot, hero_ril_client **out);
 
 /* Gives up the requests that have no final report yet. */
@@ -149,11 +163,12 @@ int hero_ril_take_off(hero_ril_client *client, double altitude_m, uint64_t *requ
 int hero_ril_land(hero_ril_client *client, int preempt, uint64_t *request_id);
 int hero_ril_hold(hero_ril_client *client, uint64_t *request_id);
 
-/* Flies a path. The id is that of the last waypoint, or of the first one that was refused. */
+/* Flies a path of 1 to 1024 waypoints. The id is that of the last waypoint, or of the first one that was refused. */
 int hero_ril_go_to(hero_ril_client *client, const hero_ril_waypoint *waypoints, size_t count, int preempt, uint64_t *request_id);
 
-/* Copies the oldest report about the request, of any request for 0. HERO_RIL_NOTHING when the time is over, and when no request is
- * open: read until hero_ril_is_final(). A request whose server is gone ends with the stage `unknown`. */
+/* Copies the oldest report about the request, of any request for 0; waits for it as long as `timeout_ms`. HERO_RIL_NOTHING when the time
+ * is over. HERO_RIL_INVALID at once when the request is not open: read until hero_ril_is_final(). A request whose server is gone ends
+ * with the stage `unknown`. */
 int hero_ril_next_report(hero_ril_client *client, uint64_t request_id, int32_t timeout_ms, RequestReport *report);
 int hero_ril_is_final(const RequestReport *report);
 
@@ -203,7 +218,8 @@ static inline int hero_ril_answer(hero_ril_server *server, uint64_t ticket, uint
 /* ---- Several at once ---- */
 
 /* Sleeps until one of the sources may have something, or the time is over. Then receive from all of them. Publishers serve their
- * subscribers meanwhile, and do not end it. 16 sources are possible; a client counts for each service that it has sent to. */
+ * subscribers meanwhile, and do not end it. 16 sources are possible, each handle once; a client counts for each service that it
+ * has sent to. */
 int hero_ril_wait(const hero_ril_source *sources, size_t count, int32_t timeout_ms);
 
 /* ---- The robot's own topics and request services ---- */

@@ -52,8 +52,8 @@ using Milliseconds = std::chrono::milliseconds;
 using Waypoint = hero_ril_waypoint;
 using Losses = hero_ril_losses;
 
-/* Waits without a limit. */
-inline constexpr Milliseconds FOREVER{-1};
+/* Waits without a limit. A negative time does not wait. */
+inline constexpr Milliseconds FOREVER = Milliseconds::max();
 
 /* Which topic carries a struct. For a struct of your own: HERO_RIL_TOPIC. */
 template <class T> struct TopicOf;
@@ -109,7 +109,10 @@ inline int check(int result) {
 }
 
 inline std::int32_t milliseconds(Milliseconds timeout) {
-    return static_cast<std::int32_t>(timeout.count() > INT32_MAX ? -1 : timeout.count());
+    if (timeout.count() > INT32_MAX) {
+        return -1;
+    }
+    return static_cast<std::int32_t>(std::max(timeout, Milliseconds::zero()).count());
 }
 
 template <auto close> struct Closer {
@@ -454,6 +457,9 @@ class Robot {
   private:
     detail::Handle<hero_ril_robot, hero_ril_leave> handle_;
 };
+
+/* How soon the calling thread runs after it was woken: see hero_ril_request_slice. */
+inline void request_slice(hero_ril_role role) { detail::check(hero_ril_request_slice(role)); }
 
 /* Sleeps until one of the subscribers, clients, publishers and servers may have something: wait(1s, telemetry, client). Returns false when
  * the time is over or a signal came. */

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use ipc_types::schema::{LoadError, SchemaError};
 use ipc_types::subscriber::ReceiveError;
 use ipc_types::{
-    DomainError, DynamicError, JoinError, OpenError, PublishError, ReportError, SendError,
+    DomainError, DynamicError, Forked, JoinError, OpenError, PublishError, ReportError, SendError,
     ServeError, WaitError,
 };
 
@@ -35,6 +35,8 @@ pub enum Error {
     Wait(#[from] WaitError),
     #[error(transparent)]
     Load(#[from] LoadError),
+    #[error(transparent)]
+    Forked(#[from] Forked),
     #[error("the schema cannot be read")]
     Schema(#[from] SchemaError),
     /// The caller's struct is not the one that lies in the topic.
@@ -43,6 +45,11 @@ pub enum Error {
     /// The bridge hangs, or the machine stalls.
     #[error("the bridge did not answer a waypoint of the path in time: is it alive?")]
     NoAnswer,
+    /// No report about this request can come.
+    #[error(
+        "request {0} is not open: its final report was read before, or the request was given up"
+    )]
+    NotOpen(u64),
     /// An argument that cannot be meant.
     #[error("{0}")]
     Invalid(String),
@@ -77,10 +84,15 @@ impl Error {
             Error::Send(SendError::NoServer { .. }) | Error::Load(LoadError::Missing(_)) => {
                 Kind::NotThere
             }
-            Error::Send(SendError::TooManyOutstanding | SendError::ServerFull) => Kind::Full,
+            Error::Send(
+                SendError::TooManyOutstanding | SendError::NoPlace(_) | SendError::ServerFull,
+            ) => Kind::Full,
+            Error::Receive(error) if error.is_full() => Kind::Full,
             Error::Dynamic(_)
             | Error::Schema(_)
             | Error::Invalid(_)
+            | Error::NotOpen(_)
+            | Error::Wait(WaitError::NoSources | WaitError::TooManySources(_))
             | Error::Report(ReportError::NotOpen) => Kind::Invalid,
             Error::Join(JoinError::InvalidProcessName(_)) => Kind::Invalid,
             _ => Kind::Failed,

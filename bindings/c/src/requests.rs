@@ -6,14 +6,23 @@ use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
-use ipc_types::{DynamicClient, Ipc, Request, Source, Waiter, Wake, fresh_request_id};
+use ipc_types::waiter::SAFETY_BOUND;
+use ipc_types::{
+    DynamicClient, Ipc, Request, SendError, Source, Waiter, Wake, fresh_request_id, keep_report,
+};
 
 use crate::error::Error;
 use crate::service::ServiceName;
 
-/// Reports that wait until the caller asks for them. When there are more, the oldest is dropped: it belongs to a
-/// request that the caller does not follow.
+/// Reports that wait until the caller asks for them. When there are more, the oldest that is not final is dropped; when all are final,
+/// the oldest: it belongs to a request that the caller does not follow.
 const MAX_WAITING: usize = 256;
+
+/// Most waypoints of a path: a path of more is refused by the bridge.
+const MAX_WAYPOINTS: usize = 1024;
+
+/// How long sending waits for one of eight requests to end. A hold that is replaced ends in less than a millisecond.
+const ROOM_TIMEOUT: Duration = SAFETY_BOUND;
 
 /// How long a waypoint of a path may take to be taken. The bridge answers in less than a millisecond.
 const WAYPOINT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -55,6 +64,9 @@ impl Requests {
     /// Sends a request as its struct's bytes, to the robot's own services or to a module's. A `request_id` of 0 is replaced by a
     /// fresh one. Returns the request's id.
     ///
+    /// A request that has ended does not count as open, whether or not its reports were read. While as many are open as can be, this
+    /// waits for one to end, 0.25 s at most.
+    ///
     /// # Errors
     ///
     /// When it was not sent.
@@ -68,18 +80,26 @@ impl Requests {
             .clients
             .iter()
             .position(|client| client.key() == service.key);
-        let client = match place {
+        let place = match place {
             Some(place) => {
                 service.check_client(&self.clients[place])?;
-                &mut self.clients[place]
+                place
             }
             None => {
                 self.clients.push(service.client(&self.ipc)?);
-                let last = self.clients.len() - 1;
-                &mut self.clients[last]
+                self.clients.len() - 1
             }
         };
-        Ok(client.send(request)?)
+        let deadline = Instant::now() + ROOM_TIMEOUT;
+        loop {
+            let client = &mut self.clients[place];
+            let left = deadline.saturating_duration_since(Instant::now());
+            match client.send(request) {
+                Err(SendError::TooManyOutstanding) if !left.is_zero() => client.wait(left)?,
+                sent => return Ok(sent?),
+            };
+            self.drain();
+        }
     }
 
     /// Sends a request of the robot's own.
@@ -96,7 +116,7 @@ impl Requests {
         self.send_own(&ModuleControl::new(0, command))
     }
 
-    /// Takes off and climbs to so many meters over the point of take-off.
+    /// Takes off and climbs to this height above take-off, m.
     ///
     /// # Errors
     ///
@@ -133,11 +153,8 @@ impl Requests {
     ///
     /// When a waypoint was not sent.
     pub fn go_to(&mut self, path: &[WaypointPosition], preempt: bool) -> Result<u64, Error> {
-        let Some(last) = path.len().checked_sub(1) else {
-            return Err(Error::Invalid(
-                "a path needs at least one waypoint".to_owned(),
-            ));
-        };
+        check_waypoints(path.len())?;
+        let last = path.len() - 1;
         let path_id = fresh_request_id();
         for (index, waypoint) in MovementData::path(path_id, path, fresh_request_id).enumerate() {
             let waypoint = match preempt {
@@ -182,8 +199,9 @@ impl Requests {
     ///
     /// # Errors
     ///
-    /// When waiting is not possible.
+    /// [`Error::NotOpen`] when no report about `id` can come any more; and when waiting is not possible.
     pub fn next_report(&mut self, id: u64, timeout: Duration) -> Result<Answer, Error> {
+        self.ipc.check_process()?;
         let mut deadline = None;
         loop {
             self.drain();
@@ -194,9 +212,12 @@ impl Requests {
             if let Some(report) = place.and_then(|place| self.waiting.remove(place)) {
                 return Ok(Answer::Report(report));
             }
+            if id != 0 && !self.clients.iter().any(|client| client.is_open(id)) {
+                return Err(Error::NotOpen(id));
+            }
             let now = Instant::now();
             let until = *deadline.get_or_insert(now + timeout);
-            if now >= until || self.outstanding() == 0 {
+            if now >= until {
                 return Ok(Answer::Nothing);
             }
             let left = Some(until - now);
@@ -222,19 +243,11 @@ impl Requests {
                     return;
                 }
             }
-            if waiting.len() == MAX_WAITING {
-                waiting.pop_front();
-            }
-            waiting.push_back(*report);
+            keep_report(waiting, *report, MAX_WAITING);
         };
         for client in &mut self.clients {
             client.drain(&mut take);
         }
-    }
-
-    /// Requests without a final report.
-    pub fn outstanding(&self) -> usize {
-        self.clients.iter().map(DynamicClient::outstanding).sum()
     }
 
     /// Whether a report was received that the caller has not asked for yet.
@@ -269,6 +282,20 @@ impl Requests {
         }
         self.waiting.clear();
         self.quiet.clear();
+    }
+}
+
+/// Whether a path can have so many waypoints.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] when it cannot.
+pub fn check_waypoints(count: usize) -> Result<(), Error> {
+    match count {
+        1..=MAX_WAYPOINTS => Ok(()),
+        _ => Err(Error::Invalid(format!(
+            "a path has 1 to {MAX_WAYPOINTS} waypoints, {count} were given"
+        ))),
     }
 }
 

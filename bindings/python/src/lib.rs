@@ -1,9 +1,12 @@
 //! `hero_ril._native`: what the Python package needs of the library. Bytes and numbers only; structs are made in Python.
 //!
-//! Every wait releases Python's lock, and lets Python run its signal handlers. A handle that one thread waits with is busy for
-//! the others: pyo3 then raises `RuntimeError`. A panic becomes `PanicException`.
+//! Every call that may take long releases Python's lock: waits, which let Python run its signal handlers, opening, sending and closing. A
+//! handle that one thread waits with is busy for the others: pyo3 then raises `RuntimeError`. Servers can be used by several threads at
+//! a time, so that one takes requests and others answer them. A panic becomes `PanicException`.
 
-use std::sync::{Mutex, PoisonError};
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use hero_ril::error::{Error, Kind};
@@ -16,7 +19,10 @@ use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::dynamic::topics;
 use ipc_types::payload::{RequestReport, SharedStruct, WaypointPosition};
 use ipc_types::schema::{Kind as FieldKind, Message};
-use ipc_types::{Domain, DynamicPublisher, DynamicSubscriber, Ipc, Schema, Ticket};
+use ipc_types::{
+    Descriptor, Domain, DynamicPublisher, DynamicSubscriber, Forked, Ipc, SchedulingRole, Schema,
+    Ticket, Waiter,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
@@ -89,31 +95,74 @@ where
     }
 }
 
+/// Forks between the start of the interpreter and this process. The package has Python count them.
+static FORKS: AtomicU32 = AtomicU32::new(0);
+
+/// Called in a child that was forked.
+#[pyfunction]
+fn count_fork() {
+    FORKS.fetch_add(1, Ordering::Relaxed);
+}
+
+/// The process that made a handle.
+struct Maker(u32);
+
+impl Maker {
+    fn this_process() -> Maker {
+        Maker(FORKS.load(Ordering::Relaxed))
+    }
+
+    /// Whether this is the process that made it. In a child that was forked a lock may be held by a thread that is not there.
+    fn check(&self) -> PyResult<()> {
+        match self.0 == FORKS.load(Ordering::Relaxed) {
+            true => Ok(()),
+            false => Err(raise(Forked.into())),
+        }
+    }
+}
+
 /// A handle that Python may name from every thread. It is used only through `&mut`, so nothing is ever locked; the mutex stands
 /// for that towards the compiler.
-struct Handle<T>(Mutex<Option<T>>);
+struct Handle<T> {
+    slot: Mutex<Option<T>>,
+    maker: Maker,
+}
 
 impl<T> Handle<T> {
     fn new(handle: T) -> Handle<T> {
-        Handle(Mutex::new(Some(handle)))
+        Handle {
+            slot: Mutex::new(Some(handle)),
+            maker: Maker::this_process(),
+        }
     }
 
     fn slot(&mut self) -> &mut Option<T> {
-        self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
+        self.slot.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn get(&mut self) -> PyResult<&mut T> {
+        self.maker.check()?;
         self.slot().as_mut().ok_or_else(closed)
+    }
+
+    fn close(&mut self, py: Python<'_>)
+    where
+        T: Send,
+    {
+        let handle = self.slot().take();
+        py.detach(|| drop(handle));
     }
 }
 
 #[pyclass(module = "hero_ril._native")]
 struct Robot {
     ipc: Option<Ipc>,
+    maker: Maker,
 }
 
 impl Robot {
     fn ipc(&self) -> PyResult<&Ipc> {
+        self.maker.check()?;
         self.ipc.as_ref().ok_or_else(closed)
     }
 }
@@ -122,19 +171,29 @@ impl Robot {
 impl Robot {
     #[new]
     #[pyo3(signature = (robot, name, root=None))]
-    fn new(robot: u32, name: &str, root: Option<std::path::PathBuf>) -> PyResult<Robot> {
-        let domain = match root {
-            Some(root) => Domain::new(&root),
-            None => Domain::from_environment(),
-        };
-        let domain = domain.map_err(|error| raise(error.into()))?;
-        let ipc = join(&domain, robot, name).map_err(raise)?;
-        Ok(Robot { ipc: Some(ipc) })
+    fn new(
+        py: Python<'_>,
+        robot: u32,
+        name: &str,
+        root: Option<std::path::PathBuf>,
+    ) -> PyResult<Robot> {
+        let ipc = py.detach(|| {
+            let domain = match root {
+                Some(root) => Domain::new(&root)?,
+                None => Domain::from_environment()?,
+            };
+            join(&domain, robot, name)
+        });
+        Ok(Robot {
+            ipc: Some(ipc.map_err(raise)?),
+            maker: Maker::this_process(),
+        })
     }
 
     #[pyo3(signature = (key, layout_hash=None, schema=None, size=0))]
     fn subscribe(
         &self,
+        py: Python<'_>,
         key: &str,
         layout_hash: Option<&str>,
         schema: Option<&str>,
@@ -146,7 +205,8 @@ impl Robot {
             schema,
             size,
         };
-        let subscriber = topic.subscriber(self.ipc()?).map_err(raise)?;
+        let ipc = self.ipc()?;
+        let subscriber = py.detach(|| topic.subscriber(ipc)).map_err(raise)?;
         Ok(Subscriber {
             subscriber: Handle::new(subscriber),
             sample: Vec::new(),
@@ -154,14 +214,21 @@ impl Robot {
     }
 
     #[pyo3(signature = (key, schema=None, size=0))]
-    fn advertise(&self, key: &str, schema: Option<&str>, size: usize) -> PyResult<Publisher> {
+    fn advertise(
+        &self,
+        py: Python<'_>,
+        key: &str,
+        schema: Option<&str>,
+        size: usize,
+    ) -> PyResult<Publisher> {
         let topic = ServiceName {
             key,
             layout_hash: None,
             schema,
             size,
         };
-        let publisher = topic.publisher(self.ipc()?).map_err(raise)?;
+        let ipc = self.ipc()?;
+        let publisher = py.detach(|| topic.publisher(ipc)).map_err(raise)?;
         Ok(Publisher {
             publisher: Handle::new(publisher),
         })
@@ -170,6 +237,7 @@ impl Robot {
     #[pyo3(signature = (key, layout_hash=None, schema=None, size=0))]
     fn serve(
         &self,
+        py: Python<'_>,
         key: &str,
         layout_hash: Option<&str>,
         schema: Option<&str>,
@@ -181,9 +249,12 @@ impl Robot {
             schema,
             size,
         };
-        let serving = Serving::open(self.ipc()?, &service).map_err(raise)?;
+        let ipc = self.ipc()?;
+        let serving = py.detach(|| Serving::open(ipc, &service)).map_err(raise)?;
         Ok(Server {
-            serving: Handle::new(serving),
+            serving: Mutex::new(Some(serving)),
+            waits_on: OnceLock::new(),
+            maker: Maker::this_process(),
         })
     }
 
@@ -194,8 +265,9 @@ impl Robot {
     }
 
     /// Of every topic: key, type name, and the process that publishes it.
-    fn topics(&self) -> PyResult<Vec<(String, String, Option<String>)>> {
-        let topics = topics(self.ipc()?).into_iter();
+    fn topics(&self, py: Python<'_>) -> PyResult<Vec<(String, String, Option<String>)>> {
+        let ipc = self.ipc()?;
+        let topics = py.detach(|| topics(ipc)).into_iter();
         Ok(topics
             .map(|topic| {
                 let provider = topic.provider.map(|provider| provider.process.to_string());
@@ -204,8 +276,9 @@ impl Robot {
             .collect())
     }
 
-    fn close(&mut self) {
-        self.ipc = None;
+    fn close(&mut self, py: Python<'_>) {
+        let ipc = self.ipc.take();
+        py.detach(|| drop(ipc));
     }
 }
 
@@ -269,7 +342,6 @@ impl Subscriber {
     }
 
     fn descriptor(&mut self) -> PyResult<i32> {
-        use std::os::fd::AsRawFd;
         let descriptor = self.subscriber.get()?.descriptor();
         let descriptor = descriptor.map_err(|error| raise(error.into()))?;
         Ok(descriptor.as_raw_fd())
@@ -280,8 +352,8 @@ impl Subscriber {
         describe(py, self.subscriber.get()?.schema())
     }
 
-    fn close(&mut self) {
-        *self.subscriber.slot() = None;
+    fn close(&mut self, py: Python<'_>) {
+        self.subscriber.close(py);
     }
 }
 
@@ -337,8 +409,8 @@ impl Publisher {
         Ok(())
     }
 
-    fn close(&mut self) {
-        *self.publisher.slot() = None;
+    fn close(&mut self, py: Python<'_>) {
+        self.publisher.close(py);
     }
 }
 
@@ -348,8 +420,13 @@ struct Client {
 }
 
 impl Client {
-    fn requests(&mut self) -> PyResult<&mut Requests> {
-        self.requests.get()
+    fn sent(
+        &mut self,
+        py: Python<'_>,
+        send: impl FnOnce(&mut Requests) -> Result<u64, Error> + Send,
+    ) -> PyResult<u64> {
+        let requests = self.requests.get()?;
+        py.detach(|| send(requests)).map_err(raise)
     }
 }
 
@@ -358,6 +435,7 @@ impl Client {
     #[pyo3(signature = (key, request, layout_hash=None, schema=None))]
     fn send(
         &mut self,
+        py: Python<'_>,
         key: &str,
         request: &[u8],
         layout_hash: Option<&str>,
@@ -369,31 +447,27 @@ impl Client {
             schema,
             size: request.len(),
         };
-        self.requests()?.send(&service, request).map_err(raise)
+        self.sent(py, |requests| requests.send(&service, request))
     }
 
-    fn start(&mut self) -> PyResult<u64> {
-        self.requests()?
-            .control(ControlCommand::Start)
-            .map_err(raise)
+    fn start(&mut self, py: Python<'_>) -> PyResult<u64> {
+        self.sent(py, |requests| requests.control(ControlCommand::Start))
     }
 
-    fn stop(&mut self) -> PyResult<u64> {
-        self.requests()?
-            .control(ControlCommand::Stop)
-            .map_err(raise)
+    fn stop(&mut self, py: Python<'_>) -> PyResult<u64> {
+        self.sent(py, |requests| requests.control(ControlCommand::Stop))
     }
 
-    fn take_off(&mut self, altitude_m: f64) -> PyResult<u64> {
-        self.requests()?.take_off(altitude_m).map_err(raise)
+    fn take_off(&mut self, py: Python<'_>, altitude_m: f64) -> PyResult<u64> {
+        self.sent(py, |requests| requests.take_off(altitude_m))
     }
 
-    fn land(&mut self, preempt: bool) -> PyResult<u64> {
-        self.requests()?.land(preempt).map_err(raise)
+    fn land(&mut self, py: Python<'_>, preempt: bool) -> PyResult<u64> {
+        self.sent(py, |requests| requests.land(preempt))
     }
 
-    fn hold(&mut self) -> PyResult<u64> {
-        self.requests()?.hold().map_err(raise)
+    fn hold(&mut self, py: Python<'_>) -> PyResult<u64> {
+        self.sent(py, Requests::hold)
     }
 
     fn go_to(
@@ -412,8 +486,7 @@ impl Client {
                 },
             )
             .collect();
-        let requests = self.requests()?;
-        py.detach(|| requests.go_to(&path, preempt)).map_err(raise)
+        self.sent(py, |requests| requests.go_to(&path, preempt))
     }
 
     /// The oldest report about a request as bytes, and whether it is final; nothing when the time is over.
@@ -424,7 +497,7 @@ impl Client {
         request_id: u64,
         timeout_s: Option<f64>,
     ) -> PyResult<Option<(Bound<'py, PyBytes>, bool)>> {
-        let requests = self.requests()?;
+        let requests = self.requests.get()?;
         let report = wait(py, timeout_s, |slice| {
             Ok(match requests.next_report(request_id, slice)? {
                 Answer::Report(report) => Some(report),
@@ -435,17 +508,57 @@ impl Client {
     }
 
     fn descriptors(&mut self) -> PyResult<Vec<i32>> {
-        self.requests()?.descriptors().map_err(raise)
+        self.requests.get()?.descriptors().map_err(raise)
     }
 
-    fn close(&mut self) {
-        *self.requests.slot() = None;
+    fn close(&mut self, py: Python<'_>) {
+        self.requests.close(py);
     }
 }
 
-#[pyclass(module = "hero_ril._native")]
+/// Can be used by several threads at a time: no call holds the mutex while it waits.
+#[pyclass(module = "hero_ril._native", frozen)]
 struct Server {
-    serving: Handle<Serving>,
+    serving: Mutex<Option<Serving>>,
+    /// What a thread waits on that takes requests: the server's descriptor, which stays open while another thread closes the server.
+    waits_on: OnceLock<OwnedFd>,
+    maker: Maker,
+}
+
+impl Server {
+    /// Uses the server. Python's lock is released first: the thread that has the mutex never waits for it, but this one may have to
+    /// wait for the mutex.
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut Serving) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        self.maker.check()?;
+        let done = py.detach(|| {
+            let mut serving = self.serving.lock().unwrap_or_else(PoisonError::into_inner);
+            serving.as_mut().map(act)
+        });
+        done.ok_or_else(closed)?.map_err(raise)
+    }
+
+    /// Sleeps until there may be something to take.
+    fn wait(&self, py: Python<'_>, timeout: Duration) -> PyResult<()> {
+        let descriptor = match self.waits_on.get() {
+            Some(descriptor) => descriptor,
+            None => {
+                let descriptor = self.with(py, |serving| {
+                    Ok(serving.server().descriptor()?.try_clone_to_owned())
+                })??;
+                self.waits_on.get_or_init(|| descriptor)
+            }
+        };
+        let waited = py.detach(|| {
+            let mut descriptor = Descriptor::new(descriptor.as_fd());
+            Waiter::new().wait(&mut [((), &mut descriptor)], Some(timeout))
+        });
+        waited.map_err(|error| raise(error.into()))?;
+        py.check_signals()
+    }
 }
 
 #[pymethods]
@@ -453,51 +566,57 @@ impl Server {
     /// What is to be done next: a ticket, and the request's bytes, or none when its client is gone. Nothing when the time is over.
     #[pyo3(signature = (timeout_s=None))]
     fn take<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         timeout_s: Option<f64>,
     ) -> PyResult<Option<(u64, Option<Bound<'py, PyBytes>>)>> {
-        let serving = self.serving.get()?;
-        let order = wait(py, timeout_s, |slice| {
-            Ok(match serving.take(slice)? {
-                Order::Request(ticket, request) => Some((ticket, Some(request))),
-                Order::Gone(ticket) => Some((ticket, None)),
-                Order::Nothing | Order::Interrupted => None,
-            })
-        })?;
-        Ok(order.map(|(ticket, request)| {
-            let request = request.map(|request| PyBytes::new(py, &request));
-            (ticket.to_bits(), request)
-        }))
+        let deadline = Instant::now() + duration(timeout_s)?;
+        loop {
+            match self.with(py, |serving| serving.take(Duration::ZERO))? {
+                Order::Request(ticket, request) => {
+                    return Ok(Some((ticket.to_bits(), Some(PyBytes::new(py, &request)))));
+                }
+                Order::Gone(ticket) => return Ok(Some((ticket.to_bits(), None))),
+                Order::Nothing | Order::Interrupted => {}
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            self.wait(py, left.min(SLICE))?;
+        }
     }
 
     /// Answers a request by a report's bytes: `sent`, `dropped` or `gone`.
-    fn report(&mut self, ticket: u64, report: &[u8]) -> PyResult<&'static str> {
+    fn report(&self, py: Python<'_>, ticket: u64, report: &[u8]) -> PyResult<&'static str> {
         let report = RequestReport::from_bytes(report)
             .ok_or_else(|| LayoutError::new_err("it is no RequestReport"))?;
-        let serving = self.serving.get()?;
-        let reported = serving.report(Ticket::from_bits(ticket), &report);
-        Ok(match reported.map_err(raise)? {
-            Reported::Sent => "sent",
-            Reported::Dropped => "dropped",
-            Reported::Gone => "gone",
-        })
+        let ticket = Ticket::from_bits(ticket);
+        Ok(
+            match self.with(py, |serving| serving.report(ticket, &report))? {
+                Reported::Sent => "sent",
+                Reported::Dropped => "dropped",
+                Reported::Gone => "gone",
+            },
+        )
     }
 
-    fn descriptor(&mut self) -> PyResult<i32> {
-        use std::os::fd::AsRawFd;
-        let descriptor = self.serving.get()?.server().descriptor();
-        let descriptor = descriptor.map_err(|error| raise(error.into()))?;
-        Ok(descriptor.as_raw_fd())
+    fn descriptor(&self, py: Python<'_>) -> PyResult<i32> {
+        self.with(py, |serving| Ok(serving.server().descriptor()?.as_raw_fd()))
     }
 
-    /// As that of a subscriber.
-    fn describe<'py>(&mut self, py: Python<'py>) -> PyResult<Description<'py>> {
-        describe(py, self.serving.get()?.server().schema())
-    }
-
-    fn close(&mut self) {
-        *self.serving.slot() = None;
+    fn close(&self, py: Python<'_>) {
+        if self.maker.check().is_err() {
+            return;
+        }
+        py.detach(|| {
+            let serving = self
+                .serving
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
+            drop(serving);
+        });
     }
 }
 
@@ -514,10 +633,24 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("NotThereError", py.get_type::<NotThereError>())?;
     module.add("TakenError", py.get_type::<TakenError>())?;
     module.add("FullError", py.get_type::<FullError>())?;
+    module.add_function(wrap_pyfunction!(count_fork, module)?)?;
+    module.add_function(wrap_pyfunction!(request_slice, module)?)?;
     module.add_function(wrap_pyfunction!(stage, module)?)?;
     module.add_function(wrap_pyfunction!(reason, module)?)?;
     module.add_function(wrap_pyfunction!(stage_code, module)?)?;
     module.add_function(wrap_pyfunction!(reason_code, module)?)?;
+    Ok(())
+}
+
+/// Asks Linux for a slice of the calling thread's processor as `role` has it.
+#[pyfunction]
+fn request_slice(role: &str) -> PyResult<()> {
+    ipc_types::request_slice(match role {
+        "provider" => SchedulingRole::Provider,
+        "consumer" => SchedulingRole::Consumer,
+        "background" => SchedulingRole::Background,
+        _ => return Err(PyValueError::new_err(format!("`{role}` is no role"))),
+    });
     Ok(())
 }
 

@@ -2,13 +2,22 @@
 
 import asyncio
 import ctypes
+import gc
+import multiprocessing
+import os
 import signal
+import subprocess
+import sys
 import threading
+import time
 import unittest
 
 import hero_ril
 
 KEY = "battery_watch/cell_voltages"
+
+#: Longest wait of a test [s]; only one that hangs meets it.
+WATCHDOG_S = 20
 
 
 class Cell(ctypes.Structure):
@@ -55,6 +64,13 @@ class Names(InRobot):
             self.robot.advertise("relay/battery", Battery)
         with self.assertRaisesRegex(ValueError, "own module `relay`"):
             self.robot.serve("relay/limits", SetLimit)
+        for name in ("bridge", "status"):
+            with self.assertRaisesRegex(ValueError, "name of the RIL's own module"):
+                hero_ril.Robot(name=name)
+            with self.assertRaisesRegex(ValueError, f"own module `{name}`"):
+                self.robot.advertise(f"{name}/anything", Battery)
+            with self.assertRaisesRegex(ValueError, f"own module `{name}`"):
+                self.robot.serve(f"{name}/limits", SetLimit)
 
 
 class Topics(InRobot):
@@ -110,6 +126,89 @@ class Topics(InRobot):
         with self.assertRaisesRegex(ValueError, "closed"):
             subscriber.receive(0)
 
+    def test_only_the_structure_of_the_topic_is_published(self):
+        class Other(Battery):
+            pass
+
+        publisher = self.robot.advertise(KEY, Battery)
+        self.assertEqual(publisher.publish(Other()), 1)
+        size = ctypes.sizeof(Battery)
+        for foreign in (size, bytes(size), hero_ril.HeroTelemetry(), (ctypes.c_uint8 * size)(), None):
+            with self.assertRaisesRegex(TypeError, "Battery is wanted"):
+                publisher.publish(foreign)
+        with self.assertRaisesRegex(TypeError, "Structure is wanted"):
+            self.robot.send("parameters", 24)
+
+    def test_subscribers_that_are_dropped_give_up_their_places(self):
+        publisher = self.robot.advertise(KEY, Battery)
+        for _ in range(33):
+            subscriber = self.robot.subscribe(KEY, Battery)
+        kept = [self.robot.subscribe(KEY, Battery) for _ in range(31)]
+        publisher.publish(battery(1))
+        self.assertEqual(kept[30].receive(WATCHDOG_S).sequence, 1)
+        # It waits for a place for two seconds, in which other threads go on.
+        begun, ended, ticks = threading.Event(), threading.Event(), []
+
+        def tick():
+            while not ended.wait(0.01):
+                ticks.append(time.monotonic())
+                begun.set()
+
+        ticking = threading.Thread(target=tick, daemon=True)
+        ticking.start()
+        begun.wait()
+        before = len(ticks)
+        with self.assertRaisesRegex(hero_ril.FullError, "32 subscribers"):
+            self.robot.subscribe(KEY, Battery)
+        self.assertGreater(len(ticks) - before, 5)
+        ended.set()
+        ticking.join()
+        del subscriber
+        gc.collect()
+        self.robot.subscribe(KEY, Battery)
+
+    def test_subscribers_that_were_there_before_the_publisher_hear_that_there_are_too_many(self):
+        subscribers = [self.robot.subscribe(KEY, Battery) for _ in range(33)]
+        with self.robot.advertise(KEY, Battery):
+            with self.assertRaisesRegex(hero_ril.FullError, "32 subscribers"):
+                for subscriber in subscribers:
+                    subscriber.receive(0)
+
+    def test_arrays_of_several_dimensions_and_characters(self):
+        class Panel(ctypes.Structure):
+            _fields_ = [
+                ("sequence", ctypes.c_uint64),
+                ("epoch_ns", ctypes.c_uint64),
+                ("name", ctypes.c_char * 8),
+                ("matrix", (ctypes.c_float * 3) * 2),
+                ("cells", (Cell * 2) * 2),
+            ]
+
+            @staticmethod
+            def type_name():
+                return "battery_watch.Panel.v1"
+
+        publisher = self.robot.advertise("battery_watch/panel", Panel)
+        known = self.robot.subscribe("battery_watch/panel", Panel)
+        unknown = self.robot.subscribe("battery_watch/panel")
+        sample = Panel(name=b"left")
+        sample.matrix[1][2] = 6
+        sample.cells[1][0].voltage_v = 3.5
+        publisher.publish(sample)
+        received = known.receive(WATCHDOG_S)
+        self.assertEqual((received.name, received.matrix[1][2], received.cells[1][0].voltage_v), (b"left", 6, 3.5))
+        received = unknown.receive(WATCHDOG_S)
+        self.assertEqual(bytes(received.name), b"left" + bytes(4))
+        self.assertEqual((received.matrix[5], received.cells[2].voltage_v), (6, 3.5))
+
+    def test_a_slice_is_asked_for_by_role(self):
+        for role in ("provider", "consumer", "background"):
+            thread = threading.Thread(target=hero_ril.request_slice, args=[role])
+            thread.start()
+            thread.join()
+        with self.assertRaisesRegex(ValueError, "no role"):
+            hero_ril.request_slice("captain")
+
     def test_a_signal_ends_a_wait(self):
         class Rung(Exception):
             pass
@@ -152,10 +251,6 @@ class Topics(InRobot):
             await publishing
 
         asyncio.run(consume())
-
-
-#: Longest wait of a test [s]; only one that hangs meets it.
-WATCHDOG_S = 20
 
 
 class Requests(InRobot):
@@ -210,6 +305,74 @@ class Requests(InRobot):
         self.assertTrue(order.is_vanished)
         self.assertFalse(order.done())
 
+    def test_orders_whose_reports_were_not_read_do_not_keep_land_from_being_sent(self):
+        server = self.robot.serve("movement", hero_ril.structs.MovementData)
+
+        def serve():
+            for _ in range(25):
+                with server.receive(WATCHDOG_S) as order:
+                    order.accept()
+
+        serving = threading.Thread(target=serve)
+        serving.start()
+        for _ in range(24):
+            self.robot.hold()
+        landing = self.robot.land()
+        self.assertEqual(landing.wait().stage, "done")
+        serving.join()
+
+    def test_waiting_for_a_request_that_is_over_ends_at_once(self):
+        server = self.robot.serve(self.KEY, SetLimit)
+        sent = self.robot.send(self.KEY, SetLimit())
+        with server.receive(WATCHDOG_S):
+            pass
+        again = hero_ril.Request(sent._native, self.KEY, sent.id)
+        self.assertEqual(sent.wait().stage, "done")
+        with self.assertRaisesRegex(ValueError, "is not open"):
+            again.wait()
+
+    def test_waiting_without_an_open_request_uses_no_processor(self):
+        client = self.robot._requests()
+        began, used = time.monotonic(), time.process_time()
+        self.assertIsNone(client.next_report(0, 0.5))
+        self.assertGreaterEqual(time.monotonic() - began, 0.5)
+        self.assertLess(time.process_time() - used, 0.25)
+
+    def test_other_threads_answer_while_one_waits_for_requests(self):
+        server = self.robot.serve(self.KEY, SetLimit)
+        sent = [self.robot.send(self.KEY, SetLimit()) for _ in range(2)]
+        orders = [server.receive(WATCHDOG_S) for _ in sent]
+        waiting = threading.Thread(target=lambda: orders.append(server.receive(WATCHDOG_S)))
+        waiting.start()
+        # One is answered, one is dropped.
+        self.assertTrue(orders.pop(0).done())
+        self.assertEqual(sent[0].wait().stage, "done")
+        orders.pop(0)
+        gc.collect()
+        with self.assertRaisesRegex(hero_ril.RequestFailed, "aborted"):
+            sent[1].wait()
+        self.assertTrue(waiting.is_alive())
+        last = self.robot.send(self.KEY, SetLimit())
+        waiting.join()
+        orders.pop().done()
+        self.assertEqual(last.wait().stage, "done")
+
+    def test_a_server_that_another_thread_closes_ends_its_wait(self):
+        server = self.robot.serve(self.KEY, SetLimit)
+        raised = []
+
+        def wait():
+            try:
+                server.receive()
+            except ValueError as error:
+                raised.append(str(error))
+
+        waiting = threading.Thread(target=wait)
+        waiting.start()
+        server.close()
+        waiting.join()
+        self.assertEqual(raised, ["it is closed"])
+
     def test_control_of_a_module(self):
         key, control = "battery_watch/control", hero_ril.structs.ModuleControl
         with self.robot.serve(key, control) as server:
@@ -247,6 +410,79 @@ class Requests(InRobot):
             await serving
 
         asyncio.run(both())
+
+
+def publish_from_elsewhere(key):
+    with hero_ril.Robot(name="child") as robot:
+        end = robot.serve("child/end", SetLimit)
+        publisher = robot.advertise(key, Battery)
+        publisher.publish(battery(7))
+        # Until its parent has it.
+        while end.receive(0.05) is None:
+            publisher.tend()
+
+
+class Processes(InRobot):
+    def test_a_forked_child_can_use_nothing_of_its_parent_and_does_it_no_harm(self):
+        publisher = self.robot.advertise(KEY, Battery)
+        subscriber = self.robot.subscribe(KEY, Battery)
+        server = self.robot.serve(Requests.KEY, SetLimit)
+        sent = self.robot.send(Requests.KEY, SetLimit())
+
+        def in_child():
+            for call in (
+                lambda: publisher.publish(battery(1)),
+                publisher.tend,
+                subscriber.receive,
+                subscriber.latest,
+                server.receive,
+                sent.wait,
+                lambda: sent.next(0),
+                lambda: self.robot.send(Requests.KEY, SetLimit()),
+                lambda: self.robot.subscribe(KEY),
+                self.robot.topics,
+            ):
+                with self.assertRaisesRegex(hero_ril.RilError, "forked"):
+                    call()
+            # It may take part by itself.
+            with hero_ril.Robot(name="child") as robot:
+                self.assertEqual([key for key, *_ in robot.topics()], [KEY])
+            self.robot.close()
+
+        children = multiprocessing.get_context("fork")
+        child = children.Process(target=in_child)
+        child.start()
+        child.join()
+        self.assertEqual(child.exitcode, 0)
+        self.assertEqual(publisher.publish(battery(1)), 1)
+        self.assertEqual(subscriber.receive(WATCHDOG_S).sequence, 1)
+        server.receive(WATCHDOG_S).done()
+        self.assertEqual(sent.wait().stage, "done")
+
+    def test_an_interpreter_that_ends_in_a_forked_child_does_its_parent_no_harm(self):
+        program = '''
+import os, test_hero_ril as tests
+with tests.hero_ril.Robot(name="parent") as robot:
+    publisher = robot.advertise(tests.KEY, tests.Battery)
+    subscriber = robot.subscribe(tests.KEY, tests.Battery)
+    child = os.fork()
+    if child:
+        assert os.waitpid(child, 0) == (child, 0)
+        publisher.publish(tests.battery(1))
+        assert subscriber.receive(tests.WATCHDOG_S).sequence == 1
+'''
+        folder = os.path.dirname(os.path.abspath(__file__))
+        ended = subprocess.run([sys.executable, "-B", "-c", program], cwd=folder, timeout=60)
+        self.assertEqual(ended.returncode, 0)
+
+    def test_a_child_that_is_spawned_takes_part(self):
+        subscriber = self.robot.subscribe(KEY, Battery)
+        child = multiprocessing.get_context("spawn").Process(target=publish_from_elsewhere, args=[KEY])
+        child.start()
+        self.assertEqual(subscriber.receive(WATCHDOG_S).cells[11].voltage_v, 7)
+        self.robot.send("child/end", SetLimit())
+        child.join()
+        self.assertEqual(child.exitcode, 0)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ macro_rules! checked {
     };
 }
 
+mod line;
 mod link;
 mod movement;
 mod parameters;
@@ -38,7 +39,7 @@ mod range;
 mod safety;
 
 pub use link::{LinkConfig, SerialConfig, StatusConfig};
-pub use movement::{ArrivalConfig, MovementLimits, TrajectoryConfig, TrajectoryKind};
+pub use movement::{ArrivalConfig, MovementLimits, STOP_WITHIN, TrajectoryConfig, TrajectoryKind};
 pub use parameters::Parameters;
 use range::state_period_ms;
 pub use safety::{BreachAction, SafetyConfig, SupplyLimits};

@@ -12,6 +12,10 @@ use crate::flight::arrival::Tolerance;
 
 checked!(MovementLimits);
 
+/// Until how long after its issue a hold, a landing or a stop may begin, when its request does not say. Longer than for other
+/// movements: what ends a movement is never wrong for its age alone, but an order of another flight is.
+pub const STOP_WITHIN: Duration = Duration::from_secs(30);
+
 /// `[arrival]`
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
@@ -73,7 +77,7 @@ impl ArrivalConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(remote = "Self", deny_unknown_fields, default)]
 pub struct MovementLimits {
-    /// Within what time a movement must have begun on the DSP, when its request does not say.
+    /// Within what time of its issue a movement must have begun on the DSP, when its request does not say.
     #[serde(deserialize_with = "milliseconds")]
     pub begin_within_ms: u64,
     /// After what time a movement that has begun is given up, besides the time for its length.

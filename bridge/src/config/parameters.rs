@@ -47,6 +47,16 @@ impl Parameters {
         &self.0
     }
 
+    /// The value of a 16-bit port: the one that was written, or that of the DSP's boot.
+    pub fn value_16(&self, number: u16) -> u16 {
+        let written = self.0.iter().find_map(|write| match write {
+            Command::Write16 { port, value } if *port == number => Some(*value),
+            _ => None,
+        });
+        let at_boot = port::port16(number).map(|port| port.boot as u16);
+        written.or(at_boot).unwrap_or_default()
+    }
+
     /// The radius in which the DSP takes a waypoint for reached: the one that was written, or that of its boot.
     pub fn acceptance_radius_m(&self) -> f64 {
         let written = self.0.iter().find_map(|write| match write {

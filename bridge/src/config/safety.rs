@@ -14,6 +14,8 @@ checked!(SupplyLimits);
 pub struct SafetyConfig {
     /// Whether the pilot's switch on manual refuses movements and ends the one under way.
     pub pilot_switch: bool,
+    /// Whether a waypoint may lie below the ground of the take-off.
+    pub below_take_off: bool,
     /// What happens when the helicopter itself is outside the geofence.
     pub fence_breach: BreachAction,
     /// What happens when the link comes back after it was lost in flight.
@@ -31,6 +33,7 @@ impl Default for SafetyConfig {
     fn default() -> Self {
         SafetyConfig {
             pilot_switch: true,
+            below_take_off: false,
             fence_breach: BreachAction::Hold,
             link_loss: BreachAction::Hold,
             supply_for_s: 2.0,

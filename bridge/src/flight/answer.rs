@@ -1,9 +1,11 @@
 //! Answers to requests: each gets one final report, and none is executed twice (requirement D15).
 
+use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{MovementState, RequestReport};
 
-use super::report::{Refusal, Verdict};
+use super::issue_order::Mark;
+use super::report::{Refusal, Verdict, in_time};
 use super::request::RequestHeader;
 use super::{Context, Flight};
 use crate::outputs::Outputs;
@@ -66,6 +68,32 @@ impl Flight {
         cx.out.report(header.key, &report);
     }
 
+    /// Whether a movement may be taken at `now`: as [`Flight::may_begin`], and it belongs to the path under assembly or was not
+    /// issued before it.
+    pub(super) fn may_be_taken(
+        &self,
+        header: &RequestHeader,
+        now: MonotonicNs,
+    ) -> Result<(), Refusal> {
+        let mut mark = self.mark;
+        if let Some(newest) = &self.newest_waypoint
+            && newest.path_id != header.path_id
+        {
+            mark.take(&newest.issued);
+        }
+        judge(&mark, header, now)
+    }
+
+    /// Whether an order may begin at `now`, or begin on the DSP after it was accepted: no later order was taken, and its moment
+    /// has not passed.
+    pub(super) fn may_begin(
+        &self,
+        header: &RequestHeader,
+        now: MonotonicNs,
+    ) -> Result<(), Refusal> {
+        judge(&self.mark, header, now)
+    }
+
     /// Whether this request may be executed. One that was asked before is answered here, and never executed twice.
     pub(super) fn is_new<O: Outputs>(
         &mut self,
@@ -111,4 +139,11 @@ impl Flight {
             .chain(self.parameters.open())
             .any(|header| header.request_id == request_id)
     }
+}
+
+fn judge(mark: &Mark, header: &RequestHeader, now: MonotonicNs) -> Result<(), Refusal> {
+    if mark.supersedes(&header.issued) {
+        return Err(Reason::Superseded.into());
+    }
+    in_time(header, now)
 }

@@ -22,7 +22,7 @@ use super::report::{Detail, Refusal, Verdict};
 use super::request::RequestHeader;
 use super::{Context, Flight, FlightTimer};
 use crate::link::FlightCommand;
-use crate::link::commands::AckData;
+use crate::link::commands::{ALWAYS, AckData};
 use crate::outputs::Outputs;
 
 /// How long the DSP may take after its acknowledgement to show that it carries out the order.
@@ -70,11 +70,15 @@ impl Flight {
         header: &RequestHeader,
         cx: &mut Context<'_, O>,
     ) -> Result<(), Refusal> {
-        self.ready_to_move(header.preempt, cx)?;
-        if !self.known_flying(cx)? {
+        let order = self.order_on_the_spot(header, header.preempt, cx)?;
+        // Whether it is on the ground decides the DSP, where that is not known here.
+        if !self.observation.may_fly() {
             return Err(Reason::NotFlying.into());
         }
-        self.order_landing(Order::of(*header), cx);
+        match cx.link.is_up() {
+            true => self.order_landing(order, cx),
+            false => self.want(order, true, cx),
+        }
         Ok(())
     }
 
@@ -82,7 +86,10 @@ impl Flight {
     /// it empties the DSP's path buffer, which the link makes sure of.
     pub(super) fn order_landing<O: Outputs>(&mut self, order: Order, cx: &mut Context<'_, O>) {
         self.pre_empt(cx);
-        let queued = cx.link.command(write_one(port::LAND), FlightCommand::Land);
+        let until = order.requester.map_or(ALWAYS, |header| header.begin_by);
+        let queued = cx
+            .link
+            .command_until(write_one(port::LAND), FlightCommand::Land, until);
         cx.link.forget_path();
         let step = DspOrder::Ordering(Doubt::default());
         let motion = Motion::Landing(Landing { order, step });
@@ -131,8 +138,10 @@ impl Flight {
                     };
                     return self.refused_by_dsp(refused, cx);
                 }
-                self.set_step(DspOrder::Ordering(Doubt::default()));
-                self.order(write_one(port::TAKE_OFF), FlightCommand::TakeOff, cx);
+                if self.begins_in_time(cx) {
+                    self.set_step(DspOrder::Ordering(Doubt::default()));
+                    self.order(write_one(port::TAKE_OFF), FlightCommand::TakeOff, cx);
+                }
             }
             (FlightCommand::TakeOff, Motion::TakingOff(take_off)) => {
                 self.order_acknowledged(f64::from(take_off.height_m), cx);
@@ -351,7 +360,11 @@ impl Flight {
         purpose: FlightCommand,
         cx: &mut Context<'_, O>,
     ) {
-        if cx.link.command(command, purpose).is_err() {
+        let until = match (purpose, self.motion.requester()) {
+            (FlightCommand::TakeOff, Some(header)) => header.begin_by,
+            _ => ALWAYS,
+        };
+        if cx.link.command_until(command, purpose, until).is_err() {
             self.undelivered(purpose, cx);
         }
     }

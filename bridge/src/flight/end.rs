@@ -3,7 +3,7 @@
 use ipc_types::code::{ImiError, Reason, Stage};
 
 use super::motion::{DspOrder, Motion, PathStep, Rest};
-use super::report::Verdict;
+use super::report::{Verdict, too_late};
 use super::{Context, Flight, FlightTimer};
 use crate::link::FlightCommand;
 use crate::outputs::Outputs;
@@ -68,7 +68,7 @@ impl Flight {
         self.break_path(reason, cx);
         self.end_parameter_requests(reason, cx);
         match self.motion {
-            Motion::Idle(_) => {}
+            Motion::Idle(_) | Motion::Wanted { .. } => {}
             Motion::Stopping { then, .. } => {
                 self.finish(&Verdict::ended(Stage::Aborted, reason, error), then, cx);
             }
@@ -113,7 +113,8 @@ impl Flight {
             Motion::Stopping { then, .. } => self.finish(&verdict, then.with_fatal(error), cx),
             Motion::Holding { .. } => self.finish(&verdict, Rest::Aborted(error), cx),
             Motion::Following(_) => self.fatal(error, reason, cx),
-            Motion::Idle(_) | Motion::TakingOff(_) | Motion::Landing(_) => {}
+            Motion::Idle(_) | Motion::TakingOff(_) | Motion::Landing(_) | Motion::Wanted { .. } => {
+            }
         }
     }
 
@@ -128,9 +129,26 @@ impl Flight {
         }
     }
 
+    /// The movement is about to begin on the DSP. False when a later order has come since it was accepted, or its moment has
+    /// passed: it then ends.
+    pub(super) fn begins_in_time<O: Outputs>(&mut self, cx: &mut Context<'_, O>) -> bool {
+        let Some(requester) = self.motion.requester().copied() else {
+            return true;
+        };
+        let judged = self.may_begin(&requester, cx.now);
+        if let Err(refusal) = judged {
+            self.give_up_movement(&refusal.at(Stage::Aborted), Rest::Ready, cx);
+        }
+        judged.is_ok()
+    }
+
     /// The movement has not begun on the DSP in time, or a hold or stop has not ended in time.
     pub(super) fn begin_expired<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let reason = Reason::DeadlineExpired;
+        let late = match self.motion.requester() {
+            Some(requester) => too_late(requester, cx.now),
+            None => Reason::TooLate.into(),
+        };
+        let (aborted, unknown) = (late.at(Stage::Aborted), late.at(Stage::Unknown));
         match self.motion {
             Motion::TakingOff(_) | Motion::Landing(_) => {
                 let command = match self.motion {
@@ -140,23 +158,22 @@ impl Flight {
                 let is_prepared = matches!(self.dsp_order(), Some(step) if step.may_be_begun());
                 // An order that is on its way is decided by its acknowledgement, which comes or fails soon.
                 if !is_prepared || cx.link.withdraw(command) {
-                    self.give_up_movement(&Verdict::aborted(reason), Rest::Ready, cx);
+                    self.give_up_movement(&aborted, Rest::Ready, cx);
                 }
             }
             Motion::Following(following) => match following.step {
                 PathStep::AwaitingEmpty | PathStep::Ready => {
-                    self.give_up_movement(&Verdict::aborted(reason), Rest::Ready, cx);
+                    self.give_up_movement(&aborted, Rest::Ready, cx);
                 }
-                PathStep::Flying | PathStep::Settling | PathStep::Finishing => {}
+                PathStep::Flying
+                | PathStep::Settling
+                | PathStep::Finishing
+                | PathStep::BridgeEnding => {}
             },
-            Motion::Holding { .. } => {
-                let verdict = Verdict::ended(Stage::Unknown, reason, ImiError::None);
-                self.finish(&verdict, Rest::Ready, cx);
-            }
-            Motion::Stopping { then, .. } => {
-                let verdict = Verdict::ended(Stage::Unknown, reason, ImiError::None);
-                self.finish(&verdict, then, cx);
-            }
+            Motion::Holding { .. } => self.finish(&unknown, Rest::Ready, cx),
+            Motion::Stopping { then, .. } => self.finish(&unknown, then, cx),
+            // The DSP was not heard: it has nothing of it.
+            Motion::Wanted { .. } => self.finish(&aborted, Rest::Ready, cx),
             Motion::Idle(_) => {}
         }
     }
@@ -177,7 +194,7 @@ impl Flight {
                     && reason == Reason::CommunicationFatalError
             }
             Motion::Holding { .. } => out_of_sight,
-            Motion::Idle(_) | Motion::Stopping { .. } => false,
+            Motion::Idle(_) | Motion::Wanted { .. } | Motion::Stopping { .. } => false,
         };
         if may_go_on {
             Stage::Unknown

@@ -3,7 +3,7 @@
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, DspErrorCode, Uplink, port};
-use ipc_types::code::{ImiError, Reason};
+use ipc_types::code::{ImiError, Reason, Stage};
 
 use super::arrival::{distance_m, here};
 use super::motion::{Motion, PathStep, Rest};
@@ -17,8 +17,8 @@ const COUNT_WAYPOINTS: Command = Command::Read16 {
     port: port::WAYPOINT_COUNT,
 };
 
-/// Error 30 so often since a waypoint was first sent means that the DSP refuses it. One may be the answer to a waypoint
-/// that was damaged on its way, or to the question for a count that the DSP does not have.
+/// Error 30 so often since a waypoint was first sent means that a DSP that counts refuses it. One may be the answer to a waypoint
+/// that was damaged on its way.
 const REFUSALS: u32 = 2;
 
 impl Flight {
@@ -39,6 +39,9 @@ impl Flight {
         let Some(point) = self.route.trajectory.peek() else {
             return;
         };
+        if following.step == PathStep::Ready && !self.begins_in_time(cx) {
+            return;
+        }
         let on_grant = self.route.verification.on_grant();
         if on_grant == OnGrant::Wait {
             return;
@@ -80,26 +83,55 @@ impl Flight {
         }
     }
 
-    /// Error 30 while a path is under way. When waypoints are being sent, the DSP refuses the present one.
-    pub(super) fn waypoint_refused<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let is_sending = matches!(
-            self.motion,
-            Motion::Following(following) if following.step == PathStep::Flying
-        );
-        if !is_sending || self.route.trajectory.peek().is_none() {
+    /// An error of the DSP while a path is under way that may be about a waypoint of it.
+    pub(super) fn waypoint_refused<O: Outputs>(
+        &mut self,
+        code: DspErrorCode,
+        cx: &mut Context<'_, O>,
+    ) {
+        let Motion::Following(following) = self.motion else {
+            return;
+        };
+        let has_begun = !matches!(following.step, PathStep::AwaitingEmpty | PathStep::Ready);
+        if self.route.verification.is_unverified() {
+            if has_begun {
+                self.waypoint_missing(self.movement.waypoints_sent, code, cx);
+            } else if code == DspErrorCode::INVALID_COMMAND {
+                self.route.verification.question_refused();
+            }
+            return;
+        }
+        let is_sending = following.step == PathStep::Flying;
+        if code != DspErrorCode::INVALID_COMMAND
+            || !is_sending
+            || self.route.trajectory.peek().is_none()
+        {
+            // The count says what has become of the waypoint.
             return;
         }
         self.route.refusals += 1;
-        if self.route.refusals < REFUSALS {
-            return;
+        if self.route.refusals == REFUSALS {
+            self.waypoint_missing(self.movement.waypoints_sent + 1, code, cx);
         }
+    }
+
+    /// The DSP does not have this waypoint, or may not have it: the path ends, since what follows would be flown without it.
+    fn waypoint_missing<O: Outputs>(
+        &mut self,
+        waypoint: u32,
+        code: DspErrorCode,
+        cx: &mut Context<'_, O>,
+    ) {
+        let reason = match code {
+            DspErrorCode::INVALID_COMMAND | DspErrorCode::UART_QUEUE_FULL => Reason::RefusedByDsp,
+            _ => Reason::DeliveryFailed,
+        };
         let detail = Detail {
-            waypoint: self.movement.waypoints_sent + 1,
-            dsp_error: Some(DspErrorCode::INVALID_COMMAND),
+            waypoint,
+            dsp_error: Some(code),
             ..Detail::default()
         };
-        let verdict = Verdict::aborted(Reason::RefusedByDsp).about(detail);
-        self.give_up_movement(&verdict, Rest::Ready, cx);
+        self.give_up_movement(&Verdict::aborted(reason).about(detail), Rest::Ready, cx);
     }
 
     /// The waypoint is with the DSP. Those that follow and are the same on the wire are with it too: it would take
@@ -146,18 +178,32 @@ impl Flight {
         match following.step {
             PathStep::Flying => {}
             PathStep::Settling => return self.watch_settling(position, cx),
-            PathStep::AwaitingEmpty | PathStep::Ready | PathStep::Finishing => return,
+            PathStep::AwaitingEmpty
+            | PathStep::Ready
+            | PathStep::Finishing
+            | PathStep::BridgeEnding => return,
         }
         let sent = self.movement.waypoints_sent as usize;
         let before = self.route.tracker.reached();
         let has_arrived = self.route.tracker.observe(cx.now, position, sent);
-        self.movement.waypoints_reached = self.route.tracker.reached() as u32;
-        if has_arrived {
+        let reached = self.route.tracker.reached();
+        self.movement.waypoints_reached = reached as u32;
+        if has_arrived && !self.route.ahead().is_empty() && self.route.verification.is_unverified()
+        {
+            // Not seen to be reached, and perhaps never with the DSP.
+            let detail = Detail {
+                waypoint: reached as u32 + 1,
+                ..Detail::default()
+            };
+            let verdict = Verdict::ended(Stage::Unknown, Reason::DeliveryFailed, ImiError::None)
+                .about(detail);
+            self.give_up_movement(&verdict, Rest::Ready, cx);
+        } else if has_arrived {
             self.set_path_step(PathStep::Settling);
             let settle = self.config.arrival.settle();
             self.timers.arm(FlightTimer::Step, cx.now + settle);
             self.watch_settling(position, cx);
-        } else if self.route.tracker.reached() != before {
+        } else if reached != before {
             self.progress(cx);
         }
     }

@@ -10,6 +10,7 @@
 //! | following | at the last waypoint, and the DSP's path buffer is known to be empty | the same, stop, pre-emption, safety rule |
 //! | landing | on the ground, and port 10122 reads 0 | as taking off |
 //! | holding, stopping | the DSP's path buffer is known to be empty | ack error, link lost, reboot |
+//! | wanted | → landing or holding, when the DSP is heard | its moment has passed, stop, on the ground |
 //!
 //! Every request ends in exactly one final report. Where the DSP may be doing what cannot be seen any more, it is
 //! `unknown`.
@@ -21,6 +22,7 @@ pub mod dsp_order;
 mod end;
 mod enforcement;
 mod feed;
+pub mod issue_order;
 pub mod motion;
 mod movement;
 pub mod observation;
@@ -53,10 +55,11 @@ use crate::safety::fence::Fence;
 use crate::snapshot::NotASnapshot;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
+use issue_order::Mark;
 use motion::{Motion, PathStep, Rest};
 use observation::{Observation, known_position};
 use parameter_jobs::ParameterRequests;
-use report::{Refusal, Verdict};
+use report::{Refusal, Verdict, in_time};
 use request::{RequestHeader, RequestKey};
 use route::Route;
 use safety::Safety;
@@ -102,6 +105,8 @@ pub struct Flight {
     newest_waypoint: Option<RequestHeader>,
     route: Route,
     completed: Completed,
+    /// The orders that were taken.
+    mark: Mark,
     observation: Observation,
     safety: Safety,
     parameters: ParameterRequests,
@@ -127,6 +132,7 @@ impl Flight {
             newest_waypoint: None,
             route: Route::new(&config.arrival, trajectory),
             completed: Completed::with_capacity(REMEMBERED),
+            mark: Mark::default(),
             observation: Observation::default(),
             safety: Safety::new(config),
             parameters: ParameterRequests::new(),
@@ -191,6 +197,7 @@ impl Flight {
                 cx.out.notice(&Notice::OddStatus { groups: *groups });
             }
         }
+        self.carry_out_wanted(cx);
     }
 
     /// Handles the next deadline that has passed; false when none has.
@@ -199,7 +206,7 @@ impl Flight {
             return false;
         };
         match timer {
-            FlightTimer::Assembly => self.break_path(Reason::DeadlineExpired, cx),
+            FlightTimer::Assembly => self.break_path(Reason::TooLate, cx),
             FlightTimer::Begin => self.begin_expired(cx),
             FlightTimer::Limit => {
                 self.fatal(ImiError::MovementTimeout, Reason::MovementTimeout, cx);
@@ -228,8 +235,15 @@ impl Flight {
         let outcome = control
             .map_err(Refusal::from)
             .and_then(|control| match control {
-                ControlCommand::Start => self.start(header, cx),
-                ControlCommand::Stop => self.stop(header, cx),
+                ControlCommand::Start => {
+                    self.may_begin(header, cx.now)?;
+                    self.start(header, cx)
+                }
+                ControlCommand::Stop => {
+                    self.mark.take(&header.issued);
+                    in_time(header, cx.now)?;
+                    self.stop(header, cx)
+                }
                 // The shell reads the configuration and calls `new_fence`.
                 ControlCommand::ReloadFence => Err(Reason::InvalidFence.into()),
             });
@@ -247,6 +261,7 @@ impl Flight {
             return Err(Reason::LinkDown.into());
         }
         let rest = self.motion.standing().start().map_err(Refusal::from)?;
+        self.mark.take(&header.issued);
         self.change_motion(Motion::Idle(rest));
         self.report(header, &Verdict::DONE, cx);
         Ok(())
@@ -271,8 +286,7 @@ impl Flight {
             errors_cleared: false,
             then,
         });
-        self.timers
-            .arm(FlightTimer::Begin, cx.now + header.begin_within);
+        self.timers.arm(FlightTimer::Begin, header.begin_by);
         self.report(header, &Verdict::ACCEPTED, cx);
         cx.link.forget_path();
         if !self.clear_errors(cx) {
@@ -289,12 +303,27 @@ impl Flight {
         }
     }
 
-    /// The bridge is about to end: a path is ended, and no request is taken any more. The DSP's path buffer is being emptied.
+    /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under way gets its
+    /// final report when the DSP has acknowledged that, or from [`Flight::close`].
     pub fn wind_down<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
-        if let Motion::Following(_) | Motion::Holding { .. } = self.motion {
-            self.give_up_movement(&Verdict::aborted(Reason::BridgeEnding), Rest::Ready, cx);
+        if let Motion::Following(following) = &mut self.motion {
+            match following.step {
+                // The DSP has nothing of it.
+                PathStep::AwaitingEmpty | PathStep::Ready => {
+                    let verdict = Verdict::aborted(Reason::BridgeEnding);
+                    self.give_up_movement(&verdict, Rest::Ready, cx);
+                }
+                PathStep::Flying | PathStep::Settling => {
+                    following.step = PathStep::BridgeEnding;
+                    self.timers.stop(FlightTimer::Step);
+                    self.timers.stop(FlightTimer::Limit);
+                    cx.link.forget_movement();
+                    cx.link.forget_path();
+                }
+                PathStep::Finishing | PathStep::BridgeEnding => {}
+            }
         }
     }
 
@@ -308,6 +337,9 @@ impl Flight {
             // The last published state says how the module rested.
             Motion::Idle(_) => {}
             Motion::Stopping { then, .. } => self.finish(&verdict, then, cx),
+            Motion::Wanted { .. } => {
+                self.finish(&Verdict::aborted(Reason::BridgeEnding), Rest::Ready, cx);
+            }
             _ => self.finish(&verdict, Rest::Ready, cx),
         }
         self.end_parameter_requests(Reason::BridgeEnding, cx);
@@ -323,13 +355,13 @@ impl Flight {
         if !self.is_new(header, cx) {
             return;
         }
-        match fence {
+        match in_time(header, cx.now).and(fence.map_err(Refusal::from)) {
             Ok(fence) => {
                 self.safety.set_fence(fence);
                 self.report(header, &Verdict::DONE, cx);
                 self.check_path_under_way(cx);
             }
-            Err(reason) => self.refuse(header, &reason.into(), cx),
+            Err(refusal) => self.refuse(header, &refusal, cx),
         }
     }
 
@@ -355,6 +387,11 @@ impl Flight {
         } else {
             self.refusal
         }
+    }
+
+    /// Telemetry altitude of the ground on which the helicopter stood last, m.
+    pub fn ground_altitude_m(&self) -> Option<f64> {
+        self.observation.ground_altitude_m()
     }
 
     /// The safety rules as they stand.
@@ -390,6 +427,7 @@ impl Flight {
         self.observation.take(sample, cx.link.status_fresh_for());
         match self.motion {
             Motion::Following(_) => {
+                self.route.verification.status_arrived();
                 if let Some(position) = known_position(&sample.status) {
                     self.watch_arrival(&position, cx);
                 }
@@ -397,7 +435,10 @@ impl Flight {
             Motion::TakingOff(_) | Motion::Landing(_) => {
                 self.watch_dsp_order(sample.status.flying, cx);
             }
-            Motion::Idle(_) | Motion::Holding { .. } | Motion::Stopping { .. } => {}
+            Motion::Idle(_)
+            | Motion::Holding { .. }
+            | Motion::Wanted { .. }
+            | Motion::Stopping { .. } => {}
         }
         self.enforce_safety(cx);
     }
@@ -407,7 +448,10 @@ impl Flight {
         match self.motion {
             Motion::TakingOff(_) | Motion::Landing(_) => self.granted_in_dsp_order(cx),
             Motion::Following(_) => self.send_waypoint(cx),
-            Motion::Idle(_) | Motion::Holding { .. } | Motion::Stopping { .. } => {}
+            Motion::Idle(_)
+            | Motion::Holding { .. }
+            | Motion::Wanted { .. }
+            | Motion::Stopping { .. } => {}
         }
     }
 
@@ -451,17 +495,19 @@ impl Flight {
         if let Some(error) = self.config.errors.escalates(code) {
             return self.fatal(error, reason_of(error), cx);
         }
-        if code == DspErrorCode::INVALID_COMMAND {
-            self.dsp_refused_something(cx);
-        }
-    }
-
-    /// Error 30: the DSP refused a command, a port's value or a waypoint. Which one, the movement under way knows.
-    fn dsp_refused_something<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        match self.motion {
-            Motion::TakingOff(_) | Motion::Landing(_) => self.dsp_order_refused(cx),
-            Motion::Following(_) => self.waypoint_refused(cx),
-            Motion::Idle(_) | Motion::Holding { .. } | Motion::Stopping { .. } => {}
+        // The DSP refused a command, a port's value or a waypoint, or could not read it. Which one, the movement under way knows.
+        match (code, self.motion) {
+            (DspErrorCode::INVALID_COMMAND, Motion::TakingOff(_) | Motion::Landing(_)) => {
+                self.dsp_order_refused(cx);
+            }
+            (
+                DspErrorCode::INVALID_COMMAND
+                | DspErrorCode::UART_QUEUE_FULL
+                | DspErrorCode::UNKNOWN_HEADER
+                | DspErrorCode::PC_CHECKSUM,
+                Motion::Following(_),
+            ) => self.waypoint_refused(code, cx),
+            _ => {}
         }
     }
 
@@ -470,11 +516,15 @@ impl Flight {
             Motion::Following(following) => match following.step {
                 PathStep::AwaitingEmpty => self.begin_feed(cx),
                 PathStep::Finishing => self.finish(&Verdict::DONE, Rest::Done, cx),
+                PathStep::BridgeEnding => {
+                    self.finish(&Verdict::aborted(Reason::BridgeEnding), Rest::Ready, cx);
+                }
                 PathStep::Ready | PathStep::Flying | PathStep::Settling => {}
             },
             Motion::Holding { .. } => self.finish(&Verdict::DONE, Rest::Done, cx),
             Motion::Stopping { .. } => self.stop_if_done(cx),
-            Motion::Idle(_) | Motion::TakingOff(_) | Motion::Landing(_) => {}
+            Motion::Idle(_) | Motion::TakingOff(_) | Motion::Landing(_) | Motion::Wanted { .. } => {
+            }
         }
     }
 
@@ -505,6 +555,8 @@ impl Flight {
         let requester = self.motion.requester().copied();
         let then = match self.motion.order() {
             Some(order) if verdict.stage == Stage::Done => order.then,
+            // However a hold or landing ends, it does not start the module.
+            Some(order) if order.then.is_blocked() && !rest.is_blocked() => order.then,
             _ => rest,
         };
         self.route.clear();

@@ -10,11 +10,16 @@
 //! | following a path | running | error 1 | → aborted | busy, or pre-empts it | → aborted |
 //! | taking off, landing | running, unable to abort | error 1 | error 2 | busy | → aborted |
 //! | holding | running | error 1 | → stopped | busy, or pre-empts it | → aborted |
+//! | wanted hold or landing | running | error 1 | → stopped | a hold or landing replaces it | → aborted |
 //! | stopping | ended or aborted, blocked | busy | busy | refused | noted |
 //!
 //! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "Noted" publishes the error and
 //! changes nothing else: nothing is running that could be ended. A stop at rest empties the DSP's buffer as well: the
 //! operator who repeats it means it.
+//!
+//! **Hold and landing** are also taken while the module is blocked, as long as the helicopter flies or may fly: *waiting*, *stopped*
+//! and *aborted* alike. No other movement is taken meanwhile, and the module rests afterwards as it did before. While the DSP cannot be reached they are *wanted*:
+//! accepted with the reason link-down, and carried out when the DSP is heard, if that is before their moment has passed.
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, ImiError, ModuleStatus, MovementKind};
@@ -41,6 +46,13 @@ pub enum Motion {
     Holding {
         /// Whose request it is.
         order: Order,
+    },
+    /// A hold or a landing that is carried out when the DSP is heard.
+    Wanted {
+        /// Whose request it is.
+        order: Order,
+        /// It is a landing.
+        lands: bool,
     },
     /// The module is being stopped.
     Stopping {
@@ -77,9 +89,9 @@ impl Order {
 pub struct TakeOff {
     /// Whose request it is.
     pub order: Order,
-    /// Height over the point of take-off, m.
+    /// Height above take-off, m.
     pub height_m: f32,
-    /// Altitude of the point of take-off, m.
+    /// Telemetry altitude of the point of take-off, m.
     pub ground_altitude_m: f64,
     /// Flow control 1 came since the order, before a flying flag did, and the port has not read 1 after it.
     pub is_granted: bool,
@@ -145,6 +157,8 @@ pub enum PathStep {
     Settling,
     /// It has been flown; the DSP's path buffer is being emptied.
     Finishing,
+    /// The bridge is about to end; the DSP's path buffer is being emptied.
+    BridgeEnding,
 }
 
 impl DspOrder {
@@ -161,7 +175,7 @@ impl Motion {
             Motion::TakingOff(take_off) => Some(&take_off.order),
             Motion::Landing(landing) => Some(&landing.order),
             Motion::Following(following) => Some(&following.order),
-            Motion::Holding { order } => Some(order),
+            Motion::Holding { order } | Motion::Wanted { order, .. } => Some(order),
             Motion::Idle(_) | Motion::Stopping { .. } => None,
         }
     }
@@ -180,7 +194,8 @@ impl Motion {
             Motion::TakingOff(_) => Some(MovementKind::TakeOff),
             Motion::Landing(_) => Some(MovementKind::Land),
             Motion::Following(_) => Some(MovementKind::GoToWaypoint),
-            Motion::Holding { .. } => Some(MovementKind::Hold),
+            Motion::Wanted { lands: true, .. } => Some(MovementKind::Land),
+            Motion::Holding { .. } | Motion::Wanted { .. } => Some(MovementKind::Hold),
             Motion::Idle(_) | Motion::Stopping { .. } => None,
         }
     }
@@ -191,7 +206,7 @@ impl Motion {
             Motion::Idle(rest) => Standing::Resting(*rest),
             Motion::TakingOff(_) | Motion::Landing(_) => Standing::Working(OnStop::Refused),
             Motion::Following(_) => Standing::Working(OnStop::Aborts),
-            Motion::Holding { .. } => Standing::Working(OnStop::Ends),
+            Motion::Holding { .. } | Motion::Wanted { .. } => Standing::Working(OnStop::Ends),
             Motion::Stopping { then, .. } => Standing::Stopping { then: *then },
         }
     }
@@ -204,6 +219,11 @@ impl Motion {
     /// Whether no movement is taken until the next start.
     pub fn is_blocked(&self) -> bool {
         self.standing().is_blocked()
+    }
+
+    /// Whether any movement but a hold or a landing wants a start first, also while one of these is carried out.
+    pub fn wants_start(&self) -> bool {
+        self.is_blocked() || self.order().is_some_and(|order| order.then.is_blocked())
     }
 
     /// The published state.
@@ -224,7 +244,7 @@ impl Motion {
             Motion::TakingOff(_) => Functionality::TakingOff,
             Motion::Following(_) => Functionality::FollowingPath,
             Motion::Landing(_) => Functionality::Landing,
-            Motion::Holding { .. } => Functionality::Holding,
+            Motion::Holding { .. } | Motion::Wanted { .. } => Functionality::Holding,
             Motion::Stopping { .. } => Functionality::Stopping,
         }
     }
@@ -259,6 +279,13 @@ mod tests {
         step: PathStep::Flying,
     });
     const HOLDING: Motion = Motion::Holding { order: ORDER };
+    const WANTED: Motion = Motion::Wanted {
+        order: Order {
+            requester: None,
+            then: Rest::Stopped(NONE),
+        },
+        lands: true,
+    };
     const STOPPING: Motion = Motion::Stopping {
         requester: REQUESTER,
         errors_cleared: false,
@@ -282,6 +309,7 @@ mod tests {
             ),
             (FOLLOWING, Err(Running), Ok(aborted)),
             (HOLDING, Err(Running), Ok(stopped)),
+            (WANTED, Err(Running), Ok(stopped)),
             (TAKING_OFF, Err(Running), Err(UnableToAbort)),
             (LANDING, Err(Running), Err(UnableToAbort)),
             (STOPPING, Err(Busy), Err(Busy)),
@@ -312,6 +340,7 @@ mod tests {
             (TAKING_OFF, S::Running, false, F::TakingOff),
             (LANDING, S::Running, false, F::Landing),
             (HOLDING, S::Running, false, F::Holding),
+            (WANTED, S::Running, false, F::Holding),
             (STOPPING, S::Ended, true, F::Stopping),
         ];
         for (motion, status, blocked, functionality) in table {

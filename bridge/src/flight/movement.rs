@@ -1,13 +1,14 @@
 //! Movements that the bridge forms: paths from their waypoints to the DSP, holding, and what begins each movement.
 
 use dsp_protocol::downlink::Geographic;
-use ipc_types::code::{MovementKind, Reason};
+use ipc_types::MonotonicNs;
+use ipc_types::code::{ImiError, MovementKind, Reason, Stage};
 use ipc_types::payload::MovementState;
 
 use super::arrival::{ground_distance_m, here};
 use super::assembly::{Outcome, Segment};
 use super::motion::{Following, Motion, Order, PathStep, Rest};
-use super::report::{Refusal, Verdict};
+use super::report::{Refusal, Verdict, in_time};
 use super::request::{Movement, RequestHeader};
 use super::{Context, Flight, FlightTimer};
 use crate::link::dsp_path::DspPath;
@@ -25,6 +26,16 @@ impl Flight {
             return;
         }
         let outcome = movement.map_err(Refusal::from).and_then(|movement| {
+            match movement {
+                Movement::TakeOff { .. } | Movement::Waypoint(_) => {
+                    self.may_be_taken(header, cx.now)?;
+                }
+                // They count even when they are refused.
+                Movement::Land | Movement::Hold => {
+                    self.mark.take(&header.issued);
+                    in_time(header, cx.now)?;
+                }
+            }
             self.safety
                 .check_movement(&movement, &self.observation, cx.now)?;
             match movement {
@@ -51,7 +62,7 @@ impl Flight {
         preempt: bool,
         cx: &Context<'_, O>,
     ) -> Result<(), Refusal> {
-        if self.motion.is_blocked() {
+        if self.motion.wants_start() {
             return Err(Reason::NotStarted.into());
         }
         if !cx.link.is_up() {
@@ -74,14 +85,78 @@ impl Flight {
         Ok(flying.ok_or(Reason::NoPosition)?)
     }
 
+    /// What a hold or a landing needs: a helicopter that flies or may fly, whatever the module's state is; on the ground, a module that
+    /// is started and a DSP that listens. One that is blocked rests afterwards as it did before.
+    pub(super) fn order_on_the_spot<O>(
+        &self,
+        header: &RequestHeader,
+        preempt: bool,
+        cx: &Context<'_, O>,
+    ) -> Result<Order, Refusal> {
+        if !self.observation.may_fly() {
+            if self.motion.is_blocked() {
+                return Err(Reason::NotStarted.into());
+            }
+            if !cx.link.is_up() {
+                return Err(Reason::LinkDown.into());
+            }
+        }
+        let before = match self.motion {
+            Motion::Idle(rest) => rest,
+            Motion::Wanted { order, .. } => order.then,
+            Motion::Following(Following { order, .. }) | Motion::Holding { order } if preempt => {
+                order.then
+            }
+            _ => return Err(Reason::Busy.into()),
+        };
+        let then = match before.is_blocked() {
+            true => before,
+            false => Rest::Done,
+        };
+        let requester = Some(*header);
+        Ok(Order { requester, then })
+    }
+
+    /// Takes a hold or a landing that cannot be carried out yet.
+    pub(super) fn want<O: Outputs>(&mut self, order: Order, lands: bool, cx: &mut Context<'_, O>) {
+        self.pre_empt(cx);
+        cx.link.forget_path();
+        let motion = Motion::Wanted { order, lands };
+        let kind = motion.kind().unwrap_or(MovementKind::Hold);
+        self.begin(order.requester.as_ref(), kind, 0, motion, cx);
+    }
+
+    /// The DSP is heard again: a hold or a landing that waited for it is carried out, within the time that it had.
+    pub(super) fn carry_out_wanted<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+        let Motion::Wanted { order, lands } = self.motion else {
+            return;
+        };
+        let flying = self.observation.flying(cx.now);
+        if !cx.link.is_up() {
+            return;
+        }
+        if lands && flying == Some(false) {
+            return self.finish(&Verdict::aborted(Reason::NotFlying), Rest::Ready, cx);
+        }
+        let due = self.timers.due(FlightTimer::Begin);
+        self.change_motion(Motion::Idle(order.then));
+        match lands {
+            true => self.order_landing(order, cx),
+            false => self.order_hold(order, cx),
+        }
+        if let (Motion::Landing(_) | Motion::Holding { .. }, Some(due)) = (self.motion, due) {
+            self.timers.arm(FlightTimer::Begin, due);
+        }
+    }
+
     /// Ends the path or the hold under way, because another movement takes its place.
     pub(super) fn pre_empt<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        if let Motion::Following(_) | Motion::Holding { .. } = self.motion {
+        if let Motion::Following(_) | Motion::Holding { .. } | Motion::Wanted { .. } = self.motion {
             self.give_up_movement(&Verdict::aborted(Reason::Replaced), Rest::Ready, cx);
         }
     }
 
-    /// The helicopter hovers where it is, and the module stays started.
+    /// The helicopter hovers where it is, and the module stays as it is.
     fn hold<O: Outputs>(
         &mut self,
         header: &RequestHeader,
@@ -90,14 +165,19 @@ impl Flight {
         if self.motion.unable_to_abort() {
             return Err(Reason::UnableToAbort.into());
         }
-        self.ready_to_move(true, cx)?;
+        let order = self.order_on_the_spot(header, true, cx)?;
+        match cx.link.is_up() {
+            true => self.order_hold(order, cx),
+            false => self.want(order, false, cx),
+        }
+        Ok(())
+    }
+
+    fn order_hold<O: Outputs>(&mut self, order: Order, cx: &mut Context<'_, O>) {
         self.pre_empt(cx);
         cx.link.forget_path();
-        let motion = Motion::Holding {
-            order: Order::of(*header),
-        };
-        self.begin(Some(header), MovementKind::Hold, 0, motion, cx);
-        Ok(())
+        let motion = Motion::Holding { order };
+        self.begin(order.requester.as_ref(), MovementKind::Hold, 0, motion, cx);
     }
 
     /// Begins a movement. Another one that was still being sent, waypoint by waypoint, is thereby given up.
@@ -110,6 +190,9 @@ impl Flight {
         cx: &mut Context<'_, O>,
     ) {
         self.break_path(Reason::PathReplaced, cx);
+        // One that was wanted was accepted when it came.
+        let is_accepted =
+            requester.is_some_and(|header| header.request_id == self.movement.request_id);
         self.change_motion(motion);
         self.movement = MovementState {
             request_id: requester.map_or(0, |header| header.request_id),
@@ -118,12 +201,23 @@ impl Flight {
             waypoints_total: waypoints as u32,
             ..MovementState::default()
         };
-        let begin_within = requester.map_or(self.config.movement.begin_within(), |header| {
-            header.begin_within
-        });
-        self.timers.arm(FlightTimer::Begin, cx.now + begin_within);
-        if let Some(header) = requester {
-            self.report(header, &Verdict::ACCEPTED, cx);
+        let begin_by = match requester {
+            None => cx.now + self.config.movement.begin_within(),
+            Some(header) => {
+                self.mark.take(&header.issued);
+                header.begin_by
+            }
+        };
+        self.timers.arm(FlightTimer::Begin, begin_by);
+        if let Some(header) = requester
+            && !is_accepted
+        {
+            let reason = match motion {
+                Motion::Wanted { .. } => Reason::LinkDown,
+                _ => Reason::None,
+            };
+            let accepted = Verdict::ended(Stage::Accepted, reason, ImiError::None);
+            self.report(header, &accepted, cx);
         }
     }
 
@@ -141,6 +235,7 @@ impl Flight {
         if ground_distance_m(&position, &segment.waypoint) > self.config.movement.max_distance_m {
             return Err(Reason::TooFar.into());
         }
+        let header = &self.part_of_path(header, segment, cx.now)?;
         // First, so that a waypoint that is refused disturbs no path of another client.
         self.check_leg_to(segment, &position)?;
         if self.assembler.replaces(segment) {
@@ -150,8 +245,7 @@ impl Flight {
             Outcome::Open => {
                 self.answer_newest(&Verdict::DONE, cx);
                 self.newest_waypoint = Some(*header);
-                self.timers
-                    .arm(FlightTimer::Assembly, cx.now + header.begin_within);
+                self.timers.arm(FlightTimer::Assembly, header.begin_by);
                 self.is_changed = true;
                 self.report(header, &Verdict::ACCEPTED, cx);
                 Ok(())
@@ -166,7 +260,27 @@ impl Flight {
         }
     }
 
-    /// The leg that ends at this waypoint, against the geofence.
+    /// A waypoint of the open path: it came in time for the one before it, and carries the moment of the whole path.
+    fn part_of_path(
+        &self,
+        header: &RequestHeader,
+        segment: &Segment,
+        now: MonotonicNs,
+    ) -> Result<RequestHeader, Refusal> {
+        let is_part = !segment.first && self.assembler.open_path() == Some(segment.path_id);
+        let Some(newest) = self.newest_waypoint.filter(|_| is_part) else {
+            return Ok(*header);
+        };
+        in_time(&newest, now)?;
+        let header = RequestHeader {
+            issued: header.issued.with(&newest.issued),
+            ..*header
+        };
+        self.may_begin(&header, now)?;
+        Ok(header)
+    }
+
+    /// The leg that ends at this waypoint, against the geofence and the ground.
     fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Refusal> {
         let is_continued = !segment.first && self.assembler.open_path() == Some(segment.path_id);
         let waypoints = self.assembler.waypoints();
@@ -174,7 +288,9 @@ impl Flight {
             Some(last) if is_continued => (*last, waypoints.len() + 1),
             _ => (here(position), 1),
         };
-        self.safety.check_leg(&from, &segment.waypoint, leg)
+        let ground_m = self.observation.ground_altitude_m();
+        self.safety
+            .check_leg(&from, &segment.waypoint, leg, ground_m)
     }
 
     /// The path is closed: it goes to the DSP as a whole as soon as the DSP holds nothing else.
@@ -187,8 +303,9 @@ impl Flight {
         // The helicopter may have moved since the first waypoint came.
         let first = self.assembler.waypoints().first().copied();
         let from = here(&position);
+        let ground_m = self.observation.ground_altitude_m();
         if let Some(first) = first
-            && let Err(refusal) = self.safety.check_leg(&from, &first, 1)
+            && let Err(refusal) = self.safety.check_leg(&from, &first, 1, ground_m)
         {
             self.break_path(Reason::PathBroken, cx);
             return Err(refusal);

@@ -21,6 +21,8 @@ pub struct Observation {
     /// Samples received before this moment do not say whether it is in the air.
     flying_since: MonotonicNs,
     position: Option<(Geographic, MonotonicNs)>,
+    /// Telemetry altitude of the ground on which it stood last, m.
+    ground_altitude_m: Option<f64>,
     supply: Option<(Supply, MonotonicNs)>,
 }
 
@@ -36,6 +38,9 @@ impl Observation {
         }
         if let Some(position) = known_position(&sample.status) {
             self.position = Some((position, at));
+            if !sample.status.flying {
+                self.ground_altitude_m = Some(position.altitude_m);
+            }
         }
         if let Some(supply) = sample.status.supply {
             self.supply = Some((supply, at));
@@ -60,9 +65,19 @@ impl Observation {
         self.fresh(self.flying, now)
     }
 
+    /// Whether the helicopter may be in the air: it was when that was last known, or that was never known.
+    pub fn may_fly(&self) -> bool {
+        self.flying.is_none_or(|(flying, _)| flying)
+    }
+
     /// Where the helicopter is, if that is known.
     pub fn position(&self, now: MonotonicNs) -> Option<Geographic> {
         self.fresh(self.position, now)
+    }
+
+    /// Telemetry altitude of the ground on which the helicopter stood last, m: its take-off was there. It does not age.
+    pub fn ground_altitude_m(&self) -> Option<f64> {
+        self.ground_altitude_m
     }
 
     /// Battery, fuel and the pilot's switch, if they are known.

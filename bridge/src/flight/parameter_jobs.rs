@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 
 use dsp_protocol::Command;
 use dsp_protocol::port::Port;
-use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +29,6 @@ pub(super) struct Job {
     pub write: Option<Command>,
     /// The write was acknowledged, and the port is being read.
     pub is_written: bool,
-    pub deadline: MonotonicNs,
 }
 
 impl ParameterRequests {

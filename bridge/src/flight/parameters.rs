@@ -11,7 +11,7 @@ use ipc_types::payload::{ParameterRequest, PortInfo};
 use super::parameter_jobs::Job;
 pub use super::parameter_jobs::{MAX_OPEN, ParameterRequests};
 use super::port_number;
-use super::report::{Detail, Refusal, Verdict};
+use super::report::{Detail, Refusal, Verdict, in_time, too_late};
 use super::request::RequestHeader;
 use super::{Context, Flight, FlightTimer};
 use crate::link::FlightCommand;
@@ -66,6 +66,7 @@ impl Flight {
         value: Option<f64>,
         cx: &mut Context<'_, O>,
     ) -> Result<(), Refusal> {
+        in_time(header, cx.now)?;
         let port = port_number::find(number).ok_or(Reason::NoSuchPort)?;
         let write = match value {
             Some(value) => Some(self.write_command(port, value, cx)?),
@@ -82,7 +83,6 @@ impl Flight {
             port,
             write,
             is_written: false,
-            deadline: cx.now + header.begin_within,
         });
         self.report(header, &Verdict::ACCEPTED, cx);
         if self.parameters.open.len() == 1 {
@@ -136,12 +136,16 @@ impl Flight {
         let Some(job) = self.parameters.open.front() else {
             return;
         };
-        self.timers.arm(FlightTimer::Parameter, job.deadline);
+        let until = job.header.begin_by;
+        self.timers.arm(FlightTimer::Parameter, until);
         let command = match job.write {
             Some(write) if !job.is_written => write,
             _ => read(job.port),
         };
-        if cx.link.command(command, FlightCommand::Parameter).is_err() {
+        let queued = cx
+            .link
+            .command_until(command, FlightCommand::Parameter, until);
+        if queued.is_err() {
             self.parameter_failed(Reason::TooManyRequests, cx);
         }
     }
@@ -194,7 +198,10 @@ impl Flight {
     }
 
     pub(super) fn parameter_expired<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        self.parameter_failed(Reason::DeadlineExpired, cx);
+        if let Some(job) = self.parameters.open.front() {
+            let verdict = too_late(&job.header, cx.now).at(job.stage_of_failure());
+            self.end_parameter(&verdict, cx);
+        }
     }
 
     fn end_parameter<O: Outputs>(&mut self, verdict: &Verdict, cx: &mut Context<'_, O>) {

@@ -1,10 +1,12 @@
 //! What a report says about a request, besides whose it is.
 
 use dsp_protocol::DspErrorCode;
+use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
 use module_kit::rules::Refused;
 
+use super::request::RequestHeader;
 use super::violation::Violation;
 
 /// How far a request has come, and why.
@@ -29,7 +31,7 @@ pub struct Detail {
     pub waypoint: u32,
     /// The DSP's error.
     pub dsp_error: Option<DspErrorCode>,
-    /// The height that was reached, m, or the value of the port.
+    /// The height that was reached, m, the value of the port, or by how many seconds the request is late.
     pub value: Option<f64>,
     /// The port of a parameter request.
     pub port: Option<PortInfo>,
@@ -124,7 +126,35 @@ impl Refusal {
 
     /// The final report.
     pub const fn verdict(&self) -> Verdict {
-        Verdict::ended(Stage::Refused, self.reason, self.error).about(self.detail)
+        self.at(Stage::Refused)
+    }
+
+    /// The final report of what was accepted before.
+    pub const fn at(&self, stage: Stage) -> Verdict {
+        Verdict::ended(stage, self.reason, self.error).about(self.detail)
+    }
+}
+
+/// Whether the moment of a request has not passed at `now`.
+///
+/// # Errors
+/// By how much it has.
+pub fn in_time(header: &RequestHeader, now: MonotonicNs) -> Result<(), Refusal> {
+    match now <= header.begin_by {
+        true => Ok(()),
+        false => Err(too_late(header, now)),
+    }
+}
+
+/// The refusal of a request whose moment has come, or has passed, at `now`.
+pub fn too_late(header: &RequestHeader, now: MonotonicNs) -> Refusal {
+    let detail = Detail {
+        value: Some(now.since(header.begin_by).as_secs_f64()),
+        ..Detail::default()
+    };
+    Refusal {
+        detail,
+        ..Reason::TooLate.into()
     }
 }
 

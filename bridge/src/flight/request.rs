@@ -6,12 +6,14 @@
 use std::time::Duration;
 
 use dsp_protocol::{Waypoint, port};
+use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
-use crate::config::MovementLimits;
+use crate::config::{MovementLimits, STOP_WITHIN};
 use crate::flight::assembly::Segment;
+use crate::flight::issue_order::Issued;
 
 /// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
 /// that service has. The core only compares and returns it.
@@ -34,8 +36,10 @@ pub struct RequestHeader {
     pub request_id: u64,
     /// The sender's id for the path, 0 if there is none.
     pub path_id: u64,
-    /// Within what time the request must have begun on the DSP.
-    pub begin_within: Duration,
+    /// When its order was issued.
+    pub issued: Issued,
+    /// Until when it may begin on the DSP.
+    pub begin_by: MonotonicNs,
     /// It was sent before, and its outcome is not known to the sender.
     pub repeat: bool,
     /// It may replace a path that is under way.
@@ -48,7 +52,12 @@ impl RequestHeader {
         key: RequestKey::Control(1),
         request_id: 1,
         path_id: 0,
-        begin_within: Duration::from_secs(5),
+        issued: Issued {
+            origin: 0,
+            at: MonotonicNs(1),
+            latest: MonotonicNs(1),
+        },
+        begin_by: MonotonicNs(u64::MAX),
         repeat: false,
         preempt: false,
     };
@@ -70,40 +79,59 @@ pub enum Movement {
     Waypoint(Segment),
 }
 
-/// Reads a control request.
+/// Reads a control request at `now`.
 pub fn parse_control(
     key: RequestKey,
     control: &ModuleControl,
     limits: &MovementLimits,
+    now: MonotonicNs,
 ) -> (RequestHeader, Result<ControlCommand, Reason>) {
+    let command = ControlCommand::from_code(control.command);
+    let within = match command {
+        Some(ControlCommand::Stop) => STOP_WITHIN,
+        _ => limits.begin_within(),
+    };
+    let issued = issued(control.issued_ns, control.issued_within_ns, control.origin);
     let header = RequestHeader {
         key,
         request_id: control.request_id,
         path_id: 0,
-        begin_within: begin_within(control.deadline_ms, limits),
+        issued,
+        begin_by: begin_by(control.begin_by_ns, issued.at, within),
         // To start or stop a module twice is the same as once.
         repeat: false,
         preempt: false,
     };
-    let command = ControlCommand::from_code(control.command).ok_or(Reason::InvalidRequest);
-    (header, command)
+    let command = command.filter(|_| issued.is_past(now));
+    (header, command.ok_or(Reason::InvalidRequest))
 }
 
-/// Reads a movement request.
+/// Reads a movement request at `now`.
 pub fn parse_movement(
     key: RequestKey,
     data: &MovementData,
     limits: &MovementLimits,
+    now: MonotonicNs,
 ) -> (RequestHeader, Result<Movement, Reason>) {
+    let kind = MovementKind::from_code(data.kind);
+    let issued = issued(data.issued_ns, data.issued_within_ns, data.origin);
+    let (from, within) = match kind {
+        Some(MovementKind::Land | MovementKind::Hold) => (issued.at, STOP_WITHIN),
+        // The path's sender lives: it has waited for the answer to the waypoint before this one.
+        Some(MovementKind::GoToWaypoint) if data.first == 0 => (now, limits.begin_within()),
+        _ => (issued.at, limits.begin_within()),
+    };
     let header = RequestHeader {
         key,
         request_id: data.request_id,
         path_id: data.path_id,
-        begin_within: begin_within(data.deadline_ms, limits),
+        issued,
+        begin_by: begin_by(data.begin_by_ns, from, within),
         repeat: data.repeat != 0,
         preempt: data.preempt != 0,
     };
-    let movement = match MovementKind::from_code(data.kind) {
+    let movement = match kind {
+        _ if !issued.is_past(now) => Err(Reason::InvalidRequest),
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),
         Some(MovementKind::Land) => Ok(Movement::Land),
         Some(MovementKind::Hold) => Ok(Movement::Hold),
@@ -113,30 +141,39 @@ pub fn parse_movement(
     (header, movement)
 }
 
-/// Reads a parameter request. Which port it names, and whether that takes the value, is for
+/// Reads a parameter request at `now`. Which port it names, and whether that takes the value, is for
 /// [`parameters`](crate::flight::parameters) to say.
 pub fn parse_parameter(
     key: RequestKey,
     request: &ParameterRequest,
     limits: &MovementLimits,
+    now: MonotonicNs,
 ) -> (RequestHeader, Result<ParameterOperation, Reason>) {
+    let issued = issued(request.issued_ns, request.issued_within_ns, request.origin);
     let header = RequestHeader {
         key,
         request_id: request.request_id,
         path_id: 0,
-        begin_within: begin_within(request.deadline_ms, limits),
+        issued,
+        begin_by: begin_by(request.begin_by_ns, issued.at, limits.begin_within()),
         // To read or write a port twice is the same as once.
         repeat: false,
         preempt: false,
     };
-    let operation = request.operation().ok_or(Reason::InvalidRequest);
-    (header, operation)
+    let operation = request.operation().filter(|_| issued.is_past(now));
+    (header, operation.ok_or(Reason::InvalidRequest))
 }
 
-fn begin_within(deadline_ms: u32, limits: &MovementLimits) -> Duration {
-    match deadline_ms {
-        0 => limits.begin_within(),
-        ms => Duration::from_millis(u64::from(ms)),
+fn issued(at_ns: u64, within_ns: u32, origin: u32) -> Issued {
+    let at = MonotonicNs(at_ns);
+    let latest = at + Duration::from_nanos(within_ns.into());
+    Issued { origin, at, latest }
+}
+
+fn begin_by(begin_by_ns: u64, from: MonotonicNs, within: Duration) -> MonotonicNs {
+    match begin_by_ns {
+        0 => from + within,
+        begin_by_ns => MonotonicNs(begin_by_ns),
     }
 }
 
@@ -190,11 +227,13 @@ mod tests {
     use super::*;
 
     const KEY: RequestKey = RequestKey::Movement(1);
+    const NOW: MonotonicNs = MonotonicNs(1_000_000_000);
 
     fn goto() -> MovementData {
         MovementData {
             request_id: 9,
             path_id: 4,
+            issued_ns: NOW.0,
             kind: MovementKind::GoToWaypoint.code(),
             latitude_deg: 37.0,
             longitude_deg: -6.0,
@@ -208,7 +247,7 @@ mod tests {
     fn parse(change: impl FnOnce(&mut MovementData)) -> Result<Movement, Reason> {
         let mut data = goto();
         change(&mut data);
-        parse_movement(KEY, &data, &MovementLimits::default()).1
+        parse_movement(KEY, &data, &MovementLimits::default(), NOW).1
     }
 
     #[test]
@@ -265,11 +304,11 @@ mod tests {
     fn the_header_survives_a_refusal() {
         let mut data = goto();
         data.kind = 77;
-        data.deadline_ms = 250;
-        let (header, movement) = parse_movement(KEY, &data, &MovementLimits::default());
+        data.begin_by_ns = 250;
+        let (header, movement) = parse_movement(KEY, &data, &MovementLimits::default(), NOW);
         assert_eq!(movement, Err(Reason::InvalidRequest));
         assert_eq!((header.request_id, header.path_id), (9, 4));
-        assert_eq!(header.begin_within, Duration::from_millis(250));
+        assert_eq!(header.begin_by, MonotonicNs(250));
     }
 
     #[test]
@@ -283,10 +322,11 @@ mod tests {
         ] {
             let control = ModuleControl {
                 command: code,
+                issued_ns: NOW.0,
                 ..ModuleControl::default()
             };
             assert_eq!(
-                parse_control(KEY, &control, &MovementLimits::default()).1,
+                parse_control(KEY, &control, &MovementLimits::default(), NOW).1,
                 expected
             );
         }

@@ -21,6 +21,7 @@ use super::request::Movement;
 use super::violation::Violation;
 use crate::config::{BreachAction, BridgeConfig, SafetyConfig, SupplyLimits};
 use crate::safety::fence::{Breach, Fence, FenceRule};
+use crate::safety::ground;
 
 /// The judge of the rules.
 #[derive(Debug, Serialize, Deserialize)]
@@ -115,12 +116,20 @@ impl Safety {
         }
     }
 
-    /// Whether the geofence allows the leg, which leads to the waypoint `leg`, counted from 1.
+    /// Whether the geofence, and the ground of the take-off, allow the leg, which leads to the waypoint `leg`, counted from 1.
     ///
     /// # Errors
     /// The refusal, with the rule, the leg and by how much the rule would be broken.
-    pub fn check_leg(&mut self, from: &Waypoint, to: &Waypoint, leg: usize) -> Result<(), Refusal> {
-        match self.fence.check_leg(from, to) {
+    pub fn check_leg(
+        &mut self,
+        from: &Waypoint,
+        to: &Waypoint,
+        leg: usize,
+        ground_m: Option<f64>,
+    ) -> Result<(), Refusal> {
+        let ground_m = ground_m.filter(|_| !self.config.below_take_off);
+        let into_ground = ground_m.and_then(|ground_m| ground::breach(to, ground_m));
+        match into_ground.or_else(|| self.fence.check_leg(from, to)) {
             Some(breach) => Err(self.intervene(refuse(breach), leg)),
             None => Ok(()),
         }

@@ -10,7 +10,11 @@
 //! | asking for the count | nothing | may send; or, without such a port, unverified |
 //! | may send | send, then ask → checking | – |
 //! | checking | nothing | as before: send again · one more: next · else: failed |
+//! | unverified, the error of the question may come | nothing | – |
 //! | unverified | send → unverified | – |
+//!
+//! A DSP without the port reports error 30 for the question, right after a status. The first waypoint waits for it, so that every
+//! error 15 or 30 after that is about a waypoint. Without counts no waypoint is sent twice: the first such error ends the path.
 //!
 //! In the classic profile a late or repeated answer to a read of another port can be taken for the count. A port that does not
 //! exist reads 0, so any other value without the bit is none: it is asked for again, three times in a row at most.
@@ -27,6 +31,9 @@ pub const MAX_SENDINGS: u32 = 16;
 
 /// So many values in a row that are neither a count nor 0 mean that the DSP does not count.
 const NO_COUNTS: u32 = 3;
+
+/// Statuses after which a DSP that does not count has reported the error of the question, or will not.
+const STATUSES: u32 = 2;
 
 /// What to do with the waypoint that flow control asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,9 +66,18 @@ pub enum Counted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
     Asking,
-    MaySend { count: u16, sendings: u32 },
-    Checking { count: u16, sendings: u32 },
-    Unverified,
+    MaySend {
+        count: u16,
+        sendings: u32,
+    },
+    Checking {
+        count: u16,
+        sendings: u32,
+    },
+    Unverified {
+        /// Statuses to come before the first waypoint goes.
+        awaited: u32,
+    },
 }
 
 /// Delivery of one path.
@@ -84,9 +100,30 @@ impl Verification {
     /// Flow control grants a waypoint.
     pub fn on_grant(&self) -> OnGrant {
         match self.phase {
-            Phase::Asking | Phase::Checking { .. } => OnGrant::Wait,
+            Phase::Asking | Phase::Checking { .. } | Phase::Unverified { awaited: 1.. } => {
+                OnGrant::Wait
+            }
             Phase::MaySend { .. } => OnGrant::SendAndCount,
-            Phase::Unverified => OnGrant::Send,
+            Phase::Unverified { awaited: 0 } => OnGrant::Send,
+        }
+    }
+
+    /// Whether it can not be known if waypoints arrive.
+    pub fn is_unverified(&self) -> bool {
+        matches!(self.phase, Phase::Unverified { .. })
+    }
+
+    /// A status arrived.
+    pub fn status_arrived(&mut self) {
+        if let Phase::Unverified { awaited } = &mut self.phase {
+            *awaited = awaited.saturating_sub(1);
+        }
+    }
+
+    /// Error 30 arrived: the answer to the question for a count that the DSP does not have comes before the first waypoint.
+    pub fn question_refused(&mut self) {
+        if let Phase::Unverified { awaited } = &mut self.phase {
+            *awaited = 0;
         }
     }
 
@@ -128,7 +165,7 @@ impl Verification {
                 Counted::Ready
             }
             Phase::Asking => {
-                self.phase = Phase::Unverified;
+                self.phase = Phase::Unverified { awaited: STATUSES };
                 Counted::Unverified
             }
             Phase::Checking { count, .. } if counts && now == (count + 1) & !COUNTS => {
@@ -145,7 +182,7 @@ impl Verification {
                 self.phase = Phase::MaySend { count, sendings };
                 Counted::Lost
             }
-            Phase::Checking { .. } | Phase::MaySend { .. } | Phase::Unverified => {
+            Phase::Checking { .. } | Phase::MaySend { .. } | Phase::Unverified { .. } => {
                 Counted::Failed(Reason::DeliveryFailed)
             }
         }
@@ -176,7 +213,14 @@ mod tests {
                 OnGrant::Wait,
                 0,
                 Counted::Unverified,
-                Phase::Unverified,
+                Phase::Unverified { awaited: STATUSES },
+            ),
+            (
+                Phase::Unverified { awaited: 1 },
+                OnGrant::Wait,
+                0x8005,
+                FAILED,
+                Phase::Unverified { awaited: 1 },
             ),
             (
                 checking(5),
@@ -213,11 +257,11 @@ mod tests {
                 may_send(5),
             ),
             (
-                Phase::Unverified,
+                Phase::Unverified { awaited: 0 },
                 OnGrant::Send,
                 0x8005,
                 FAILED,
-                Phase::Unverified,
+                Phase::Unverified { awaited: 0 },
             ),
         ];
         for (phase, grant, value, counted, after) in table {

@@ -8,7 +8,7 @@ use crate::safety::fence::Fence;
 use crate::snapshot::NotASnapshot;
 
 /// The version of the bytes. Another version of the core has another one.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// A bridge and its configuration.
 ///

@@ -89,7 +89,10 @@ fn a_core_from_a_snapshot_is_the_same_bit_for_bit_and_goes_on_as_the_other() {
 fn a_fence_that_was_read_again_is_of_the_snapshot() {
     let config = BridgeConfig::default();
     let mut bridge = Bridge::new(&config);
-    let request = ModuleControl::new(7, ControlCommand::ReloadFence);
+    let request = ModuleControl {
+        issued_ns: START.0,
+        ..ModuleControl::new(7, ControlCommand::ReloadFence)
+    };
     let key = RequestKey::Control(1);
     let fence: Fence = runtime::config::parse("ceiling_m = 50.0", "a test").unwrap();
     bridge.new_fence(START, key, &request, Ok(fence.clone()), &mut Unheard);
@@ -120,7 +123,10 @@ fn what_is_no_snapshot_is_refused() {
 fn inputs() -> Vec<Input<'static>> {
     let sender = Some(4711);
     let key = RequestKey::Movement(u64::MAX);
-    let request = ModuleControl::new(7, ControlCommand::ReloadFence);
+    let request = ModuleControl {
+        issued_ns: START.0,
+        ..ModuleControl::new(7, ControlCommand::ReloadFence)
+    };
     vec![
         Input::PortOpened,
         Input::PortClosed,

@@ -5,7 +5,7 @@
 //! |---|---|---|---|---|---|
 //! | idle, queue empty | queued | nothing | unmatched | unmatched | – |
 //! | idle, queue not empty | queued, or full | sends the oldest → waiting | unmatched | unmatched | – |
-//! | waiting, attempts left | queued, or full | nothing | delivered → idle | unmatched | sends again |
+//! | waiting, attempts left | queued, or full | nothing | delivered → idle | unmatched | sends again; after its moment failed → idle |
 //! | waiting, none left | queued, or full | nothing | delivered → idle | unmatched | failed → idle |
 //!
 //! The classic profile's acknowledgement names only its command's code (`docs/protocol.md` section 10). After a command was
@@ -31,6 +31,9 @@ pub const QUEUE_LEN: usize = 32;
 /// How long after it was sent a command may still be acknowledged. The DSP answers within 50 ms (`docs/protocol.md`
 /// section 8.2); the rest is for a line that stalls.
 pub const LATE_ACK: Duration = Duration::from_secs(2);
+
+/// The moment of a command that may be sent for as long as it is not acknowledged.
+pub const ALWAYS: MonotonicNs = MonotonicNs(u64::MAX);
 
 /// Codes of commands.
 const CODES: usize = 8;
@@ -112,6 +115,8 @@ struct Outstanding<P> {
     sending: Sending,
     /// Nothing when it was forgotten.
     purpose: Option<P>,
+    /// No attempt is sent later.
+    until: MonotonicNs,
     attempts: u32,
     /// No late acknowledgement of an earlier command of the same code can arrive any more.
     is_certain: bool,
@@ -126,7 +131,7 @@ struct Outstanding<P> {
 pub struct CommandQueue<P> {
     #[serde(skip)]
     timeout: Duration,
-    waiting: VecDeque<(Command, P)>,
+    waiting: VecDeque<(Command, P, MonotonicNs)>,
     outstanding: Option<Outstanding<P>>,
     next_number: Sequence,
     /// By code, until when a late acknowledgement may arrive.
@@ -155,10 +160,23 @@ impl<P: Copy> CommandQueue<P> {
     /// # Errors
     /// [`QueueFull`]; nothing has changed.
     pub fn push(&mut self, command: Command, purpose: P) -> Result<(), QueueFull> {
+        self.push_until(command, purpose, ALWAYS)
+    }
+
+    /// Queues a command that is not sent again after `until`. Who queues it takes it back when it has not been sent by then.
+    ///
+    /// # Errors
+    /// [`QueueFull`]; nothing has changed.
+    pub fn push_until(
+        &mut self,
+        command: Command,
+        purpose: P,
+        until: MonotonicNs,
+    ) -> Result<(), QueueFull> {
         if self.waiting.len() == QUEUE_LEN {
             return Err(QueueFull);
         }
-        self.waiting.push_back((command, purpose));
+        self.waiting.push_back((command, purpose, until));
         Ok(())
     }
 
@@ -167,13 +185,14 @@ impl<P: Copy> CommandQueue<P> {
         if self.outstanding.is_some() {
             return None;
         }
-        let (command, purpose) = self.waiting.pop_front()?;
+        let (command, purpose, until) = self.waiting.pop_front()?;
         let number = self.next_number;
         self.next_number = number.next();
         let sending = Sending { command, number };
         self.outstanding = Some(Outstanding {
             sending,
             purpose: Some(purpose),
+            until,
             attempts: 1,
             is_certain: now >= self.late_until(command),
             first_sent: now,
@@ -205,7 +224,7 @@ impl<P: Copy> CommandQueue<P> {
             return None;
         }
         let purpose = outstanding.purpose;
-        if outstanding.attempts == ATTEMPTS || purpose.is_none() {
+        if outstanding.attempts == ATTEMPTS || purpose.is_none() || now > outstanding.until {
             self.abandon_outstanding();
             return purpose.map(Timeout::Failed);
         }
@@ -231,7 +250,7 @@ impl<P: Copy> CommandQueue<P> {
     /// cannot be called back: the next command waits for its acknowledgement, or until the time of its present attempt is up, so
     /// that the one is not taken for that of the other. It is not sent again.
     pub fn forget(&mut self, unwanted: impl Fn(&P) -> bool) {
-        self.waiting.retain(|(_, purpose)| !unwanted(purpose));
+        self.waiting.retain(|(_, purpose, _)| !unwanted(purpose));
         if let Some(outstanding) = &mut self.outstanding {
             outstanding.purpose.take_if(|purpose| unwanted(purpose));
         }
@@ -246,13 +265,13 @@ impl<P: Copy> CommandQueue<P> {
     /// Takes back a command that has not been sent; false when it was sent, or is not here.
     pub fn withdraw(&mut self, unwanted: impl Fn(&P) -> bool) -> bool {
         let before = self.waiting.len();
-        self.waiting.retain(|(_, purpose)| !unwanted(purpose));
+        self.waiting.retain(|(_, purpose, _)| !unwanted(purpose));
         self.waiting.len() < before
     }
 
     /// Whether a command with such a purpose waits or is outstanding.
     pub fn has(&self, wanted: impl Fn(&P) -> bool) -> bool {
-        self.waiting.iter().any(|(_, purpose)| wanted(purpose))
+        self.waiting.iter().any(|(_, purpose, _)| wanted(purpose))
             || self
                 .outstanding
                 .iter()

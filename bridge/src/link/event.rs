@@ -74,7 +74,7 @@ pub enum LinkEvent {
     Lost,
     /// A status sample in its place in time.
     Sample(Sample),
-    /// One waypoint may be sent.
+    /// One waypoint may be sent: the newest flow control of a read was a 1, and is not too old.
     Grant,
     /// The DSP's path buffer is known to be empty.
     PathEmptied,
@@ -84,7 +84,7 @@ pub enum LinkEvent {
     Delivered(FlightCommand, AckData),
     /// A command of the flight was not acknowledged: an ack error.
     Undelivered(FlightCommand),
-    /// The DSP has acknowledged nothing for so long that it may have taken the PC for gone and dropped the path.
+    /// The DSP may have taken the PC for gone and dropped the path, or the bridge stood still for that long.
     PathDropped,
     /// The DSP reports an error; `starting` while start-up is not done, when errors are to be expected.
     DspError {

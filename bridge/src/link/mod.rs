@@ -20,6 +20,8 @@ pub mod coherence;
 pub mod commands;
 pub mod dsp_path;
 pub mod event;
+mod grants;
+pub mod last_minute;
 mod liveness;
 pub mod outgoing;
 mod path_buffer;
@@ -41,9 +43,10 @@ use crate::config::{BridgeConfig, Parameters};
 use crate::timers::{TimerTable, timers};
 use cadence::Cadence;
 use coherence::Coherence;
-use commands::{CommandQueue, QueueFull, Sending, Timeout};
+use commands::{ALWAYS, CommandQueue, QueueFull, Sending, Timeout};
 use dsp_path::DspPath;
 pub use event::{FlightCommand, LinkEvent, Purpose, Sample};
+use grants::Grants;
 use outgoing::Outgoing;
 use session::Session;
 use start_up::StartUp;
@@ -113,6 +116,7 @@ pub struct Link {
     last_received: Option<Sequence>,
     messages: Cadence,
     statuses: Cadence,
+    grants: Grants,
     #[serde(with = "raw")]
     health: LinkHealth,
     #[serde(with = "raw")]
@@ -144,6 +148,7 @@ impl Link {
             last_received: None,
             messages: Cadence::default(),
             statuses: Cadence::default(),
+            grants: Grants::default(),
             health: LinkHealth::default(),
             rejected: RefusedCounters::default(),
             state: State::Gone,
@@ -223,9 +228,23 @@ impl Link {
     /// # Errors
     /// [`NotQueued`]; nothing has changed.
     pub fn command(&mut self, command: Command, purpose: FlightCommand) -> Result<(), NotQueued> {
+        self.command_until(command, purpose, ALWAYS)
+    }
+
+    /// As [`Link::command`], of which no attempt goes out after `until`.
+    ///
+    /// # Errors
+    /// [`NotQueued`]; nothing has changed.
+    pub fn command_until(
+        &mut self,
+        command: Command,
+        purpose: FlightCommand,
+        until: MonotonicNs,
+    ) -> Result<(), NotQueued> {
         match self.state {
             State::Up(_) | State::Silent(_) => {
-                Ok(self.commands.push(command, Purpose::Flight(purpose))?)
+                let purpose = Purpose::Flight(purpose);
+                Ok(self.commands.push_until(command, purpose, until)?)
             }
             State::Gone | State::Connecting(_) => Err(NotQueued::NotStartedUp),
         }
@@ -292,8 +311,11 @@ impl Link {
         true
     }
 
-    /// The bytes to write to the port.
+    /// The bytes to write to the port. None when a waypoint among them would come too late: the next input ends the path.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
+        if self.may_have_dropped_path(now) {
+            return &[];
+        }
         if let Some(sending) = self.commands.poll(now) {
             self.send(&sending);
             self.arm_command_timer();

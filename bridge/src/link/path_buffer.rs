@@ -78,18 +78,46 @@ impl Link {
         }
     }
 
-    /// The time for a sign of life has come. When the DSP has acknowledged nothing for as long as it waits for the PC, it may have
-    /// emptied its path buffer by itself.
+    /// Whether the path is not under way any more: the DSP may have taken the PC for gone and emptied its path buffer by itself,
+    /// or the bridge stood still for that long, after which no path goes on by itself, whichever DSP it is.
+    pub(super) fn may_have_dropped_path(&self, now: MonotonicNs) -> bool {
+        let (State::Up(session) | State::Silent(session)) = &self.state else {
+            return false;
+        };
+        let pc_timeout = self.config.link.pc_timeout();
+        // There is an input at least for each state that is published.
+        let standstill = pc_timeout.max(2 * self.config.state.period());
+        session.path == DspPath::Ours
+            && !pc_timeout.is_zero()
+            && (session.may_have_dropped_path(now, pc_timeout)
+                || now.since(self.grants.last_input()) >= standstill)
+    }
+
+    /// First of every input, before a flow control that waited is answered.
+    pub fn begin_input(&mut self, now: MonotonicNs) {
+        if self.may_have_dropped_path(now) {
+            // Waypoints may be among them.
+            self.discard_waiting_bytes();
+            self.forget_path();
+            self.events.push_back(LinkEvent::PathDropped);
+        }
+        self.grants.begin_input(now);
+    }
+
+    /// All bytes that the line had were taken: the newest flow control may count.
+    pub fn end_read(&mut self, now: MonotonicNs) {
+        if self.grants.end_read(now) {
+            self.events.push_back(LinkEvent::Grant);
+        }
+    }
+
+    /// The time for a sign of life has come.
     pub(super) fn keep_alive(&mut self, now: MonotonicNs) {
         let State::Up(session) = self.state else {
             return;
         };
         if session.path == DspPath::Empty {
             return;
-        }
-        let silence = now.since(session.heard);
-        if session.would_have_dropped_path(silence, self.config.link.pc_timeout()) {
-            self.events.push_back(LinkEvent::PathDropped);
         }
         self.schedule_keep_alive(now);
         if !self.commands.has(|purpose| *purpose == Purpose::KeepAlive) {

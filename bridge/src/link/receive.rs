@@ -51,8 +51,7 @@ impl Link {
                 return self.acknowledged(now, &ack(command, AckData::Bits32(value)));
             }
             Downlink::Status(status) => self.status(now, status),
-            Downlink::FlowControl(FlowControl::Send) => self.events.push_back(LinkEvent::Grant),
-            Downlink::FlowControl(FlowControl::Stop) => {}
+            Downlink::FlowControl(flow) => self.grants.arrived(flow == FlowControl::Send),
             Downlink::Error(code) => {
                 let starting = !self.is_up();
                 self.events
@@ -119,12 +118,7 @@ impl Link {
         increment(&mut self.health.commands_acknowledged);
         self.arm_command_timer();
         if let State::Up(session) = &mut self.state {
-            // The DSP got its last message before this one no earlier than `heard`, and this one no later than now.
-            let silence = now.since(session.heard);
             session.heard = session.heard.max(sent);
-            if session.would_have_dropped_path(silence, self.config.link.pc_timeout()) {
-                self.events.push_back(LinkEvent::PathDropped);
-            }
         }
         let Some(purpose) = purpose else {
             return self.empty_path();

@@ -45,9 +45,9 @@ impl Session {
         }
     }
 
-    /// Whether the DSP may have taken the PC for gone when it got nothing of it for this time.
-    pub fn would_have_dropped_path(&self, silence: Duration, pc_timeout: Duration) -> bool {
-        self.has_pc_timeout && self.path == DspPath::Ours && silence >= pc_timeout
+    /// Whether the DSP may have taken the PC for gone by `now`, because nothing is known to have arrived there for so long.
+    pub fn may_have_dropped_path(&self, now: MonotonicNs, pc_timeout: Duration) -> bool {
+        self.has_pc_timeout && now.since(self.heard) >= pc_timeout
     }
 
     /// Takes status with these groups from now on.

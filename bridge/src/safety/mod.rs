@@ -4,3 +4,4 @@
 //! answers with the rule that is broken and by how much. What follows from the answer is decided by the caller.
 
 pub mod fence;
+pub mod ground;

@@ -22,6 +22,14 @@ use crate::safety::fence::Fence;
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
 
+/// A read that brings fewer bytes has emptied the line: while more than its queue of 4095 bytes waits for a terminal, the kernel
+/// keeps that queue full.
+const SHORT_READ: usize = 2048;
+
+/// Bytes that are taken from the line before requests and deadlines have their turn: 5.7 s at 115200 baud. A terminal keeps
+/// fewer for a bridge that stands still.
+const DRAIN_LEN: usize = 16 * READ_LEN;
+
 /// What wakes the bridge, besides signals and deadlines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Waker {
@@ -81,7 +89,7 @@ pub fn run(
         journal: JournalPort::open(ipc)?,
         port: Port::new(&config.serial),
         inbox: Vec::new(),
-        buffer: vec![0; READ_LEN],
+        buffer: vec![0; DRAIN_LEN],
         read_fence,
         other_profile: false,
         wind_down_time: wind_down_time(config),
@@ -124,28 +132,32 @@ impl Process for Shell<'_> {
         }
     }
 
-    /// Services every source that may have woken the bridge. A wake that was for the serial link alone leaves the services out,
-    /// and the other way round: the next wait looks at all of them again before it sleeps.
+    /// Services every source that may have woken the bridge, always in this order: requests are taken, the line is read and applied,
+    /// then the requests, deadlines, and what goes out. So after a stall a request is judged by what the DSP has said meanwhile, and an acknowledgement that is there is
+    /// found before its deadline is. A wake that was for the serial link alone leaves the services out: the next wait looks at
+    /// all of them again before it sleeps.
     fn drain(&mut self, wake: Wake<Waker>) -> Result<(), ShellError> {
         self.journal.follow(self.bridge.writer());
-        if !wake.is_only(Waker::Line) {
-            self.serve(MonotonicNs::now());
+        let serves = !wake.is_only(Waker::Line);
+        if serves {
+            self.services.drain(&mut self.inbox);
         }
-        if !wake.is_ready() || wake.has(Waker::Line) {
-            self.read();
-        }
+        let now = self.read(serves);
+        self.serve(now);
         let now = MonotonicNs::now();
         self.bridge.apply(now, Input::Advance, &mut self.services);
         self.open_port(now)?;
-        self.write(now);
+        self.write();
         self.services.wake_senders();
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
         Ok(())
     }
 
-    /// For what causes no wake-up: a sender that has room again for its final report.
-    fn round(&mut self, now: MonotonicNs) {
+    /// For what causes no wake-up: a sender that has room again for its final report. Requests may be there too, after the line.
+    fn round(&mut self, _now: MonotonicNs) {
+        self.services.drain(&mut self.inbox);
+        let now = self.read(true);
         self.serve(now);
     }
 
@@ -169,8 +181,9 @@ impl Process for Shell<'_> {
 }
 
 impl Shell<'_> {
+    /// Applies the requests that were taken before the line was read. So wherever the bridge stood still, the DSP's last words before
+    /// a request was taken are applied before it.
     fn serve(&mut self, now: MonotonicNs) {
-        self.services.drain(&mut self.inbox);
         for incoming in self.inbox.drain(..) {
             let input = match incoming {
                 Incoming::Control(key, sender, request)
@@ -208,24 +221,40 @@ impl Shell<'_> {
         }
     }
 
-    /// One read. What is left of more is there at the next wake, which comes at once: so requests and deadlines have their
-    /// turn on a line that never pauses, and consumers theirs, who keep more samples than one read can bring.
-    fn read(&mut self) {
+    /// Takes what the line has as one input. All of it, up to [`DRAIN_LEN`], when a request or a deadline may wait; else one read,
+    /// and what is left is there at the next wake, which comes at once: so consumers have their turn on a line that never
+    /// pauses. They keep more samples than one read can bring. Returns the moment of the input.
+    fn read(&mut self, serves: bool) -> MonotonicNs {
         let Some(port) = self.port.open.as_ref() else {
-            return;
+            return MonotonicNs::now();
         };
-        match port.read(&mut self.buffer) {
-            Ok(count) => {
-                let now = MonotonicNs::now();
-                let bytes = Input::Received(&self.buffer[..count]);
-                self.bridge.apply(now, bytes, &mut self.services);
+        let mut len = 0;
+        let gone = loop {
+            match port.read(&mut self.buffer[len..][..READ_LEN]) {
+                Ok(count) => {
+                    len += count;
+                    let waits = || serves || self.bridge.deadline() <= MonotonicNs::now();
+                    if count < SHORT_READ || len + READ_LEN > DRAIN_LEN || !waits() {
+                        break None;
+                    }
+                }
+                Err(gone) => break Some(gone),
             }
-            Err(gone) => self.close_port(&gone),
+        };
+        let now = MonotonicNs::now();
+        if len > 0 {
+            let bytes = Input::Received(&self.buffer[..len]);
+            self.bridge.apply(now, bytes, &mut self.services);
         }
+        if let Some(gone) = gone {
+            self.close_port(&gone);
+        }
+        now
     }
 
     /// What the device does not take now is offered again at the next wake: the core bounds it and gives it up in time.
-    fn write(&mut self, now: MonotonicNs) {
+    fn write(&mut self) {
+        let now = MonotonicNs::now();
         let Some(port) = self.port.open.as_ref() else {
             return;
         };

@@ -300,14 +300,30 @@ fn cannot_open(port: &Path, error: io::Error) -> OpenError {
     }
 }
 
-/// How to get a missing permission: by the group that owns the device, which survives a reboot, unlike `chmod`.
+/// Groups whose members may use serial ports and get no other right: of Debian, and of Arch.
+const PORT_GROUPS: [&str; 2] = ["dialout", "uucp"];
+
+/// How to get a missing permission: by the group of serial ports, which survives a reboot, unlike `chmod`.
 pub fn permission_hint(port: &Path) -> String {
     let group = std::fs::metadata(port)
         .ok()
         .and_then(|metadata| group_name(metadata.gid()));
+    permission_by_group(group.as_deref())
+}
+
+/// A group that gives more than serial ports, such as `root` or `tty`, is never advised.
+fn permission_by_group(group: Option<&str>) -> String {
     match group {
-        Some(group) => format!("add the user to the group that owns it (`sudo usermod -aG {group} $USER`) and log in again"),
-        None => "add the user to the group that owns it (`ls -l` names it), usually `dialout`, and log in again".to_owned(),
+        Some(group) if PORT_GROUPS.contains(&group) => {
+            format!(
+                "add the user to the group that owns it (`sudo usermod -aG {group} $USER`) and log in again"
+            )
+        }
+        group => format!(
+            "it belongs to the group `{}`, which is not one of serial ports: give it to `dialout` with a udev rule (`GROUP=\"dialout\", \
+             MODE=\"0660\"`), add the user to that group and log in again",
+            group.unwrap_or("unknown")
+        ),
     }
 }
 
@@ -369,7 +385,24 @@ mod tests {
             );
         }
         let denied = cannot_open(Path::new("/dev/tty"), Errno::ACCESS.into());
-        assert!(denied.to_string().contains("usermod -aG"), "{denied}");
+        assert!(denied.to_string().contains("`dialout`"), "{denied}");
+    }
+
+    #[test]
+    fn only_a_group_of_serial_ports_is_advised() {
+        let hint = permission_by_group(Some("dialout"));
+        assert!(hint.contains("`sudo usermod -aG dialout $USER`"), "{hint}");
+        for group in [
+            Some("root"),
+            Some("tty"),
+            Some("disk"),
+            Some("docker"),
+            None,
+        ] {
+            let hint = permission_by_group(group);
+            assert!(!hint.contains("usermod"), "{hint}");
+            assert!(hint.contains("udev rule"), "{hint}");
+        }
     }
 
     #[test]

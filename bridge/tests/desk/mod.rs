@@ -3,7 +3,7 @@
 
 #![allow(missing_docs, dead_code)] // Each test binary uses its own part of the desk.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
 use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
@@ -65,6 +65,12 @@ pub struct ScriptedDsp {
     pub counts: bool,
     /// So many of the next waypoints are lost on their way.
     pub loses: u32,
+    /// Places of its path buffer. It asks for waypoints while two are free, and discards one that finds none, with error 15.
+    pub places: usize,
+    /// It discards this waypoint with error 30.
+    pub rejects: Option<Waypoint>,
+    /// Errors that it has not sent yet: one goes out after each status.
+    pub errors: VecDeque<DspErrorCode>,
     pub taken: u16,
     /// It carries out take-offs and landings.
     pub obeys: bool,
@@ -102,6 +108,9 @@ impl Default for ScriptedDsp {
             mask: 0,
             counts: true,
             loses: 0,
+            places: usize::MAX,
+            rejects: None,
+            errors: VecDeque::new(),
             taken: 0,
             obeys: true,
             lands_until_told: false,
@@ -228,6 +237,14 @@ impl ScriptedDsp {
                 self.loses -= 1;
                 None
             }
+            Uplink::Waypoint(waypoint) if self.rejects == Some(waypoint) => {
+                self.errors.push_back(DspErrorCode::INVALID_COMMAND);
+                None
+            }
+            Uplink::Waypoint(_) if self.held.len() >= self.places => {
+                self.errors.push_back(DspErrorCode::UART_QUEUE_FULL);
+                None
+            }
             Uplink::Waypoint(waypoint) => {
                 if self.held.last() != Some(&waypoint) {
                     self.held.push(waypoint);
@@ -251,6 +268,9 @@ impl ScriptedDsp {
             }
             Command::Write32 { port, value } => _ = self.ports_32.insert(port, value),
             Command::InvalidatePath => self.held.clear(),
+            Command::Read16 { port } if port == port::WAYPOINT_COUNT && !self.counts => {
+                self.errors.push_back(DspErrorCode::INVALID_COMMAND);
+            }
             _ => {}
         }
         self.sends_status |= command == Command::ActivateStatus && !self.silent;
@@ -317,6 +337,8 @@ pub struct Desk {
     pub dsp: ScriptedDsp,
     pub out: Recorder,
     pub now: MonotonicNs,
+    /// What the DSP has said to a bridge that stands still.
+    unread: Option<Vec<u8>>,
     next_request: u64,
 }
 
@@ -357,6 +379,7 @@ impl Desk {
             dsp: ScriptedDsp::default(),
             out: Recorder::default(),
             now: MonotonicNs(1_000_000_000),
+            unread: None,
             next_request: 1,
         }
     }
@@ -387,9 +410,13 @@ impl Desk {
                     status.time_ms = Some(self.dsp.time_ms);
                     status.withdraw(StatusMask(!self.dsp.mask));
                     self.say(Downlink::Status(status));
+                    if let Some(error) = self.dsp.errors.pop_front() {
+                        self.say(Downlink::Error(error));
+                    }
                 }
                 if self.dsp.time_ms.is_multiple_of(100) {
-                    let grant = if self.dsp.grants {
+                    let has_room = self.dsp.held.len().saturating_add(2) <= self.dsp.places;
+                    let grant = if self.dsp.grants && has_room {
                         FlowControl::Send
                     } else {
                         FlowControl::Stop
@@ -397,14 +424,26 @@ impl Desk {
                     self.say(Downlink::FlowControl(grant));
                 }
             }
-            self.bridge.advance(self.now, &mut self.out);
+            if self.unread.is_none() {
+                self.bridge.advance(self.now, &mut self.out);
+            }
         }
         self.exchange();
     }
 
+    /// The bridge stands still for `ms`, and then gets all that the DSP has said meanwhile, in pieces that the kernel gives.
+    pub fn stand_still(&mut self, ms: u32) {
+        self.unread = Some(vec![]);
+        self.run(ms);
+        for piece in self.unread.take().unwrap_or_default().chunks(4095) {
+            self.bridge.receive(self.now, piece, &mut self.out);
+            self.exchange();
+        }
+    }
+
     /// Carries bytes both ways until neither side has any.
     pub fn exchange(&mut self) {
-        loop {
+        while self.unread.is_none() {
             let bytes = self.bridge.transmit(self.now).to_vec();
             if bytes.is_empty() {
                 return;
@@ -419,8 +458,12 @@ impl Desk {
 
     pub fn say(&mut self, message: Downlink) {
         let frame = self.dsp.frame(&message, None);
-        self.bridge
-            .receive(self.now, frame.as_bytes(), &mut self.out);
+        match &mut self.unread {
+            Some(unread) => unread.extend_from_slice(frame.as_bytes()),
+            None => self
+                .bridge
+                .receive(self.now, frame.as_bytes(), &mut self.out),
+        }
     }
 
     pub fn dsp_error(&mut self, code: u16) {
@@ -431,8 +474,9 @@ impl Desk {
         let request_id = self.request_id();
         let control = ModuleControl {
             request_id,
+            issued_ns: self.now.0,
             command: command.code(),
-            deadline_ms: 0,
+            ..ModuleControl::default()
         };
         self.bridge.control(
             self.now,
@@ -444,7 +488,14 @@ impl Desk {
         request_id
     }
 
+    /// A movement that is issued now.
     pub fn movement(&mut self, data: MovementData) -> u64 {
+        let issued_ns = self.now.0;
+        self.ordered(MovementData { issued_ns, ..data })
+    }
+
+    /// A movement that was issued when it says.
+    pub fn ordered(&mut self, data: MovementData) -> u64 {
         let request_id = self.request_id();
         let data = MovementData { request_id, ..data };
         self.bridge.movement(
@@ -461,6 +512,7 @@ impl Desk {
         let request_id = self.request_id();
         let request = ParameterRequest {
             request_id,
+            issued_ns: self.now.0,
             ..request
         };
         self.bridge.parameter(
@@ -566,7 +618,7 @@ impl Desk {
         ImiError::from_code(self.bridge.state().imi_error).unwrap()
     }
 
-    fn request_id(&mut self) -> u64 {
+    pub fn request_id(&mut self) -> u64 {
         self.next_request += 1;
         self.next_request
     }

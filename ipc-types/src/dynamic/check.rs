@@ -1,7 +1,7 @@
 //! Whether a service may have a key, and whether a schema is one of the contract's.
 
 use super::error::DynamicError;
-use crate::module::{Module as _, RelayModule};
+use crate::module::{Module as _, OWN_NAMES, RelayModule};
 use crate::payload::Number;
 use crate::schema::Schema;
 use crate::service::{
@@ -16,11 +16,37 @@ pub(super) fn parse(key: &str, schema: &str) -> Result<Schema, DynamicError> {
     })
 }
 
-/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be provided too, because a
-/// relay does so on another machine.
+/// The process that plays recorded flights to consumers, with the topics of bridge and status.
+const REPLAY_PROCESS: &str = "replay";
+
+/// Whether a process may provide the service `key`. The keys of the RIL's own modules belong to the processes of their names, to the
+/// relay, which provides those of another machine, and to a replay.
+pub(super) fn check_provider(key: &str, process: &str) -> Result<(), DynamicError> {
+    let own = OWN_NAMES.iter().find(|own| is_below(key, own));
+    match own {
+        Some(module) if ![module, RelayModule::NAME, REPLAY_PROCESS].contains(&process) => {
+            Err(own_module(key, module))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn is_below(key: &str, module: &str) -> bool {
+    key.split('/').next() == Some(module)
+}
+
+fn own_module(key: &str, module: &'static str) -> DynamicError {
+    DynamicError::OwnModule {
+        key: key.to_owned(),
+        module,
+    }
+}
+
+/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be opened too, because a
+/// relay and a replay provide them; those of the relay are used as structs alone.
 pub(super) fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
-    if key.split('/').next() == Some(RelayModule::NAME) {
-        return Err(DynamicError::OwnModule(key.to_owned()));
+    if is_below(key, RelayModule::NAME) {
+        return Err(own_module(key, RelayModule::NAME));
     }
     let Some(own) = own(key).map(ServiceId::contract) else {
         return match is_key(key) && key.contains('/') {

@@ -2,6 +2,7 @@
 
 use crate::open::OpenError;
 use crate::schema::SchemaError;
+use crate::service::MAX_TOPIC_MEMORY;
 
 /// A service cannot be used by its schema.
 #[derive(Debug, thiserror::Error)]
@@ -21,11 +22,26 @@ pub enum DynamicError {
         "`{0}` is no key of a module: use `<module>/<service>` in lower snake case, such as `battery_watch/cell_voltages`"
     )]
     InvalidKey(String),
-    /// The key is one of the relay's.
+    /// The key belongs to one of the RIL's own modules.
     #[error(
-        "`{0}` has the name of the RIL's own module `relay`, which no other can have: choose another name for the module"
+        "`{key}` has the name of the RIL's own module `{module}`, which no other can have: choose another name for the module"
     )]
-    OwnModule(String),
+    OwnModule {
+        /// Key of the service.
+        key: String,
+        /// Name of the module.
+        module: &'static str,
+    },
+    /// The samples are so large that memory holds those of no subscriber.
+    #[error(
+        "a sample of `{key}` has {size} bytes: with those that wait for one subscriber the topic would take more than {MAX_TOPIC_MEMORY} bytes"
+    )]
+    TooMuchMemory {
+        /// Key of the service.
+        key: String,
+        /// Size of a sample, bytes.
+        size: usize,
+    },
     /// The robot has a service of this key, which carries something else.
     #[error("`{key}` is a service of the robot's own: it can only carry `{expected}`")]
     OwnService {

@@ -3,10 +3,11 @@
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use super::check::{check_key, is_request, parse};
+use super::check::{check_key, check_provider, is_request, parse};
 use super::error::DynamicError;
 use crate::bytes_client::BytesClient;
 use crate::client_port::SendError;
+use crate::forked::Owned;
 use crate::ipc::Ipc;
 use crate::open::Offer;
 use crate::payload::RequestReport;
@@ -20,7 +21,7 @@ use crate::waiter::{WaitError, Wake, sealed};
 
 /// Sends requests whose struct is known by its schema alone, and follows their reports.
 pub struct DynamicClient {
-    bytes: BytesClient,
+    bytes: Owned<BytesClient>,
     schema: Schema,
     key: String,
     /// The request that is being sent, with its id.
@@ -128,6 +129,11 @@ impl DynamicClient {
         self.bytes.give_up_one(request_id);
     }
 
+    /// Whether this request was sent and its final report has not come yet.
+    pub fn is_open(&self, request_id: u64) -> bool {
+        self.bytes.is_open(request_id)
+    }
+
     /// Requests without a final report.
     pub fn outstanding(&self) -> usize {
         self.bytes.outstanding()
@@ -135,8 +141,8 @@ impl DynamicClient {
 }
 
 impl sealed::Source for DynamicClient {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
@@ -146,7 +152,7 @@ impl sealed::Source for DynamicClient {
 
 /// Serves requests whose struct is known by its schema alone: for other languages, and for tools.
 pub struct DynamicServer {
-    bytes: BytesServer,
+    bytes: Owned<BytesServer>,
     schema: Schema,
 }
 
@@ -161,6 +167,7 @@ impl DynamicServer {
         let text = schema;
         let schema = parse(key, text)?;
         check(key, &schema)?;
+        check_provider(key, ipc.session().process_name())?;
         let offer = Offer::of_request_schema(key, &schema, text);
         Ok(DynamicServer {
             bytes: BytesServer::open(ipc.session(), offer)?,
@@ -221,8 +228,8 @@ impl DynamicServer {
 }
 
 impl sealed::Source for DynamicServer {
-    fn has_something(&self) -> bool {
-        self.bytes.has_something()
+    fn has_something(&self, look: sealed::Look) -> bool {
+        self.bytes.has_something(look)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {

@@ -196,6 +196,38 @@ fn a_struct_that_was_published_by_its_schema_is_read_as_a_struct() {
     leaves_nothing(&domain, ipc);
 }
 
+/// The relay and a replay provide what bridge and status do elsewhere.
+#[test]
+fn keys_of_the_rils_own_modules_are_for_its_own_processes() {
+    let domain = Domain::isolated();
+    for process in ["bridge", "relay", "replay"] {
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, process).unwrap();
+        assert!(DynamicPublisher::open(&ipc, "bridge/voltages", VOLTAGES).is_ok());
+        let of_status = DynamicPublisher::open(&ipc, "status/voltages", VOLTAGES);
+        assert_eq!(of_status.is_ok(), process != "bridge");
+        drop(of_status);
+        leaves_nothing(&domain, ipc);
+    }
+}
+
+#[test]
+fn a_subscriber_without_a_place_says_so_when_the_publisher_comes() {
+    let (domain, ipc) = joined();
+    let large = VOLTAGES.replace("float32[12]", "float32[50000]");
+    let schema = Schema::parse(&large).unwrap();
+    let open = || DynamicSubscriber::open(&ipc, "a/b", &schema).unwrap();
+    let mut subscribers: Vec<_> = (0..3).map(|_| open()).collect();
+    // Memory holds the samples of two.
+    let publisher = DynamicPublisher::open(&ipc, "a/b", &large).unwrap();
+    let results: Vec<_> = subscribers
+        .iter_mut()
+        .map(|subscriber| subscriber.drain(|_| ()).map_err(|error| error.is_full()))
+        .collect();
+    assert_eq!(results, [Ok(0), Ok(0), Err(true)]);
+    drop((publisher, subscribers));
+    leaves_nothing(&domain, ipc);
+}
+
 #[test]
 fn what_is_no_topic_of_a_module_is_not_published() {
     let (domain, ipc) = joined();
@@ -207,6 +239,19 @@ fn what_is_no_topic_of_a_module_is_not_published() {
     assert!(refusal("a/Voltages", VOLTAGES).contains("is no key"));
     let own = refusal("relay/voltages", VOLTAGES);
     assert!(own.contains("own module `relay`"), "{own}");
+    for key in ["status/state", "bridge/anything", "bridge/a/b"] {
+        let own = refusal(key, VOLTAGES);
+        assert!(own.contains("the RIL's own module"), "{own}");
+        let request = "# Layout: a.A.v1\n\nuint64 request_id\n";
+        let error = DynamicServer::open(&ipc, key, request).err().unwrap();
+        assert!(matches!(error, DynamicError::OwnModule { .. }), "{error}");
+    }
+    let large = VOLTAGES.replace("float32[12]", "float32[100000]");
+    let large = refusal("a/b", &large);
+    assert!(
+        large.contains("a sample of `a/b` has 400016 bytes"),
+        "{large}"
+    );
     assert!(refusal("hero_telemetry", VOLTAGES).contains("hero.HeroTelemetry"));
     assert!(refusal("movement", VOLTAGES).contains("robot's own"));
     assert!(refusal("a/b", "nonsense").contains("not usable"));

@@ -4,7 +4,9 @@
 
 use super::dsp_telemetry::DspTelemetry;
 use super::hero_telemetry::HeroTelemetry;
-use super::module_state::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
+use super::module_state::{
+    DspErrorCounters, LinkHealth, ModuleState, MovementState, RefusedCounters, SafetyState,
+};
 use super::request::{ModuleControl, MovementData, ParameterRequest, PortInfo, RequestReport};
 use crate::code::{
     ControlCommand, DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus,
@@ -128,6 +130,17 @@ impl MovementState {
     }
 }
 
+impl ModuleState {
+    /// Telemetry altitude of the ground on which the helicopter stood last, m, if it is known.
+    pub const fn ground_altitude(&self) -> Option<f64> {
+        if self.ground_valid == 0 {
+            None
+        } else {
+            Some(self.ground_altitude_m)
+        }
+    }
+}
+
 impl LinkHealth {
     /// State of the line.
     pub const fn state(&self) -> Option<LinkState> {
@@ -149,6 +162,25 @@ impl LinkHealth {
     }
 }
 
+impl RefusedCounters {
+    /// Pieces of the line that were no message, and messages that were missed.
+    pub fn pieces(&self) -> u64 {
+        [
+            self.stray,
+            self.unknown_header,
+            self.truncated,
+            self.checksum,
+            self.padding,
+            self.value,
+            self.other_profile,
+            self.missed_messages,
+        ]
+        .into_iter()
+        .map(u64::from)
+        .sum()
+    }
+}
+
 impl SafetyState {
     /// The most severe rule that is violated, nothing when none is.
     pub const fn rule(&self) -> Option<SafetyRule> {
@@ -167,12 +199,13 @@ impl SafetyState {
 }
 
 impl ModuleControl {
-    /// The request that asks for `command`, with the bridge's default deadline.
-    pub const fn new(request_id: u64, command: ControlCommand) -> ModuleControl {
+    /// The request that asks for `command`, issued now, on this machine.
+    pub fn new(request_id: u64, command: ControlCommand) -> ModuleControl {
         ModuleControl {
             request_id,
+            issued_ns: MonotonicNs::now().0,
             command: command.code(),
-            deadline_ms: 0,
+            ..ModuleControl::default()
         }
     }
 
@@ -194,8 +227,8 @@ pub struct WaypointPosition {
 }
 
 impl MovementData {
-    /// The request to take off and climb to `altitude_m` over the point of take-off.
-    pub const fn take_off(request_id: u64, altitude_m: f64) -> MovementData {
+    /// The request to take off and climb to `altitude_m` over the point of take-off, issued now, as are the others.
+    pub fn take_off(request_id: u64, altitude_m: f64) -> MovementData {
         MovementData {
             altitude_m,
             ..MovementData::of_kind(request_id, MovementKind::TakeOff)
@@ -203,12 +236,12 @@ impl MovementData {
     }
 
     /// The request to land on the spot.
-    pub const fn land(request_id: u64) -> MovementData {
+    pub fn land(request_id: u64) -> MovementData {
         MovementData::of_kind(request_id, MovementKind::Land)
     }
 
     /// The request to stop on the spot and stay started; it ends a path that is under way as `replaced`.
-    pub const fn hold(request_id: u64) -> MovementData {
+    pub fn hold(request_id: u64) -> MovementData {
         MovementData::of_kind(request_id, MovementKind::Hold)
     }
 
@@ -219,7 +252,7 @@ impl MovementData {
     }
 
     /// One waypoint of a path: `first` opens the path, `last` closes it.
-    pub const fn waypoint(
+    pub fn waypoint(
         request_id: u64,
         path_id: u64,
         position: WaypointPosition,
@@ -237,31 +270,28 @@ impl MovementData {
         }
     }
 
-    /// The requests of a whole path, in order; `next_id` gives each its id.
+    /// The requests of a whole path, in order, all issued now; `next_id` gives each its id.
     pub fn path(
         path_id: u64,
         positions: &[WaypointPosition],
         mut next_id: impl FnMut() -> u64,
     ) -> impl Iterator<Item = MovementData> {
+        let issued_ns = MonotonicNs::now().0;
         positions.iter().enumerate().map(move |(index, position)| {
             let (first, last) = (index == 0, index + 1 == positions.len());
-            MovementData::waypoint(next_id(), path_id, *position, first, last)
+            MovementData {
+                issued_ns,
+                ..MovementData::waypoint(next_id(), path_id, *position, first, last)
+            }
         })
     }
 
-    const fn of_kind(request_id: u64, kind: MovementKind) -> MovementData {
+    fn of_kind(request_id: u64, kind: MovementKind) -> MovementData {
         MovementData {
             request_id,
-            path_id: 0,
-            latitude_deg: 0.0,
-            longitude_deg: 0.0,
-            altitude_m: 0.0,
+            issued_ns: MonotonicNs::now().0,
             kind: kind.code(),
-            first: 0,
-            last: 0,
-            deadline_ms: 0,
-            repeat: 0,
-            preempt: 0,
+            ..MovementData::default()
         }
     }
 
@@ -282,22 +312,22 @@ impl MovementData {
 }
 
 impl ParameterRequest {
-    /// The request to read a port.
-    pub const fn read(request_id: u64, port: u16) -> ParameterRequest {
+    /// The request to read a port, issued now, as are the others.
+    pub fn read(request_id: u64, port: u16) -> ParameterRequest {
         ParameterRequest::of(request_id, ParameterOperation::Read, port as u32, 0.0)
     }
 
     /// The request to write a port.
-    pub const fn write(request_id: u64, port: u16, value: f64) -> ParameterRequest {
+    pub fn write(request_id: u64, port: u16, value: f64) -> ParameterRequest {
         ParameterRequest::of(request_id, ParameterOperation::Write, port as u32, value)
     }
 
     /// The request for the description of the port that stands at `index` of the list.
-    pub const fn list(request_id: u64, index: u32) -> ParameterRequest {
+    pub fn list(request_id: u64, index: u32) -> ParameterRequest {
         ParameterRequest::of(request_id, ParameterOperation::List, index, 0.0)
     }
 
-    const fn of(
+    fn of(
         request_id: u64,
         operation: ParameterOperation,
         port: u32,
@@ -305,11 +335,11 @@ impl ParameterRequest {
     ) -> ParameterRequest {
         ParameterRequest {
             request_id,
+            issued_ns: MonotonicNs::now().0,
             value,
             port,
             operation: operation.code(),
-            deadline_ms: 0,
-            reserved: 0,
+            ..ParameterRequest::default()
         }
     }
 

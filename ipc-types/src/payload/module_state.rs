@@ -4,7 +4,7 @@ shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
-    pub struct ModuleState("hero.ModuleState.v2") = 384 {
+    pub struct ModuleState("hero.ModuleState.v3") = 416 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -33,6 +33,28 @@ shared_struct! {
         pub dsp_errors: DspErrorCounters,
         /// The rules of flight safety that the bridge enforces.
         pub safety: SafetyState,
+        /// Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1.
+        pub ground_altitude_m: f64,
+        /// 1 when the bridge has seen the helicopter on the ground.
+        pub ground_valid: u32,
+        /// How the line was of late.
+        pub last_minute: LastMinute,
+    }
+}
+
+shared_struct! {
+    /// Figures of the line to the DSP over the last 60 to 70 seconds, or since the bridge began.
+    pub struct LastMinute("hero.LastMinute.v1") = 20 {
+        /// Seconds that these figures are of.
+        pub duration_s: u32,
+        /// Valid messages received.
+        pub messages: u32,
+        /// Pieces and messages rejected or missed, without the two that each opening of the port and each boot of the DSP may cut.
+        pub rejected: u32,
+        /// Commands sent again after a timeout.
+        pub commands_repeated: u32,
+        /// Commands given up after the last attempt.
+        pub commands_failed: u32,
     }
 }
 

@@ -1,14 +1,26 @@
 //! Requests to the bridge and the reports that answer them (`ModuleControl`, `MovementData`).
+//!
+//! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's clock. The
+//! bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md` section 4.
 
 shared_struct! {
     /// Start or stop the module (`ModuleControl`). Service `module_control`.
-    pub struct ModuleControl("hero.ModuleControl.v1") = 16 {
+    pub struct ModuleControl("hero.ModuleControl.v2") = 40 {
         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
+        /// When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
+        /// the moment of sending.
+        pub issued_ns: u64,
+        /// Until when it may begin, same clock; 0 takes the bridge's default.
+        pub begin_by_ns: u64,
         /// A [`ControlCommand`](crate::code::ControlCommand).
         pub command: u32,
-        /// Within how many ms the request must have reached the DSP; 0 takes the bridge's default.
-        pub deadline_ms: u32,
+        /// By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same.
+        pub issued_within_ns: u32,
+        /// By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own.
+        pub origin: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
     }
 }
 
@@ -17,12 +29,17 @@ shared_struct! {
     ///
     /// A path is framed by the pair (`first`, `last`): (1,1) is a single waypoint, (1,0) opens a path, (0,0) continues
     /// it, (0,1) closes it. Nothing of a path goes to the DSP until it is closed.
-    pub struct MovementData("hero.MovementData.v2") = 56 {
+    pub struct MovementData("hero.MovementData.v3") = 80 {
         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// Chosen by the sender, the same in all waypoints of one path and in every report about it; 0 for take-off
         /// and landing.
         pub path_id: u64,
+        /// When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
+        /// the moment of sending. All waypoints of a path carry the moment of the path.
+        pub issued_ns: u64,
+        /// Until when it may begin, same clock; 0 takes the bridge's default.
+        pub begin_by_ns: u64,
         /// Latitude of the waypoint, degrees, north positive. Go-to only.
         pub latitude_deg: f64,
         /// Longitude of the waypoint, degrees, east positive. Go-to only.
@@ -35,14 +52,18 @@ shared_struct! {
         pub first: u16,
         /// 1 when this waypoint closes the path (`last_waypoint_data`). Go-to only.
         pub last: u16,
-        /// Within how many ms the movement must have begun on the DSP; 0 takes the bridge's default.
-        pub deadline_ms: u32,
+        /// By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same.
+        pub issued_within_ns: u32,
+        /// By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own.
+        pub origin: u32,
         /// 1 when this is sent again because the outcome is unknown: it is then never executed twice, not even by
         /// another bridge than the one that was asked first.
         pub repeat: u16,
         /// 1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
         /// In a path the flag of the closing waypoint counts.
         pub preempt: u16,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
     }
 }
 
@@ -87,19 +108,24 @@ shared_struct! {
 
 shared_struct! {
     /// Reads, writes or lists the DSP's virtual ports (`docs/protocol.md` section 6). Service `parameters`.
-    pub struct ParameterRequest("hero.ParameterRequest.v1") = 32 {
+    pub struct ParameterRequest("hero.ParameterRequest.v2") = 48 {
         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
+        /// When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
+        /// the moment of sending.
+        pub issued_ns: u64,
+        /// Until when it may begin, same clock; 0 takes the bridge's default.
+        pub begin_by_ns: u64,
         /// Write: the value. A 16-bit port takes whole numbers only.
         pub value: f64,
         /// Read, write: number of the port. List: which port of the list, counted from 0.
         pub port: u32,
         /// A [`ParameterOperation`](crate::code::ParameterOperation).
         pub operation: u32,
-        /// Within how many ms the DSP must have answered; 0 takes the bridge's default.
-        pub deadline_ms: u32,
-        /// Always zero; keeps the size a multiple of eight.
-        pub reserved: u32,
+        /// By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same.
+        pub issued_within_ns: u32,
+        /// By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own.
+        pub origin: u32,
     }
 }
 

@@ -24,6 +24,8 @@ pub struct Message {
     pub fields: Vec<Field>,
     /// Numbers with a name of their own, in nested structs too.
     pub(super) numbers: usize,
+    /// Bytes of a list of these numbers.
+    pub(super) listed_len: usize,
     /// How many structs are nested here, itself included.
     pub(super) height: usize,
 }
@@ -53,6 +55,9 @@ pub enum Kind {
     /// A nested struct.
     Struct(Arc<Message>),
 }
+
+/// Longest index of an array in a full name, with the dot behind it: `[1048575].`.
+const INDEX_LEN: usize = 10;
 
 impl Kind {
     /// Size of one, bytes.
@@ -108,6 +113,19 @@ impl Field {
         }
     }
 
+    /// Bytes of a list of its numbers, each with full name, type and comment: see [`MAX_LISTED_LEN`](super::MAX_LISTED_LEN).
+    pub(super) fn listed_len(&self) -> usize {
+        let own = self.name.len() + self.comment.len();
+        let Kind::Struct(message) = &self.kind else {
+            return own;
+        };
+        let before_each = self.name.len() + if self.len.is_some() { INDEX_LEN } else { 1 };
+        let names = message.numbers.saturating_mul(before_each);
+        let nested = names.saturating_add(message.listed_len);
+        let nested = nested.saturating_mul(self.len.unwrap_or(1));
+        nested.saturating_add(own + message.package.len() + message.name.len())
+    }
+
     /// Numbers with a name of their own.
     pub(super) fn numbers(&self) -> usize {
         match (&self.kind, self.len) {
@@ -129,9 +147,11 @@ impl Message {
             align: layout.align,
             fields,
             numbers: 0,
+            listed_len: 0,
             height: 1,
         };
         message.numbers = message.fields.iter().map(Field::numbers).sum();
+        message.listed_len = message.fields.iter().map(Field::listed_len).sum();
         for field in &message.fields {
             message.height = message.height.max(1 + field.kind.height());
         }

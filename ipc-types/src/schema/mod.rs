@@ -38,7 +38,7 @@
 //! number aligned to its size, and no struct of the contract has padding, so both put every number at the same place.
 //!
 //! A schema comes from another process, or from a file: parsing is bounded ([`MAX_TEXT_LEN`], [`MAX_DEPTH`],
-//! [`MAX_NUMBERS`], [`MAX_PAYLOAD_SIZE`](crate::payload::MAX_PAYLOAD_SIZE)), reading a value looks at the bytes that are there, and neither panics.
+//! [`MAX_NUMBERS`], [`MAX_LISTED_LEN`], [`MAX_PAYLOAD_SIZE`](crate::payload::MAX_PAYLOAD_SIZE)), reading a value looks at the bytes that are there, and neither panics.
 
 mod bounds;
 mod definition;
@@ -51,7 +51,7 @@ mod tests;
 mod text;
 mod value;
 
-pub use bounds::{MAX_DEPTH, MAX_NUMBERS, MAX_TEXT_LEN};
+pub use bounds::{MAX_DEPTH, MAX_LISTED_LEN, MAX_NUMBERS, MAX_TEXT_LEN};
 pub use definition::Schema;
 pub use leaf::Leaf;
 pub use load::{LoadError, load, load_with_text};

@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::bounds::{MAX_DEPTH, MAX_NUMBERS, MAX_TEXT_LEN};
+use super::bounds::{MAX_DEPTH, MAX_LISTED_LEN, MAX_NUMBERS, MAX_TEXT_LEN};
 use super::message::{Field, Kind, Message};
 use super::text::{LAYOUT_MARK, SEPARATOR};
 use crate::payload::layout::is_snake;
@@ -57,6 +57,11 @@ pub enum SchemaError {
     /// The payload would be larger than [`MAX_PAYLOAD_SIZE`] or have more than [`MAX_NUMBERS`] numbers.
     #[error("the schema describes more than {MAX_PAYLOAD_SIZE} bytes or {MAX_NUMBERS} numbers")]
     TooLarge,
+    /// Names and comments are so long that a list of all numbers would be longer than [`MAX_LISTED_LEN`].
+    #[error(
+        "the numbers of the schema, with full names and comments, take more than {MAX_LISTED_LEN} bytes: use shorter ones"
+    )]
+    TooWordy,
     /// The struct would have padding, and so cannot be one of the contract.
     #[error("the struct `{name}` of the schema would have padding at its byte {offset}")]
     Padding {
@@ -271,6 +276,7 @@ impl Resolver<'_> {
             align: 1,
             fields: Vec::with_capacity(definition.fields.len()),
             numbers: 0,
+            listed_len: 0,
             height: 1,
         };
         let mut names = BTreeSet::new();
@@ -340,6 +346,10 @@ fn place(message: &mut Message, line: &FieldLine, kind: Kind) -> Result<(), Sche
     message.numbers = message.numbers.saturating_add(field.numbers());
     if end > MAX_PAYLOAD_SIZE || message.numbers > MAX_NUMBERS {
         return Err(SchemaError::TooLarge);
+    }
+    message.listed_len = message.listed_len.saturating_add(field.listed_len());
+    if message.listed_len > MAX_LISTED_LEN {
+        return Err(SchemaError::TooWordy);
     }
     message.align = message.align.max(field.kind.align());
     message.height = message.height.max(1 + field.kind.height());

@@ -244,7 +244,6 @@ fn the_moments_of_the_robot_s_own_structs_are_these() {
             .map(|leaf| leaf.path.clone())
             .collect()
     };
-    let none: [&str; 0] = [];
     assert_eq!(names(DspTelemetry::LAYOUT), ["received_ns"]);
     assert_eq!(
         names(HeroTelemetry::LAYOUT),
@@ -261,9 +260,12 @@ fn the_moments_of_the_robot_s_own_structs_are_these() {
     );
     assert_eq!(names(State::LAYOUT), ["published_ns", "since_ns"]);
     assert_eq!(names(RequestReport::LAYOUT), ["reported_ns"]);
-    assert_eq!(names(MovementData::LAYOUT), none);
-    assert_eq!(names(ModuleControl::LAYOUT), none);
-    assert_eq!(names(ParameterRequest::LAYOUT), none);
+    assert_eq!(names(MovementData::LAYOUT), ["issued_ns", "begin_by_ns"]);
+    assert_eq!(names(ModuleControl::LAYOUT), ["issued_ns", "begin_by_ns"]);
+    assert_eq!(
+        names(ParameterRequest::LAYOUT),
+        ["issued_ns", "begin_by_ns"]
+    );
     assert_eq!(
         names(RelayLink::LAYOUT),
         ["published_ns", "since_ns", "last_heard_ns"]
@@ -477,6 +479,13 @@ fn nested(depth: usize, fields: &str) -> String {
 
 const SEPARATOR: &str = text::SEPARATOR;
 
+/// 16,000 structs in an array of this name, with this comment on the one field that each has: without a bound, 1.6 GB of names.
+fn wordy(array: &str, comment: &str, field: &str) -> String {
+    format!(
+        "# Layout: a.A.v1\n\na_msgs/B[16000] {array}\n{SEPARATOR}\nMSG: a_msgs/B\n# {comment}\n{field}\n"
+    )
+}
+
 #[test]
 fn hostile_texts_are_refused() {
     let head = "# Layout: a.A.v1\n\n";
@@ -548,6 +557,18 @@ fn hostile_texts_are_refused() {
         (nested(MAX_DEPTH, "$ x\n$ y\n$ z"), "more than"),
         (nested(MAX_DEPTH, "$[1000000] x"), "more than"),
         ("#".repeat(MAX_TEXT_LEN + 1), "bytes"),
+        (
+            wordy(&"x".repeat(100_000), "", "uint8 y"),
+            "names and comments",
+        ),
+        (
+            wordy("x", &"x".repeat(100_000), "uint8 y"),
+            "names and comments",
+        ),
+        (
+            wordy("x", "", &format!("uint8 {}", "y".repeat(100_000))),
+            "names and comments",
+        ),
     ];
     for (text, expected) in cases {
         let error = Schema::parse(&text).unwrap_err().to_string();

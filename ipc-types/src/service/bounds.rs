@@ -7,6 +7,23 @@ pub const MAX_PROVIDERS: usize = 1;
 /// Subscribers of a published service, in all processes. One more is refused at its creation.
 pub const MAX_SUBSCRIBERS: usize = 32;
 
+/// Most memory for the samples of one topic, bytes. It is allocated when the publisher begins.
+pub const MAX_TOPIC_MEMORY: usize = 64 << 20;
+
+/// Subscribers that a topic can have whose samples are of this size, and which asks for `wanted`: as many as
+/// [`MAX_TOPIC_MEMORY`] holds the samples for. With 32 a sample of up to 15,936 bytes has all of them, one of more than 370,767 bytes
+/// none.
+pub const fn subscribers_within_memory(sample_size: usize, wanted: usize) -> usize {
+    let samples = match sample_size {
+        0 => return wanted,
+        size => MAX_TOPIC_MEMORY / size,
+    };
+    // The sample that is being filled in, and those that a late subscriber gets.
+    let left = samples.saturating_sub(1 + HISTORY);
+    let fitting = left / (SUBSCRIBER_BUFFER + MAX_BORROWED_SAMPLES);
+    if fitting < wanted { fitting } else { wanted }
+}
+
 /// Samples that wait for a subscriber that does not read; the oldest is dropped for the newest.
 ///
 /// At 5 kHz a buffer of 16 lost samples to scheduling alone; 128 are 2.5 s of telemetry at its default 50 Hz.
@@ -51,3 +68,21 @@ pub const MAX_LOANED_REQUESTS: usize = 1;
 
 /// Nodes that may open one service: every port's process, and tools that only look.
 pub const MAX_NODES: usize = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn larger_samples_have_fewer_subscribers() {
+        let of = |size| subscribers_within_memory(size, MAX_SUBSCRIBERS);
+        assert_eq!([of(1), of(15_936), of(15_937)], [32, 32, 31]);
+        assert_eq!([of(370_767), of(370_768), of(1 << 20)], [1, 0, 0]);
+        for size in [1, 4096, 15_936, 15_937, 100_000, 370_767] {
+            let per_subscriber = SUBSCRIBER_BUFFER + MAX_BORROWED_SAMPLES;
+            let samples = of(size) * per_subscriber + HISTORY + 1;
+            assert!(samples * size <= MAX_TOPIC_MEMORY, "{size}");
+        }
+        assert_eq!(subscribers_within_memory(4096, 4), 4);
+    }
+}

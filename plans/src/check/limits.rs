@@ -3,6 +3,7 @@
 use bridge::BridgeConfig;
 use bridge::flight::request::{RequestKey, parse_movement};
 use dsp_protocol::port;
+use ipc_types::MonotonicNs;
 use ipc_types::payload::{MovementData, WaypointPosition};
 
 use crate::finding::{Finding, Findings};
@@ -46,7 +47,8 @@ impl Limits<'_> {
 
     /// Whether the bridge would take the request.
     fn accepts(&self, request: &MovementData) -> bool {
-        parse_movement(RequestKey::Movement(0), request, &self.bridge.movement)
+        let (key, now) = (RequestKey::Movement(0), MonotonicNs(request.issued_ns));
+        parse_movement(key, request, &self.bridge.movement, now)
             .1
             .is_ok()
     }
@@ -57,7 +59,7 @@ impl Limits<'_> {
         }
         let text = match port::port32(port::TAKE_OFF_ALTITUDE_M) {
             Some(port) => format!(
-                "takes off to {height_m:.1} m; the DSP takes {} to {} m over the point of take-off",
+                "takes off to {height_m:.1} m; the DSP takes {} to {} m above take-off",
                 port.min, port.max
             ),
             None => format!("takes off to {height_m:.1} m, which the DSP does not take"),

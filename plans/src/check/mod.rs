@@ -43,7 +43,12 @@ pub fn check(
     }
     limits::check(rules.unwrap_or(&defaults), flight, endurance, &mut findings);
     match rules {
-        Some(rules) => fences::check_robot(&rules.fence, flight, site, &mut findings),
+        Some(rules) => {
+            fences::check_robot(&rules.fence, flight, site, &mut findings);
+            if !rules.safety.below_take_off && site.is_home_altitude_known {
+                fences::check_ground(flight, site, &mut findings);
+            }
+        }
         None => findings.push(
             Finding::not_checked(
                 "robot-rules",
@@ -73,6 +78,22 @@ fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
             Finding::new(severity, "home-unknown", text)
                 .remedy("state where the take-off was, or will be: `--home LAT,LON,ALT`"),
         );
+    } else if !site.is_home_altitude_known {
+        let (severity, text) = match site.is_for_flight {
+            true => (
+                Severity::Forbids,
+                "the telemetry altitude of home is not known",
+            ),
+            false => (
+                Severity::NotChecked,
+                "the telemetry altitude of home is not known, and is taken to be 0",
+            ),
+        };
+        findings.push(
+            Finding::new(severity, "home-unknown", text).remedy(
+                "state it: `--home LAT,LON,ALT`; for the home of a plan `[plan] zero_above_sea_m` in ril.toml does as well",
+            ),
+        );
     }
     let Some(planned) = plan.planned_home else {
         return;
@@ -95,14 +116,16 @@ fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
             .by_m(distance_m),
         );
     }
-    let height_m = planned.above_sea_m.map(|above_sea_m| {
-        site.home.altitude_m + site.zero_above_sea_m.unwrap_or(0.0) - above_sea_m
-    });
+    let height_m = planned
+        .above_sea_m
+        .zip(site.zero_above_sea_m)
+        .filter(|_| site.is_home_altitude_known)
+        .map(|(above_sea_m, zero_m)| site.home.altitude_m + zero_m - above_sea_m);
     if let Some(height_m) = height_m.filter(|height_m| height_m.abs() > HOME_HEIGHT_M) {
         findings.push(
             Finding::warns(
                 "home-height",
-                "home is not as high above sea level as the plan has it",
+                "home is not as high above sea as the plan has it",
             )
             .by_m(height_m.abs())
             .remedy("check `[plan] zero_above_sea_m` in ril.toml"),

@@ -1,4 +1,4 @@
-//! GPX: the route, or else the track, or else the waypoints. Elevations are above sea level.
+//! GPX: the route, or else the track, or else the waypoints. Elevations are above sea.
 
 use ::gpx::{Gpx, Waypoint};
 

@@ -14,7 +14,7 @@ use crate::model::{
     Action, FenceArea, FenceShape, LeftOut, OtherKind, Plan, PlannedHome, Position,
 };
 
-/// Altitude mode of an item whose altitude above sea level QGroundControl computes from terrain data.
+/// Altitude mode of an item whose altitude above sea QGroundControl computes from terrain data.
 const CALCULATED_ABOVE_TERRAIN: u64 = 3;
 
 /// Members of the file that are read, or mean nothing for a flight.
@@ -105,7 +105,7 @@ fn read_mission(plan: &mut Plan, mission: &Object) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The altitude is above sea level; a home of 0, 0 was never set.
+/// The altitude is above sea; a home of 0, 0 was never set.
 fn planned_home(value: &Value) -> Result<Option<PlannedHome>, ReadError> {
     const PLACE: &str = "plannedHomePosition";
     let numbers = numbers(value, PLACE)?;

@@ -68,7 +68,7 @@ fn check_header(header: &str) -> Result<(), String> {
     }
 }
 
-/// The item with index 0 at an altitude above sea level is the home of ArduPilot's ground stations.
+/// The item with index 0 at an altitude above sea is the home of ArduPilot's ground stations.
 fn is_home(index: u32, item: &MissionItem) -> bool {
     index == 0 && item.command == command::WAYPOINT && FRAMES_SEA.contains(&item.frame)
 }

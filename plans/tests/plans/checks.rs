@@ -19,6 +19,7 @@ const HOME: Waypoint = Waypoint {
 fn site() -> Site {
     Site {
         home: HOME,
+        is_home_altitude_known: true,
         home_source: HomeSource::Operator,
         start: Start::Ground(HOME),
         zero_above_sea_m: Some(0.0),
@@ -169,6 +170,21 @@ max_altitude_m = 39.0
     forbids endurance [5] leg 4 118.3 m: is reached too late: the flight takes 111 s, battery and fuel last 100 s, of which 20 s are reserve
     warns return [5]: returns home in a straight line, as high as the item before it, and lands
     "###);
+}
+
+#[test]
+fn a_waypoint_below_the_ground_of_the_take_off_is_found_unless_the_robot_allows_it() {
+    let valley = list(&[
+        (3, 22, 0.0, 0.0, 0.0, 0.0, 20.0),
+        (3, 16, 0.0, 0.0, 37.412, -6.001, -2.5),
+    ]);
+    let found = findings(&valley, &site(), "", &FAST);
+    assert_eq!(
+        describe(&found),
+        "forbids fence-floor [2] leg 1 2.5 m: is reached below the ground of the take-off"
+    );
+    let found = findings(&valley, &site(), "[safety]\nbelow_take_off = true\n", &FAST);
+    assert!(found.is_empty(), "{found:?}");
 }
 
 #[test]

@@ -87,12 +87,12 @@ fn a_plan_of_qgroundcontrol() {
     1 (item 1) take-off at 37.411 -6.001, 20.0 m above take-off
     2 (item 2) speed 4 m/s
     3 (item 3) waypoint at 37.4115 -6.001, 25.0 m above take-off
-    4 (item 4) hold at 37.412 -6.0015, 40.0 m above sea level, for Some(5.0) s
+    4 (item 4) hold at 37.412 -6.0015, 40.0 m above sea, for Some(5.0) s
     5 (item 5 (survey), part 1) waypoint at 37.4121 -6.0019, 30.0 m above take-off
     6 (item 5 (survey), part 2) DO_SET_CAM_TRIGG_DIST (206), Payload
     7 (item 5 (survey), part 3) waypoint at 37.4129 -6.0019, 30.0 m above take-off
     8 (item 6) a complex item `StructureScan` without simple items, Flight
-    9 (item 7) waypoint at 37.4118 -6.0012, 58.5 m above sea level; not an acceptance radius of 2 m; not the heading 90 degrees
+    9 (item 7) waypoint at 37.4118 -6.0012, 58.5 m above sea; not an acceptance radius of 2 m; not the heading 90 degrees
     10 (item 8) waypoint at 37.4117 -6.0011, 12.0 m above terrain
     11 (item 9) an item of the type `HologramItem`, Flight
     12 (item 10) return
@@ -121,7 +121,7 @@ fn a_list_of_waypoints() {
     home 37.411 -6.001, Some(10.0) m above sea
     1 (line 4) take-off at 37.4112 -6.001, 20.0 m above take-off
     2 (line 5) waypoint at 37.4115 -6.001, 25.0 m above take-off, hold 3.5 s
-    3 (line 7) waypoint at 37.4115 -6.0015, 35.0 m above sea level
+    3 (line 7) waypoint at 37.4115 -6.0015, 35.0 m above sea
     4 (line 8) waypoint at 37.4115 -6.0016, 9.0 m above terrain
     5 (line 9) NAV_LOITER_TURNS (18), Flight
     6 (line 10) DO_SET_SERVO (183), Payload
@@ -138,8 +138,8 @@ fn geojson() {
     GeoJSON
     1 (feature 1) take-off `pad` at 37.411 -6.001, 15.0 m above take-off
     2 (feature 2) speed `strip` 3 m/s
-    3 (feature 2) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea level
-    4 (feature 2) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea level
+    3 (feature 2) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea
+    4 (feature 2) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea
     5 (feature 2) waypoint `strip` at 37.4116 -6.0014, no altitude
     6 (feature 3) hold at 37.4116 -6.0016, 32.0 m above an unknown zero, for Some(8.0) s
     7 (feature 8) land at 37.411 -6.0012
@@ -155,8 +155,8 @@ fn kml() {
     insta::assert_snapshot!(describe(&plan("field.kml")), @r###"
     KML
     1 (placemark 1) take-off `pad` at 37.411 -6.001, 15.0 m above take-off
-    2 (placemark 2) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea level
-    3 (placemark 2) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea level
+    2 (placemark 2) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea
+    3 (placemark 2) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea
     4 (placemark 3) waypoint `clamped` at 37.4116 -6.0015, no altitude
     5 (placemark 4) waypoint `hill` at 37.4116 -6.0016, 12.0 m above terrain
     fence `field`: inclusion, 4 vertices
@@ -168,8 +168,8 @@ fn kml() {
 fn gpx() {
     insta::assert_snapshot!(describe(&plan("route.gpx")), @r###"
     GPX
-    1 (route 1, point 1) waypoint `north` at 37.4114 -6.001, 30.0 m above sea level
-    2 (route 1, point 2) waypoint at 37.4114 -6.0014, 31.2 m above sea level
+    1 (route 1, point 1) waypoint `north` at 37.4114 -6.001, 30.0 m above sea
+    2 (route 1, point 2) waypoint at 37.4114 -6.0014, 31.2 m above sea
     3 (route 1, point 3) waypoint at 37.4111 -6.0014, no altitude
     left out (Payload): track 1 (2 points) stands beside route 1, which is flown
     left out (Payload): waypoints (1 points) stands beside route 1, which is flown

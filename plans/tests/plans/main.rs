@@ -1,5 +1,6 @@
 //! Files of each format written by hand, mistakes in them, files that were mutated at random, and the parser of pymavlink.
 
+mod altitudes;
 mod checks;
 mod files;
 mod mistakes;

@@ -99,6 +99,7 @@ fn use_plan(name: &str, text: &[u8]) {
     };
     let site = Site {
         home: HOME,
+        is_home_altitude_known: true,
         home_source: HomeSource::Operator,
         start: Start::Ground(HOME),
         zero_above_sea_m: None,

@@ -15,7 +15,7 @@ runtime::ranged! {
 pub struct CommandsConfig {
     /// Names of the stations that may command.
     pub stations: Vec<String>,
-    /// Deadline of a request that has none of its own, ms.
+    /// Deadline of a request that says neither when it was issued nor until when it may begin, ms.
     #[serde(deserialize_with = "deadline_ms")]
     pub deadline_ms: u32,
     /// After how long without any word about it a request ends as unknown, s.
@@ -41,7 +41,7 @@ impl Default for CommandsConfig {
 }
 
 impl CommandsConfig {
-    /// Deadline of a request that has none of its own.
+    /// Deadline of a request that says neither when it was issued nor until when it may begin.
     pub fn deadline(&self) -> Duration {
         Duration::from_millis(self.deadline_ms.into())
     }

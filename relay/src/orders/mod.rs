@@ -4,7 +4,7 @@
 //! [`station::Station`] runs on the ground, [`robot::Robot`] beside the bridge. Both are values without thread, socket and
 //! clock. They exchange the three [messages](message).
 //!
-//! **The station asks, the robot remembers.** A station sends each open request as an order, again and again, until it has the
+//! **The station asks, the robot remembers.** A station repeats each open request as an order until it has the
 //! final report. The robot side passes an order on when it sees it for the first time, and answers every further copy with the
 //! reports that it has. Reports are also sent at once when they come; when one is lost, the next copy of the order fetches it.
 //!
@@ -21,12 +21,20 @@
 //! station, the *floor*. An order below the floor is ignored, all others are remembered. A station's numbers lie less than
 //! [`WINDOW`] above its floor, which bounds the robot side's memory.
 //!
+//! **Orders keep their order.** The robot side passes the orders of one session on in the order of their numbers: one whose number is
+//! beyond a gap waits until the missing ones were here. The station has one timer for all that it asks for again, oldest first, so
+//! a gap closes with the next round. What [ends a movement](robot::Traits::ends_movement) never waits: an older movement that comes
+//! after it is refused by the bridge as superseded, because each request says when it was issued.
+//!
 //! An order at the robot side:
 //!
 //! | state | what happens | next state |
 //! |---|---|---|
-//! | not known, first copy, in time | passed on to the server | passed on |
-//! | not known, first copy, too late | refused: deadline-expired | ended |
+//! | not known, first copy, in time, all before it were here | passed on to the server | passed on |
+//! | not known, first copy, in time, one before it was not here | waits, unless it ends a movement | early |
+//! | early | all before it were here: passed on, or refused as too-late | passed on, ended |
+//! | early | the station gives it up, or the session is forgotten: never passed on | ended |
+//! | not known, first copy, too late | refused: too-late | ended |
 //! | not known, repetition, the request has a field `repeat` | passed on with `repeat` = 1 | passed on |
 //! | not known, repetition, no such field | unknown: not-remembered | ended |
 //! | not known, given up | never passed on; unknown: none | ended |

@@ -1,5 +1,7 @@
 //! The final reports that the relay itself makes; all others are the servers'.
 
+use std::time::Duration;
+
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
@@ -15,7 +17,7 @@ use ipc_types::payload::RequestReport;
 /// | `TooManyRequests` | both | refused, too-many-requests |
 /// | `Busy` | both | refused, still-open |
 /// | `InvalidRequest` | both | refused, invalid-request |
-/// | `Expired` | robot | refused, deadline-expired |
+/// | `Expired` | robot | refused, too-late, and by how many seconds |
 /// | `NoServer` | robot | refused, bridge-gone |
 /// | `ServerGone` | robot | unknown, bridge-gone |
 /// | `NotRemembered` | robot | unknown, not-remembered |
@@ -37,8 +39,8 @@ pub enum Verdict {
     Busy,
     /// The request has no id.
     InvalidRequest,
-    /// The request came to the robot, or could be passed on, only after its deadline.
-    Expired,
+    /// The request came to the robot, or could be passed on, only after the moment until which it may begin: so much later.
+    Expired(Duration),
     /// No process serves this request on the robot.
     NoServer,
     /// The request was asked before, and no process serves it now.
@@ -62,7 +64,7 @@ impl Verdict {
             Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
             Verdict::Busy => (Stage::Refused, Reason::StillOpen),
             Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),
-            Verdict::Expired => (Stage::Refused, Reason::DeadlineExpired),
+            Verdict::Expired(_) => (Stage::Refused, Reason::TooLate),
             Verdict::NoServer => (Stage::Refused, Reason::BridgeGone),
             Verdict::ServerGone => (Stage::Unknown, Reason::BridgeGone),
             Verdict::NotRemembered => (Stage::Unknown, Reason::NotRemembered),
@@ -74,12 +76,16 @@ impl Verdict {
     /// The final report about this request. `now` is the clock of the side that makes it.
     pub fn report(self, request_id: u64, now: MonotonicNs) -> RequestReport {
         let (stage, reason) = self.codes();
+        let late = match self {
+            Verdict::Expired(late) => Some(late.as_secs_f64()),
+            _ => None,
+        };
         RequestReport {
             request_id,
             reported_ns: now.0,
-            stage: stage.code(),
-            reason: reason.code(),
-            ..RequestReport::default()
+            value: late.unwrap_or_default(),
+            value_valid: late.is_some().into(),
+            ..RequestReport::new(stage, reason)
         }
     }
 }

@@ -40,6 +40,12 @@ use stations::{Lives, Stations};
 /// How often the latest samples are sent again at most, whatever stations ask for. One ping brings all of them.
 const LATEST_PERIOD: Duration = Duration::from_millis(500);
 
+/// What is known of the requests of a service that the robot does not have.
+const NO_SERVICE: orders::Traits = orders::Traits {
+    repeat: orders::Repeat::None,
+    ends_movement: false,
+};
+
 /// The robot's side of the relay.
 pub struct RobotSide {
     config: Config,
@@ -190,13 +196,8 @@ impl RobotSide {
                 "a request has another length than its service takes"
             );
         }
-        let repeat = requests.map(|requests| requests.repeat());
-        self.orders.order(
-            &order,
-            repeat.unwrap_or(orders::Repeat::None),
-            MonotonicNs::now(),
-            out,
-        );
+        let traits = requests.map_or(NO_SERVICE, |requests| requests.traits(&order.request));
+        self.orders.order(&order, traits, MonotonicNs::now(), out);
         // Only the sender of this order is to be told that its session is not known.
         for output in out.split_off(from) {
             match output {
@@ -222,11 +223,10 @@ impl RobotSide {
                         topic,
                         request_id,
                         is_repeat,
-                        expires,
                         request,
                     } => {
                         let sent = match self.services.requests_of(topic) {
-                            Some(requests) => requests.send(request, is_repeat, expires),
+                            Some(requests) => requests.send(request, is_repeat),
                             None => Err(NotSent::NoServer),
                         };
                         if let Err(reason) = sent {

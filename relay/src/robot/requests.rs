@@ -2,10 +2,10 @@
 
 use ipc_types::dynamic::ServiceFacts;
 use ipc_types::payload::RequestReport;
-use ipc_types::{DynamicClient, DynamicError, Ipc, MonotonicNs, PortSet, SendError};
+use ipc_types::{DynamicClient, DynamicError, Ipc, PortSet, SendError};
 
 use crate::names;
-use crate::orders::robot::{NotSent, Repeat};
+use crate::orders::robot::{NotSent, Traits};
 use crate::request::RequestFields;
 
 /// A request service that is carried.
@@ -47,27 +47,20 @@ impl Requests {
         self.client.schema().size() == request.len()
     }
 
-    /// Whether the service can be asked again.
-    pub fn repeat(&self) -> Repeat {
-        self.fields.repeat()
+    /// What is to be known of a request before it is handed on.
+    pub fn traits(&self, request: &[u8]) -> Traits {
+        self.fields.traits(request)
     }
 
-    /// Hands a request on, with what is left of its deadline.
+    /// Hands a request on.
     ///
     /// # Errors
     ///
     /// When the service does not take it now.
-    pub fn send(
-        &mut self,
-        mut request: Vec<u8>,
-        is_repeat: bool,
-        expires: MonotonicNs,
-    ) -> Result<(), NotSent> {
+    pub fn send(&mut self, mut request: Vec<u8>, is_repeat: bool) -> Result<(), NotSent> {
         if is_repeat {
             self.fields.set_repeat(&mut request);
         }
-        let left = expires.since(MonotonicNs::now());
-        self.fields.set_deadline(&mut request, left);
         match self.client.send(&request) {
             Ok(_) => Ok(()),
             Err(SendError::NoServer { .. }) => Err(NotSent::NoServer),

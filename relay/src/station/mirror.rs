@@ -50,8 +50,8 @@ pub struct Arrived<'a> {
     pub ticket: Ticket,
     /// Path of the request; 0 when it has none.
     pub path_id: u64,
-    /// Its own deadline.
-    pub deadline: Option<std::time::Duration>,
+    /// What its struct has of what a relay reads and writes.
+    pub fields: RequestFields,
     /// The request.
     pub bytes: &'a [u8],
 }
@@ -162,7 +162,7 @@ impl Requests {
             let is_taken = take(&Arrived {
                 ticket,
                 path_id: path_id.map_or(0, |offset| word(bytes, offset)),
-                deadline: fields.deadline(bytes),
+                fields,
                 bytes,
             });
             if !is_taken {

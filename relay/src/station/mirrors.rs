@@ -12,6 +12,7 @@ use crate::budget::Budget;
 use crate::clock::Clock;
 use crate::description::Service;
 use crate::message::SampleHeader;
+use crate::request::RequestFields;
 use crate::telemetry::Counts;
 
 /// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
@@ -39,8 +40,8 @@ pub struct Taken {
     pub service: u64,
     /// Path of the request; 0 when it has none.
     pub path_id: u64,
-    /// Its own deadline.
-    pub deadline: Option<std::time::Duration>,
+    /// What its struct has of what a relay reads and writes.
+    pub fields: RequestFields,
     /// The request.
     pub bytes: Vec<u8>,
 }
@@ -198,7 +199,7 @@ impl Mirrors {
                     handle,
                     service,
                     path_id: arrived.path_id,
-                    deadline: arrived.deadline,
+                    fields: arrived.fields,
                     bytes: arrived.bytes.to_vec(),
                 });
                 true

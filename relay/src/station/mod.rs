@@ -9,6 +9,7 @@ pub mod link;
 mod link_topics;
 mod mirror;
 mod mirrors;
+pub mod moments;
 mod remote;
 
 use std::os::fd::BorrowedFd;

@@ -12,6 +12,7 @@ use super::link::Link;
 use super::link_topics::LinkTopics;
 use super::mirror::translate_report;
 use super::mirrors::{Mirrors, Taken};
+use super::moments::{Moments, earliest};
 use crate::Failure;
 use crate::config::{Config, RemoteRobot};
 use crate::description::Part;
@@ -40,6 +41,10 @@ const ANSWERS: Room = Room {
     longest: MAX_TELL_BYTES,
 };
 
+/// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows what it is, and
+/// may want it sooner.
+const HANDED_ON_WITHIN: Duration = Duration::from_secs(30);
+
 /// One robot of a station.
 pub struct Remote {
     robot: RemoteRobot,
@@ -47,7 +52,10 @@ pub struct Remote {
     link: Link,
     mirrors: Mirrors,
     orders: Station,
-    /// Deadline of a request that has none of its own.
+    /// When requests were issued, and what the robot calls this clock.
+    moments: Moments,
+    origin: u32,
+    /// Deadline of a request that says neither when it was issued nor until when it may begin.
     default_deadline: Duration,
     endpoints: String,
     tells: Inbox,
@@ -85,6 +93,8 @@ impl Remote {
             orders: Station::new(OrderConfig {
                 give_up: config.commands.unknown_after(),
             }),
+            moments: Moments::default(),
+            origin: (fresh() as u32).max(1),
             default_deadline: config.commands.deadline(),
             endpoints: [&config.station.connect[..], &config.station.listen[..]]
                 .concat()
@@ -242,14 +252,14 @@ impl Remote {
         self.mirrors
             .serve(|request| taken.push(request), |handle| gone.push(handle));
         for handle in gone {
-            self.orders.give_up(handle, now, out);
+            self.orders.give_up(handle, out);
         }
-        for request in taken {
+        for mut request in taken {
             if self.link.is_up() && !self.link.may_command() {
                 out.push(refusal(&request, now));
                 continue;
             }
-            let expires = self.expires(&request, now);
+            let expires = self.translate(&mut request, now);
             let is_up = self.link.is_up() && expires.is_some();
             let request = Request {
                 handle: request.handle,
@@ -263,14 +273,29 @@ impl Remote {
         }
     }
 
-    /// The earliest moment of the robot's clock at which the request's deadline can be.
-    fn expires(&self, request: &Taken, now: MonotonicNs) -> Option<MonotonicNs> {
-        let clock = self.link.clock();
-        let due = now + request.deadline.unwrap_or(self.default_deadline);
-        let uncertainty_ns = clock.estimate(due)?.uncertainty_ns;
-        Some(MonotonicNs(
-            clock.to_remote(due)?.0.saturating_sub(uncertainty_ns),
-        ))
+    /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the earliest moment
+    /// that this can be. Nothing when the robot's clock is not known.
+    fn translate(&mut self, request: &mut Taken, now: MonotonicNs) -> Option<MonotonicNs> {
+        let (clock, fields) = (self.link.clock(), request.fields);
+        let (issued, begin_by) = (
+            fields.issued(&request.bytes),
+            fields.begin_by(&request.bytes),
+        );
+        if let Some(at) = issued {
+            let issued = self.moments.issued(at, clock, now)?;
+            let (at, within_ns) = (issued.earliest, issued.within_ns);
+            fields.set_issued(&mut request.bytes, at, within_ns, self.origin);
+        }
+        if let Some(at) = begin_by {
+            let begin_by = earliest(at, clock)?;
+            fields.set_begin_by(&mut request.bytes, begin_by);
+            return Some(begin_by);
+        }
+        let within = match issued {
+            Some(_) => HANDED_ON_WITHIN,
+            None => self.default_deadline,
+        };
+        earliest(now + within, clock)
     }
 
     fn carry_out(&mut self, out: &[Output], network: &Network, now: MonotonicNs) {

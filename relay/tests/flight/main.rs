@@ -3,6 +3,7 @@
 //! `ril` is found beside the relay's program, where `cargo test --workspace` builds it, or by `RIL_BINARY`.
 
 mod bridge_log;
+mod cut;
 mod kills;
 mod link_loss;
 mod machine;

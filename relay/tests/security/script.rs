@@ -10,12 +10,13 @@ use relay::message::{AnswerBytes, Ask, Command, Ping, Pong, SampleHeader, Tell, 
 use relay::orders::WINDOW;
 use relay::orders::message::{Answer, NO_PLACE, Order};
 use relay::orders::robot::{
-    Config as RobotConfig, NotSent, ORPHANS, Output, Repeat, Robot, SESSIONS,
+    Config as RobotConfig, NotSent, ORPHANS, Output, Repeat, Robot, SESSIONS, Traits,
 };
 use relay::orders::station::{Config as StationConfig, OPEN_ORDERS, Request, Station};
 use relay::robot::admission::Admission;
 use relay::robot::stations::{Lives, Stations};
 use relay::station::link::Link;
+use relay::station::moments::Moments;
 use relay::telemetry::Inlet;
 
 /// When a script begins.
@@ -153,11 +154,14 @@ impl RobotSide {
 
     fn order(&mut self, key: &str, order: &Order, now: MonotonicNs) {
         if self.admission.orders(key, now).is_some() {
-            let repeat = match order.topic {
-                0 => Repeat::None,
-                _ => Repeat::Field,
+            let traits = Traits {
+                repeat: match order.topic {
+                    0 => Repeat::None,
+                    _ => Repeat::Field,
+                },
+                ends_movement: order.topic > 1,
             };
-            self.orders.order(order, repeat, now, &mut self.out);
+            self.orders.order(order, traits, now, &mut self.out);
         }
     }
 }
@@ -245,6 +249,7 @@ pub fn station_side(data: &[u8]) {
         give_up: Duration::from_secs(60),
     });
     let (mut inlet, mut out, mut handle, mut now) = (Inlet::default(), Vec::new(), 0, BEGIN);
+    let mut moments = Moments::default();
     while !script.data.is_empty() {
         let action = script.byte();
         let tell = match action % 8 {
@@ -305,7 +310,7 @@ pub fn station_side(data: &[u8]) {
                 None
             }
             _ => {
-                orders.give_up(script.number(), now, &mut out);
+                orders.give_up(script.number(), &mut out);
                 None
             }
         };
@@ -337,7 +342,9 @@ pub fn station_side(data: &[u8]) {
         let _ = link
             .clock()
             .to_local(relay::clock::RemoteNs(script.number()));
-        let _ = link.clock().to_remote(MonotonicNs(script.number()));
+        let moment = MonotonicNs(script.number());
+        let _ = link.clock().to_remote(moment);
+        let _ = moments.issued(moment, link.clock(), now);
         orders.tick(now, &mut out);
         let _ = orders.deadline();
         assert!(orders.open() <= OPEN_ORDERS);

@@ -28,8 +28,11 @@ const MIN_GROUP: u32 = 2;
 /// Age at which a group ends, ms, or its time after the first client was heard.
 const AGE_MS: (f64, f64) = (10.0, 40.0);
 
-/// Part of the clients during which the bridge warms up: what it holds then at most, it may hold at the end.
-const WARM_UP: u32 = 5;
+/// The bridge warms up during one part in this many of the clients: what it holds then at most, it may hold at the end.
+///
+/// Half of them: the bridge keeps open what a group that died last has left until it cleans up, and the largest group may
+/// come late. What leaks still grows with the other half.
+const WARM_UP: u32 = 2;
 
 /// How long the remains of what was killed may take to be removed: twice what was left half made needs.
 const SETTLE_LIMIT: Duration = Duration::from_secs(30);

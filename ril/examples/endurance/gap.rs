@@ -66,7 +66,10 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     site.write("dsp-sim.toml", "[serial]\nbaud_rate = 1000000\n");
     site.write(
         "bridge.toml",
-        &format!("[parameters]\nstatus_period_ms = {}\n", plan.period_ms),
+        &format!(
+            "[serial]\nbaud_rate = 1000000\n[parameters]\nstatus_period_ms = {}\n",
+            plan.period_ms
+        ),
     );
     let mut sim = site.start_one(Kind::Sim);
     await_ready(Kind::Sim, &mut sim);

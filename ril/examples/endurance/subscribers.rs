@@ -110,7 +110,9 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     let line = "[serial]\nbaud_rate = 4000000\nprofile = \"extended\"\n";
     site.write("dsp-sim.toml", line);
     let (profile, period_ms) = ("profile = \"extended\"", plan.period_ms);
-    let text = format!("[link]\n{profile}\n[parameters]\nstatus_period_ms = {period_ms}\n");
+    let text = format!(
+        "[serial]\nbaud_rate = 4000000\n[link]\n{profile}\n[parameters]\nstatus_period_ms = {period_ms}\n"
+    );
     site.write("bridge.toml", &text);
     let mut crew = Vec::new();
     for kind in [Kind::Sim, Kind::Bridge, Kind::Status] {

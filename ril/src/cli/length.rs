@@ -1,4 +1,5 @@
-//! Altitudes and waypoints of the command line: `20`, `20m`, `60ft`, `+20m`.
+//! Altitudes and waypoints of the command line: telemetry altitudes such as `20`, `20m` and `60ft`, and heights above take-off such as
+//! `+20m`.
 
 use super::value::number;
 
@@ -8,18 +9,18 @@ const FOOT_M: f64 = 0.3048;
 /// An altitude as the operator gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Height {
-    /// Metres over the zero that the command names.
-    Over(f64),
-    /// Metres over where the helicopter is now, from a plus sign in front.
-    OverHere(f64),
+    /// Telemetry altitude, m.
+    Telemetry(f64),
+    /// Height above take-off, m, from a plus sign in front.
+    AboveTakeOff(f64),
 }
 
 impl Height {
-    /// The altitude in metres over the command's zero, when the helicopter is at `here_m` over it.
-    pub fn from(self, here_m: f64) -> f64 {
+    /// The telemetry altitude, m, when that of the ground of the take-off is `ground_m`.
+    pub fn from(self, ground_m: f64) -> f64 {
         match self {
-            Height::Over(metres) => metres,
-            Height::OverHere(metres) => here_m + metres,
+            Height::Telemetry(metres) => metres,
+            Height::AboveTakeOff(metres) => ground_m + metres,
         }
     }
 }
@@ -31,7 +32,7 @@ pub struct Target {
     pub latitude_deg: f64,
     /// Degrees to the east.
     pub longitude_deg: f64,
-    /// The zero is telemetry's.
+    /// How high.
     pub altitude: Height,
 }
 
@@ -59,23 +60,23 @@ fn metres(what: &str, text: &str) -> Result<f64, String> {
     number(what, digits.trim_end(), f64::MAX).map(|value| value * unit_m)
 }
 
-/// Reads an altitude: `20`, `20m`, `60ft`, or `+20m` over where the helicopter is.
+/// Reads a telemetry altitude such as `20`, `20m` or `60ft`, or a height above take-off such as `+20m`.
 pub(super) fn height(text: &str) -> Result<Height, String> {
     match text.trim().strip_prefix('+') {
         Some(rest) if rest.starts_with(['+', '-']) => {
             Err(format!("the altitude `{text}` has two signs"))
         }
-        Some(rest) => metres("altitude", rest).map(Height::OverHere),
-        None => metres("altitude", text.trim()).map(Height::Over),
+        Some(rest) => metres("altitude", rest).map(Height::AboveTakeOff),
+        None => metres("altitude", text.trim()).map(Height::Telemetry),
     }
 }
 
-/// Reads the altitude of a take-off. On the ground it is the same over here and over the point of take-off. Its upper limit is the
-/// DSP's, which the bridge knows.
+/// Reads the height of a take-off, which is above take-off with and without a plus sign. Its upper limit is the DSP's, which the
+/// bridge knows.
 pub(super) fn take_off_height(text: &str) -> Result<f64, String> {
     match height(text)?.from(0.0) {
         metres if metres > 0.0 => Ok(metres),
-        _ => Err("the altitude of a take-off is greater than 0".to_owned()),
+        _ => Err("the height of a take-off is greater than 0".to_owned()),
     }
 }
 
@@ -170,13 +171,13 @@ mod tests {
     #[test]
     fn altitudes_have_units_and_may_be_relative() {
         for (text, expected) in [
-            ("20", Height::Over(20.0)),
-            ("20m", Height::Over(20.0)),
-            ("20 m", Height::Over(20.0)),
-            ("100ft", Height::Over(30.48)),
-            ("-5m", Height::Over(-5.0)),
-            ("+20m", Height::OverHere(20.0)),
-            ("+100ft", Height::OverHere(30.48)),
+            ("20", Height::Telemetry(20.0)),
+            ("20m", Height::Telemetry(20.0)),
+            ("20 m", Height::Telemetry(20.0)),
+            ("100ft", Height::Telemetry(30.48)),
+            ("-5m", Height::Telemetry(-5.0)),
+            ("+20m", Height::AboveTakeOff(20.0)),
+            ("+100ft", Height::AboveTakeOff(30.48)),
         ] {
             assert_eq!(height(text), Ok(expected), "{text}");
         }
@@ -192,8 +193,8 @@ mod tests {
             let error = height(text).unwrap_err();
             assert!(error.contains(expected), "{text}: {error}");
         }
-        assert_eq!(Height::OverHere(20.0).from(12.5), 32.5);
-        assert_eq!(Height::Over(20.0).from(12.5), 20.0);
+        assert_eq!(Height::AboveTakeOff(20.0).from(12.5), 32.5);
+        assert_eq!(Height::Telemetry(20.0).from(12.5), 20.0);
         assert!(take_off_height("0ft").is_err());
     }
 
@@ -206,7 +207,7 @@ mod tests {
         let expected = Target {
             latitude_deg: -37.5,
             longitude_deg: -6.25,
-            altitude: Height::OverHere(3.0),
+            altitude: Height::AboveTakeOff(3.0),
         };
         assert_eq!(parse(&["-37.5", "-6.25", "+3m"]), Ok(vec![expected]));
         assert_eq!(parse(&["-37.5,-6.25,+3m"]), Ok(vec![expected]));
@@ -229,7 +230,10 @@ mod tests {
         let text = "# a square\n37,-6,20\n\n  -37.5 , .5,+1e1 # the corner\n";
         let read = waypoints(text).unwrap();
         let altitudes: Vec<Height> = read.iter().map(|waypoint| waypoint.altitude).collect();
-        assert_eq!(altitudes, [Height::Over(20.0), Height::OverHere(10.0)]);
+        assert_eq!(
+            altitudes,
+            [Height::Telemetry(20.0), Height::AboveTakeOff(10.0)]
+        );
         for (text, expected) in [
             (
                 "37,-6,20\n\n91,0,0\n",

@@ -165,7 +165,7 @@ pub enum Command {
     Start(ControlArgs),
     /// Stop the bridge's module: the helicopter hovers, and everything that was planned is discarded; or another module
     Stop(ControlArgs),
-    /// Take off and climb to an altitude over the point of take-off
+    /// Take off and climb to a height above take-off
     Takeoff(TakeoffArgs),
     /// Land on the spot
     Land(LandArgs),

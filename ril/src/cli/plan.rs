@@ -46,7 +46,7 @@ pub struct PlanFileArgs {
     #[arg(long, value_name = "ALTITUDE", value_parser = missing_altitude)]
     pub altitude: Option<Altitude>,
 
-    /// The point of take-off; the altitude has the zero of telemetry [default: where the robot stands, or else the plan's]
+    /// The point of take-off, with its telemetry altitude [default: where the robot stands, or else the plan's]
     #[arg(long, value_name = "LAT,LON[,ALT]", allow_hyphen_values = true, value_parser = home)]
     pub home: Option<HomeArg>,
 
@@ -68,7 +68,7 @@ pub struct PlanFileArgs {
 pub enum ReferenceName {
     /// The point of take-off
     TakeOff,
-    /// Mean sea level
+    /// Sea
     Sea,
 }
 
@@ -97,7 +97,7 @@ pub struct HomeArg {
     pub latitude_deg: f64,
     /// Degrees to the east.
     pub longitude_deg: f64,
-    /// Metres with the zero of telemetry.
+    /// Telemetry altitude, m.
     pub altitude_m: Option<f64>,
 }
 
@@ -170,7 +170,7 @@ pub struct PlanFlyArgs {
 /// Reads `--altitude`. It is above take-off, so a plus sign changes nothing.
 fn missing_altitude(text: &str) -> Result<Altitude, String> {
     height(text).map(|altitude| match altitude {
-        Height::Over(metres) | Height::OverHere(metres) => Altitude::AboveTakeOff(metres),
+        Height::Telemetry(metres) | Height::AboveTakeOff(metres) => Altitude::AboveTakeOff(metres),
     })
 }
 
@@ -183,10 +183,10 @@ fn home(text: &str) -> Result<HomeArg, String> {
         _ => return Err("home is LAT,LON or LAT,LON,ALT, such as 37.41,-6.01,12m".to_owned()),
     };
     let altitude_m = altitude.map(|text| match height(text)? {
-        Height::Over(metres) => Ok(metres),
-        Height::OverHere(_) => Err(
-            "the altitude of home has the zero of telemetry; leave out the plus sign".to_owned(),
-        ),
+        Height::Telemetry(metres) => Ok(metres),
+        Height::AboveTakeOff(_) => {
+            Err("the altitude of home is a telemetry altitude; leave out the plus sign".to_owned())
+        }
     });
     Ok(HomeArg {
         latitude_deg: number("latitude", latitude, 90.0)?,

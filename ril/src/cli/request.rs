@@ -22,7 +22,7 @@ pub struct AskArgs {
     #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 
-    /// Within which time the request must have reached the DSP, such as 500ms; 0s leaves it to the bridge
+    /// Until how long after its issue the order may begin, such as 500ms; 0s leaves it to the bridge
     #[arg(long, value_name = "DURATION", env = "RIL_DEADLINE", value_parser = deadline_ms)]
     pub deadline: Option<u32>,
 
@@ -59,7 +59,7 @@ pub struct ControlArgs {
 /// `ril takeoff`
 #[derive(Args, Clone, Debug)]
 pub struct TakeoffArgs {
-    /// Altitude over the point of take-off, such as 20m, 60ft, or 20 for metres
+    /// Height above take-off, such as 20m, 60ft, or 20 for metres
     #[arg(value_name = "ALTITUDE", required_unless_present = "altitude", conflicts_with = "altitude",
         allow_negative_numbers = true, value_parser = take_off_height)]
     pub to: Option<f64>,
@@ -74,7 +74,7 @@ pub struct TakeoffArgs {
 }
 
 impl TakeoffArgs {
-    /// Metres over the point of take-off. clap makes sure that there is one.
+    /// Height above take-off, m. clap makes sure that there is one.
     pub fn height_m(&self) -> f64 {
         self.to.or(self.altitude).unwrap_or_default()
     }
@@ -95,8 +95,8 @@ pub struct LandArgs {
 /// `ril goto`
 #[derive(Args, Clone, Debug)]
 pub struct GotoArgs {
-    /// Waypoints, each LAT,LON,ALT without spaces, or one as LAT LON ALT: degrees, and an altitude with the zero of telemetry
-    /// (20m, 60ft, or 20 for metres) or over where the helicopter is now (+20m), such as -37.5,-6.25,20m
+    /// Waypoints, each LAT,LON,ALT without spaces, or one as LAT LON ALT: degrees, and a telemetry altitude (20m, 60ft, or 20 for
+    /// metres) or a height above take-off (+20m), such as -37.5,-6.25,20m
     #[arg(required_unless_present = "file", value_name = "LAT,LON,ALT", allow_negative_numbers = true,
         value_parser = goto_word)]
     pub words: Vec<GotoWord>,
@@ -108,6 +108,11 @@ pub struct GotoArgs {
     /// Replace a path that is under way instead of being refused as busy
     #[arg(long)]
     pub preempt: bool,
+
+    /// Hover instead of flying on when this command ends before the path: by Ctrl+C, by SIGTERM, with its terminal, or when
+    /// the reader of its output ends. SIGKILL leaves no time for that
+    #[arg(long, conflicts_with = "no_wait")]
+    pub hold_on_exit: bool,
 
     /// What every request takes.
     #[command(flatten)]

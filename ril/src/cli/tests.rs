@@ -45,7 +45,7 @@ fn negative_coordinates_and_options_after_them_are_both_understood() {
     let position = |latitude_deg, longitude_deg, altitude_m| Target {
         latitude_deg,
         longitude_deg,
-        altitude: Height::Over(altitude_m),
+        altitude: Height::Telemetry(altitude_m),
     };
     let expected = [
         position(-37.1, -6.0, 20.0),
@@ -70,15 +70,15 @@ fn altitudes_have_units_and_stand_as_words_of_their_own() {
         altitude,
     };
     for (arguments, altitude) in [
-        (&["37.41", "-6.01", "20m"][..], Height::Over(20.0)),
-        (&["37.41", "-6.01", "-5m"], Height::Over(-5.0)),
-        (&["37.41", "-6.01", "-5"], Height::Over(-5.0)),
+        (&["37.41", "-6.01", "20m"][..], Height::Telemetry(20.0)),
+        (&["37.41", "-6.01", "-5m"], Height::Telemetry(-5.0)),
+        (&["37.41", "-6.01", "-5"], Height::Telemetry(-5.0)),
         (
             &["37.41", "-6.01", "+20m", "--preempt"],
-            Height::OverHere(20.0),
+            Height::AboveTakeOff(20.0),
         ),
-        (&["37.41,-6.01,+20m"], Height::OverHere(20.0)),
-        (&["37.41,-6.01,100ft"], Height::Over(30.48)),
+        (&["37.41,-6.01,+20m"], Height::AboveTakeOff(20.0)),
+        (&["37.41,-6.01,100ft"], Height::Telemetry(30.48)),
     ] {
         assert_eq!(goto(arguments), [target(altitude)], "{arguments:?}");
     }

@@ -78,7 +78,7 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
     within(duration::parse(text)?, bounds)
 }
 
-/// Reads within which time a request must have reached the DSP, in whole ms; `0s` leaves it to the bridge.
+/// Reads until how long after its issue an order may begin, in whole ms; `0s` leaves it to the bridge.
 pub(super) fn deadline_ms(text: &str) -> Result<u32, String> {
     let longest = Duration::from_millis(MAX_DEADLINE_MS.into());
     let deadline = within(duration::parse(text)?, [Duration::ZERO, longest])?;

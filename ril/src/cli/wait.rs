@@ -18,7 +18,7 @@ Conditions:
   FIELD OP VALUE   a number of the robot's telemetry (`ril topic info hero`);
                    OP is >, >=, <, <=, = or !=; quote it: \"altitude>20m\"
   Short names of fields, and their units:
-    altitude m (with the zero of telemetry and `ril goto`), height m (sonar),
+    altitude m (telemetry altitude, as in `ril goto`), height m (sonar),
     speed m/s (over ground), climb m/s, battery V, fuel %, heading deg, fix
   An angle may be named in degrees: geodetic.latitude_deg";
 

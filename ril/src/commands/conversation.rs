@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::time::Duration;
 
-use ipc_types::payload::RequestReport;
-use ipc_types::{Client, MonotonicNs, Request, SendError, Source};
+use ipc_types::payload::{MovementData, RequestReport};
+use ipc_types::{Client, MonotonicNs, Request, SendError, Source, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::exchange::{Exchange, Next, Outcome, Progress, Until};
@@ -58,6 +58,9 @@ pub(super) struct Conversation<'a, R: Request> {
     client: Client<R>,
     inbox: Vec<RequestReport>,
     previous_value: Option<f64>,
+    holds_on_exit: bool,
+    /// Not what is sent because a signal came.
+    is_interruptible: bool,
 }
 
 impl<'a, R: Request> Conversation<'a, R> {
@@ -85,7 +88,15 @@ impl<'a, R: Request> Conversation<'a, R> {
             client: session.ipc.client_of(key).or_fail(ExitCode::Internal)?,
             inbox: Vec::new(),
             previous_value: None,
+            holds_on_exit: false,
+            is_interruptible: true,
         })
+    }
+
+    /// Whether a hold is sent when the command ends before its requests do.
+    pub fn hold_on_exit(mut self, holds_on_exit: bool) -> Self {
+        self.holds_on_exit = holds_on_exit;
+        self
     }
 
     /// From here on final reports about a parameter show the value that it had before, if that is known.
@@ -99,7 +110,7 @@ impl<'a, R: Request> Conversation<'a, R> {
     /// # Errors
     ///
     /// When the final report is not `done`, with the exit code that goes with it; when there is no bridge, when it does not
-    /// answer in time, and when a signal ends the command early.
+    /// answer in time, and when a signal or a closed output ends the command early.
     pub fn hold(
         &mut self,
         requests: &[R],
@@ -125,14 +136,19 @@ impl<'a, R: Request> Conversation<'a, R> {
         let mut exchange = Exchange::new(ids, until, self.timeout);
         loop {
             let now = MonotonicNs::now();
-            self.receive(&mut exchange, requests.len(), format, now)?;
+            let printed = self.receive(&mut exchange, requests.len(), format, now);
             if let Some(companion) = &mut companion {
                 companion.look()?;
             }
             match exchange.next(now) {
+                // When the reader of the output has gone, the outcome is known all the same.
                 Next::Over(outcome) => return self.judge(outcome, requests.len()),
-                _ if self.session.termination.requested() => {
-                    return Err(self.interrupted(exchange.progress(), requests.len()));
+                _ if printed.is_err() => {
+                    let why = "standard output was closed";
+                    return Err(self.leave(why, exchange.progress(), requests.len()));
+                }
+                _ if self.is_interruptible && self.session.termination.requested() => {
+                    return Err(self.leave("interrupted", exchange.progress(), requests.len()));
                 }
                 Next::Send(index) => {
                     self.send(&requests[index])?;
@@ -148,7 +164,7 @@ impl<'a, R: Request> Conversation<'a, R> {
         }
     }
 
-    /// Takes every report that is there, and prints it.
+    /// Takes every report that is there, and prints it as long as that is possible.
     fn receive(
         &mut self,
         exchange: &mut Exchange,
@@ -157,31 +173,39 @@ impl<'a, R: Request> Conversation<'a, R> {
         now: MonotonicNs,
     ) -> Result<(), Failure> {
         self.client.drain(|report| self.inbox.push(*report));
-        let mut out = io::stdout().lock();
-        for report in self.inbox.drain(..) {
-            let Some(index) = exchange.take(&report, now) else {
-                continue;
-            };
-            match format {
-                Format::Silent => {}
-                Format::Json => {
-                    let object = ReportObject::new(self.verb, &report);
-                    json_line(
-                        &mut out,
-                        &object.with_previous(&report, self.previous_value),
-                    )?;
-                }
-                // It is the error that the command ends with, and is printed as that.
-                Format::Text if is_failure(&report) => {}
-                Format::Text => {
-                    if let Some(line) = messages::line(self.verb, index, total, &report) {
-                        let was = messages::previous(&report, self.previous_value);
-                        writeln!(out, "{line}{was}").map_err(Failure::output)?;
-                    }
-                }
+        let mut printed = Ok(());
+        for report in std::mem::take(&mut self.inbox) {
+            if let Some(index) = exchange.take(&report, now) {
+                printed = printed.and_then(|()| self.print(index, total, &report, format));
             }
         }
-        Ok(())
+        printed
+    }
+
+    fn print(
+        &self,
+        index: usize,
+        total: usize,
+        report: &RequestReport,
+        format: Format,
+    ) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        match format {
+            Format::Silent => Ok(()),
+            Format::Json => {
+                let object = ReportObject::new(self.verb, report);
+                json_line(&mut out, &object.with_previous(report, self.previous_value))
+            }
+            // It is the error that the command ends with, and is printed as that.
+            Format::Text if is_failure(report) => Ok(()),
+            Format::Text => match messages::line(self.verb, index, total, report) {
+                None => Ok(()),
+                Some(line) => {
+                    let was = messages::previous(report, self.previous_value);
+                    writeln!(out, "{line}{was}").map_err(Failure::output)
+                }
+            },
+        }
     }
 
     fn send(&mut self, request: &R) -> Result<(), Failure> {
@@ -189,9 +213,11 @@ impl<'a, R: Request> Conversation<'a, R> {
             Ok(()) => Ok(()),
             Err(SendError::NoServer { .. }) => Err(absent(self.key, self.session.ipc.robot())),
             Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
-            Err(error @ (SendError::TooManyOutstanding | SendError::Failed(_))) => {
-                Err(Failure::internal(error))
-            }
+            Err(
+                error @ (SendError::TooManyOutstanding
+                | SendError::NoPlace(_)
+                | SendError::Failed(_)),
+            ) => Err(Failure::internal(error)),
         }
     }
 
@@ -234,18 +260,43 @@ impl<'a, R: Request> Conversation<'a, R> {
         }
     }
 
-    fn interrupted(&self, progress: Progress, total: usize) -> Failure {
+    /// The command ends before the final report.
+    fn leave(&self, why: &str, progress: Progress, total: usize) -> Failure {
         let what = match progress {
-            Progress::Taken => self.verb.goes_on(),
             Progress::Incomplete if total > 1 => {
-                "the path was not complete, so nothing of it is flown"
+                "the path was not complete, so nothing of it is flown".to_owned()
             }
+            _ if self.holds_on_exit => self.send_hold(),
+            Progress::Taken => self.verb.goes_on().to_owned(),
             Progress::Incomplete => {
-                "it was withdrawn before the bridge answered; `ril status` shows whether it took effect"
+                "it was withdrawn before the bridge answered; `ril status` shows whether it took effect".to_owned()
             }
         };
         let name = self.verb.name();
-        let text = format!("interrupted before the final report about {name}: {what}");
+        let text = format!("{why} before the final report about {name}: {what}");
         Failure::new(ExitCode::OutcomeUnknown, text)
+    }
+
+    /// Lets the helicopter hover where it is. Says how that went.
+    fn send_hold(&self) -> String {
+        let hold = MovementData {
+            preempt: 1,
+            ..MovementData::hold(fresh_request_id())
+        };
+        let sent = Conversation::open(self.session, Verb::Hold, self.timeout).and_then(|bridge| {
+            let mut bridge = Conversation {
+                is_interruptible: false,
+                ..bridge
+            };
+            bridge.hold(&[hold], Until::Accepted, Format::Silent)
+        });
+        match sent {
+            Ok(_) => "a hold was sent and accepted; the helicopter stops and hovers".to_owned(),
+            Err(failure) => format!(
+                "the hold that was sent failed ({}); {}",
+                failure.chain().join(": "),
+                self.verb.goes_on()
+            ),
+        }
     }
 }

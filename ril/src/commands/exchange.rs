@@ -352,7 +352,7 @@ mod tests {
 
     #[test]
     fn a_path_that_is_broken_between_two_waypoints_is_over_with_the_reason() {
-        for reason in [Reason::PathReplaced, Reason::DeadlineExpired] {
+        for reason in [Reason::PathReplaced, Reason::TooLate] {
             let mut harness = Harness::accepted(2);
             harness.says(0, Stage::Aborted, reason);
             assert!(

@@ -12,6 +12,7 @@ use runtime::exit::{ExitCode, Failure};
 
 use super::conversation::{Conversation, Format};
 use super::exchange::Until;
+use super::request::begin_by_ns;
 use super::robot::refuse_to_guess;
 use super::{Session, configuration, json_line};
 use crate::cli::{AskArgs, ParamCommand, PortKey, RobotChoice};
@@ -78,9 +79,10 @@ impl Ports<'_> {
         request: impl FnOnce(u64) -> ParameterRequest,
         format: Format,
     ) -> Result<RequestReport, Failure> {
+        let request = request(fresh_request_id());
         let request = ParameterRequest {
-            deadline_ms: self.deadline_ms,
-            ..request(fresh_request_id())
+            begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
+            ..request
         };
         let end = self.conversation.hold(&[request], Until::Final, format)?;
         // Until the final report, there is always one.

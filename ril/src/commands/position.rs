@@ -1,9 +1,9 @@
-//! Where the helicopter is now, for commands whose arguments are relative to it.
+//! Where the helicopter is now, and how high the ground of its take-off is.
 
 use std::time::Duration;
 
 use dsp_protocol::Waypoint;
-use ipc_types::payload::DspTelemetry;
+use ipc_types::payload::{DspTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Subscriber, TelemetryGroup, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
@@ -12,7 +12,7 @@ use super::Session;
 /// A position from telemetry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Present {
-    /// Where; the altitude has the zero of telemetry.
+    /// Where, with the telemetry altitude.
     pub at: Waypoint,
     /// Whether the helicopter is in the air.
     pub is_flying: bool,
@@ -51,6 +51,41 @@ pub(super) fn present_position(session: &Session, timeout: Duration) -> Result<P
             return Err(session.nothing_came(DspTelemetry::KEY, timeout)?);
         }
         session.wait([&mut telemetry as _], Some(give_up))?;
+    }
+}
+
+/// The telemetry altitude of the ground of the take-off, m.
+///
+/// # Errors
+///
+/// Code 3 when there is no bridge, 4 when it publishes no state in time, 5 when it has not seen the helicopter on the ground.
+pub(super) fn ground_altitude_m(session: &Session, timeout: Duration) -> Result<f64, Failure> {
+    let Some(state) = newest_state(session, timeout)? else {
+        return Err(session.nothing_came(ModuleState::KEY, timeout)?);
+    };
+    state.ground_altitude().ok_or_else(|| {
+        let text = "the height above take-off is not known: the bridge has not seen the helicopter on the ground; nothing was sent";
+        Failure::new(ExitCode::Refused, text)
+            .with_next_step("give telemetry altitudes, without a plus sign: `ril status` shows the present one")
+    })
+}
+
+/// The newest state of the bridge; `None` if none came in time.
+pub(super) fn newest_state(
+    session: &Session,
+    timeout: Duration,
+) -> Result<Option<ModuleState>, Failure> {
+    let mut states: Subscriber<ModuleState> =
+        session.ipc.subscriber().or_fail(ExitCode::Internal)?;
+    let give_up = MonotonicNs::now() + timeout;
+    loop {
+        if let Some(state) = states.latest().or_fail(ExitCode::Internal)? {
+            return Ok(Some(state));
+        }
+        if session.termination.requested() || MonotonicNs::now() >= give_up {
+            return Ok(None);
+        }
+        session.wait([&mut states as _], Some(give_up))?;
     }
 }
 

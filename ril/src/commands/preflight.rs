@@ -8,21 +8,24 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use bridge::BridgeConfig;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, Source, Topic};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, ParameterRequest};
+use ipc_types::{MonotonicNs, Request, Source, Topic, fresh_request_id};
 use runtime::args::CommonArgs;
 use runtime::config::load;
 use runtime::exit::{ExitCode, Failure};
 use rustix::fs::Access;
 use status::log::config::LogConfig;
 
+use super::conversation::{Conversation, Format};
 use super::doctor;
 use super::doctor::facts::{FileContent, FileFacts, Namespace};
+use super::exchange::Until;
 use super::latest::Latest;
 use super::{Session, configuration, is_relayed, json_line};
 use crate::cli::{DoctorArgs, PreflightArgs};
 use crate::config::Config;
 use crate::live::Size;
+use crate::messages::Verb;
 use crate::preflight::check::Verdict;
 use crate::preflight::facts::{Clock, Facts, Live, LogPlace, Logs};
 use crate::preflight::judge;
@@ -39,7 +42,7 @@ const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
 ///
 /// # Errors
 ///
-/// Code 8 when a check failed, and with `--strict` when one warns.
+/// Code 8 when a check failed or could not be made, and with `--strict` when one warns.
 pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
     let Some(config) = configuration(&args.common)? else {
         return Ok(());
@@ -54,7 +57,10 @@ pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
     // A domain that cannot be joined is one of the findings.
     let session = Session::join(&args.common).ok();
     let live = match &session {
-        Some(session) => live(session, timeout)?,
+        Some(session) => Live {
+            answer: answer(session, timeout)?,
+            ..live(session, timeout)?
+        },
         None => Live::default(),
     };
     let report = report(&examined, live, &config);
@@ -84,7 +90,11 @@ pub(super) fn warn(session: &Session, common: &CommonArgs, config: &Config) -> R
     if !session.is_provided(ModuleState::KEY)? {
         return Ok(());
     }
-    let live = live(session, START_TIMEOUT)?;
+    let live = Live {
+        // The start is a request, too, and says by itself when it gets no answer.
+        answer: Some(Ok(())),
+        ..live(session, START_TIMEOUT)?
+    };
     for line in report(&doctor_args(common), live, config).warnings() {
         tracing::warn!("{line}");
     }
@@ -161,8 +171,25 @@ fn live(session: &Session, timeout: Duration) -> Result<Live, Failure> {
         state: newest.state.sample,
         dsp: newest.dsp.sample,
         hero: newest.hero.sample,
+        answer: None,
         is_relayed: provider.is_some_and(|provider| is_relayed(ModuleState::KEY, &provider)),
     })
+}
+
+/// Asks the bridge for the description of its first port, which it gives without the DSP. It answers to that as it does to an
+/// order.
+fn answer(session: &Session, timeout: Duration) -> Result<Option<Result<(), String>>, Failure> {
+    if !session.is_provided(ParameterRequest::KEY)? {
+        return Ok(None);
+    }
+    let request = ParameterRequest::list(fresh_request_id(), 0);
+    let answer = Conversation::open(session, Verb::ListParameters, timeout)
+        .and_then(|mut bridge| bridge.hold(&[request], Until::Final, Format::Silent));
+    Ok(Some(
+        answer
+            .map(drop)
+            .map_err(|failure| failure.chain().join(": ")),
+    ))
 }
 
 struct Newest {

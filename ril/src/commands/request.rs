@@ -9,12 +9,12 @@ use std::time::Duration;
 
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, MovementData, WaypointPosition};
-use ipc_types::{Request, fresh_request_id};
+use ipc_types::{MonotonicNs, Request, fresh_request_id};
 use runtime::exit::Failure;
 
 use super::conversation::{Conversation, Format};
 use super::exchange::Until;
-use super::position::present_position;
+use super::position::ground_altitude_m;
 use super::robot::refuse_to_guess;
 use super::{Session, configuration, preflight};
 use crate::cli::{
@@ -103,36 +103,43 @@ pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
         Some(file) => read_waypoints(file)?,
         None => args.targets().map_err(Failure::usage)?,
     };
+    // The other commands make their request first of all: one that is stopped meanwhile does not renew its order.
+    let issued_ns = MonotonicNs::now().0;
     run(
         Verb::GoTo,
         MovementData::KEY,
         &args.request,
+        args.hold_on_exit,
         choice,
         |session, timeout, deadline_ms| {
             let waypoints = absolute(&targets, session, timeout)?;
             let path = MovementData::path(fresh_request_id(), &waypoints, fresh_request_id);
             Ok(path
+                .map(|request| MovementData {
+                    issued_ns,
+                    ..request
+                })
                 .map(|request| complete(request, args.preempt, deadline_ms))
                 .collect())
         },
     )
 }
 
-/// The waypoints with the zero of telemetry. Where the helicopter is, is asked once, and only if it matters.
+/// The waypoints with telemetry altitudes. How high the ground of the take-off is, is asked once, and only if it matters.
 fn absolute(
     targets: &[Target],
     session: &Session,
     timeout: Duration,
 ) -> Result<Vec<WaypointPosition>, Failure> {
-    let is_relative = |target: &Target| matches!(target.altitude, Height::OverHere(_));
-    let here_m = match targets.iter().any(is_relative) {
-        true => present_position(session, timeout)?.at.altitude_m,
+    let is_relative = |target: &Target| matches!(target.altitude, Height::AboveTakeOff(_));
+    let ground_m = match targets.iter().any(is_relative) {
+        true => ground_altitude_m(session, timeout)?,
         false => 0.0,
     };
     let waypoint = |target: &Target| WaypointPosition {
         latitude_deg: target.latitude_deg,
         longitude_deg: target.longitude_deg,
-        altitude_m: target.altitude.from(here_m),
+        altitude_m: target.altitude.from(ground_m),
     };
     Ok(targets.iter().map(waypoint).collect())
 }
@@ -183,23 +190,32 @@ fn control(
     args: &RequestArgs,
     choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, key, args, choice, |_, _, deadline_ms| {
+    run(verb, key, args, false, choice, |_, _, deadline_ms| {
         Ok(vec![control_request(command, deadline_ms)])
     })
 }
 
-/// A start, a stop or a reload, to be begun within `deadline_ms`.
+/// A start, a stop or a reload, to be begun within `deadline_ms` of now.
 pub(super) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
+    let control = ModuleControl::new(fresh_request_id(), command);
     ModuleControl {
-        deadline_ms,
-        ..ModuleControl::new(fresh_request_id(), command)
+        begin_by_ns: begin_by_ns(control.issued_ns, deadline_ms),
+        ..control
     }
 }
 
-/// `request` to be begun within `deadline_ms`; says also whether it replaces a path that is under way.
+/// Until when an order may begin that was issued at `issued_ns`; 0 leaves it to the bridge, as a deadline of 0 does.
+pub(super) fn begin_by_ns(issued_ns: u64, deadline_ms: u32) -> u64 {
+    match deadline_ms {
+        0 => 0,
+        ms => (MonotonicNs(issued_ns) + Duration::from_millis(ms.into())).0,
+    }
+}
+
+/// `request` to be begun within `deadline_ms` of its issue; says also whether it replaces a path that is under way.
 pub(super) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
     MovementData {
-        deadline_ms,
+        begin_by_ns: begin_by_ns(request.issued_ns, deadline_ms),
         preempt: u16::from(preempt),
         ..request
     }
@@ -217,6 +233,7 @@ fn movement(
         verb,
         MovementData::KEY,
         args,
+        false,
         choice,
         |_, _, deadline_ms| Ok(vec![complete(request, preempt, deadline_ms)]),
     )
@@ -227,6 +244,7 @@ fn run<R: Request>(
     verb: Verb,
     key: &'static str,
     args: &RequestArgs,
+    hold_on_exit: bool,
     choice: RobotChoice,
     requests: impl FnOnce(&Session, Duration, u32) -> Result<Vec<R>, Failure>,
 ) -> Result<(), Failure> {
@@ -246,10 +264,8 @@ fn run<R: Request>(
         true => Until::Accepted,
         false => Until::Final,
     };
-    Conversation::open_at(&session, key, verb, timeout)?.hold(
-        &requests,
-        until,
-        Format::of(ask.json),
-    )?;
+    Conversation::open_at(&session, key, verb, timeout)?
+        .hold_on_exit(hold_on_exit)
+        .hold(&requests, until, Format::of(ask.json))?;
     Ok(())
 }

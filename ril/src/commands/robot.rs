@@ -72,11 +72,17 @@ fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String
     }
     for (uid, path) in others.iter().take(MAX_NAMED) {
         text += &format!(
-            "; user {uid} has a domain at {}: if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`",
-            path.display()
+            "; user {uid} has a domain at {}: {}",
+            path.display(),
+            as_user(*uid)
         );
     }
     text
+}
+
+/// The way to the robots of another user. RIL_IPC_ROOT does not lead there: no process enters the folder of another user.
+pub(super) fn as_user(uid: u32) -> String {
+    format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`")
 }
 
 fn alive() -> Result<Vec<RobotId>, Failure> {

@@ -27,7 +27,7 @@ use crate::robots::{Robot, SCHEMA, Table};
 ///
 /// # Errors
 ///
-/// Code 1 when the user's shared memory cannot be read.
+/// Code 1 when the shared memory cannot be read, that of another user included.
 pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
     let Some(config) = configuration(&args.common)? else {
         return Ok(());
@@ -43,6 +43,14 @@ pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
         Failure::internal(text)
     };
     let inspection = facts.inspection.as_ref().map_err(unreadable)?;
+    if let Some(root) = inspection.root.as_ref().filter(|root| !root.is_ours()) {
+        let text = format!(
+            "{} belongs to user {}: this user cannot see whether its robots live",
+            root.path.display(),
+            root.uid
+        );
+        return Err(Failure::internal(text).with_next_step(robot::as_user(root.uid)));
+    }
     let providers = facts.providers.as_ref().map_err(unreadable)?;
     let mut found: BTreeSet<RobotId> = providers.iter().map(|one| one.robot).collect();
     found.extend(inspection.robots.iter().map(|one| one.robot));

@@ -100,10 +100,14 @@ fn table(topics: &[ServiceFacts]) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{:key$}  {:type_name$}  {:>6} B",
+            "{:key$}  {:type_name$}  {:>6} B{}",
             topic.key,
             topic.schema.type_name(),
-            topic.schema.size()
+            topic.schema.size(),
+            match topic.provider {
+                Some(_) => "",
+                None => "  stale: its publisher was killed",
+            }
         );
     }
     text
@@ -236,6 +240,7 @@ fn object(field: &Field, name: &str, offset: usize) -> FieldObject {
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::Provider;
     use ipc_types::payload::ModuleState;
 
     use super::*;
@@ -250,8 +255,8 @@ mod tests {
         );
         for line in [
             "topic   module_state, which no process has open",
-            "type    hero.ModuleState.v2 (hero_msgs/msg/ModuleState in ROS 2)",
-            "size    384 B, alignment 8",
+            "type    hero.ModuleState.v3 (hero_msgs/msg/ModuleState in ROS 2)",
+            "size    416 B, alignment 8",
             "    48  hero_msgs/MovementState",
             "Horizontal distance to the last waypoint, m; meaningful when `distance_valid` is 1. [m]",
             "uint32[26]",
@@ -279,16 +284,29 @@ mod tests {
 
     #[test]
     fn the_list_is_aligned() {
-        let topic = |key: &str, name: &str| ServiceFacts {
+        let provider = |is_alive: bool| {
+            is_alive.then(|| Provider {
+                pid: 1,
+                process: "x".to_owned(),
+                since_ns: 1,
+                pid_namespace: 0,
+                time_namespace: 0,
+            })
+        };
+        let topic = |key: &str, name: &str, is_alive: bool| ServiceFacts {
             key: key.to_owned(),
             schema: Schema::parse(&format!("# Layout: x.{name}.v1\n\nuint64 sequence\n")).unwrap(),
             text: String::new(),
-            provider: None,
+            provider: provider(is_alive),
         };
-        let topics = [topic("a", "Long"), topic("battery_watch/b", "B")];
+        let topics = [
+            topic("a", "Long", true),
+            topic("battery_watch/b", "B", false),
+        ];
         assert_eq!(
             table(&topics),
-            "a                x.Long.v1       8 B\nbattery_watch/b  x.B.v1          8 B\n"
+            "a                x.Long.v1       8 B\n\
+             battery_watch/b  x.B.v1          8 B  stale: its publisher was killed\n"
         );
         assert_eq!(table(&[]), "");
     }

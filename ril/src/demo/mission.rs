@@ -1,8 +1,10 @@
 //! The demonstration's operator: which requests it sends, in which order. A pure value; it is given what became of each
 //! request and says what to ask next.
 
-use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
-use ipc_types::payload::{DspGeographic, ModuleControl, MovementData, RequestReport};
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{
+    DspGeographic, ModuleControl, MovementData, RequestReport, WaypointPosition,
+};
 
 /// Height of the take-off, m.
 const TAKE_OFF_M: f64 = 5.0;
@@ -194,23 +196,14 @@ impl Mission {
 
 fn path_requests(points: &[Point], mut next_id: impl FnMut() -> u64) -> Vec<Request> {
     let path_id = next_id();
-    let last = points.len().saturating_sub(1);
-    points
-        .iter()
-        .enumerate()
-        .map(|(index, point)| {
-            Request::Movement(MovementData {
-                request_id: next_id(),
-                path_id,
-                latitude_deg: point.latitude_deg,
-                longitude_deg: point.longitude_deg,
-                altitude_m: point.altitude_m,
-                kind: MovementKind::GoToWaypoint.code(),
-                first: u16::from(index == 0),
-                last: u16::from(index == last),
-                ..MovementData::default()
-            })
-        })
+    let position = |point: &Point| WaypointPosition {
+        latitude_deg: point.latitude_deg,
+        longitude_deg: point.longitude_deg,
+        altitude_m: point.altitude_m,
+    };
+    let positions: Vec<_> = points.iter().map(position).collect();
+    MovementData::path(path_id, &positions, next_id)
+        .map(Request::Movement)
         .collect()
 }
 

@@ -44,7 +44,7 @@ impl Meaning {
         }
     }
 
-    /// What is known of the struct with this type name, such as `hero.ModuleState.v2`.
+    /// What is known of the struct with this type name, such as `hero.ModuleState.v3`.
     pub fn of_type(type_name: &str) -> Meaning {
         match type_name {
             DspTelemetry::TYPE_NAME => Meaning::of::<DspTelemetry>(),

@@ -60,7 +60,7 @@ pub struct Summary {
     pub take_offs: u32,
     /// Way over ground in the air, m.
     pub distance_m: Option<f64>,
-    /// Greatest altitude, with the zero of telemetry, m.
+    /// Greatest telemetry altitude, m.
     pub max_altitude_m: Option<f64>,
     /// Greatest height over the place where the helicopter last stood before, m; nothing when it was in the air in all rows.
     pub max_height_m: Option<f64>,

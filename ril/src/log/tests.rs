@@ -89,7 +89,7 @@ fn a_flight_is_summed_up() {
     for line in [
         "start       2006-08-28T20:39:26.000000Z (from the file's name; true times may be later)",
         "duration    15.0s, 104 rows",
-        "altitude    at most 22.0 m, 10.0 m over the point of take-off",
+        "altitude    at most 22.0 m, 10.0 m above take-off",
         "battery     25.2 V to 24.5 V, 0.7 V used, at least 24.0 V",
         "losses      1 sample of 105 (0.95 %), 0 restarts of the bridge",
         "gaps        1 longer than 1 s, the longest 3.1s",

@@ -4,7 +4,7 @@
 //! could harm a terminal is not shown.
 
 use dsp_protocol::DspErrorCode;
-use ipc_types::code::{PortKind, SafetyRule};
+use ipc_types::code::{PortKind, Reason, SafetyRule};
 use ipc_types::payload::{PortInfo, RequestReport};
 
 /// Unit of the amount by which a rule is broken; nothing for a rule without an amount.
@@ -58,8 +58,12 @@ pub fn details(report: &RequestReport) -> Option<String> {
     let by = rule
         .zip(report.value())
         .and_then(|(rule, value)| amount(rule, value));
+    let late = report
+        .value()
+        .filter(|late_s| report.reason() == Some(Reason::TooLate) && late_s.is_finite())
+        .map(|late_s| format!("{late_s:.1} s late"));
     let error = report.dsp_error().map(dsp_error);
-    let parts: Vec<String> = [rule_name, place, by, error]
+    let parts: Vec<String> = [rule_name, place, by, late, error]
         .into_iter()
         .flatten()
         .collect();
@@ -144,7 +148,7 @@ fn row([number, name, value, unit, kind, range, writable]: [&str; 7]) -> String 
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::code::{Reason, Stage};
+    use ipc_types::code::Stage;
 
     use super::*;
 
@@ -222,6 +226,16 @@ mod tests {
         for name in ["", "\u{1b}[2J", "two words", "señal"] {
             assert_eq!(port_label(&port(name)), "port 20000", "{name:?}");
         }
+    }
+
+    #[test]
+    fn a_request_that_is_too_late_says_by_how_much() {
+        let report = RequestReport {
+            value: 7.04,
+            value_valid: 1,
+            ..RequestReport::new(Stage::Refused, Reason::TooLate)
+        };
+        assert_eq!(details(&report).as_deref(), Some("7.0 s late"));
     }
 
     #[test]

@@ -43,7 +43,7 @@ pub const fn exit_code(stage: Stage, reason: Reason) -> ExitCode {
         ) => ExitCode::LinkDown,
         (
             Stage::Aborted,
-            Reason::DeadlineExpired
+            Reason::TooLate
             | Reason::MovementTimeout
             | Reason::CommunicationFatalError
             | Reason::DeliveryFailed,

@@ -40,7 +40,12 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::PathTooLong => "the path has too many waypoints: split it",
         Reason::PathBroken => "another waypoint of the path was refused, or its sender vanished",
         Reason::TooManyRequests => "the bridge has too many open requests: try again later",
-        Reason::DeadlineExpired => "it did not begin on the DSP before its deadline",
+        Reason::TooLate => {
+            "the moment until which it might begin had passed, so nothing was done: look at `ril status`, then order it again"
+        }
+        Reason::Superseded => {
+            "an order that was issued later came first, and holds: look at `ril status`, then order it again if it is still meant"
+        }
         Reason::MovementTimeout => {
             "the movement took longer than `time_limit_s` in bridge.toml allows"
         }
@@ -52,6 +57,7 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::DspRebooted => "the DSP rebooted",
         Reason::BridgeEnding => "the bridge was ended meanwhile",
         Reason::BridgeGone => "the bridge vanished: start it again and look at `ril status`",
+        Reason::ModuleGone => "the module vanished: start it again and look at its state",
         Reason::DeliveryFailed => {
             "waypoints did not reach the DSP although they were sent again: `ril status` shows the link"
         }
@@ -66,7 +72,7 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the geofence forbids it: see `[fence]` of bridge.toml, and `ril fence reload` after a change"
         }
         Reason::SupplyLow => {
-            "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is always taken"
+            "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is taken in flight whatever the module's state is"
         }
         Reason::LinkLost => {
             "the link to the DSP was lost in flight: `ril status` shows whether the DSP stops by itself"

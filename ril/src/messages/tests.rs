@@ -18,7 +18,7 @@ fn every_final_report_has_its_exit_code() {
                 },
                 Stage::Aborted => match reason {
                     Reason::LinkDown | Reason::LinkLost | Reason::RelayLinkDown => 6,
-                    Reason::DeadlineExpired
+                    Reason::TooLate
                     | Reason::MovementTimeout
                     | Reason::CommunicationFatalError
                     | Reason::DeliveryFailed => 4,
@@ -147,7 +147,7 @@ fn a_take_off_says_how_high_it_is() {
         ..RequestReport::new(Stage::Done, Reason::None)
     };
     for (value, expected) in [
-        (9.84, "takeoff: done, 9.8 m over the point of take-off"),
+        (9.84, "takeoff: done, 9.8 m above take-off"),
         (f64::NAN, "takeoff: done"),
     ] {
         assert_eq!(line(Verb::TakeOff, 0, 1, &done(value)).unwrap(), expected);
@@ -220,6 +220,12 @@ fn people_read_what_goes_on() {
             0,
             counted(Stage::Accepted),
             Some("goto: waypoint 1 of 3 accepted"),
+        ),
+        (
+            Verb::Land,
+            0,
+            RequestReport::new(Stage::Accepted, Reason::LinkDown),
+            Some("land: accepted, and carried out as soon as the DSP is heard"),
         ),
         (Verb::GoTo, 0, counted(Stage::Done), None),
         (

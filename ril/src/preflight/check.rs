@@ -19,7 +19,7 @@ pub enum Verdict {
 pub struct Check {
     /// Its name for programs; it stays the same from version to version.
     pub id: &'static str,
-    /// Nothing when the check could not be made and another check already says so.
+    /// `None` if the check could not be made. The robot is not ready then, unless the operator does without the check.
     pub verdict: Option<Verdict>,
     /// Whether the check could be made.
     pub checked: bool,
@@ -61,7 +61,7 @@ impl Check {
         }
     }
 
-    /// A check that could not be made, because of what another check reports.
+    /// A check that could not be made.
     pub fn impossible(id: &'static str, why: impl Into<String>) -> Check {
         Check {
             verdict: None,
@@ -70,12 +70,27 @@ impl Check {
         }
     }
 
-    /// The same check, which was not made and counts as `verdict`: no other check says so.
+    /// The same check with what to do about it.
     #[must_use]
-    pub fn unmade(self) -> Check {
+    pub fn next_step(self, next_step: impl Into<String>) -> Check {
         Check {
-            checked: false,
+            next_step: Some(next_step.into()),
             ..self
+        }
+    }
+
+    /// The same check, which the operator does without if it cannot be made.
+    #[must_use]
+    pub fn may_be_unchecked(self) -> Check {
+        match self.checked {
+            true => self,
+            false => Check {
+                verdict: Some(Verdict::Warn),
+                next_step: self
+                    .next_step
+                    .or_else(|| Some("look at it yourself".to_owned())),
+                ..self
+            },
         }
     }
 
@@ -89,10 +104,12 @@ impl Check {
     }
 }
 
-/// The worst verdict of `checks`; a check without one does not count.
+/// The worst verdict of `checks`. What was not checked is not ready.
 pub fn worst(checks: &[Check]) -> Verdict {
-    let verdicts = checks.iter().filter_map(|check| check.verdict);
-    verdicts.max().unwrap_or(Verdict::Pass)
+    let verdicts = checks
+        .iter()
+        .map(|check| check.verdict.unwrap_or(Verdict::Fail));
+    verdicts.max().unwrap_or(Verdict::Fail)
 }
 
 /// How many of `checks` have this verdict.

@@ -36,6 +36,8 @@ pub struct Live {
     pub dsp: Option<DspTelemetry>,
     /// Telemetry in SI units.
     pub hero: Option<HeroTelemetry>,
+    /// Whether the bridge answered a request that moves nothing, or why not; `None` if there is no bridge to ask.
+    pub answer: Option<Result<(), String>>,
     /// Whether the samples come from another machine.
     pub is_relayed: bool,
 }

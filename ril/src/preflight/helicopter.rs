@@ -20,11 +20,6 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
         switch(facts),
         home(facts, limits),
         gps_fix(facts, limits),
-        // A check that everyone expects and that this DSP's protocol has no field for.
-        Check::impossible(
-            "gps-satellites",
-            "the DSP sends the quality of the fix, and no number of satellites",
-        ),
         battery(facts, limits),
         fuel(facts, limits),
         fence(facts),
@@ -50,7 +45,7 @@ fn sample<'a>(
     match group {
         Some(group) if !dsp.valid(group) => {
             let why = format!("the DSP sends no plausible group `{}`", group.name());
-            Err(Check::warn(id, why, ADD_GROUP).unmade())
+            Err(Check::impossible(id, why).next_step(ADD_GROUP))
         }
         _ => Ok(dsp),
     }
@@ -84,12 +79,13 @@ fn switch(facts: &Facts) -> Check {
             "manual: the pilot flies",
             "set the pilot's switch to auto; the bridge refuses movements until then",
         ),
-        Some(PilotSwitch::Unknown) | None => Check::warn(
+        Some(PilotSwitch::Unknown) | None => Check::impossible(
             ID,
             "the DSP does not send the switch, or what it sent is old",
-            "look at the pilot's transmitter; add `supply` to `status.groups` of bridge.toml",
         )
-        .unmade(),
+        .next_step(
+            "look at the pilot's transmitter; add `supply` to `status.groups` of bridge.toml",
+        ),
     };
     check.limit("auto")
 }
@@ -99,10 +95,6 @@ fn home(facts: &Facts, limits: &Limits) -> Check {
     const ID: &str = "home";
     let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::Geographic)) {
         Ok(dsp) => dsp,
-        // Unlike the other groups: the bridge refuses every movement with `no-position`.
-        Err(check) if check.verdict.is_some() => {
-            return Check::fail(ID, check.value, check.next_step.unwrap_or_default()).unmade();
-        }
         Err(check) => return check,
     };
     if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
@@ -291,8 +283,8 @@ fn safety_rules(facts: &Facts) -> Check {
 fn supply_rules(facts: &Facts) -> Check {
     const ID: &str = "supply-rules";
     let Some(config) = &facts.bridge else {
-        let why = "no bridge.toml that can be read is here; name the bridge's file with --bridge";
-        return Check::impossible(ID, why);
+        let why = "no bridge.toml that can be read is here";
+        return Check::impossible(ID, why).next_step("name the bridge's file with --bridge");
     };
     let unwatched: Vec<&str> = [
         ("battery_v", &config.safety.battery_v),

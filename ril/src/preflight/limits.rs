@@ -35,6 +35,8 @@ pub struct Limits {
     /// Room for a flight's rows of each log beyond what the log leaves free, MiB.
     #[serde(deserialize_with = "room_mib")]
     pub log_room_mib: u64,
+    /// Checks that warn if they cannot be made, instead of keeping the robot on the ground.
+    pub may_be_unchecked: Vec<String>,
 }
 
 impl Default for Limits {
@@ -56,6 +58,7 @@ impl Default for Limits {
             gps_quality_pass: vec![4, 5],
             gps_quality_warn: vec![1, 2, 3, 8],
             log_room_mib: 64,
+            may_be_unchecked: Vec::new(),
         }
     }
 }

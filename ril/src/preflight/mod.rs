@@ -24,5 +24,12 @@ pub fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
     let mut checks = robot::judge(facts, limits);
     checks.extend(helicopter::judge(facts, limits));
     checks.extend(machine::judge(facts, limits));
+    let does_without = |check: &Check| limits.may_be_unchecked.iter().any(|id| id == check.id);
     checks
+        .into_iter()
+        .map(|check| match does_without(&check) {
+            true => check.may_be_unchecked(),
+            false => check,
+        })
+        .collect()
 }

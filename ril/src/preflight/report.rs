@@ -53,8 +53,9 @@ impl Report {
         let warnings = count(self.warned, "warning");
         let mut text = format!("{} failed, {warnings}, {} passed", self.failed, self.passed);
         if self.unchecked > 0 {
+            let unchecked = self.checks.iter().filter(|check| !check.checked);
             // Writing to a string cannot fail.
-            let _ = write!(text, ", {} could not be checked", self.unchecked);
+            let _ = write!(text, ", {} not checked: {}", self.unchecked, ids(unchecked));
         }
         text
     }
@@ -71,7 +72,7 @@ impl Report {
             Verdict::Warn => "ready to take off, with warnings",
             Verdict::Fail => "NOT ready to take off",
         };
-        text + &format!("{readiness}: {}\n", self.summary())
+        text + &wrap(&format!("{readiness}: "), &self.summary(), width)
     }
 
     /// What a command that starts something says of the checks on standard error: each failure, and how many warnings.
@@ -81,15 +82,14 @@ impl Report {
         let mut lines: Vec<String> = failed
             .map(|check| format!("not ready to take off: {}: {}", check.id, said(check)))
             .collect();
-        let warned: Vec<&str> = self
-            .checks
-            .iter()
-            .filter(|check| check.verdict == Some(Verdict::Warn))
-            .map(|check| check.id)
-            .collect();
-        if !warned.is_empty() {
-            let names = warned.join(", ");
-            lines.push(format!("look at {names}"));
+        for (verdict, text) in [
+            (None, "not ready to take off, not checked: "),
+            (Some(Verdict::Warn), "look at "),
+        ] {
+            if number_of(&self.checks, verdict) > 0 {
+                let alike = self.checks.iter().filter(|check| check.verdict == verdict);
+                lines.push(format!("{text}{}", ids(alike)));
+            }
         }
         // The last line says where to read on.
         if let Some(last) = lines.last_mut() {
@@ -97,6 +97,10 @@ impl Report {
         }
         lines
     }
+}
+
+fn ids<'a>(checks: impl Iterator<Item = &'a Check>) -> String {
+    checks.map(|check| check.id).collect::<Vec<_>>().join(", ")
 }
 
 /// What was found, and of a check that could not be made that it was not.
@@ -112,7 +116,7 @@ fn lines(check: &Check, width: usize, text: &mut String) {
         Some(Verdict::Pass) => ("ok", true),
         Some(Verdict::Warn) => ("warn", false),
         Some(Verdict::Fail) => ("FAIL", false),
-        None => ("-", true),
+        None => ("-", false),
     };
     let mut value = said(check);
     // A limit in words says of something that is in order what its value says already.

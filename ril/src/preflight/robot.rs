@@ -1,7 +1,7 @@
 //! The robot's processes, the link to its DSP, and whether the data is of the present.
 
 use ipc_types::code::{LinkState, ModuleStatus};
-use ipc_types::payload::{ModuleState, RefusedCounters};
+use ipc_types::payload::{LastMinute, ModuleState};
 use ipc_types::{Module, MonotonicNs, RelayModule};
 
 use super::check::Check;
@@ -15,14 +15,12 @@ use crate::words::count;
 /// 20 s of status messages.
 const LEAST_MESSAGES: u64 = 1000;
 
-/// Rejected pieces that each opening of the port may cost: the message that was under way is cut, and its rest has no header.
-const REJECTED_PER_OPENING: u64 = 2;
-
 /// The checks of processes, link and data.
 pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
     vec![
         process(facts, "bridge"),
         process(facts, "status"),
+        orders(facts),
         link(facts),
         losses(facts, limits),
         dsp_errors(facts),
@@ -57,6 +55,22 @@ fn process(facts: &Facts, command: &'static str) -> Check {
         Some(one) => Check::pass(command, format!("running (process {})", one.by.pid)),
     }
     .limit("running")
+}
+
+/// Whether an order would be answered.
+fn orders(facts: &Facts) -> Check {
+    const ID: &str = "orders";
+    match &facts.live.answer {
+        None => Check::impossible(ID, "no process takes orders"),
+        Some(Ok(())) => Check::pass(ID, "the bridge answers"),
+        Some(Err(reason)) => Check::fail(
+            ID,
+            reason.clone(),
+            "an order would get no answer: end consumers, or raise the bridge's limit of descriptors (`LimitNOFILE=`, `ulimit -n`); \
+             `ril doctor` says whether the bridge is stopped",
+        ),
+    }
+    .limit("an answer")
 }
 
 /// The newest state of the bridge, or the check that cannot be made without it.
@@ -99,56 +113,29 @@ fn link(facts: &Facts) -> Check {
     .limit("up")
 }
 
-/// Pieces of the line that were no message, of all kinds.
-fn rejected(counters: &RefusedCounters) -> u64 {
-    let RefusedCounters {
-        stray,
-        unknown_header,
-        truncated,
-        checksum,
-        padding,
-        value,
-        implausible_groups: _,
-        implausible_mask: _,
-        requests: _,
-        transmit_overflows: _,
-        other_profile,
-        missed_messages,
-    } = *counters;
-    [
-        stray,
-        unknown_header,
-        truncated,
-        checksum,
-        padding,
-        value,
-        other_profile,
-        missed_messages,
-    ]
-    .into_iter()
-    .map(u64::from)
-    .sum()
-}
-
+/// What the line lost in the last minute: an outage before that is over.
 fn losses(facts: &Facts, limits: &Limits) -> Check {
     const ID: &str = "link-losses";
     let state = match state(facts, ID) {
         Ok(state) => state,
         Err(check) => return check,
     };
-    let link = &state.link;
-    let openings = u64::from(link.port_openings) + u64::from(link.dsp_boots);
-    let rejected = rejected(&state.refused).saturating_sub(openings * REJECTED_PER_OPENING);
-    let all = link.messages_received.saturating_add(rejected);
-    let percent = rejected as f64 * 100.0 / all.max(LEAST_MESSAGES) as f64;
+    let LastMinute {
+        duration_s,
+        messages,
+        rejected,
+        commands_repeated,
+        commands_failed,
+    } = state.last_minute;
+    let all = u64::from(messages) + u64::from(rejected);
+    let percent = f64::from(rejected) * 100.0 / all.max(LEAST_MESSAGES) as f64;
     let value = format!(
-        "{percent:.2} % of {all} messages rejected, {} repeated and {} failed",
-        count(link.commands_repeated, "command"),
-        link.commands_failed,
+        "{percent:.2} % of {all} messages of the last {duration_s} s rejected, {} repeated and {commands_failed} failed",
+        count(commands_repeated, "command"),
     );
     let next_step = "look at cable, ground and `baud_rate`; `ril status` has the counters";
     let threshold = limits.link_loss_percent;
-    let check = if percent > threshold.fail || link.commands_failed > 0 {
+    let check = if percent > threshold.fail || commands_failed > 0 {
         Check::fail(ID, value, next_step)
     } else if percent > threshold.warn {
         Check::warn(ID, value, next_step)

@@ -63,6 +63,7 @@ fn ready() -> Facts {
                 received_ns: NOW.0,
                 ..HeroTelemetry::default()
             }),
+            answer: Some(Ok(())),
             is_relayed: false,
         },
         bridge: Some(bridge.unwrap()),
@@ -83,8 +84,8 @@ fn state() -> ModuleState {
     };
     state.link.state = LinkState::Up.code();
     state.link.state_since_ns = 1;
-    state.link.messages_received = 10_000;
-    state.link.port_openings = 1;
+    state.last_minute.duration_s = 64;
+    state.last_minute.messages = 10_000;
     state.link.pc_timeout_supported = 1;
     state.link.telemetry_published = 10_000;
     state.safety.pilot_switch = PilotSwitch::Auto.code();
@@ -143,66 +144,84 @@ fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
         .filter(|check| !check.checked)
         .map(|check| check.id)
         .collect();
-    assert_eq!(unmade, ["gps-satellites"]);
+    assert!(unmade.is_empty(), "{unmade:?}");
 }
 
 #[test]
 fn each_trouble_is_found_by_its_own_check() {
     use Verdict::{Fail, Pass, Warn};
     type Change = fn(&mut Facts);
-    let cases: &[(&str, Change, Verdict, &str)] = &[
+    let cases: &[(&str, Change, Option<Verdict>, &str)] = &[
         (
             "dsp-errors",
             |facts| {
                 let errors = &mut facts.live.state.as_mut().unwrap().dsp_errors;
                 (errors.total, errors.last_code) = (1, 30);
             },
-            Warn,
+            Some(Warn),
             "1 error since the bridge began, last dsp-error-30",
         ),
         (
             "link-losses",
-            |facts| facts.live.state.as_mut().unwrap().refused.checksum = 2 + 30,
-            Warn,
-            "0.30 % of 10030 messages rejected",
+            |facts| facts.live.state.as_mut().unwrap().last_minute.rejected = 30,
+            Some(Warn),
+            "0.30 % of 10030 messages of the last 64 s rejected",
         ),
         (
             "link-losses",
-            |facts| facts.live.state.as_mut().unwrap().refused.checksum = 2 + 300,
-            Fail,
+            |facts| facts.live.state.as_mut().unwrap().last_minute.rejected = 300,
+            Some(Fail),
             "2.91 %",
         ),
         (
             "link-losses",
-            |facts| facts.live.state.as_mut().unwrap().link.commands_failed = 1,
-            Fail,
+            |facts| {
+                facts
+                    .live
+                    .state
+                    .as_mut()
+                    .unwrap()
+                    .last_minute
+                    .commands_failed = 1
+            },
+            Some(Fail),
             "0 commands repeated and 1 failed",
         ),
         (
             "link-losses",
             |facts| {
-                let state = facts.live.state.as_mut().unwrap();
-                (state.link.messages_received, state.refused.stray) = (20, 3);
+                let minute = &mut facts.live.state.as_mut().unwrap().last_minute;
+                (minute.messages, minute.rejected) = (20, 1);
             },
-            Pass,
+            Some(Pass),
             "0.10 %",
+        ),
+        (
+            // An outage that is over.
+            "link-losses",
+            |facts| {
+                let state = facts.live.state.as_mut().unwrap();
+                (state.link.commands_failed, state.refused.checksum) = (3, 5_000);
+            },
+            Some(Pass),
+            "0.00 % of 10000 messages of the last 64 s rejected, 0 commands repeated and 0 failed",
         ),
         (
             "telemetry",
             |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 - 1_500_000_000,
-            Fail,
+            Some(Fail),
             "1.500 s old",
         ),
         (
             "telemetry",
             |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 + 1,
-            Fail,
+            Some(Fail),
             "time of the future",
         ),
         (
             "robot-telemetry",
             |facts| facts.live.hero = None,
-            Fail,
+            Some(Fail),
             "no sample came",
         ),
         (
@@ -211,19 +230,19 @@ fn each_trouble_is_found_by_its_own_check() {
                 let state = facts.live.state.as_mut().unwrap();
                 (state.status, state.imi_error) = (ModuleStatus::Aborted.code(), 102);
             },
-            Warn,
+            Some(Warn),
             "aborted: movement-timeout",
         ),
         (
             "dsp-timeout",
             |facts| facts.live.state.as_mut().unwrap().link.pc_timeout_supported = 0,
-            Warn,
+            Some(Warn),
             "flies on",
         ),
         (
             "ground",
             |facts| facts.live.dsp.as_mut().unwrap().flying = 1,
-            Warn,
+            Some(Warn),
             "flying",
         ),
         (
@@ -231,49 +250,67 @@ fn each_trouble_is_found_by_its_own_check() {
             |facts| {
                 facts.live.state.as_mut().unwrap().safety.pilot_switch = PilotSwitch::Manual.code()
             },
-            Fail,
+            Some(Fail),
             "manual",
         ),
         (
             "mode-switch",
             |facts| facts.live.state.as_mut().unwrap().safety.pilot_switch = 0,
-            Warn,
+            None,
             "does not send",
+        ),
+        (
+            "orders",
+            |facts| facts.live.answer = Some(Err("the bridge did not answer".to_owned())),
+            Some(Fail),
+            "did not answer",
+        ),
+        (
+            "orders",
+            |facts| facts.live.answer = None,
+            None,
+            "no process",
+        ),
+        (
+            "supply-rules",
+            |facts| facts.bridge = None,
+            None,
+            "no bridge.toml",
         ),
         (
             "gps-fix",
             |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 1,
-            Warn,
+            Some(Warn),
             "quality 1 (GPS)",
         ),
         (
             "gps-fix",
             |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 0,
-            Fail,
+            Some(Fail),
             "quality 0 (no fix)",
         ),
         (
             "battery",
             |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 23_900,
-            Warn,
+            Some(Warn),
             "23.9 V",
         ),
         (
             "battery",
             |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_900,
-            Fail,
+            Some(Fail),
             "22.9 V",
         ),
         (
             "fuel",
             |facts| facts.live.dsp.as_mut().unwrap().supply.fuel_percent = 24,
-            Fail,
+            Some(Fail),
             "24.0 %",
         ),
         (
             "fence",
             |facts| facts.live.state.as_mut().unwrap().safety.fence_areas = 0,
-            Warn,
+            Some(Warn),
             "0 areas in force, 1 area in bridge.toml",
         ),
         (
@@ -286,7 +323,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     4.2,
                 );
             },
-            Fail,
+            Some(Fail),
             "fence-ceiling broken by 4.2 m; the bridge's action: refuse",
         ),
         (
@@ -296,31 +333,31 @@ fn each_trouble_is_found_by_its_own_check() {
                 (safety.rule, safety.action, safety.amount) =
                     (SafetyRule::Battery.code(), SafetyAction::Warn.code(), 0.2);
             },
-            Warn,
+            Some(Warn),
             "battery broken by 0.2 V",
         ),
         (
             "supply-rules",
             |facts| facts.bridge.as_mut().unwrap().safety.battery_v = Default::default(),
-            Warn,
+            Some(Warn),
             "for battery_v",
         ),
         (
             "clock",
             |facts| facts.clock.unix_s = 0,
-            Warn,
+            Some(Warn),
             "1970-01-01T00:00:00Z is before",
         ),
         (
             "log-room",
             |facts| facts.logs = Logs::NoFile,
-            Warn,
+            Some(Warn),
             "no status.toml is here",
         ),
         (
             "log-room",
             |facts| facts.logs = Logs::Configured(Vec::new()),
-            Warn,
+            Some(Warn),
             "has no log",
         ),
         (
@@ -331,7 +368,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     ..log()
                 }])
             },
-            Warn,
+            Some(Warn),
             "319 MiB free",
         ),
         (
@@ -342,13 +379,13 @@ fn each_trouble_is_found_by_its_own_check() {
                     ..log()
                 }])
             },
-            Fail,
+            Some(Fail),
             "the log pauses",
         ),
         (
             "log-room",
             |facts| facts.logs = Logs::Configured(vec![log(), log()]),
-            Warn,
+            Some(Warn),
             "320 MiB free",
         ),
         (
@@ -359,7 +396,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     ..log()
                 }])
             },
-            Fail,
+            Some(Fail),
             "may not be written",
         ),
         (
@@ -370,7 +407,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     inodes: None,
                 });
             },
-            Warn,
+            Some(Warn),
             "nearly full",
         ),
     ];
@@ -382,7 +419,7 @@ fn each_trouble_is_found_by_its_own_check() {
             _ => &[],
         };
         let check = after(id, others, change);
-        assert_eq!(check.verdict, Some(*verdict), "{check:?}");
+        assert_eq!(check.verdict, *verdict, "{check:?}");
         assert!(check.value.contains(expected), "{expected}: {check:?}");
     }
 }
@@ -403,16 +440,59 @@ fn the_link_is_told_by_its_state() {
 }
 
 #[test]
-fn a_group_that_is_not_sent_is_said_and_only_a_position_is_indispensable() {
-    let check = after("home", &["gps-fix", "battery", "fuel"], |facts| {
-        facts.live.dsp.as_mut().unwrap().valid_groups = 0;
-    });
-    assert_eq!((check.verdict, check.checked), (Some(Verdict::Fail), false));
-    let check = after("battery", &["home", "gps-fix", "fuel"], |facts| {
-        facts.live.dsp.as_mut().unwrap().valid_groups = 0;
-    });
-    assert_eq!((check.verdict, check.checked), (Some(Verdict::Warn), false));
-    assert!(check.value.contains("group `supply`"), "{check:?}");
+fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
+    let mut facts = ready();
+    facts.live.dsp.as_mut().unwrap().valid_groups = 0;
+    let unmade = ["home", "gps-fix", "battery", "fuel"];
+    let report = Report::new(1, judge(&facts, &Limits::default()));
+    assert_eq!(report.verdict(), Verdict::Fail);
+    let expected = "0 failed, 0 warnings, 20 passed, 4 not checked: home, gps-fix, battery, fuel";
+    assert_eq!(report.summary(), expected);
+    let text = report.text(usize::MAX);
+    for expected in [
+        "-     battery         not checked: the DSP sends no plausible group `supply`\n",
+        "→ add the group to `status.groups`",
+        "\nNOT ready to take off: 0 failed,",
+    ] {
+        assert!(text.contains(expected), "{expected}\n{text}");
+    }
+    let expected = "not ready to take off, not checked: home, gps-fix, battery, fuel; `ril preflight` says what to do";
+    assert_eq!(report.warnings(), [expected]);
+
+    let limits = Limits {
+        may_be_unchecked: unmade.map(str::to_owned).to_vec(),
+        ..Limits::default()
+    };
+    let checks = judge(&facts, &limits);
+    assert_eq!(worst(&checks), Verdict::Warn);
+    for check in checks.iter().filter(|check| unmade.contains(&check.id)) {
+        assert_eq!((check.verdict, check.checked), (Some(Verdict::Warn), false));
+        assert!(check.next_step.is_some(), "{check:?}");
+    }
+    // One that can be made is judged as ever.
+    facts = ready();
+    facts.live.dsp.as_mut().unwrap().supply.battery_mv = 20_000;
+    assert_eq!(worst(&judge(&facts, &limits)), Verdict::Fail);
+}
+
+/// Processes that live and say nothing, such as a bridge that is stopped.
+#[test]
+fn a_robot_of_which_nothing_could_be_checked_is_not_ready() {
+    let mut facts = ready();
+    facts.live = Live::default();
+    let checks = judge(&facts, &Limits::default());
+    assert!(
+        !checks
+            .iter()
+            .any(|check| check.verdict == Some(Verdict::Fail))
+    );
+    let report = Report::new(1, checks);
+    assert_eq!(report.verdict(), Verdict::Fail);
+    let summary = report.summary();
+    assert!(
+        summary.contains(" not checked: orders, dsp-link, link-losses"),
+        "{summary}"
+    );
 }
 
 #[test]
@@ -474,7 +554,7 @@ fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
         check.cloned().expect("a check of this name")
     };
     assert_eq!(of(&checks, "relay-link").verdict, Some(Verdict::Pass));
-    assert_eq!(of(&checks, "log-room").verdict, None);
+    assert!(checks.iter().all(|check| check.id != "log-room"));
     assert_eq!(
         of(&checks, "bridge").value,
         "relayed from another machine (process 7)"
@@ -517,10 +597,9 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     for expected in [
         "FAIL  battery         22.0 V; limit: at least 24 V (fail below 23 V)\n",
         "                      → charge or replace the battery\n",
-        "warn  mode-switch     not checked: the DSP does not send the switch, or what it\n",
-        "-     gps-satellites  not checked: ",
-        "\nNOT ready to take off: 1 failed, 1 warning, ",
-        ", 2 could not be checked\n",
+        "-     mode-switch     not checked: the DSP does not send the switch, or what it\n",
+        "\nNOT ready to take off: 1 failed, 0 warnings, ",
+        ", 1 not checked:",
     ] {
         assert!(text.contains(expected), "{expected:?}\n{text}");
     }
@@ -528,7 +607,7 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
         report.warnings(),
         [
             "not ready to take off: battery: 22.0 V",
-            "look at mode-switch; `ril preflight` says what to do"
+            "not ready to take off, not checked: mode-switch; `ril preflight` says what to do"
         ]
     );
     let json = serde_json::to_value(&report).unwrap();
@@ -536,7 +615,7 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
         ("/schema", serde_json::json!("ril.Preflight.v1")),
         ("/verdict", "fail".into()),
         ("/failed", 1.into()),
-        ("/unchecked", 2.into()),
+        ("/unchecked", 1.into()),
         ("/checks/0/id", "bridge".into()),
         ("/checks/0/verdict", "pass".into()),
         ("/checks/0/limit", "running".into()),

@@ -45,7 +45,7 @@ string text
 float64 latitude_deg
 # Waypoint of goto; NaN else [deg].
 float64 longitude_deg
-# Waypoint of goto, with the zero of telemetry; height over the point of take-off of takeoff; NaN else [m].
+# Telemetry altitude of the waypoint of goto; height above take-off of takeoff; NaN else [m].
 float64 altitude_m
 ";
 

@@ -60,7 +60,7 @@ impl Process {
 pub struct Home {
     /// Where.
     pub place: Place,
-    /// Altitude there, m, with the zero of telemetry.
+    /// Telemetry altitude there, m.
     pub altitude_m: f64,
 }
 

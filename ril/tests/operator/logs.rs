@@ -73,7 +73,7 @@ fn a_real_flight_is_listed_summed_up_and_converted() {
     between("max_height_m", 9.0, 12.0);
     assert!(summary["battery_v"]["first"].as_f64() > summary["battery_v"]["min"].as_f64());
     let text = on_terminal(&rig, "log summary", 0);
-    assert!(says(&text, "over the point of take-off"), "{text:#?}");
+    assert!(says(&text, "m above take-off"), "{text:#?}");
 
     let csv = rig.run("log csv", 0).stdout;
     assert_eq!(csv.len() as u64, 1 + summary["rows"].as_u64().unwrap());

@@ -1,5 +1,9 @@
 //! `ril robots`.
 
+use std::fs;
+use std::io::Write;
+use std::os::unix::fs::chown;
+
 use ril_tests::process::Signal;
 use serde_json::Value;
 
@@ -72,6 +76,34 @@ fn two_robots_are_told_apart_by_processes_link_and_phase() {
     for process in [status, bridge, other] {
         end(process, Signal::INT);
     }
+}
+
+/// Another user's domain may be that of a robot in flight. It is named, and nothing is said that would end its flight.
+#[test]
+fn the_domain_of_another_user_is_named_and_never_to_be_removed() {
+    const OTHER_USER: u32 = 65_534;
+    if !rustix::process::geteuid().is_root() {
+        // Past the capture of the test's output.
+        let _ = writeln!(
+            std::io::stderr(),
+            "SKIPPED: another user's domain: only root makes one"
+        );
+        return;
+    }
+    let rig = Rig::new();
+    let root = rig.domain.root().to_owned();
+    fs::create_dir(&root).unwrap();
+    chown(&root, Some(OTHER_USER), None).unwrap();
+    for (args, code) in [("robots", 1), ("status", 1), ("land", 1), ("doctor", 8)] {
+        let finished = rig.run(args, code);
+        let said: Vec<String> = [finished.stdout.clone(), finished.stderr.clone()].concat();
+        assert!(says(&said, "belongs to user 65534"), "{args}: {said:#?}");
+        assert!(says(&said, "run as that user"), "{args}: {said:#?}");
+        for wrong in ["remove it", "not safe", "no robot", "chmod"] {
+            assert!(!says(&said, wrong), "{args}: {said:#?}");
+        }
+    }
+    fs::remove_dir(&root).unwrap();
 }
 
 #[test]

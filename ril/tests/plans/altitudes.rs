@@ -1,10 +1,10 @@
-//! `ril takeoff` and `ril goto` with units, relative altitudes, and coordinates as words of their own.
+//! `ril takeoff` and `ril goto` with units, telemetry altitudes, heights above take-off, and coordinates as words of their own.
 
 use ril_tests::process::Signal;
 
 use crate::common::{PATIENT, Rig, end, json, says};
 
-/// The helicopter's altitude, m, with the zero of telemetry.
+/// The helicopter's telemetry altitude, m.
 fn altitude_m(rig: &Rig) -> f64 {
     let sample = json(
         &rig.run("echo dsp --count 1 --json --field geographic", 0)
@@ -14,7 +14,7 @@ fn altitude_m(rig: &Rig) -> f64 {
 }
 
 #[test]
-fn altitudes_have_units_and_are_relative_to_the_helicopter() {
+fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     let rig = Rig::new();
     rig.write("bridge.toml", PATIENT);
     let sim = rig.sim(1, "--speed 10");
@@ -29,15 +29,16 @@ fn altitudes_have_units_and_are_relative_to_the_helicopter() {
         "{hover_m} over {ground_m}"
     );
 
-    let finished = rig.run("goto 37.4112 -6.0010 +5m", 0);
+    // Where it hovers makes no difference to a height above take-off.
+    let finished = rig.run("goto 37.4112 -6.0010 +15m", 0);
     assert!(
         says(&finished.stdout, "1 of 1 waypoints sent"),
         "{finished:#?}"
     );
     let high_m = altitude_m(&rig);
     assert!(
-        (high_m - hover_m - 5.0).abs() < 2.0,
-        "{high_m} over {hover_m}"
+        (high_m - ground_m - 15.0).abs() < 2.0,
+        "{high_m} over {ground_m}"
     );
 
     rig.run(&format!("goto 37.4111 -6.0010 {:.1}m", ground_m + 8.0), 0);
@@ -45,6 +46,22 @@ fn altitudes_have_units_and_are_relative_to_the_helicopter() {
     assert!(
         (low_m - ground_m - 8.0).abs() < 2.0,
         "{low_m} over {ground_m}"
+    );
+    // Below the ground: a height above take-off was meant.
+    let finished = rig.run("goto 37.4111 -6.0010 5m", 5);
+    assert!(
+        says(&finished.stderr, "(fence-breach: fence-floor, leg 1, by "),
+        "{finished:#?}"
+    );
+    // A bridge that begins in the air has not seen the ground.
+    end(bridge, Signal::INT);
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    rig.run("start", 0);
+    let finished = rig.run("goto 37.4111 -6.0010 +8m", 5);
+    assert!(
+        says(&finished.stderr, "the height above take-off is not known"),
+        "{finished:#?}"
     );
     rig.run("land", 0);
     for process in [bridge, sim] {

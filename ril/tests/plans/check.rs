@@ -38,8 +38,8 @@ fn a_check_names_item_leg_rule_and_metres() {
     home         37.4110000, -6.0010000, 10.0 m: as the plan has it
     rules        of the robot: rules.toml with 1 area; the plan's own fence has 0
                  areas
-    flight       150 m, about 49s at 4.0 m/s; at most 18.0 m over home and 49 m away
-                 from it
+    flight       150 m, about 49s at 4.0 m/s; at most 18.0 m above take-off and 49 m
+                 away from it
 
     FORBIDS      item 2, leg 1: fence-ceiling by 1.0 m
                  is reached above the ceiling of the robot's fence
@@ -129,8 +129,8 @@ fn a_plan_in_order_is_checked_without_a_robot() {
     home         37.4110000, -6.0010000, 10.0 m: as --home says
     rules        of the robot: bridge.toml with 0 areas; the plan's own fence has 0
                  areas
-    flight       150 m, about 43s at 5.0 m/s; at most 18.0 m over home and 49 m away
-                 from it
+    flight       150 m, about 43s at 5.0 m/s; at most 18.0 m above take-off and 49 m
+                 away from it
 
     warns        the plan: not-used
                  line 2, the first item, is taken for the planned home, as

@@ -53,7 +53,7 @@ fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
     let finished = rig.run("plan fly square.waypoints", 0);
     let expected = [
         "plan: take-off to 15.0 m",
-        "m over the point of take-off",
+        "m above take-off",
         "plan: path of 2 waypoints, items 2 to 3",
         "plan: item 2 reached",
         "plan: item 3 reached",
@@ -161,6 +161,51 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
 }
 
 #[test]
+fn altitudes_above_sea_are_flown_only_when_it_is_known_how_high_telemetry_s_zero_lies() {
+    let rig = Rig::new();
+    let robot = Robot::start(&rig);
+    rig.write(
+        "mountain.gpx",
+        r#"<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1"><rte>
+        <rtept lat="37.4111" lon="-6.001"><ele>620</ele></rtept></rte></gpx>"#,
+    );
+    let finished = rig.run("plan fly mountain.gpx --takeoff 5m", 8);
+    for expected in [
+        "item 1: sea-level",
+        "zero_above_sea_m",
+        "heights above take-off",
+    ] {
+        assert!(
+            says(&finished.stderr, expected),
+            "{expected}: {finished:#?}"
+        );
+    }
+    let state = rig.state(1);
+    assert_eq!(
+        state["module"]["functionality"],
+        Functionality::AtRest.name()
+    );
+    // The two ways to go on.
+    rig.write("ril.toml", "[plan]\nzero_above_sea_m = 600.0\n");
+    rig.run("plan fly mountain.gpx --takeoff 5m", 0);
+    let at = &rig.state(1)["flight"]["altitude_m"];
+    assert!((at.as_f64().unwrap() - 20.0).abs() < 1.5, "{at}");
+    rig.write("ril.toml", "");
+    rig.write(
+        "field.waypoints",
+        "QGC WPL 110\n1 0 3 16 0 0 0 0 37.4112 -6.001 12 1\n",
+    );
+    // In the air it must be said how high the take-off was.
+    let finished = rig.run("plan fly field.waypoints --home 37.411,-6.001", 8);
+    assert!(
+        says(&finished.stderr, "the telemetry altitude of home"),
+        "{finished:#?}"
+    );
+    rig.run("plan fly field.waypoints --home 37.411,-6.001,10", 0);
+    robot.end();
+}
+
+#[test]
 fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
     let rig = Rig::new();
     let robot = Robot::start(&rig);
@@ -207,7 +252,7 @@ fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
     // A signal ends the command and not the path.
     rig.write(
         "back.waypoints",
-        "QGC WPL 110\n1 0 0 16 0 0 0 0 37.411 -6.001 25 1\n2 0 0 21 0 0 0 0 0 0 0 1\n",
+        "QGC WPL 110\n1 0 3 16 0 0 0 0 37.411 -6.001 15 1\n2 0 0 21 0 0 0 0 0 0 0 1\n",
     );
     let mut flight = rig.start("plan fly back.waypoints --home 37.411,-6.001,10");
     flight.wait_for_text("plan: path to item 1");

@@ -184,7 +184,7 @@ fn record(status: &mut Status, sequences: RangeInclusive<u64>) {
         let dsp = sample(1, sequence);
         let now = MonotonicNs(sequence);
         assert_eq!(status.translate(&dsp, now).source_sequence, sequence);
-        status.record(&dsp, Ok(()), now);
+        status.record(Ok(()), now);
     }
 }
 

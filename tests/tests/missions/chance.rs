@@ -295,9 +295,11 @@ pub fn fly_with_slow_status(seed: u64) -> Seen {
     let mut config = dice.config(seed);
     // The points of a divided leg begin at the last known position, which here may be one on the ground.
     config.bridge.trajectory.kind = TrajectoryKind::PassThrough;
-    let config = config.parameters(&format!(
+    let mut config = config.parameters(&format!(
         "status_period_ms = {period_ms}\ncruise_speed_mps = 3.0\nclimb_speed_mps = 2.0"
     ));
+    // Without counts a path is done only when each waypoint was seen to be reached, which needs more positions than that.
+    config.simulator.firmware.has_waypoint_count = true;
     let mut world = World::new(&config.sparse());
     let mission = dice.mission();
     fly(&mut world, &mission);

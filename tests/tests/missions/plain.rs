@@ -379,7 +379,7 @@ fn a_stop_in_the_middle_of_a_path_leaves_a_helicopter_that_hovers() {
         "waypoints were sent after the stop"
     );
     // It can go on from there.
-    let refused = world.movement(MovementData::land(0));
+    let refused = world.waypoint(8, &[point(0.0, 5.0, 10.0)], 0);
     let outcome = world.witness.outcome(refused).expect("a final report");
     assert_eq!(
         (outcome.stage, outcome.reason),

@@ -207,6 +207,7 @@ impl World {
         let id = self.request_id();
         let request = ModuleControl {
             request_id: id,
+            issued_ns: host(self.now).0,
             ..request
         };
         let (key, sender) = (RequestKey::Control(id), None);
@@ -231,6 +232,7 @@ impl World {
         let request_id = self.request_id();
         let request = MovementData {
             request_id,
+            issued_ns: host(self.now).0,
             ..request
         };
         if !self.is_alive() {
@@ -276,6 +278,7 @@ impl World {
         let request_id = self.request_id();
         let request = ParameterRequest {
             request_id,
+            issued_ns: host(self.now).0,
             ..request
         };
         if self.is_alive() {

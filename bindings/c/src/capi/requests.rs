@@ -13,7 +13,7 @@ use super::{
     timeout, write,
 };
 use crate::error::Error;
-use crate::requests::{Answer, Requests, reason_name, stage_name};
+use crate::requests::{Answer, Requests, check_waypoints, reason_name, stage_name};
 
 /// `hero_ril_waypoint`
 #[repr(C)]
@@ -136,6 +136,7 @@ pub unsafe extern "C" fn hero_ril_go_to(
             if waypoints.is_null() {
                 return Err(null("waypoints"));
             }
+            check_waypoints(count)?;
             // SAFETY: the caller has `count` waypoints there.
             let path: Vec<_> = std::slice::from_raw_parts(waypoints, count)
                 .iter()
@@ -159,7 +160,12 @@ pub unsafe extern "C" fn hero_ril_next_report(
     report: *mut RequestReport,
 ) -> c_int {
     guard(|| unsafe {
-        match handle(client, "client")?.next_report(request_id, timeout(timeout_ms))? {
+        let client = handle(client, "client")?;
+        // Before a report is taken, which could not be given back.
+        if report.is_null() {
+            return Err(null("report"));
+        }
+        match client.next_report(request_id, timeout(timeout_ms))? {
             Answer::Report(answer) => {
                 write(report, answer, "report")?;
                 Ok(OK)

@@ -3,9 +3,10 @@
 use std::ffi::{c_char, c_int};
 use std::path::Path;
 
-use ipc_types::{Domain, Ipc};
+use ipc_types::{Domain, Ipc, SchedulingRole, request_slice};
 
-use super::{clear, close, give, guard, optional_text, text};
+use super::{OK, clear, close, give, guard, optional_text, text};
+use crate::error::Error;
 use crate::joining::join;
 
 /// `hero_ril_robot`
@@ -36,4 +37,18 @@ pub unsafe extern "C" fn hero_ril_join(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_leave(robot: *mut Robot) {
     unsafe { close(robot) }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub extern "C" fn hero_ril_request_slice(role: c_int) -> c_int {
+    guard(|| {
+        request_slice(match role {
+            0 => SchedulingRole::Provider,
+            1 => SchedulingRole::Consumer,
+            2 => SchedulingRole::Background,
+            _ => return Err(Error::Invalid(format!("{role} is no hero_ril_role"))),
+        });
+        Ok(OK)
+    })
 }

@@ -9,12 +9,14 @@
 Samples and reports are ctypes structures, copies of what lies in shared memory: see `hero_ril.structs`. A recorded flight is read
 as frames of pandas: see `Flight`.
 
-Every object belongs to one thread at a time. Iterations can be `for` or, in asyncio, `async for`.
+Every object belongs to one thread at a time, but a server and its orders may be used by several. Iterations can be `for` or, in
+asyncio, `async for`.
 """
 
 import asyncio
 import contextlib
 import ctypes
+import os
 import weakref
 
 from . import structs
@@ -25,8 +27,10 @@ from ._native import (
     RilError,
     Robot as _Robot,
     TakenError,
+    count_fork as _count_fork,
     reason as reason_name,
     reason_code,
+    request_slice,
     stage as stage_name,
     stage_code,
 )
@@ -54,10 +58,14 @@ __all__ = [
     "Subscriber",
     "TakenError",
     "reason_name",
+    "request_slice",
     "schema_of",
     "stage_name",
     "structs",
 ]
+
+# In a child, what its parent has made raises an error.
+os.register_at_fork(after_in_child=_count_fork)
 
 _OWN_TOPICS = {
     "dsp_telemetry": DspTelemetry,
@@ -119,6 +127,20 @@ class _Closing:
         self.close()
 
 
+class _Port(_Closing):
+    """A port of a robot: one that is dropped gives up its place in the service."""
+
+    def __del__(self):
+        # Not when it was never made, and not at the end of the program.
+        with contextlib.suppress(Exception):
+            self.close()
+
+
+def _check_instance(value, struct):
+    if not isinstance(value, struct):
+        raise TypeError(f"{struct.__name__} is wanted, not {type(value).__name__}")
+
+
 #: By event loop and descriptor: the tasks that wait for it. An event loop itself knows one reader of a descriptor.
 _waiting = weakref.WeakKeyDictionary()
 
@@ -151,7 +173,7 @@ async def _readable(descriptors):
                 loop.remove_reader(descriptor)
 
 
-class Subscriber(_Closing):
+class Subscriber(_Port):
     """The reading end of a topic. Iterating gives every sample and waits for the next one."""
 
     def __init__(self, native, struct, timeout=None):
@@ -217,7 +239,7 @@ class Subscriber(_Closing):
         return sample
 
 
-class Publisher(_Closing):
+class Publisher(_Port):
     """The writing end of a topic, of which a robot has one."""
 
     def __init__(self, native, struct):
@@ -226,6 +248,7 @@ class Publisher(_Closing):
 
     def publish(self, sample):
         """Publishes a copy of the structure and returns its number, from 1. `sequence` and `epoch_ns` are filled in."""
+        _check_instance(sample, self.struct)
         return self._native.publish(bytes(sample))
 
     def tend(self):
@@ -292,8 +315,8 @@ class Request:
 class Order:
     """A request that a server has taken. `data` is its structure.
 
-    Answer it with `accept()`, any number of `progress()`, and one of `done()`, `refuse()` and `abort()`; each returns whether the
-    client is still there. In a `with` statement, a request without a final report ends as done, or as aborted after an exception. An
+    Answer it with `accept()`, any number of `progress()`, and one of `done()`, `refuse()` and `abort()`, from any thread, also while
+    another one waits for the next request; each returns whether the client is still there. In a `with` statement, a request without a final report ends as done, or as aborted after an exception. An
     order that is dropped without a final report ends as aborted, so that no client waits in vain.
     """
 
@@ -359,7 +382,7 @@ class Order:
         return f"Order({type(self.data).__name__}, request_id={self.data.request_id})"
 
 
-class Server(_Closing):
+class Server(_Port):
     """The server of a request service, of which a robot has one. Iterating gives every request and waits for the next one."""
 
     def __init__(self, native, struct):
@@ -415,14 +438,22 @@ class Robot(_Closing):
 
     def __init__(self, robot=1, name="python", root=None):
         self._native = _Robot(robot, name, root)
-        self._ports = contextlib.ExitStack()
+        #: Those that the program still has.
+        self._ports = weakref.WeakSet()
         self._client = None
 
     def close(self):
         """Closes everything that was made with it."""
-        self._ports.close()
-        self._client = None
+        for port in list(self._ports):
+            port.close()
+        if self._client is not None:
+            self._client.close()
+            self._client = None
         self._native.close()
+
+    def _keep(self, port):
+        self._ports.add(port)
+        return port
 
     # Topics
 
@@ -440,7 +471,7 @@ class Robot(_Closing):
             schema = schema_of(struct)
         size = 0 if struct is None else ctypes.sizeof(struct)
         subscriber = Subscriber(self._native.subscribe(key, layout_hash, schema, size), struct, timeout)
-        return self._ports.enter_context(subscriber)
+        return self._keep(subscriber)
 
     def telemetry(self, timeout=None):
         """Telemetry in SI units."""
@@ -457,7 +488,7 @@ class Robot(_Closing):
     def advertise(self, key, struct, *, schema=None):
         """Becomes the publisher of a topic that carries the structure; `schema` says the same with comments, if it is given."""
         native = self._native.advertise(key, schema or schema_of(struct), ctypes.sizeof(struct))
-        return self._ports.enter_context(Publisher(native, struct))
+        return self._keep(Publisher(native, struct))
 
     def topics(self):
         """Key, layout and publishing process of every topic that there is."""
@@ -468,7 +499,6 @@ class Robot(_Closing):
     def _requests(self):
         if self._client is None:
             self._client = self._native.client()
-            self._ports.callback(self._client.close)
         return self._client
 
     def start(self):
@@ -498,6 +528,7 @@ class Robot(_Closing):
     def send(self, key, request, *, schema=None):
         """Sends a structure as a request of the service `key`, such as ParameterRequest to "parameters", ModuleControl to
         "battery_watch/control", or a structure of your own to a module. A `request_id` of 0 is replaced."""
+        _check_instance(request, ctypes.Structure)
         schema = schema or schema_of(type(request))
         return Request(self._requests(), key, self._requests().send(key, bytes(request), None, schema))
 
@@ -505,4 +536,4 @@ class Robot(_Closing):
         """Becomes the server of the request service `key`, whose requests carry the structure; `schema` says the same with
         comments, if it is given."""
         native = self._native.serve(key, None, schema or schema_of(struct), ctypes.sizeof(struct))
-        return self._ports.enter_context(Server(native, struct))
+        return self._keep(Server(native, struct))

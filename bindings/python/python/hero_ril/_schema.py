@@ -5,6 +5,7 @@ import ctypes
 #: By ctypes type: its name in a message definition of ROS 2.
 _ROS_NAMES = {
     ctypes.c_uint8: "uint8",
+    ctypes.c_char: "uint8",
     ctypes.c_uint16: "uint16",
     ctypes.c_uint32: "uint32",
     ctypes.c_uint64: "uint64",
@@ -35,7 +36,8 @@ def schema_of(struct):
     """The schema of a ctypes structure, as text.
 
     Its static method `type_name` says what the layout is called, such as "battery_watch.Voltages.v1"; nested structures have one
-    too. The fields follow one another without a hole, and there are no pointers, flags or characters among them.
+    too. The fields follow one another without a hole, and there are no pointers or flags among them. A character is a `uint8`, and an
+    array of several dimensions lies there, and is described, as one of one dimension.
     """
     nested = []
     _collect(struct, nested)
@@ -46,9 +48,18 @@ def schema_of(struct):
     return "\n".join(texts)
 
 
+def _element(kind):
+    """The elements of an array, of its innermost dimension, and how many there are; None of what is no array."""
+    length = None
+    while issubclass(kind, ctypes.Array):
+        length = kind._length_ * (1 if length is None else length)
+        kind = kind._type_
+    return kind, length
+
+
 def _collect(struct, nested):
     for _, kind in struct._fields_:
-        element = getattr(kind, "_type_", kind) if issubclass(kind, ctypes.Array) else kind
+        element, _ = _element(kind)
         if issubclass(element, ctypes.Structure) and element not in nested:
             _collect(element, nested)
             nested.append(element)
@@ -57,9 +68,8 @@ def _collect(struct, nested):
 def _definition(struct):
     lines = [f"# Layout: {struct.type_name()}", ""]
     for name, kind in struct._fields_:
-        element, length = kind, ""
-        if issubclass(kind, ctypes.Array):
-            element, length = kind._type_, f"[{kind._length_}]"
+        element, length = _element(kind)
+        length = "" if length is None else f"[{length}]"
         if issubclass(element, ctypes.Structure):
             package, nested, _ = element.type_name().split(".")
             type_name = f"{package}_msgs/{nested}"

@@ -36,10 +36,10 @@ const MAX_NAME_CHARS: usize = 64;
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FenceConfig {
-    /// The helicopter stays above this altitude, metres, same zero as the telemetry's altitude.
+    /// The helicopter stays above this telemetry altitude, metres.
     #[serde(deserialize_with = "altitude_m")]
     pub floor_m: Option<f64>,
-    /// The helicopter stays below this altitude, metres.
+    /// The helicopter stays below this telemetry altitude, metres.
     #[serde(deserialize_with = "altitude_m")]
     pub ceiling_m: Option<f64>,
     /// `[[fence.area]]`, at most [`MAX_AREAS`].

@@ -102,7 +102,7 @@ fn a_service_that_is_served_by_its_schema_takes_requests_of_the_struct() {
         assert!(client.wait(WATCHDOG).unwrap().is_ready());
         let mut reports = Vec::new();
         client.drain(|report| reports.push((report.request_id, report.path_id, report.reason())));
-        assert_eq!(reports, [(7, 9, Some(Reason::BridgeGone))]);
+        assert_eq!(reports, [(7, 9, Some(Reason::ModuleGone))]);
     });
 }
 
@@ -117,9 +117,11 @@ fn a_module_s_control_service_is_served_and_used_by_its_schema() {
         typed
             .send(&ControlOf::command(7, ControlCommand::Start))
             .unwrap();
-        dynamic
-            .send(ModuleControl::new(8, ControlCommand::Stop).bytes())
-            .unwrap();
+        let unissued = ModuleControl {
+            issued_ns: 0,
+            ..ModuleControl::new(8, ControlCommand::Stop)
+        };
+        dynamic.send(unissued.bytes()).unwrap();
         let mut taken = Vec::new();
         let take =
             |ticket, bytes: &[u8]| taken.push((ticket, ModuleControl::from_bytes(bytes).unwrap()));
@@ -130,6 +132,7 @@ fn a_module_s_control_service_is_served_and_used_by_its_schema() {
         taken.sort_by_key(|(_, request)| request.request_id);
         assert_eq!(taken[0].1.command(), Some(ControlCommand::Start));
         assert_eq!(taken[1].1.command(), Some(ControlCommand::Stop));
+        assert!(taken[1].1.issued_ns >= taken[0].1.issued_ns, "{taken:?}");
         assert_eq!(typed.drain(|report| assert_eq!(report.request_id, 7)), 1);
         assert_eq!(dynamic.drain(|report| assert_eq!(report.request_id, 8)), 1);
     });

@@ -1,7 +1,5 @@
 //! What goes into the robot side's memory and comes out of it, besides messages.
 
-use ipc_types::MonotonicNs;
-
 use crate::orders::message::{Answer, UnknownSession};
 
 /// Whether a kind of request can be asked for again without being executed.
@@ -11,6 +9,15 @@ pub enum Repeat {
     Field,
     /// It has none: a request that may have been executed is not passed on again.
     None,
+}
+
+/// What is to be known of a request before it is handed on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Traits {
+    /// How the server can be asked again.
+    pub repeat: Repeat,
+    /// It ends a movement, or makes the robot do nothing: a hold, a landing, a stop. It waits for no order before it.
+    pub ends_movement: bool,
 }
 
 /// Why a request could not be sent to its server.
@@ -33,8 +40,6 @@ pub enum Output {
         request_id: u64,
         /// Set the request's field `repeat` to 1. Otherwise the request is sent as it is.
         is_repeat: bool,
-        /// The request's deadline, from which the field `deadline_ms` may be made. It has passed only for a repetition.
-        expires: MonotonicNs,
         /// The request.
         request: Vec<u8>,
     },

@@ -15,12 +15,11 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::WINDOW;
 use super::message::{Order, UnknownSession, request_id};
 use super::verdict::Verdict;
-pub use io::{NotSent, Output, Repeat};
+pub use io::{NotSent, Output, Repeat, Traits};
 pub use places::SESSIONS;
-use record::State;
+use record::{Record, State};
 pub use records::ORPHANS;
 use records::{Known, Records};
 pub use sessions::OrderCounts;
@@ -57,7 +56,7 @@ impl Default for Config {
 
 /// The robot side of all stations' orders.
 ///
-/// Its memory is bounded: [`SESSIONS`] · [`WINDOW`] + [`ORPHANS`] orders.
+/// Its memory is bounded: [`SESSIONS`] · [`WINDOW`](super::WINDOW) + [`ORPHANS`] orders.
 #[derive(Clone, Debug)]
 pub struct Robot {
     config: Config,
@@ -94,11 +93,14 @@ impl Robot {
         token
     }
 
-    /// An order has come. `repeat` is what its topic's requests can do.
+    /// An order has come.
+    ///
+    /// It is passed on when all orders of its session before it were here, unless it [ends a movement](Traits::ends_movement). A
+    /// repetition, which nothing is begun for, waits for none either.
     pub fn order(
         &mut self,
         order: &Order,
-        repeat: Repeat,
+        traits: Traits,
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) {
@@ -110,12 +112,12 @@ impl Robot {
         };
         session.hear(now);
         let (station, former_floor) = (session.station, session.floor);
-        session.floor = former_floor.max(order.floor);
+        let is_sent = session.see(order.number, order.floor);
         let floor = session.floor;
         if floor > former_floor {
             self.records.forget(order.session, floor, out);
         }
-        if order.number < floor || order.number - floor >= WINDOW {
+        if !is_sent {
             return;
         }
         let index = match self.records.known(order, station) {
@@ -127,7 +129,7 @@ impl Robot {
             }
             new => {
                 let verdict = match new {
-                    Known::No => judge(order, repeat, now),
+                    Known::No => judge(order, traits.repeat, now),
                     _ if order.is_repeat => Some(Verdict::NotRemembered),
                     _ => Some(Verdict::Busy),
                 };
@@ -135,7 +137,9 @@ impl Robot {
                     session.counts.note(verdict);
                 }
                 let index = self.records.remember(order, station, verdict, now);
-                self.pass_on(index, out);
+                if order.is_repeat || traits.ends_movement {
+                    self.go_on(index, now, out);
+                }
                 index
             }
         };
@@ -144,6 +148,7 @@ impl Robot {
             self.give_up(index, now, out);
         }
         self.answer(index, out);
+        self.pass_on_in_turn(now, out);
     }
 
     /// A report about a request has come from its server, or from the client's port.
@@ -202,19 +207,18 @@ impl Robot {
         }
         record.note(&verdict.report(request_id, now));
         self.noted(index, out);
+        self.pass_on_in_turn(now, out);
     }
 
     /// Does what is due. Call it at [`Robot::deadline`].
     pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
-        // From the end, because a record without a session is removed when it ends.
-        for index in (0..self.records.len()).rev() {
-            if self.records[index].resume(now) {
-                self.pass_on(index, out);
-                if !self.records[index].is_open() {
-                    self.noted(index, out);
-                }
+        while let Some(index) = self.records.due(now) {
+            self.go_on(index, now, out);
+            if !self.records[index].is_open() {
+                self.noted(index, out);
             }
         }
+        self.pass_on_in_turn(now, out);
         let Some(link_loss) = self.config.link_loss else {
             return;
         };
@@ -231,10 +235,7 @@ impl Robot {
 
     /// When [`Robot::tick`] is due.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let retries = self.records.iter().filter_map(|record| match record.state {
-            State::Waiting(_, at) => Some(at),
-            _ => None,
-        });
+        let retries = self.records.iter().filter_map(Record::waits_until);
         let losses = self.config.link_loss.into_iter().flat_map(|link_loss| {
             let open = |token| self.records.has_open(token);
             let watched = self
@@ -260,15 +261,25 @@ impl Robot {
         self.records.len()
     }
 
-    /// Passes an order on, unless it has ended.
-    fn pass_on(&self, index: usize, out: &mut Vec<Output>) {
-        let record = &self.records[index];
+    /// Passes on what has waited for orders before it.
+    fn pass_on_in_turn(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        while let Some(index) = self.records.in_turn(&self.sessions) {
+            self.go_on(index, now, out);
+            if !self.records[index].is_open() {
+                self.noted(index, out);
+            }
+        }
+    }
+
+    /// Passes an order on, unless it has ended, or is too late now.
+    fn go_on(&mut self, index: usize, now: MonotonicNs, out: &mut Vec<Output>) {
+        let record = &mut self.records[index];
+        record.go_on(now);
         if let State::PassedOn(passage) = &record.state {
             out.push(Output::Send {
                 topic: record.topic,
                 request_id: record.request_id,
                 is_repeat: passage.is_repeat,
-                expires: passage.expires,
                 request: passage.request.clone(),
             });
         }
@@ -316,7 +327,7 @@ fn judge(order: &Order, repeat: Repeat, now: MonotonicNs) -> Option<Verdict> {
         // It may have been executed: that it is too late now says nothing.
         (repeat == Repeat::None).then_some(Verdict::NotRemembered)
     } else {
-        (order.expires < now).then_some(Verdict::Expired)
+        (order.expires < now).then(|| Verdict::Expired(now.since(order.expires)))
     }
 }
 

@@ -25,6 +25,8 @@ pub(super) struct Record {
 
 #[derive(Clone, Debug)]
 pub(super) enum State {
+    /// It waits for the orders before it.
+    Early(Passage),
     /// The server has it, as far as is known.
     PassedOn(Passage),
     /// It is passed on again at this time.
@@ -75,13 +77,31 @@ impl Record {
             number,
             topic,
             request_id,
-            state: State::PassedOn(passage),
+            state: State::Early(passage),
             reports: Reports::default(),
         }
     }
 
     pub(super) fn is_open(&self) -> bool {
         !matches!(self.state, State::Ended)
+    }
+
+    /// Whether it was passed on, or has ended without.
+    pub(super) fn has_begun(&self) -> bool {
+        !matches!(self.state, State::Early(_))
+    }
+
+    /// Whether it is to be passed on for the first time, and its server does not take it now.
+    pub(super) fn is_held_up(&self) -> bool {
+        matches!(&self.state, State::Waiting(passage, _) if !passage.is_repeat)
+    }
+
+    /// When it is passed on again, if it waits for that.
+    pub(super) fn waits_until(&self) -> Option<MonotonicNs> {
+        match self.state {
+            State::Waiting(_, at) => Some(at),
+            _ => None,
+        }
     }
 
     /// Remembers a report, unless the order has ended.
@@ -118,20 +138,17 @@ impl Record {
         }
     }
 
-    /// Whether the time of waiting is over. The record is then to be passed on, or has ended, because it is too late.
-    pub(super) fn resume(&mut self, now: MonotonicNs) -> bool {
-        let State::Waiting(passage, at) = &self.state else {
-            return false;
+    /// It waits no longer: it is passed on, or has ended, because it is too late.
+    pub(super) fn go_on(&mut self, now: MonotonicNs) {
+        let (State::Early(passage) | State::Waiting(passage, _)) = &self.state else {
+            return;
         };
-        if *at > now {
-            return false;
-        }
         if !passage.is_repeat && passage.expires < now {
-            self.note(&Verdict::Expired.report(self.request_id, now));
+            let late = now.since(passage.expires);
+            self.note(&Verdict::Expired(late).report(self.request_id, now));
         } else {
             self.state = State::PassedOn(passage.clone());
         }
-        true
     }
 
     /// What gives the request up at its server.

@@ -6,6 +6,7 @@ use ipc_types::MonotonicNs;
 
 use super::io::Output;
 use super::record::{Passage, Record, State};
+use super::sessions::Sessions;
 use crate::orders::message::{Order, request_id};
 use crate::orders::verdict::Verdict;
 
@@ -117,11 +118,39 @@ impl Records {
         })
     }
 
-    /// Forgets what a session has below `floor`. What is open goes on without a session.
+    /// The lowest order of those that are due to be passed on again.
+    pub(super) fn due(&self, now: MonotonicNs) -> Option<usize> {
+        self.lowest(|record| record.waits_until().is_some_and(|at| at <= now))
+    }
+
+    /// The lowest order of those that are passed on now, because all before them were here, and their server has taken its own.
+    pub(super) fn in_turn(&self, sessions: &Sessions) -> Option<usize> {
+        self.lowest(|early| {
+            let is_before = |other: &&Record| {
+                other.session == early.session
+                    && other.topic == early.topic
+                    && other.number < early.number
+            };
+            !early.has_begun()
+                && early
+                    .session
+                    .is_some_and(|session| sessions.is_in_turn(session, early.number))
+                && !self.iter().filter(is_before).any(Record::is_held_up)
+        })
+    }
+
+    fn lowest(&self, is_meant: impl Fn(&Record) -> bool) -> Option<usize> {
+        let records = self.records.iter().enumerate();
+        let meant = records.filter(|(_, record)| is_meant(record));
+        let lowest = meant.min_by_key(|(_, record)| (record.session, record.number));
+        lowest.map(|(index, _)| index)
+    }
+
+    /// Forgets what a session has below `floor`. What is open goes on without a session, if it was passed on.
     pub(super) fn forget(&mut self, session: u64, floor: u64, out: &mut Vec<Output>) {
         let is_meant = |record: &Record| record.session == Some(session) && record.number < floor;
         self.records
-            .retain(|record| !is_meant(record) || record.is_open());
+            .retain(|record| !is_meant(record) || (record.is_open() && record.has_begun()));
         for record in &mut self.records {
             if is_meant(record) {
                 record.session = None;

@@ -5,6 +5,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use super::places::{Heard, Places};
+use crate::orders::WINDOW;
 use crate::orders::message::NO_PLACE;
 use crate::orders::verdict::Verdict;
 
@@ -37,6 +38,8 @@ pub(super) struct Session {
     pub(super) station: u64,
     /// Orders with a lower number are settled at the station.
     pub(super) floor: u64,
+    /// Which orders from the floor on were here: bit 0 is the floor's. It has [`WINDOW`] bits.
+    seen: u128,
     /// What became of its orders; those that are open are counted where they are remembered.
     pub(super) counts: OrderCounts,
     /// When any message of it came.
@@ -44,6 +47,8 @@ pub(super) struct Session {
     /// That it is silent was reported.
     is_reported: bool,
 }
+
+const _: () = assert!(WINDOW == u128::BITS as u64);
 
 /// The sessions, of which there are at most [`SESSIONS`](super::SESSIONS).
 #[derive(Clone, Debug)]
@@ -57,6 +62,27 @@ impl Session {
     /// When the station has been silent for `link_loss`. None when that was reported.
     pub(super) fn lost_at(&self, link_loss: Duration) -> Option<MonotonicNs> {
         (!self.is_reported).then(|| self.heard + link_loss)
+    }
+
+    /// An order has come. Says whether it is one that the station sends: not below the floor, which it may raise, nor too far above.
+    pub(super) fn see(&mut self, number: u64, floor: u64) -> bool {
+        let risen = floor.saturating_sub(self.floor);
+        let risen = u32::try_from(risen).unwrap_or(u32::MAX);
+        self.seen = self.seen.checked_shr(risen).unwrap_or(0);
+        self.floor = self.floor.max(floor);
+        let Some(place) = number
+            .checked_sub(self.floor)
+            .filter(|place| *place < WINDOW)
+        else {
+            return false;
+        };
+        self.seen |= 1 << place;
+        true
+    }
+
+    /// Whether all orders before this one were here.
+    fn is_in_turn(&self, number: u64) -> bool {
+        u64::from(self.seen.trailing_ones()) >= number.saturating_sub(self.floor)
     }
 
     pub(super) fn hear(&mut self, now: MonotonicNs) {
@@ -81,6 +107,12 @@ impl Sessions {
         self.sessions
             .iter_mut()
             .find(|session| session.token == token)
+    }
+
+    /// Whether all orders of this session before this one were here.
+    pub(super) fn is_in_turn(&self, token: u64, number: u64) -> bool {
+        let mut sessions = self.sessions.iter();
+        sessions.any(|session| session.token == token && session.is_in_turn(number))
     }
 
     pub(super) fn of_station(&self, station: u64) -> Option<&Session> {
@@ -115,6 +147,7 @@ impl Sessions {
                     token,
                     station,
                     floor: 0,
+                    seen: 0,
                     counts: OrderCounts::default(),
                     heard: now,
                     is_reported: false,

@@ -1,5 +1,6 @@
 use super::places::LIFE_KEPT;
 use super::*;
+use crate::orders::WINDOW;
 use crate::orders::message::{Answer, NO_PLACE};
 
 const MOVEMENT: u64 = 0;
@@ -52,8 +53,16 @@ impl Rig {
     }
 
     fn order_of(&mut self, order: &Order, repeat: Repeat) -> Vec<Output> {
+        let traits = Traits {
+            repeat,
+            ends_movement: false,
+        };
+        self.order_with(order, traits)
+    }
+
+    fn order_with(&mut self, order: &Order, traits: Traits) -> Vec<Output> {
         let now = MonotonicNs(self.now);
-        self.robot.order(order, repeat, now, &mut self.out);
+        self.robot.order(order, traits, now, &mut self.out);
         std::mem::take(&mut self.out)
     }
 
@@ -151,6 +160,82 @@ fn an_order_is_passed_on_once_and_every_copy_is_answered() {
 }
 
 #[test]
+fn orders_are_passed_on_in_the_order_of_their_numbers() {
+    let mut rig = Rig::new();
+    for early in [3, 2] {
+        let out = rig.order(&rig.new_order(early));
+        let known = vec![(early, 0, 0, 0)];
+        assert_eq!((sent(&out), answers(&out)), (vec![], known));
+    }
+    let out = rig.order(&rig.new_order(1));
+    assert_eq!(sent(&out), [(101, false), (102, false), (103, false)]);
+    // What is settled at the station is waited for no more.
+    let fifth = Order {
+        floor: 5,
+        ..rig.new_order(5)
+    };
+    assert_eq!(sent(&rig.order(&fifth)), [(105, false)]);
+}
+
+#[test]
+fn what_ends_a_movement_waits_for_no_order_before_it() {
+    let mut rig = Rig::new();
+    let hold = Traits {
+        repeat: Repeat::Field,
+        ends_movement: true,
+    };
+    let out = rig.order_with(&rig.new_order(2), hold);
+    assert_eq!(sent(&out), [(102, false)]);
+    assert_eq!(sent(&rig.order(&rig.new_order(1))), [(101, false)]);
+}
+
+#[test]
+fn an_order_that_has_waited_until_it_is_too_late_is_refused() {
+    let mut rig = Rig::new();
+    rig.order(&rig.new_order(2));
+    rig.now += SECOND + 1;
+    let out = rig.order(&rig.new_order(1));
+    assert_eq!(sent(&out), [(101, false)]);
+    let refused = answered(2, 1, Stage::Refused, Reason::TooLate);
+    assert_eq!(answers(&out), [(1, 0, 0, 0), refused]);
+}
+
+#[test]
+fn an_order_waits_while_its_server_does_not_take_the_one_before_it() {
+    let mut rig = Rig::new();
+    rig.order(&rig.new_order(1));
+    rig.not_sent(101, NotSent::Full);
+    assert_eq!(sent(&rig.order(&rig.new_order(2))), []);
+    let other = Order {
+        topic: MOVEMENT + 1,
+        ..rig.new_order(3)
+    };
+    assert_eq!(sent(&rig.order(&other)), [(103, false)], "another server");
+    let out = rig.tick_after(100 * MS);
+    assert_eq!(sent(&out), [(101, false), (102, false)]);
+}
+
+#[test]
+fn an_order_that_waits_is_given_up_and_forgotten_without_being_passed_on() {
+    let mut rig = Rig::new();
+    let second = rig.new_order(2);
+    rig.order(&second);
+    let given = Order {
+        is_given_up: true,
+        ..second
+    };
+    let out = rig.order(&given);
+    assert!(!given_up(&out));
+    assert_eq!(sent(&rig.order(&rig.new_order(1))), [(101, false)]);
+    rig.order(&rig.new_order(4));
+    rig.now += LIFE_KEPT.as_nanos() as u64;
+    for station in 200..208 {
+        rig.hear(station);
+    }
+    assert_eq!(rig.robot.remembered(), 1, "the one that was passed on");
+}
+
+#[test]
 fn an_order_of_an_unknown_session_is_never_passed_on() {
     let mut rig = Rig::new();
     let mut order = rig.new_order(1);
@@ -183,7 +268,7 @@ fn an_order_that_comes_too_late_is_refused() {
     let order = rig.new_order(1);
     rig.now += SECOND + 1;
     let out = rig.order(&order);
-    let refused = answered(1, 1, Stage::Refused, Reason::DeadlineExpired);
+    let refused = answered(1, 1, Stage::Refused, Reason::TooLate);
     assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
 }
 
@@ -302,7 +387,7 @@ fn a_request_that_waits_is_not_sent_after_its_deadline() {
     rig.order(&order);
     rig.not_sent(101, NotSent::NoServer);
     let out = rig.tick_after(100 * MS);
-    let refused = answered(1, 1, Stage::Refused, Reason::DeadlineExpired);
+    let refused = answered(1, 1, Stage::Refused, Reason::TooLate);
     assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
 }
 

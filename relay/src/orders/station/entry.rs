@@ -9,7 +9,7 @@ use ipc_types::payload::RequestReport;
 use super::request::Request;
 use crate::orders::message::Order;
 
-/// How often an order is asked for that the robot has answered, and the longest pause between two copies of one that it has not.
+/// How often an order is asked for that the robot has answered, and the longest pause between two rounds.
 pub(super) const ASK_PERIOD: Duration = Duration::from_secs(1);
 
 /// Who waits for the reports.
@@ -34,9 +34,6 @@ pub(super) struct Entry {
     is_repeat: bool,
     /// The robot side has answered under the present number.
     pub(super) is_answered: bool,
-    /// Copies that were sent since the last answer.
-    unanswered: u32,
-    next_ask: MonotonicNs,
     last_answer: MonotonicNs,
     /// Serial number of the newest report that was handed on, in this session; 0 for none.
     handed_on: u32,
@@ -56,8 +53,6 @@ impl Entry {
             lowest: number,
             is_repeat: false,
             is_answered: false,
-            unanswered: 0,
-            next_ask: now,
             last_answer: now,
             handed_on: 0,
             has_begun: false,
@@ -65,9 +60,12 @@ impl Entry {
         }
     }
 
-    /// When the next copy is due.
-    pub(super) fn next_ask(&self) -> MonotonicNs {
-        self.next_ask
+    /// From when on the order is asked for: at once while the robot side has not answered it, or its first report is missing.
+    pub(super) fn asked_from(&self) -> MonotonicNs {
+        match self.is_answered && self.held.is_none() {
+            true => self.last_answer + ASK_PERIOD,
+            false => MonotonicNs(0),
+        }
     }
 
     /// When the robot has been silent about this order for `give_up`. None if no client waits.
@@ -75,17 +73,8 @@ impl Entry {
         (self.client == Client::Waits).then(|| self.last_answer + give_up)
     }
 
-    /// One more copy. The pause after it doubles from `timeout` on, until an answer comes.
-    pub(super) fn ask(
-        &mut self,
-        session: u64,
-        floor: u64,
-        timeout: Duration,
-        now: MonotonicNs,
-    ) -> Order {
-        let doublings = self.unanswered.min(8);
-        self.next_ask = now + ASK_PERIOD.min(timeout * (1 << doublings));
-        self.unanswered = self.unanswered.saturating_add(1);
+    /// One more copy.
+    pub(super) fn ask(&self, session: u64, floor: u64) -> Order {
         Order {
             session,
             number: self.number,
@@ -99,31 +88,25 @@ impl Entry {
     }
 
     /// The order is asked for under another number of the same session, which the robot side knows it by.
-    pub(super) fn move_to(&mut self, number: u64, now: MonotonicNs) {
+    pub(super) fn move_to(&mut self, number: u64) {
         self.lowest = self.number;
-        self.renumber(number, now);
+        self.renumber(number);
     }
 
     /// The order is asked for in another session, under another number. A final report that was held is returned: it is the true
     /// one, and the robot side may not remember it.
-    pub(super) fn move_to_session(
-        &mut self,
-        number: u64,
-        now: MonotonicNs,
-    ) -> Option<RequestReport> {
+    pub(super) fn move_to_session(&mut self, number: u64) -> Option<RequestReport> {
         self.lowest = number;
-        self.renumber(number, now);
+        self.renumber(number);
         self.handed_on = 0;
         let (_, report) = self.held.take()?;
         report.is_final().then_some(report)
     }
 
-    fn renumber(&mut self, number: u64, now: MonotonicNs) {
+    fn renumber(&mut self, number: u64) {
         self.number = number;
         self.is_repeat = true;
         self.is_answered = false;
-        self.unanswered = 0;
-        self.next_ask = now;
     }
 
     /// An answer has come. The reports that can now be handed on, in their order.
@@ -131,14 +114,11 @@ impl Entry {
         &mut self,
         serial: u32,
         report: &RequestReport,
-        timeout: Duration,
         now: MonotonicNs,
     ) -> [Option<RequestReport>; 2] {
         self.is_answered = true;
         self.lowest = self.number;
-        self.unanswered = 0;
         self.last_answer = now;
-        self.next_ask = now + ASK_PERIOD;
         if serial <= self.handed_on {
             return [None, None];
         }
@@ -146,7 +126,6 @@ impl Entry {
             if self.held.is_none_or(|(held, _)| held < serial) {
                 self.held = Some((serial, *report));
             }
-            self.next_ask = now + timeout;
             return [None, None];
         }
         let first = self.hand_on(serial, report);

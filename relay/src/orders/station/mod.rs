@@ -1,5 +1,9 @@
 //! [`Station`]: the station's orders. See the [states](super).
 //!
+//! **Rounds.** A new order goes out at once. What the robot side has not answered goes out again in rounds, all of it in the order of
+//! the numbers: after an outage the robot side gets the older order first. There is one timer for all; its pauses double while nothing
+//! is answered.
+//!
 //! **Orders move.** A movement is open for minutes while short requests come and go, and would hold the floor down until no
 //! number below `floor + WINDOW` is left. So an open order whose number lies [`MOVE_AFTER`] behind moves to a new number. The robot
 //! side recognizes it by session and request id. The floor passes the former number when the robot side has answered the new one.
@@ -89,6 +93,10 @@ pub struct Station {
     entries: Vec<Entry>,
     next_number: u64,
     timeout: Duration,
+    /// When the next round is, if an order is to be asked for.
+    next_round: MonotonicNs,
+    /// Rounds since something was answered.
+    unanswered_rounds: u32,
 }
 
 impl Station {
@@ -102,6 +110,8 @@ impl Station {
             entries: Vec::with_capacity(OPEN_ORDERS),
             next_number: 1,
             timeout: 2 * LEAST_TIMEOUT,
+            next_round: MonotonicNs(0),
+            unanswered_rounds: 0,
         }
     }
 
@@ -140,20 +150,28 @@ impl Station {
             out.push(report(&entry, &verdict.report(id, now), Origin::Station));
             return;
         }
+        let number = self.next_number;
         self.next_number += 1;
+        let is_waited_for = self.asked_from().is_some_and(|from| from <= now);
         self.entries.push(entry);
-        self.ask_due(now, out);
+        self.ask(|entry| entry.number == number, out);
+        let round = now + self.timeout;
+        self.next_round = match is_waited_for {
+            true => self.next_round.min(round),
+            false => round,
+        };
+        self.unanswered_rounds = 1;
     }
 
     /// The client of this request has gone: it gets no more reports, and the robot side gives the request up.
-    pub fn give_up(&mut self, handle: u64, now: MonotonicNs, out: &mut Vec<Output>) {
+    pub fn give_up(&mut self, handle: u64, out: &mut Vec<Output>) {
         let mut entries = self.entries.iter_mut();
         let entry =
             entries.find(|entry| entry.client == Client::Waits && entry.request.handle == handle);
         if let Some(entry) = entry {
             entry.client = Client::Gone;
             let number = entry.number;
-            self.ask(|entry| entry.number == number, now, out);
+            self.ask(|entry| entry.number == number, out);
         }
     }
 
@@ -171,7 +189,7 @@ impl Station {
         self.session = Some(session);
         let next_number = &mut self.next_number;
         self.entries.retain_mut(|entry| {
-            let held = entry.move_to_session(*next_number, now);
+            let held = entry.move_to_session(*next_number);
             if held.is_none() {
                 *next_number += 1;
             }
@@ -180,6 +198,8 @@ impl Station {
             }
             held.is_none()
         });
+        self.next_round = now;
+        self.unanswered_rounds = 0;
         self.ask_due(now, out);
     }
 
@@ -204,7 +224,9 @@ impl Station {
             self.entries.remove(index);
             return;
         }
-        let ready = entry.take(answer.serial, &answer.report, self.timeout, now);
+        let ready = entry.take(answer.serial, &answer.report, now);
+        self.unanswered_rounds = 0;
+        self.next_round = self.next_round.min(now + self.timeout);
         if entry.client == Client::Gone {
             return;
         }
@@ -238,11 +260,11 @@ impl Station {
 
     /// When [`Station::tick`] is due.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let entries = self.entries.iter();
-        let asks = entries.filter_map(|entry| self.session.map(|_| entry.next_ask()));
+        let from = self.asked_from().filter(|_| self.session.is_some());
+        let round = from.map(|from| from.max(self.next_round));
         let entries = self.entries.iter();
         let losses = entries.filter_map(|entry| entry.lost_at(self.config.give_up));
-        asks.chain(losses).min()
+        losses.chain(round).min()
     }
 
     /// Orders that are not settled, those that were given up included.
@@ -257,6 +279,11 @@ impl Station {
             }
             self.former_sessions.push_back(former);
         }
+    }
+
+    /// From when on an order is to be asked for.
+    fn asked_from(&self) -> Option<MonotonicNs> {
+        self.entries.iter().map(Entry::asked_from).min()
     }
 
     fn floor(&self) -> u64 {
@@ -276,26 +303,35 @@ impl Station {
         let newest = self.next_number;
         for entry in &mut self.entries {
             if entry.is_answered && newest - entry.number >= MOVE_AFTER {
-                entry.move_to(self.next_number, now);
+                entry.move_to(self.next_number);
                 self.next_number += 1;
+                self.next_round = now;
             }
         }
         self.entries.sort_by_key(|entry| entry.number);
         self.ask_due(now, out);
     }
 
+    /// A round, when it is due.
     fn ask_due(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
-        self.ask(|entry| entry.next_ask() <= now, now, out);
+        let is_due = self.asked_from().is_some_and(|from| from <= now);
+        if !is_due || now < self.next_round || self.session.is_none() {
+            return;
+        }
+        self.ask(|entry| entry.asked_from() <= now, out);
+        let doublings = self.unanswered_rounds.min(8);
+        self.next_round = now + ASK_PERIOD.min(self.timeout * (1 << doublings));
+        self.unanswered_rounds = self.unanswered_rounds.saturating_add(1);
     }
 
     /// Sends one more copy of each of these orders.
-    fn ask(&mut self, is_meant: impl Fn(&Entry) -> bool, now: MonotonicNs, out: &mut Vec<Output>) {
+    fn ask(&self, is_meant: impl Fn(&Entry) -> bool, out: &mut Vec<Output>) {
         let Some(session) = self.session else {
             return;
         };
         let floor = self.floor();
-        let entries = self.entries.iter_mut().filter(|entry| is_meant(entry));
-        out.extend(entries.map(|entry| Output::Send(entry.ask(session, floor, self.timeout, now))));
+        let entries = self.entries.iter().filter(|entry| is_meant(entry));
+        out.extend(entries.map(|entry| Output::Send(entry.ask(session, floor))));
     }
 }
 

@@ -77,7 +77,7 @@ impl Rig {
     }
 
     fn give_up(&mut self, handle: u64) -> Vec<Output> {
-        self.act(|station, now, out| station.give_up(handle, now, out))
+        self.act(|station, _, out| station.give_up(handle, out))
     }
 }
 
@@ -153,6 +153,20 @@ fn an_order_is_repeated_until_its_final_report_with_pauses_up_to_a_second() {
     assert_eq!(asked(&rig.tick_after(100 * MS)).len(), 1, "after silence");
     rig.answer(1, 2, Some(Stage::Done));
     assert_eq!(rig.tick_after(10 * SECOND), []);
+}
+
+#[test]
+fn what_is_not_answered_is_asked_for_together_in_the_order_of_the_numbers() {
+    let mut rig = Rig::new();
+    rig.request(7);
+    assert_eq!(rig.tick_after(150 * MS), []);
+    rig.request(8);
+    let both = [(1, 1, false, false), (2, 1, false, false)];
+    assert_eq!(asked(&rig.tick_after(50 * MS)), both);
+    assert_eq!(rig.tick_after(399 * MS), []);
+    assert_eq!(asked(&rig.tick_after(MS)), both);
+    rig.answer(2, 1, Some(Stage::Accepted));
+    assert_eq!(asked(&rig.tick_after(200 * MS)), [both[0]]);
 }
 
 #[test]

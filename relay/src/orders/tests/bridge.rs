@@ -7,8 +7,8 @@ use ipc_types::payload::RequestReport;
 
 use super::random::Random;
 use super::{MS, SECOND};
-use crate::orders::message::request_id;
-use crate::orders::robot::{NotSent, Repeat};
+use crate::orders::message::{Order, request_id};
+use crate::orders::robot::{NotSent, Repeat, Traits};
 
 /// Final reports that are remembered, as the bridge does.
 const REMEMBERED: usize = 256;
@@ -18,11 +18,13 @@ const OUTSTANDING: usize = 8;
 /// Services: 0 is the bridge's `movement`, 1 its `module_control`, 2 a module's own, which forgets requests whose client is gone.
 pub(super) const TOPICS: u64 = 3;
 
-pub(super) fn repeat_of(topic: u64) -> Repeat {
-    if topic == 0 {
-        Repeat::Field
-    } else {
-        Repeat::None
+pub(super) fn traits_of(order: &Order) -> Traits {
+    Traits {
+        repeat: match order.topic {
+            0 => Repeat::Field,
+            _ => Repeat::None,
+        },
+        ends_movement: Kind::of(&order.request) == Kind::Quick,
     }
 }
 

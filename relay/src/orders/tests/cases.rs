@@ -130,7 +130,7 @@ fn is_of_relay(reason: u32) -> bool {
         Reason::RelayLinkDown,
         Reason::RelayTooManyStations,
         Reason::TooManyRequests,
-        Reason::DeadlineExpired,
+        Reason::TooLate,
         Reason::BridgeGone,
     ];
     reasons.iter().any(|known| known.code() == reason)

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::bridge::{Bridge, Kind, Step, TOPICS, repeat_of};
+use super::bridge::{Bridge, Kind, Step, TOPICS, traits_of};
 use super::cases::{Cases, Counts};
 use super::random::Random;
 use super::{MS, SECOND};
@@ -235,7 +235,7 @@ impl World {
             Event::ClientGone(id) => {
                 if self.cases.give_up(id) {
                     let slot = self.cases.of[&id].slot;
-                    self.with_station(slot, |station, now, out| station.give_up(id, now, out));
+                    self.with_station(slot, |station, _, out| station.give_up(id, out));
                 }
             }
             Event::Report(life, topic, report) => {
@@ -335,7 +335,7 @@ impl World {
         self.with_robot(|robot, now, out| match message {
             Up::Ping => down = Some(Down::Pong(robot.session_for(life, now, out))),
             Up::Order(order) => {
-                robot.order(order, repeat_of(order.topic), now, out);
+                robot.order(order, traits_of(order), now, out);
                 if let [robot::Output::UnknownSession(unknown)] = out[..] {
                     down = Some(Down::UnknownSession(unknown));
                 }

@@ -15,19 +15,19 @@ const GOLDEN: [(&str, &str); 9] = [
     ),
     (
         "hero_msgs/msg/ModuleControl",
-        "5479056abcc0a60c97b7ce674fa07c1c87df5a62831b478a4d618f9767f6fae9",
+        "8cff0aef1d98de723986593aa484166e03b7b7b21e27743acddb0d3cca23ef2f",
     ),
     (
         "hero_msgs/msg/ModuleState",
-        "8d38ab7113799c881c460b77aa29f209860126cc053e8f182c86dea6a490a08a",
+        "edb748a66da7809a5390299f2844be42ad51a8cddcd902efeca0281210759517",
     ),
     (
         "hero_msgs/msg/MovementData",
-        "91a655a8a541431cb5c521c2b0a7e9d2d1b8a2a454391050443f4627c86e275a",
+        "cbad4a723cf78f1aa4de6402e83b1738aea892b639e7c012eb54dcfdc6d270c3",
     ),
     (
         "hero_msgs/msg/ParameterRequest",
-        "0e20b89c75a428cafe192b7e0dad032216b94cd0bf13786327dfa2d3ab461268",
+        "1ca17da82eaeff7feed1b58148eddab87f97481c467bdda472be5bac0e12c874",
     ),
     (
         "hero_msgs/msg/RequestReport",

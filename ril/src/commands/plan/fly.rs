@@ -11,7 +11,7 @@ use runtime::exit::{ExitCode, Failure};
 
 use super::super::conversation::{Conversation, Format};
 use super::super::exchange::Until;
-use super::super::request::complete;
+use super::super::request::{begin_by_ns, complete};
 use super::super::robot::refuse_to_guess;
 use super::super::{Session, configuration, json_line};
 use super::fence;
@@ -131,7 +131,7 @@ impl Flyer<'_> {
                     let report = self.movement(Verb::TakeOff, vec![request])?;
                     let height_m = report.and_then(|report| report.value());
                     if let Some(height_m) = height_m.filter(|height_m| height_m.is_finite()) {
-                        self.print(&format!("{height_m:.1} m over the point of take-off"))?;
+                        self.print(&format!("{height_m:.1} m above take-off"))?;
                     }
                 }
                 Step::Path(points) => self.path(points)?,
@@ -207,9 +207,11 @@ impl Flyer<'_> {
     }
 
     fn set_speed(&self, speed_mps: f64) -> Result<(), Failure> {
+        let request =
+            ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps);
         let request = ParameterRequest {
-            deadline_ms: self.deadline_ms,
-            ..ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps)
+            begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
+            ..request
         };
         Conversation::<ParameterRequest>::open(self.session, Verb::SetParameter, self.timeout)?
             .hold(&[request], Until::Final, self.format())

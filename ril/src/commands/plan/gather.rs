@@ -7,18 +7,18 @@ use bridge::BridgeConfig;
 use dsp_protocol::{Waypoint, port};
 use ipc_types::code::{LinkState, SafetyAction};
 use ipc_types::payload::{ModuleState, ParameterRequest};
-use ipc_types::{MonotonicNs, Subscriber, Topic, fresh_request_id};
+use ipc_types::{Topic, fresh_request_id};
 use plans::Plan;
 use plans::check::{check, configured};
 use plans::finding::{Finding, Severity};
 use plans::flight::Flight;
 use plans::site::{Endurance, HomeSource, Site, Start};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::Failure;
 
 use super::super::Session;
 use super::super::conversation::{Conversation, Format};
 use super::super::exchange::Until;
-use super::super::position::{Present, present_position};
+use super::super::position::{Present, newest_state, present_position};
 use crate::cli::{HomeArg, PlanFileArgs};
 use crate::config::PlanConfig;
 use crate::messages::Verb;
@@ -125,21 +125,6 @@ fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option
     }))
 }
 
-fn newest_state(session: &Session, timeout: Duration) -> Result<Option<ModuleState>, Failure> {
-    let mut states: Subscriber<ModuleState> =
-        session.ipc.subscriber().or_fail(ExitCode::Internal)?;
-    let give_up = MonotonicNs::now() + timeout;
-    loop {
-        if let Some(state) = states.latest().or_fail(ExitCode::Internal)? {
-            return Ok(Some(state));
-        }
-        if session.termination.requested() || MonotonicNs::now() >= give_up {
-            return Ok(None);
-        }
-        session.wait([&mut states as _], Some(give_up))?;
-    }
-}
-
 /// What the DSP's port has; nothing when it cannot be read now, which changes no more than the times that are shown.
 fn cruise_speed(session: &Session, timeout: Duration) -> Option<f64> {
     let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
@@ -162,62 +147,75 @@ fn site(
     is_for_flight: bool,
 ) -> Site {
     let present = robot.and_then(|robot| robot.present);
-    let zero_above_sea_m = config.zero_above_sea_m.unwrap_or(0.0);
+    let zero_above_sea_m = config.zero_above_sea_m;
     let (home, home_source) = home(plan, args.home, present, zero_above_sea_m, is_for_flight);
+    let is_home_altitude_known = home.altitude_m.is_some();
+    let home = Waypoint {
+        latitude_deg: home.latitude_deg,
+        longitude_deg: home.longitude_deg,
+        altitude_m: home.altitude_m.unwrap_or(0.0),
+    };
     Site {
         home,
+        is_home_altitude_known,
         home_source,
         start: match present {
             Some(present) if present.is_flying => Start::Flying(present.at),
             Some(present) => Start::Ground(present.at),
             None => Start::Ground(home),
         },
-        zero_above_sea_m: config.zero_above_sea_m,
+        zero_above_sea_m,
         take_off_m: args.takeoff,
         from: args.from,
         is_for_flight,
     }
 }
 
-/// The point of take-off: what the operator says, where the robot stands, what the plan's author expected.
+/// The point of take-off: what the operator says, where the robot stands, what the plan's author expected. Its altitude is
+/// telemetry's, if that is known.
 fn home(
     plan: &Plan,
     asked: Option<HomeArg>,
     present: Option<Present>,
-    zero_above_sea_m: f64,
+    zero_above_sea_m: Option<f64>,
     is_for_flight: bool,
-) -> (Waypoint, HomeSource) {
+) -> (HomeArg, HomeSource) {
     let on_ground = present.filter(|present| !present.is_flying);
-    let planned = plan.planned_home.map(|home| Waypoint {
+    let on_ground = on_ground.map(|present| HomeArg {
+        latitude_deg: present.at.latitude_deg,
+        longitude_deg: present.at.longitude_deg,
+        altitude_m: Some(present.at.altitude_m),
+    });
+    let planned = plan.planned_home.map(|home| HomeArg {
         latitude_deg: home.position.latitude_deg,
         longitude_deg: home.position.longitude_deg,
-        altitude_m: home.above_sea_m.unwrap_or(0.0) - zero_above_sea_m,
+        altitude_m: home
+            .above_sea_m
+            .zip(zero_above_sea_m)
+            .map(|(above_sea_m, zero_m)| above_sea_m - zero_m),
     });
     if let Some(asked) = asked {
-        let known_m = on_ground.map(|present| present.at).or(planned);
-        let home = Waypoint {
-            latitude_deg: asked.latitude_deg,
-            longitude_deg: asked.longitude_deg,
-            altitude_m: asked
-                .altitude_m
-                .or(known_m.map(|known| known.altitude_m))
-                .unwrap_or(0.0),
+        let known = on_ground.or(planned);
+        let altitude_m = asked.altitude_m.or(known.and_then(|home| home.altitude_m));
+        let home = HomeArg {
+            altitude_m,
+            ..asked
         };
         return (home, HomeSource::Operator);
     }
-    if let Some(present) = on_ground {
-        return (present.at, HomeSource::Robot);
+    if let Some(on_ground) = on_ground {
+        return (on_ground, HomeSource::Robot);
     }
     // A robot in the air has taken off somewhere, and the plan does not know where.
     if let Some(planned) = planned.filter(|_| present.is_none() || !is_for_flight) {
         return (planned, HomeSource::Plan);
     }
     let first = plan.items.iter().find_map(|item| item.action.position());
-    let below_first = first.map_or(Waypoint::default(), |first| Waypoint {
-        latitude_deg: first.latitude_deg,
-        longitude_deg: first.longitude_deg,
-        altitude_m: 0.0,
-    });
+    let below_first = HomeArg {
+        latitude_deg: first.map_or(0.0, |first| first.latitude_deg),
+        longitude_deg: first.map_or(0.0, |first| first.longitude_deg),
+        altitude_m: None,
+    };
     (below_first, HomeSource::Assumed)
 }
 

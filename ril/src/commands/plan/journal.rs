@@ -96,7 +96,7 @@ impl Journal {
         ];
         let mut add = |option: &str, value: String| words.push(format!("{option} {value}"));
         add("--from", item.to_string());
-        // In the air the point of take-off is no longer known, and altitudes are above it.
+        // In the air the point of take-off is no longer known, and heights are above it.
         add(
             "--home",
             format!(

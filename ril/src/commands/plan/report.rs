@@ -49,7 +49,7 @@ pub struct Summary {
     items: usize,
     home_latitude_deg: f64,
     home_longitude_deg: f64,
-    home_altitude_m: f64,
+    home_altitude_m: Option<f64>,
     home_source: &'static str,
     length_m: f64,
     time_s: Option<f64>,
@@ -151,11 +151,15 @@ impl<'a> Report<'a> {
                 plan.items.len()
             ),
         );
+        let altitude = match site.is_home_altitude_known {
+            true => format!("{:.1} m", home.altitude_m),
+            false => "altitude not known".to_owned(),
+        };
         text += &line(
             "home",
             &format!(
-                "{:.7}, {:.7}, {:.1} m: {source}",
-                home.latitude_deg, home.longitude_deg, home.altitude_m
+                "{:.7}, {:.7}, {altitude}: {source}",
+                home.latitude_deg, home.longitude_deg
             ),
         );
         text += &line(
@@ -180,7 +184,7 @@ impl<'a> Report<'a> {
         let mut text = format!("{}, {time}", distance(self.length_m));
         if let (Some(highest_m), Some(farthest_m)) = (self.highest_m, self.farthest_m) {
             text += &format!(
-                "; at most {highest_m:.1} m over home and {} away from it",
+                "; at most {highest_m:.1} m above take-off and {} away from it",
                 distance(farthest_m)
             );
         }
@@ -224,7 +228,7 @@ impl<'a> Report<'a> {
             items: plan.items.len(),
             home_latitude_deg: site.home.latitude_deg,
             home_longitude_deg: site.home.longitude_deg,
-            home_altitude_m: site.home.altitude_m,
+            home_altitude_m: site.is_home_altitude_known.then_some(site.home.altitude_m),
             home_source: match site.home_source {
                 HomeSource::Robot => "robot",
                 HomeSource::Operator => "operator",

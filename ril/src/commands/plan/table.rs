@@ -21,7 +21,7 @@ pub struct Row {
     longitude_deg: Option<f64>,
     altitude_m: Option<f64>,
     altitude_above: Option<&'static str>,
-    /// With the zero of telemetry, at the end of the item.
+    /// Telemetry altitude at the end of the item, m.
     telemetry_altitude_m: Option<f64>,
     hold_s: Option<f64>,
     speed_mps: Option<f64>,

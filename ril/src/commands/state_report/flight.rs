@@ -15,7 +15,7 @@ pub(super) struct Flight {
     pub(super) phase: Option<String>,
     pub(super) latitude_deg: Option<f64>,
     pub(super) longitude_deg: Option<f64>,
-    /// With the zero of telemetry.
+    /// Telemetry altitude, m.
     pub(super) altitude_m: Option<f64>,
     pub(super) climb_mps: Option<f64>,
     pub(super) ground_speed_mps: Option<f64>,

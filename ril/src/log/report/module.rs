@@ -84,21 +84,10 @@ fn link_ink(state: LinkState) -> Ink {
 
 /// What the bridge rejected and sent again since the state before.
 fn counters(at_s: f64, before: &ModuleState, state: &ModuleState, curves: &mut Curves) {
-    let rejected = |state: &ModuleState| {
-        let refused = &state.refused;
-        let counters = [
-            refused.stray,
-            refused.unknown_header,
-            refused.truncated,
-            refused.checksum,
-            refused.padding,
-            refused.value,
-            refused.other_profile,
-            refused.missed_messages,
-        ];
-        counters.into_iter().map(u64::from).sum::<u64>()
-    };
-    let new = rejected(state).saturating_sub(rejected(before));
+    let new = state
+        .refused
+        .pieces()
+        .saturating_sub(before.refused.pieces());
     curves.rejected.add(at_s, new as f64);
     let repeated = state
         .link

@@ -76,7 +76,7 @@ fn flown(summary: &Summary) -> String {
         duration(summary.flight_s)
     );
     let height = match (summary.max_height_m, summary.max_altitude_m) {
-        (Some(height_m), _) => Some(format!("{height_m:.1} m above the point of take-off")),
+        (Some(height_m), _) => Some(format!("{height_m:.1} m above take-off")),
         (None, Some(altitude_m)) => Some(format!("at an altitude of {altitude_m:.1} m")),
         (None, None) => None,
     };

@@ -50,7 +50,7 @@ impl Summary {
     fn flight(&self) -> Vec<(&'static str, String)> {
         let take_offs = count(self.take_offs, "take-off");
         let height = self.max_height_m.map_or_else(String::new, |height_m| {
-            format!(", {height_m:.1} m over the point of take-off")
+            format!(", {height_m:.1} m above take-off")
         });
         let distance = known(self.distance_m, |m| format!("{m:.0} m over ground"));
         let altitude = known(self.max_altitude_m, |m| format!("at most {m:.1} m{height}"));

@@ -125,8 +125,14 @@ impl Core {
         match choice % 32 {
             0..=2 => self.control(ControlCommand::Start.code(), value),
             3 => self.control(ControlCommand::Stop.code(), value),
-            4..=6 => self.movement(MovementData::take_off(0, (value % 50) as f64)),
-            7 => self.movement(MovementData::land(0)),
+            4..=6 => self.movement(MovementData {
+                issued_ns: 0,
+                ..MovementData::take_off(0, (value % 50) as f64)
+            }),
+            7 => self.movement(MovementData {
+                issued_ns: 0,
+                ..MovementData::land(0)
+            }),
             8..=10 => self.path(1 + (value % 12) as usize, value),
             11 => self.path(70, value),
             12..=15 => self.waypoint(value & 1 != 0, value & 2 != 0, value),
@@ -183,8 +189,10 @@ impl Core {
         let key = self.next_key();
         let request = ModuleControl {
             request_id: key,
+            issued_ns: self.now.0,
+            begin_by_ns: self.now.0 + value % 5000 * 1_000_000,
             command,
-            deadline_ms: value as u32 % 5000,
+            ..ModuleControl::default()
         };
         let key = RequestKey::Control(key);
         self.listener.open.push(key);
@@ -201,6 +209,7 @@ impl Core {
         };
         let request = MovementData {
             request_id,
+            issued_ns: self.now.0.saturating_sub(request.issued_ns),
             ..request
         };
         let key = RequestKey::Movement(key);
@@ -243,9 +252,13 @@ impl Core {
             altitude_m: f64::from_bits(value.rotate_left(47)),
             first: (value >> 3) as u16 & 3,
             last: (value >> 5) as u16 & 3,
-            deadline_ms: (value >> 20) as u32,
+            issued_ns: (value >> 21) & 0xFFFF_FFFF,
+            begin_by_ns: self.now.0 + ((value >> 20) & 0xFFFF_FFFF),
+            issued_within_ns: (value >> 9) as u32,
+            origin: (value >> 13) as u32 & 3,
             repeat: (value >> 7) as u16 & 3,
             preempt: (value >> 11) as u16 & 3,
+            reserved: 0,
         });
     }
 }

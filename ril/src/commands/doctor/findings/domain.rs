@@ -9,6 +9,7 @@ use super::super::facts::DomainFacts;
 use super::finding::{About, Finding, Subject};
 use super::services;
 use crate::commands::process_of;
+use crate::commands::robot::as_user;
 use crate::words::count;
 
 const DOMAIN: About = About(Subject::Domain);
@@ -29,7 +30,7 @@ pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
         Err(trouble) => findings.push(DOMAIN.error(
             "domain-unclear",
             format!("looking at the domain in {place} {trouble}"),
-            format!("stop every process of the domain, then remove {place}"),
+            "look again; if it stays so, land first, then restart the processes of the domain",
         )),
     }
     findings.extend(services::diagnose(domain, robot));
@@ -88,8 +89,8 @@ fn root(root: Option<&Entry>, domain: &DomainFacts) -> Finding {
         let uid = root.uid;
         DOMAIN.error(
             "root-of-another-user",
-            format!("{path} belongs to user {uid}: no process of this user starts"),
-            format!("run as user {uid}, or choose another domain with RIL_IPC_ROOT"),
+            format!("{path} belongs to user {uid}, whose robots may live there: no process of this user starts"),
+            format!("{}; else choose another domain with RIL_IPC_ROOT", as_user(uid)),
         )
     } else if root.others_may_write() {
         let text = format!("others may write to {path} (mode {mode:03o}): no process starts");
@@ -202,12 +203,9 @@ fn residue(robot: &RobotFacts) -> Finding {
 fn other(root: &Entry) -> Finding {
     let (uid, path) = (root.uid, root.path.display());
     let text = format!("no robot is alive for this user; user {uid} has a domain at {path}");
-    // RIL_IPC_ROOT does not lead there: no process enters the folder of another user.
-    let next_step =
-        format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`");
     DOMAIN
         .note("domain-of-another-user", text)
-        .with_next_step(next_step)
+        .with_next_step(as_user(uid))
 }
 
 /// `bridge (process 7), ril (process 9)`; a process that is a member of several services once.

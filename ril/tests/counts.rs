@@ -1,0 +1,375 @@
+//! What a frame and a second of silence cost, counted instead of timed: instructions by valgrind, system calls by strace. The numbers
+//! stand in a table of `docs/performance.md`; what grows by more than 5 % without its number being changed fails here.
+//!
+//! `cargo test --release -p ril --test counts -- --nocapture` makes the column of the release build.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, SystemTime};
+
+use common::{Rig, end};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{Ipc, StateOf, StatusModule, Subscriber, Topic};
+use ril_tests::Process;
+use ril_tests::process::{Signal, WAIT_LIMIT};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+/// By how much a number may exceed that of the table.
+const MARGIN: f64 = 1.05;
+
+/// Frames of one window, four seconds at 50 Hz, and seconds of a silent one.
+const FRAMES: u64 = 200;
+const SECONDS: u64 = 5;
+
+/// Windows, of which the least counts: whatever else the machine does only adds.
+const WINDOWS: usize = 3;
+
+/// Samples that are published, and taken, in the shorter of two runs, of which the difference counts.
+const SAMPLES: u64 = 2000;
+
+/// The variable by which this program, started again, learns how many samples to publish or take.
+const CHILD: &str = "RIL_COUNTS_CHILD";
+
+/// The column of the table that this build fills.
+const COLUMN: usize = if cfg!(debug_assertions) { 5 } else { 3 };
+
+/// The file with the table.
+fn page() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/performance.md")
+}
+
+/// The numbers of this build in the table, by what they count.
+fn table() -> BTreeMap<String, f64> {
+    let text = fs::read_to_string(page()).unwrap();
+    let (_, from) = text.split_once("<!-- counts -->").expect("the table");
+    let (table, _) = from.split_once("<!-- end of counts -->").expect("its end");
+    let rows = table.lines().filter(|line| line.starts_with('|')).skip(2);
+    rows.filter_map(|row| {
+        let cells: Vec<_> = row.split('|').map(str::trim).collect();
+        let number = cells[COLUMN].replace(',', "");
+        // A column that was not made yet has none.
+        Some((cells[1].to_owned(), number.parse().ok()?))
+    })
+    .collect()
+}
+
+/// The variable that has the instructions of whole processes compared, too.
+const IDLE: &str = "RIL_COUNTS_IDLE";
+
+/// Prints a number and compares it with the table. The instructions of whole processes grow with what else the machine does, because
+/// a frame takes longer and more timers expire in it: they are compared on an idle machine, when a variable says that it is one.
+#[track_caller]
+fn judge(name: impl Display, counted: f64) {
+    let name = name.to_string();
+    let is_whole = name.contains("instructions, a ");
+    if is_whole && std::env::var_os(IDLE).is_none() {
+        let _ = writeln!(
+            std::io::stderr(),
+            "SKIPPED: {name}: {counted:.0} is compared with {IDLE}=1 on an idle machine"
+        );
+        return;
+    }
+    println!("| {name} | {counted:.1} |");
+    let Some(number) = table().get(&name).copied() else {
+        return;
+    };
+    let most = number * MARGIN;
+    assert!(
+        counted <= most,
+        "{name}: {counted:.1}, more than {most:.1}; is it worth that? Then change its number in docs/performance.md"
+    );
+}
+
+/// Whether the tools are there. A line on standard error says when they are not, also when tests that pass print nothing.
+fn has(tools: &[&str]) -> bool {
+    let missing: Vec<_> = tools.iter().filter(|tool| !is_there(tool)).collect();
+    if !missing.is_empty() {
+        let _ = writeln!(
+            std::io::stderr(),
+            "SKIPPED: nothing is counted without {missing:?}"
+        );
+    }
+    missing.is_empty()
+}
+
+fn is_there(tool: &str) -> bool {
+    let mut command = Command::new(tool);
+    command.arg("--version").stdout(Stdio::null());
+    command.stderr(Stdio::null()).status().is_ok()
+}
+
+/// What counts.
+#[derive(Clone, Copy)]
+enum Counter {
+    Instructions,
+    SystemCalls,
+}
+
+/// A process that is counted.
+struct Counted {
+    process: Process,
+    counter: Counter,
+    file: PathBuf,
+}
+
+impl Counted {
+    /// Starts `ril` with these arguments.
+    fn start(rig: &Rig, counter: Counter, name: &str, args: &str) -> Counted {
+        let file = rig.folder().join(format!("{name}.out"));
+        let ril = env!("CARGO_BIN_EXE_ril");
+        let line = match counter {
+            Counter::Instructions => format!(
+                "exec valgrind -q --tool=callgrind --callgrind-out-file={} {ril} {args}",
+                file.display()
+            ),
+            Counter::SystemCalls => {
+                format!(
+                    "exec strace -D -f -qq -ttt -o {} {ril} {args}",
+                    file.display()
+                )
+            }
+        };
+        let mut process = Process::spawn(&rig.domain, rig.shell(&line));
+        process.wait_for_text("ready");
+        Counted {
+            process,
+            counter,
+            file,
+        }
+    }
+
+    /// Begins a window.
+    fn begin(&self) -> Duration {
+        if let Counter::Instructions = self.counter {
+            self.tell("zero");
+        }
+        now()
+    }
+
+    /// Ends the window that began then, and says what was counted in it.
+    fn end(&self, begun: Duration) -> f64 {
+        let ended = now();
+        match self.counter {
+            Counter::Instructions => self.dump(),
+            Counter::SystemCalls => {
+                let text = fs::read_to_string(&self.file).unwrap();
+                let calls = text.lines().filter(|line| !line.contains(" resumed>"));
+                let times = calls.filter_map(|line| line.split_whitespace().nth(1)?.parse().ok());
+                times
+                    .filter(|at: &f64| (begun.as_secs_f64()..ended.as_secs_f64()).contains(at))
+                    .count() as f64
+            }
+        }
+    }
+
+    fn tell(&self, what: &str) {
+        let pid = format!("--pid={}", self.process.id());
+        let mut command = Command::new("vgdb");
+        command.args([pid.as_str(), what]);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+    }
+
+    /// What was counted since it was set to zero.
+    fn dump(&self) -> f64 {
+        self.tell("dump");
+        let folder = self.file.parent().unwrap();
+        let name = self.file.file_name().unwrap().to_str().unwrap();
+        let dumps = fs::read_dir(folder).unwrap().filter_map(|entry| {
+            let path = entry.unwrap().path();
+            let number = path
+                .file_name()?
+                .to_str()?
+                .strip_prefix(name)?
+                .strip_prefix('.')?;
+            Some((number.parse::<u32>().ok()?, path))
+        });
+        let (_, newest) = dumps.max().expect("a dump");
+        total(&newest)
+    }
+}
+
+/// The instructions of a file of callgrind.
+fn total(file: &Path) -> f64 {
+    let text = fs::read_to_string(file).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("totals: "));
+    line.expect("a total").trim().parse().unwrap()
+}
+
+/// The time as strace writes it.
+fn now() -> Duration {
+    SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap()
+}
+
+/// Waits for so many samples more.
+fn wait_for<T: Topic>(samples: &mut Subscriber<T>, count: u64) {
+    for _ in 0..count {
+        assert!(samples.recv_timeout(WAIT_LIMIT).unwrap().is_some());
+    }
+}
+
+/// What the windows are divided by.
+#[derive(Clone, Copy)]
+enum Per {
+    Sample,
+    Second,
+}
+
+/// The least of the windows, each of which lasts for `count` samples.
+fn least<T: Topic>(counted: &Counted, ipc: &Ipc, count: u64, per: Per) -> f64 {
+    let mut samples = ipc.subscriber::<T>().unwrap();
+    wait_for(&mut samples, count / 2);
+    let mut least = f64::INFINITY;
+    for _ in 0..WINDOWS {
+        while samples.try_recv().unwrap().is_some() {}
+        let before = samples.losses();
+        let begun = counted.begin();
+        wait_for(&mut samples, count);
+        let seconds = (now() - begun).as_secs_f64();
+        let sum = counted.end(begun);
+        while samples.try_recv().unwrap().is_some() {}
+        let after = samples.losses();
+        let passed = match per {
+            Per::Sample => ((after.received + after.lost) - (before.received + before.lost)) as f64,
+            Per::Second => seconds,
+        };
+        least = least.min(sum / passed);
+    }
+    least
+}
+
+fn frames(counter: Counter, of: &str) {
+    let rig = Rig::new();
+    // Frames that come in one piece: how many pieces of a paced line are read together is a matter of how busy the machine is.
+    rig.write("sim.toml", "[serial]\nbaud_rate = 0\n");
+    let sim = rig.sim(1, "--config sim.toml");
+    let ipc = rig.domain.join("test");
+    let bridge = Counted::start(&rig, counter, "bridge", "run bridge --port dsp-1");
+    let status = Counted::start(&rig, counter, "status", "run status");
+    let frame = [
+        (
+            "bridge",
+            least::<DspTelemetry>(&bridge, &ipc, FRAMES, Per::Sample),
+        ),
+        (
+            "status",
+            least::<HeroTelemetry>(&status, &ipc, FRAMES, Per::Sample),
+        ),
+    ];
+    end(status.process, Signal::TERM);
+    end(bridge.process, Signal::TERM);
+    end(sim, Signal::TERM);
+    for (who, counted) in frame {
+        judge(format_args!("{who}, {of}, a frame at 50 Hz"), counted);
+    }
+}
+
+fn silence(counter: Counter, of: &str) {
+    let rig = Rig::new();
+    let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&line).unwrap();
+    unlockpt(&line).unwrap();
+    let port = ptsname(&line, Vec::new()).unwrap().into_string().unwrap();
+    let ipc = rig.domain.join("test");
+    let bridge = Counted::start(
+        &rig,
+        counter,
+        "bridge",
+        &format!("run bridge --port {port}"),
+    );
+    let status = Counted::start(&rig, counter, "status", "run status");
+    // Each is published once a second.
+    let second = [
+        (
+            "bridge",
+            least::<ModuleState>(&bridge, &ipc, SECONDS, Per::Second),
+        ),
+        (
+            "status",
+            least::<StateOf<StatusModule>>(&status, &ipc, SECONDS, Per::Second),
+        ),
+    ];
+    end(status.process, Signal::TERM);
+    end(bridge.process, Signal::TERM);
+    for (who, counted) in second {
+        judge(format_args!("{who}, {of}, a silent second"), counted);
+    }
+}
+
+#[test]
+fn the_instructions_of_a_frame_stay() {
+    if has(&["valgrind", "vgdb"]) {
+        frames(Counter::Instructions, "instructions");
+    }
+}
+
+#[test]
+fn the_instructions_of_a_silent_second_stay() {
+    if has(&["valgrind", "vgdb"]) {
+        silence(Counter::Instructions, "instructions");
+    }
+}
+
+#[test]
+fn the_system_calls_of_a_frame_stay() {
+    if has(&["strace"]) {
+        frames(Counter::SystemCalls, "system calls");
+    }
+}
+
+#[test]
+fn the_system_calls_of_a_silent_second_stay() {
+    if has(&["strace"]) {
+        silence(Counter::SystemCalls, "system calls");
+    }
+}
+
+#[test]
+fn the_instructions_of_a_hop_stay() {
+    if !has(&["valgrind"]) {
+        return;
+    }
+    let rig = Rig::new();
+    let count = |what: &str, samples: u64| {
+        let file = rig.folder().join("hop.out");
+        let mut command = Command::new("valgrind");
+        let out = format!("--callgrind-out-file={}", file.display());
+        command.args(["-q", "--tool=callgrind", &out]);
+        command.arg(std::env::current_exe().unwrap());
+        command.args(["--exact", "this_is_the_counted_process"]);
+        command.env(CHILD, format!("{what} {samples}"));
+        let finished = Process::spawn(&rig.domain, rig.place(command)).wait_exit();
+        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        total(&file)
+    };
+    let each = |what| (count(what, 2 * SAMPLES) - count(what, SAMPLES)) / SAMPLES as f64;
+    let publish = each("publish");
+    judge("publish, instructions", publish);
+    judge("take, instructions", each("take") - publish);
+}
+
+/// Publishes to a subscriber in the same process, which takes each sample or none.
+#[test]
+fn this_is_the_counted_process() {
+    let Ok(order) = std::env::var(CHILD) else {
+        return;
+    };
+    let (what, samples) = order.split_once(' ').unwrap();
+    let ipc = Ipc::connect("counted").unwrap();
+    let mut publisher = ipc.publisher::<HeroTelemetry>().unwrap();
+    let mut subscriber = ipc.subscriber::<HeroTelemetry>().unwrap();
+    for _ in 0..samples.parse().unwrap() {
+        publisher.publish(|sample| sample.flying = 1).unwrap();
+        if what == "take" {
+            assert!(subscriber.try_recv().unwrap().is_some());
+        }
+    }
+}
