@@ -24,7 +24,7 @@ use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_
 use crate::domain_error::DomainError;
 use crate::iox::{Node, NodeBuilder, Svc};
 use crate::lock_file::{
-    entries, flock, is_at, is_ours, make_lock_file_in, open_folder, open_to_look,
+    LockFile, entries, flock, is_at, is_ours, make_lock_file_in, open_folder, open_to_look,
 };
 use crate::provider::{LockWatch, ProviderLock};
 use crate::schema::{self, LoadError, Schema};
@@ -58,9 +58,9 @@ const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 pub(crate) struct Generation {
     /// Nothing only while dropping: the node must go before the lock.
     node: Option<Node>,
-    lock: File,
+    lock: LockFile,
     /// Locked while the provider lives; the provider alone has it.
-    provider: Option<File>,
+    provider: Option<LockFile>,
     config: Config,
     name: String,
     path: PathBuf,
@@ -151,8 +151,8 @@ impl Generation {
         domain: &Domain,
         name: String,
         path: PathBuf,
-        lock: File,
-        provider: Option<File>,
+        lock: LockFile,
+        provider: Option<LockFile>,
         process_name: &str,
     ) -> Result<Generation, EnterError> {
         let prefix = prefix(domain, &name);
@@ -279,10 +279,10 @@ pub(crate) fn current(service: &Path) -> Result<Option<Current>, DomainError> {
     }
 }
 
-fn read_current(file: File) -> Option<Current> {
+fn read_current(file: LockFile) -> Option<Current> {
     let mut text = String::new();
     let limit = GENERATION_LEN + 1 + PREFIX_LEN + 1 + MAX_KEY_LEN + 1;
-    file.take(limit as u64).read_to_string(&mut text).ok()?;
+    (&*file).take(limit as u64).read_to_string(&mut text).ok()?;
     let mut words = text.trim_end().split(' ');
     let (name, _prefix, key) = (words.next()?, words.next()?, words.next()?);
     (is_name(name) && is_key(key)).then(|| Current {

@@ -4,6 +4,7 @@
 
 use std::fs::{self, DirBuilder, DirEntry, File, Metadata, OpenOptions};
 use std::io;
+use std::ops::Deref;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
@@ -12,6 +13,41 @@ use rustix::io::Errno;
 
 use crate::domain_error::DomainError;
 use crate::files;
+use crate::forked::Maker;
+
+/// An open file or folder that may be locked. Dropping it gives the lock back, even while a child process has a copy of the
+/// descriptor: one that was forked and lives on, or one that has not yet called `exec`.
+#[derive(Debug)]
+pub(crate) struct LockFile {
+    file: File,
+    maker: Maker,
+}
+
+impl LockFile {
+    fn new(file: File) -> LockFile {
+        LockFile {
+            file,
+            maker: Maker::this_process(),
+        }
+    }
+}
+
+impl Deref for LockFile {
+    type Target = File;
+
+    fn deref(&self) -> &File {
+        &self.file
+    }
+}
+
+impl Drop for LockFile {
+    fn drop(&mut self) {
+        if self.maker.check().is_ok() {
+            // Closing gives the lock back in any case, if no other process has a copy.
+            let _ = rustix::fs::flock(&self.file, FlockOperation::NonBlockingUnlock);
+        }
+    }
+}
 
 /// Makes a folder of the user's own, unless it is there.
 pub(crate) fn make_folder(folder: &Path) -> Result<(), DomainError> {
@@ -63,7 +99,7 @@ pub(crate) fn is_ours(metadata: &Metadata) -> bool {
 }
 
 /// Opens a folder of the user's own; `None` if there is none.
-pub(crate) fn open_folder(path: &Path) -> Result<Option<File>, DomainError> {
+pub(crate) fn open_folder(path: &Path) -> Result<Option<LockFile>, DomainError> {
     let mut options = OpenOptions::new();
     options
         .read(true)
@@ -72,7 +108,7 @@ pub(crate) fn open_folder(path: &Path) -> Result<Option<File>, DomainError> {
         Ok(folder) => {
             let metadata = folder.metadata();
             let metadata = metadata.map_err(|error| DomainError::io("look at", path, error))?;
-            return check_folder(path, &metadata).map(|()| Some(folder));
+            return check_folder(path, &metadata).map(|()| Some(LockFile::new(folder)));
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => error,
@@ -89,7 +125,7 @@ pub(crate) fn open_lock_file_in(
     folder: &File,
     name: &str,
     path: &Path,
-) -> Result<Option<File>, DomainError> {
+) -> Result<Option<LockFile>, DomainError> {
     open_in(folder, name, OFlags::empty(), path)
 }
 
@@ -98,7 +134,7 @@ pub(crate) fn make_lock_file_in(
     folder: &File,
     name: &str,
     path: &Path,
-) -> Result<Option<File>, DomainError> {
+) -> Result<Option<LockFile>, DomainError> {
     files::while_no_port_opens(|| open_in(folder, name, OFlags::CREATE, path))
 }
 
@@ -107,21 +143,22 @@ fn open_in(
     name: &str,
     flags: OFlags,
     path: &Path,
-) -> Result<Option<File>, DomainError> {
+) -> Result<Option<LockFile>, DomainError> {
     let flags = flags | OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW | OFlags::NONBLOCK;
     match openat(folder, name, flags, Mode::RUSR | Mode::WUSR) {
-        Ok(file) => Ok(Some(File::from(file))),
+        Ok(file) => Ok(Some(LockFile::new(File::from(file)))),
         Err(Errno::NOENT) => Ok(None),
         Err(error) => Err(DomainError::io("open", &path.join(name), error)),
     }
 }
 
 /// Opens a file without making it, and without waiting for a pipe that stands in its place.
-pub(crate) fn open_to_look(path: &Path) -> io::Result<File> {
+pub(crate) fn open_to_look(path: &Path) -> io::Result<LockFile> {
     OpenOptions::new()
         .read(true)
         .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32)
         .open(path)
+        .map(LockFile::new)
 }
 
 /// What is in a folder; nothing when it cannot be read, because it is gone for example.

@@ -15,8 +15,8 @@ use rustix::process::{Pid, test_kill_process};
 
 use crate::domain_error::DomainError;
 use crate::lock_file::{
-    flock, is_at, is_same, make_folder, make_lock_file_in, open_folder, open_lock_file_in,
-    open_to_look,
+    LockFile, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder,
+    open_lock_file_in, open_to_look,
 };
 
 /// The file in a service's folder that its provider has locked.
@@ -79,7 +79,7 @@ fn namespace(kind: &str) -> u64 {
 /// The one live provider of a service of a robot: an exclusive lock.
 #[derive(Debug)]
 pub(crate) struct ProviderLock {
-    file: File,
+    file: LockFile,
     path: PathBuf,
 }
 
@@ -96,7 +96,7 @@ impl ProviderLock {
             let Some(dir) = open_folder(folder)? else {
                 continue;
             };
-            let Some(mut file) = make_lock_file_in(&dir, LOCK_FILE, folder)? else {
+            let Some(file) = make_lock_file_in(&dir, LOCK_FILE, folder)? else {
                 continue;
             };
             if !flock(&file, FlockOperation::NonBlockingLockExclusive, &path)? {
@@ -106,8 +106,7 @@ impl ProviderLock {
             }
             // Else it is the lock of a folder that was removed meanwhile.
             if is_at(&file, &path) {
-                write(&mut file, provider)
-                    .map_err(|error| DomainError::io("write", &path, error))?;
+                write(&file, provider).map_err(|error| DomainError::io("write", &path, error))?;
                 return Ok(Ok(ProviderLock { file, path }));
             }
         }
@@ -126,7 +125,7 @@ impl ProviderLock {
             return Ok(());
         };
         match open_lock_file_in(&dir, LOCK_FILE, folder)? {
-            Some(lock) if is_same(&lock, &self.file) => unlinkat(&dir, name, AtFlags::empty())
+            Some(lock) if is_same(&lock, &self.file) => unlinkat(&*dir, name, AtFlags::empty())
                 .map_err(|error| DomainError::io("remove", &folder.join(name), error)),
             _ => Ok(()),
         }
@@ -147,7 +146,7 @@ impl Drop for ProviderLock {
 pub(crate) struct LockWatch {
     path: PathBuf,
     /// Kept while the lock is held: its file is not removed as long.
-    file: Option<File>,
+    file: Option<LockFile>,
 }
 
 impl LockWatch {
@@ -170,7 +169,7 @@ impl LockWatch {
                 Err(error) => return Err(DomainError::io("open", &self.path, error)),
             },
         };
-        // When it is got, no process had it; closing the file gives it back.
+        // When it is got, no process had it; dropping the file gives it back.
         let is_held = !flock(&file, FlockOperation::NonBlockingLockShared, &self.path)?;
         self.file = is_held.then_some(file);
         Ok(is_held)
@@ -197,7 +196,7 @@ impl ProviderWatch {
             return Ok(None);
         }
         // A provider that has the lock but not yet written its name counts as being there.
-        Ok(Some(self.0.file.as_ref().and_then(read).unwrap_or(
+        Ok(Some(self.0.file.as_deref().and_then(read).unwrap_or(
             Provider {
                 pid: 0,
                 process: "unknown".to_owned(),
@@ -209,7 +208,7 @@ impl ProviderWatch {
     }
 }
 
-fn write(file: &mut File, provider: &Provider) -> io::Result<()> {
+fn write(mut file: &File, provider: &Provider) -> io::Result<()> {
     let Provider {
         pid,
         process,
@@ -301,8 +300,8 @@ mod tests {
         let next = Provider::this_process("bridge", 8);
         drop(ProviderLock::acquire(&service, &next).unwrap().unwrap());
         assert_eq!(fs::read_to_string(service.join(LOCK_FILE)).unwrap(), "");
-        let mut file = File::create(service.join(LOCK_FILE)).unwrap();
-        write(&mut file, &killed).unwrap();
+        let file = File::create(service.join(LOCK_FILE)).unwrap();
+        write(&file, &killed).unwrap();
         assert!(flock(&file, FlockOperation::NonBlockingLockExclusive, &service).unwrap());
         let refused = ProviderLock::acquire(&service, &next).unwrap();
         assert_eq!(refused.unwrap_err(), None);

@@ -27,8 +27,8 @@ use crate::domain::Domain;
 use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
 use crate::lock_file::{
-    entries, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder, open_lock_file_in,
-    open_to_look,
+    LockFile, entries, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder,
+    open_lock_file_in, open_to_look,
 };
 use crate::robot::RobotId;
 use crate::{files, generation, random};
@@ -51,7 +51,7 @@ const MAX_ATTEMPTS: u32 = 64;
 #[derive(Debug)]
 struct Folder {
     /// Locked exclusively by a process that is about to rename or delete it without having the doorbell.
-    dir: File,
+    dir: LockFile,
     path: PathBuf,
 }
 
@@ -65,7 +65,7 @@ impl Folder {
         }))
     }
 
-    fn doorbell(&self) -> Result<Option<File>, DomainError> {
+    fn doorbell(&self) -> Result<Option<LockFile>, DomainError> {
         open_lock_file_in(&self.dir, DOORBELL_FILE, &self.path)
     }
 
@@ -137,7 +137,7 @@ impl Folder {
     }
 
     /// Makes the folder of a robot with this process in it; `None` if another process was quicker.
-    fn make(domain: &Domain, robot: RobotId) -> Result<Option<(Folder, File)>, DomainError> {
+    fn make(domain: &Domain, robot: RobotId) -> Result<Option<(Folder, LockFile)>, DomainError> {
         let name = format!("{robot}{DISCARDED}{}", random::name(8));
         let draft = domain.root().join(name);
         match files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft)) {
@@ -157,7 +157,7 @@ impl Folder {
         domain: &Domain,
         robot: RobotId,
         draft: &Path,
-    ) -> Result<Option<(Folder, File)>, DomainError> {
+    ) -> Result<Option<(Folder, LockFile)>, DomainError> {
         let Some(mut folder) = Folder::open(draft)? else {
             return Ok(None);
         };
@@ -192,7 +192,7 @@ fn rename(from: &Path, to: &Path) -> Result<(), Errno> {
 pub(crate) struct Membership {
     domain: Domain,
     robot: RobotId,
-    lock: File,
+    lock: LockFile,
     doorbell: Doorbell,
     /// Deletes what a process found that was the first one here.
     cleaner: Option<JoinHandle<()>>,

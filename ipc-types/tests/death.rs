@@ -23,7 +23,8 @@ use ipc_types::{
 };
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat, open};
 use rustix::process::{
-    Pid, Resource, Rlimit, Signal, WaitOptions, kill_process, setrlimit, waitpid,
+    Pid, Resource, Rlimit, Signal, WaitOptions, kill_process, set_parent_process_death_signal,
+    setrlimit, waitpid,
 };
 
 use support::{Role, WATCHDOG, in_domain, join, open_descriptors, until};
@@ -109,6 +110,10 @@ const TESTS: &[(&str, fn())] = &[
     (
         "a_forked_child_takes_nothing_from_its_parent_and_may_join_anew",
         a_forked_child_takes_nothing_from_its_parent_and_may_join_anew,
+    ),
+    (
+        "a_provider_that_ends_makes_room_though_a_child_of_it_lives_on",
+        a_provider_that_ends_makes_room_though_a_child_of_it_lives_on,
     ),
     (
         "what_the_dead_left_is_removed_by_the_next_process",
@@ -228,6 +233,7 @@ fn play(role: &str) {
             }
         }
         "parent" => play_parent(&domain, ipc),
+        "survived" => play_survived(ipc),
         other => panic!("no role {other}"),
     }
 }
@@ -292,6 +298,26 @@ fn play_parent(domain: &Domain, ipc: Ipc) {
         waiter
             .wait(&mut [((), &mut publisher)], None)
             .expect("wait");
+    }
+}
+
+/// Forks a child that lives on and has a copy of every descriptor, then ends all its ports.
+fn play_survived(ipc: Ipc) {
+    let publisher = ipc.publisher::<DspTelemetry>().expect("publisher");
+    let server = ipc.server::<ModuleControl>().expect("server");
+    // SAFETY: the child only sleeps.
+    #[allow(unsafe_code)]
+    let child = unsafe { libc::fork() };
+    if child == 0 {
+        set_parent_process_death_signal(Some(Signal::KILL)).expect("it ends with its parent");
+        loop {
+            thread::sleep(WATCHDOG);
+        }
+    }
+    drop((publisher, server, ipc));
+    println!("ended");
+    loop {
+        thread::sleep(WATCHDOG);
     }
 }
 
@@ -904,6 +930,17 @@ fn a_forked_child_takes_nothing_from_its_parent_and_may_join_anew() {
         // The parent's locks go with the parent.
         parent.kill();
         assert_eq!(ipc.provider("dsp_telemetry").unwrap(), None);
+    });
+}
+
+fn a_provider_that_ends_makes_room_though_a_child_of_it_lives_on() {
+    in_domain(|domain| {
+        let _parent = Role::ready(domain, "survived", "ended");
+        assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+        let next = [("publisher", "published"), ("server", "serving")];
+        let mut next = next.map(|(role, says)| Role::ready(domain, role, says));
+        next.iter_mut().for_each(Role::kill);
+        domain.remove_if_dead().unwrap();
     });
 }
 
