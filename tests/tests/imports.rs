@@ -8,23 +8,23 @@ use std::path::Path;
 
 /// Folders of the crates.
 const CRATES: &[&str] = &[
-    "bench",
     "bindings/c",
     "bridge",
     "dsp-protocol",
     "dsp-sim",
-    "flight-report",
+    "flight-record/recording",
+    "flight-record/replay",
+    "flight-record/report",
+    "flight-record/ros-messages",
+    "gateways/relay",
     "ipc-types",
     "module-kit",
     "plans",
-    "recording",
-    "relay",
-    "replay",
     "ril",
-    "ros-messages",
     "runtime",
     "status",
     "tests",
+    "workbench/bench",
 ];
 
 /// A file by the path of its module, such as `link::commands`.

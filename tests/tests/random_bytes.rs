@@ -54,7 +54,7 @@ fn the_core_takes_any_bytes_in_every_phase_of_a_flight() {
 
 /// Plays every file of a corpus; there must be some.
 fn play_corpus(target: &str, play: fn(&[u8])) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../workbench/fuzz/corpus");
     let files = std::fs::read_dir(folder.join(target)).expect("a corpus");
     let mut count = 0;
     for file in files {

@@ -1,4 +1,4 @@
-//! What a fuzz target does with its input. The corpus under `fuzz/corpus` is played by the tests as well.
+//! What a fuzz target does with its input. The corpus under `workbench/fuzz/corpus` is played by the tests as well.
 //!
 //! A script for the core is a byte for the profile, and then, as long as there is more:
 //!

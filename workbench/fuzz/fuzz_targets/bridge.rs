@@ -3,9 +3,9 @@
 #![no_main]
 #![allow(dead_code)]
 
-#[path = "../../tests/examples/figures/bytes/mod.rs"]
+#[path = "../../../tests/examples/figures/bytes/mod.rs"]
 mod bytes;
-#[path = "../../tests/tests/missions/plausible.rs"]
+#[path = "../../../tests/tests/missions/plausible.rs"]
 mod plausible;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| bytes::script::play(data));

@@ -1,4 +1,4 @@
-//! Bytes of any kind against the decoder and the pure parts of both sides, as `fuzz/fuzz_targets/relay.rs` tries them for longer.
+//! Bytes of any kind against the decoder and the pure parts of both sides, as `workbench/fuzz/fuzz_targets/relay.rs` tries them for longer.
 
 use proptest::prelude::*;
 
@@ -6,7 +6,10 @@ use proptest::prelude::*;
 mod script;
 
 /// What the fuzzer has found interesting: one input for each edge of the code.
-const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/corpus/relay");
+const CORPUS: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../workbench/fuzz/corpus/relay"
+);
 
 #[test]
 fn what_the_fuzzer_has_found_harms_nobody() {

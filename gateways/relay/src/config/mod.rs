@@ -1,6 +1,6 @@
 //! Configuration, `relay.toml`: one file for robots, stations and routers, as it is written.
 //!
-//! Every value has a default; the annotated example `relay/relay.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `gateways/relay/relay.toml` shows them all and is tested to parse to them.
 //!
 //! | file | what is in it |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! [`Machine`]: the processes of one machine, with shared memory and a folder of its own.
 //!
 //! Tests have a robot's machine and a station's, which are one machine to the operating system, or not even that: a machine of
-//! `relay/examples/field` has a network and a clock of its own.
+//! `gateways/relay/examples/field` has a network and a clock of its own.
 
 // The tests and the examples each use a part of it.
 #![allow(dead_code)]

@@ -3,7 +3,7 @@
 #![no_main]
 #![allow(dead_code)]
 
-#[path = "../../relay/tests/security/script.rs"]
+#[path = "../../../gateways/relay/tests/security/script.rs"]
 mod script;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| script::play(data));

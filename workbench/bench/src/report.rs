@@ -64,7 +64,7 @@ impl Section {
     /// The section of the command `name`, with the command line that this process was started with.
     pub fn new(name: &'static str, title: &str) -> Section {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
-        let command = "cargo run --release --manifest-path bench/Cargo.toml --";
+        let command = "cargo run --release --manifest-path workbench/bench/Cargo.toml --";
         Section {
             name,
             blocks: vec![
@@ -135,7 +135,7 @@ impl Section {
 
 /// Where the results belong: the documentation of the repository that this program was built from.
 pub fn default_folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs")
 }
 
 /// Nanoseconds as microseconds with three digits.

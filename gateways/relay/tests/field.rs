@@ -1,4 +1,4 @@
-//! The short form of `relay/examples/field`: a mission typed at the station flies over two networks with 10 % loss.
+//! The short form of `gateways/relay/examples/field`: a mission typed at the station flies over two networks with 10 % loss.
 
 #[path = "../examples/field/ages.rs"]
 #[allow(dead_code)]
