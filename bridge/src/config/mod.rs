@@ -84,7 +84,7 @@ pub struct StateConfig {
 
 impl Default for StateConfig {
     fn default() -> Self {
-        StateConfig { period_ms: 250 }
+        StateConfig { period_ms: 1000 }
     }
 }
 

@@ -133,9 +133,9 @@ impl Process for Shell<'_> {
     }
 
     /// Services every source that may have woken the bridge, always in this order: requests are taken, the line is read and applied,
-    /// then the requests, deadlines, and what goes out. So after a stall a request is judged by what the DSP has said meanwhile, and an acknowledgement that is there is
-    /// found before its deadline is. A wake that was for the serial link alone leaves the services out: the next wait looks at
-    /// all of them again before it sleeps.
+    /// then the requests, deadlines, and what goes out. So after a stall a request is judged by what the DSP has said meanwhile,
+    /// and an acknowledgement that is there is found before its deadline is. A wake that was for the serial link alone leaves the
+    /// services out: the next wait looks at all of them again before it sleeps.
     fn drain(&mut self, wake: Wake<Waker>) -> Result<(), ShellError> {
         self.journal.follow(self.bridge.writer());
         let serves = !wake.is_only(Waker::Line);
@@ -157,8 +157,10 @@ impl Process for Shell<'_> {
     /// For what causes no wake-up: a sender that has room again for its final report. Requests may be there too, after the line.
     fn round(&mut self, _now: MonotonicNs) {
         self.services.drain(&mut self.inbox);
-        let now = self.read(true);
-        self.serve(now);
+        if !self.inbox.is_empty() {
+            let now = self.read(true);
+            self.serve(now);
+        }
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {

@@ -24,10 +24,7 @@ use crate::pilot::{PilotView, Place};
 /// Telemetry older than this says nothing of the present: the DSP sends it several times a second.
 pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);
 
-/// The bridge publishes its state at least once a second, and a machine has some jitter.
-const STATE_STALE_AFTER: Duration = Duration::from_millis(1500);
-
-/// Status and relay publish once a second: three of them.
+/// Every module publishes its state at least once a second: three of them.
 const MODULE_STALE_AFTER: Duration = Duration::from_secs(3);
 
 /// Status and relay publish once a second, so this is late.
@@ -110,7 +107,7 @@ impl Robot {
             status: None,
             relay: None,
             is_relayed: false,
-            bridge_feed: Feed::new(STATE_STALE_AFTER, OVERDUE_AFTER),
+            bridge_feed: Feed::new(MODULE_STALE_AFTER, OVERDUE_AFTER),
             telemetry_feed: Feed::without_looks(TELEMETRY_STALE_AFTER),
             status_feed: Feed::new(MODULE_STALE_AFTER, MODULE_OVERDUE_AFTER),
             relay_feed: Feed::new(MODULE_STALE_AFTER, MODULE_OVERDUE_AFTER),
