@@ -41,6 +41,9 @@ const OVERLAP: Duration = Duration::from_secs(1);
 /// have to serve until the oldest has had its time.
 const MAX_FORMER: usize = 3;
 
+/// Samples of a batch for which subscribers are woken once: few enough that one that sleeps loses none of them.
+const BATCH: usize = 16;
+
 /// How long after a failure the publisher tries again to begin a new generation.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -93,6 +96,25 @@ impl<T: Topic> Publisher<T> {
             #[allow(unsafe_code)]
             fill(unsafe { &mut *bytes.as_mut_ptr().cast::<T>() });
         })
+    }
+
+    /// As [`publish`](Publisher::publish), for one of several samples that come together: subscribers are woken for the first, for
+    /// each sixteenth after it, and for the rest by [`end_batch`](Publisher::end_batch).
+    ///
+    /// # Errors
+    ///
+    /// As [`publish`](Publisher::publish).
+    pub fn publish_batched(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
+        self.bytes.publish_batched(|bytes| {
+            // SAFETY: see `publish`.
+            #[allow(unsafe_code)]
+            fill(unsafe { &mut *bytes.as_mut_ptr().cast::<T>() });
+        })
+    }
+
+    /// Ends a batch: wakes subscribers if samples came after they were woken last.
+    pub fn end_batch(&mut self) {
+        self.bytes.end_batch();
     }
 
     /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
@@ -170,6 +192,8 @@ pub(crate) struct BytesPublisher {
     pollable: Pollable,
     /// A copy of the last sample, for those that come to a new generation before the next one.
     latest: Vec<u8>,
+    /// Samples of the present batch.
+    batch: usize,
     epoch_ns: u64,
     sequence: u64,
     place: Place,
@@ -293,14 +317,18 @@ impl Port {
         Ok(unsafe { sample.assume_init() })
     }
 
-    fn send(&mut self, sample: Preloaned) -> Result<(), PublishError> {
-        sample
-            .send()
-            .map_err(|error| publish_error(&self.key, error))?;
+    fn send(&self, sample: Preloaned) -> Result<(), PublishError> {
+        let sent = sample.send();
+        sent.map(|_| ())
+            .map_err(|error| publish_error(&self.key, error))
+    }
+
+    fn wake(&mut self) {
         self.samples.wake();
-        // Without one, the next call tries again and says why.
-        self.preloaned = self.loan_zeros().ok();
-        Ok(())
+        // After the wake-up, which others wait for. Without one, the next call tries again and says why.
+        if self.preloaned.is_none() {
+            self.preloaned = self.loan_zeros().ok();
+        }
     }
 
     fn subscribers(&self) -> usize {
@@ -345,6 +373,7 @@ impl BytesPublisher {
             joins: 0,
             pollable: Pollable::default(),
             latest: vec![0; offer.size],
+            batch: 0,
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
             place: place(&offer.key),
@@ -356,6 +385,40 @@ impl BytesPublisher {
 
     /// See [`Publisher::publish`].
     pub(crate) fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
+        let sequence = self.send(fill)?;
+        self.wake();
+        Ok(sequence)
+    }
+
+    /// See [`Publisher::publish_batched`].
+    pub(crate) fn publish_batched(
+        &mut self,
+        fill: impl FnOnce(&mut [u8]),
+    ) -> Result<u64, PublishError> {
+        let sequence = self.send(fill)?;
+        if self.batch.is_multiple_of(BATCH) {
+            self.wake();
+        }
+        self.batch += 1;
+        Ok(sequence)
+    }
+
+    /// See [`Publisher::end_batch`].
+    pub(crate) fn end_batch(&mut self) {
+        let batch = std::mem::take(&mut self.batch);
+        if batch > 0 && (batch - 1) % BATCH > 0 {
+            self.wake();
+        }
+    }
+
+    fn wake(&mut self) {
+        for (former, _) in &mut self.former {
+            former.wake();
+        }
+        self.port.wake();
+    }
+
+    fn send(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
         self.session
             .check_process()
             .map_err(|forked| PublishError {
@@ -432,6 +495,7 @@ impl BytesPublisher {
                     bytes_of(&mut copy).copy_from_slice(&self.latest);
                     // When it fails, late joiners wait for the next sample.
                     let _ = port.send(copy);
+                    port.wake();
                 }
                 self.pollable.change(&port.subscribers);
                 let former = std::mem::replace(&mut self.port, port);

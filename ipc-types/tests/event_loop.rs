@@ -74,6 +74,39 @@ fn draining_a_subscriber_makes_its_descriptor_unreadable() {
 
 /// Subscribers that leave a generation notify the publisher's listener there, which stays in the set for a second more.
 #[test]
+fn a_batch_wakes_for_its_first_sample_for_each_sixteenth_after_it_and_for_the_rest_at_its_end() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        subscriber.drain(|_| {}).unwrap();
+        publisher.tend();
+        for len in [1, 2, 16, 17, 18, 33] {
+            let mut expected: Vec<_> = [1, 17, 33].into_iter().filter(|at| *at <= len).collect();
+            if !expected.contains(&len) {
+                expected.push(len + 1);
+            }
+            // A machine that stalls for longer than the bound between drain and look sees the bound.
+            until("the expected wake-ups", || {
+                let mut woken = Vec::new();
+                for number in 1..=len + 2 {
+                    match number <= len {
+                        true => publisher.publish_batched(|_| {}).map(|_| ()).unwrap(),
+                        false => publisher.end_batch(),
+                    }
+                    if is_readable(subscriber.descriptor().unwrap()) {
+                        woken.push(number);
+                        subscriber.drain(|_| {}).unwrap();
+                    }
+                }
+                woken == expected
+            });
+        }
+        assert_eq!(subscriber.losses().lost, 0);
+    });
+}
+
+#[test]
 fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() {
     in_domain(|domain| {
         let ipc = join(domain, "test");

@@ -158,12 +158,13 @@ impl Shell {
         let (status, output) = (&mut self.status, &mut self.output);
         let result = self.input.drain(|dsp| {
             let now = MonotonicNs::now();
-            let published = output.publish(|hero| *hero = status.translate(dsp, now));
+            let published = output.publish_batched(|hero| *hero = status.translate(dsp, now));
             let outcome = published
                 .map(|_sequence| ())
                 .map_err(|error| error.to_string());
             status.record(dsp, outcome, now);
         });
+        output.end_batch();
         let was_failing = std::mem::replace(&mut self.input_failing, result.is_err());
         if let Err(error) = result
             && !was_failing

@@ -58,6 +58,11 @@ impl Services {
         ]
     }
 
+    /// The bytes of one read have brought all their telemetry.
+    pub fn end_batch(&mut self) {
+        self.telemetry.end_batch();
+    }
+
     /// Wakes the senders of requests that were answered. Their reports are there already; the bytes for the DSP go out first.
     pub fn wake_senders(&mut self) {
         self.control.wake_clients();
@@ -128,7 +133,7 @@ fn drain<R: Request>(
 
 impl Outputs for Services {
     fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
-        if let Err(error) = self.telemetry.publish(fill) {
+        if let Err(error) = self.telemetry.publish_batched(fill) {
             tracing::warn!(%error, "telemetry was not published");
         }
     }

@@ -146,6 +146,7 @@ impl Process for Shell<'_> {
         self.serve(now);
         let now = MonotonicNs::now();
         self.bridge.apply(now, Input::Advance, &mut self.services);
+        self.services.end_batch();
         self.open_port(now)?;
         self.write();
         self.services.wake_senders();
@@ -247,6 +248,7 @@ impl Shell<'_> {
         if len > 0 {
             let bytes = Input::Received(&self.buffer[..len]);
             self.bridge.apply(now, bytes, &mut self.services);
+            self.services.end_batch();
         }
         if let Some(gone) = gone {
             self.close_port(&gone);
