@@ -139,11 +139,6 @@ impl<P: Payload> Subscriber<P> {
     pub fn generations(&self) -> u64 {
         self.core.generations
     }
-
-    /// As [`Waiter::missed`](crate::Waiter::missed), of this subscriber's own [`wait`](Port::wait).
-    pub fn missed_wakeups(&self) -> u64 {
-        self.waiter.missed()
-    }
 }
 
 impl<T: Topic> Subscriber<T> {

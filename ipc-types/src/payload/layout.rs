@@ -85,6 +85,24 @@ impl Layout {
         format!("{}_msgs/msg/{}", self.package(), self.name)
     }
 
+    /// Where the field of this name lies, if it is a `u64`, bytes.
+    pub const fn offset_of(&self, name: &str) -> Option<usize> {
+        let mut index = 0;
+        while index < self.fields.len() {
+            let field = &self.fields[index];
+            if is_equal(field.name, name) {
+                let is_u64 = matches!(field.kind, FieldKind::Number(Number::U64));
+                return if is_u64 && field.len.is_none() {
+                    Some(field.offset)
+                } else {
+                    None
+                };
+            }
+            index += 1;
+        }
+        None
+    }
+
     /// The nested structs, each once and after those that it contains, and this one last.
     pub fn with_nested(&'static self) -> Vec<&'static Layout> {
         let mut all = Vec::new();

@@ -3,8 +3,7 @@
 
 use super::key::{is_key, service_name};
 use crate::iox::Wire;
-use crate::payload::layout::is_equal;
-use crate::payload::{FieldKind, Layout, Number, RequestReport, SharedStruct};
+use crate::payload::{Layout, RequestReport, SharedStruct};
 use crate::robot::RobotId;
 use crate::schema::{self, Schema};
 
@@ -127,6 +126,12 @@ pub trait Request: SharedStruct + Wire {
     fn request_id(&self) -> u64 {
         word(self.bytes(), REQUEST_ID_OFFSET)
     }
+
+    /// The path that it belongs to, 0 for none: its field `path_id`.
+    fn path_id(&self) -> u64 {
+        let offset = Self::LAYOUT.offset_of("path_id");
+        offset.map_or(0, |offset| word(self.bytes(), offset))
+    }
 }
 
 /// Stops the compiler when a topic's struct, key or provider breaks a rule of the contract.
@@ -158,15 +163,7 @@ pub const fn check_request<R: Request>() {
 
 /// Whether there is a `u64` of this name at this offset.
 const fn has_number(layout: &Layout, name: &str, offset: usize) -> bool {
-    let mut index = 0;
-    while index < layout.fields.len() {
-        let field = &layout.fields[index];
-        if field.offset == offset && is_equal(field.name, name) {
-            return field.len.is_none() && matches!(field.kind, FieldKind::Number(Number::U64));
-        }
-        index += 1;
-    }
-    false
+    matches!(layout.offset_of(name), Some(found) if found == offset)
 }
 
 /// Makes a [`shared_struct!`](crate::shared_struct) a topic of a module: `topic!(Battery, "battery_watch/cell_voltages")`.
