@@ -14,20 +14,17 @@
 //! Everything can be cancelled, and loses nothing by it: what was not handed on comes with the next call.
 
 use std::io;
-use std::os::fd::{BorrowedFd, OwnedFd};
+use std::os::fd::OwnedFd;
 
 use rustix::io::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use crate::client::Client;
-use crate::dynamic::{DynamicClient, DynamicPublisher, DynamicServer, DynamicSubscriber};
 use crate::forked::Owned;
-use crate::publisher::Publisher;
-use crate::server::Server;
-use crate::service::{Request, Topic};
+use crate::port::{Core, Port};
+use crate::service::Topic;
 use crate::subscriber::{ReceiveError, Subscriber};
-use crate::waiter::{Source, WaitError};
+use crate::waiter::{WaitError, sealed};
 
 /// Something asynchronous failed.
 #[derive(Debug, thiserror::Error)]
@@ -40,38 +37,6 @@ pub enum AsyncError {
     EventLoop(#[from] io::Error),
 }
 
-/// A port that has a descriptor: every one.
-pub trait Port: Source {
-    /// See [`Subscriber::descriptor`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError>;
-}
-
-/// Makes types ports by their own method.
-macro_rules! ports {
-    ($({$($generics:tt)*} $port:ty),* $(,)?) => {$(
-        impl<$($generics)*> Port for $port {
-            fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-                <$port>::descriptor(self)
-            }
-        }
-    )*};
-}
-
-ports! {
-    {T: Topic} Subscriber<T>,
-    {T: Topic} Publisher<T>,
-    {R: Request} Client<R>,
-    {R: Request} Server<R>,
-    {} DynamicSubscriber,
-    {} DynamicPublisher,
-    {} DynamicClient,
-    {} DynamicServer,
-}
-
 /// A port whose waits are those of tokio's event loop.
 pub struct Async<P> {
     // First, so that the event loop lets go of the descriptor before the port closes what is behind it.
@@ -79,13 +44,13 @@ pub struct Async<P> {
     port: P,
 }
 
-impl<P: Port> Async<P> {
+impl<C: Core, P> Async<Port<C, P>> {
     /// Gives the port to the event loop of the runtime that the caller runs in.
     ///
     /// # Errors
     ///
     /// When the process has too many descriptors, or there is no runtime with I/O.
-    pub fn new(port: P) -> Result<Async<P>, WaitError> {
+    pub fn new(port: Port<C, P>) -> Result<Async<Port<C, P>>, WaitError> {
         let descriptor = port.descriptor()?.try_clone_to_owned().map_err(failed)?;
         // SAFETY: the descriptor is open, and nothing but the `AsyncFd` owns it, which never gives it out.
         #[allow(unsafe_code)]
@@ -96,12 +61,12 @@ impl<P: Port> Async<P> {
     }
 
     /// The port, to send with, and to look at.
-    pub fn get(&self) -> &P {
+    pub fn get(&self) -> &Port<C, P> {
         &self.port
     }
 
     /// The port, to send with, and to receive what is there already.
-    pub fn get_mut(&mut self) -> &mut P {
+    pub fn get_mut(&mut self) -> &mut Port<C, P> {
         &mut self.port
     }
 
@@ -110,10 +75,13 @@ impl<P: Port> Async<P> {
     /// # Errors
     ///
     /// When the event loop has ended.
-    pub async fn until<T>(&mut self, mut take: impl FnMut(&mut P) -> Option<T>) -> io::Result<T> {
+    pub async fn until<T>(
+        &mut self,
+        mut take: impl FnMut(&mut Port<C, P>) -> Option<T>,
+    ) -> io::Result<T> {
         loop {
             let mut guard = self.readiness.readable().await?;
-            self.port.tend();
+            sealed::Source::tend(&mut self.port);
             if let Some(taken) = take(&mut self.port) {
                 // There may be more: the descriptor still counts as readable.
                 return Ok(taken);

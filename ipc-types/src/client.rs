@@ -1,24 +1,29 @@
 //! [`Client`]: sends requests, several at once, and follows the reports about each to its final report. [`RequestHandle`] follows
-//! one of them. What a client does with bytes, `BytesClient` does.
+//! one of them: what an action's goal handle is in ROS 2.
 //!
 //! Nothing is fire-and-forget: a request without a server is refused here, and one whose server vanishes ends with
-//! [`Reason::BridgeGone`](crate::code::Reason::BridgeGone), so that its sender never waits for ever. Whether the request was
-//! carried out is then unknown.
+//! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.
 
-use std::marker::PhantomData;
-use std::os::fd::BorrowedFd;
+use std::collections::VecDeque;
+use std::mem;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::bytes_client::BytesClient;
 pub use crate::client_port::SendError;
-use crate::forked::Owned;
+use crate::client_port::{ClientPort, Outstanding};
+use crate::code::Reason;
+use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
+use crate::follow::{Follower, until_room};
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
-use crate::request_handle::RequestHandle;
-use crate::service::Request;
+use crate::pollable::Pollable;
+use crate::port::{self, Payload, Port};
+use crate::random::fresh_request_id;
+use crate::schema::Schema;
+use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, Request, word};
 use crate::session::Session;
-use crate::waiter::{WaitError, Wake, sealed};
+use crate::time::MonotonicNs;
+use crate::waiter::{WaitError, Waiter, sealed};
 
 /// Sends requests and follows their reports.
 ///
@@ -35,89 +40,511 @@ use crate::waiter::{WaitError, Wake, sealed};
 /// ```
 ///
 /// [`Client::request`] follows one request; [`Client::send`] and [`Client::drain`] follow several at once.
-pub struct Client<R: Request> {
-    bytes: Owned<BytesClient>,
-    payload: PhantomData<fn(R)>,
-}
+pub type Client<R> = Port<BytesClient, R>;
 
 impl<R: Request> Client<R> {
-    /// `key` is that of `R`, or of another service that carries the same struct.
-    pub(crate) fn open(session: &Arc<Session>, key: &str) -> Result<Client<R>, OpenError> {
-        Ok(Client {
-            bytes: BytesClient::open(session, Offer::of_request::<R>(key))?,
-            payload: PhantomData,
-        })
-    }
-
     /// Sends a request, and follows it alone: its progress and its result.
     ///
     /// # Errors
     ///
     /// See [`SendError`]; nothing was sent then.
     pub fn request(&mut self, request: &R) -> Result<RequestHandle<'_>, SendError> {
-        RequestHandle::send(&mut self.bytes, request.bytes())
+        self.follow_one(request.bytes())
     }
 
     /// Sends a request. Its reports come out of [`Client::drain`], the last with a final stage.
     ///
     /// Requests whose final report has come do not count as open, drained or not: their reports are kept for the next drain, see
-    /// [`keep_report`](crate::keep_report).
+    /// [`keep_report`].
     ///
     /// # Errors
     ///
     /// See [`SendError`]; nothing was sent then.
     pub fn send(&mut self, request: &R) -> Result<(), SendError> {
-        self.bytes.send(request.bytes())
+        self.core.send(request.bytes()).map(|_| ())
     }
+}
 
-    /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
-    /// report from here: [`Stage::Unknown`](crate::code::Stage::Unknown),
-    /// [`Reason::BridgeGone`](crate::code::Reason::BridgeGone).
-    pub fn drain(&mut self, take: impl FnMut(&RequestReport)) -> usize {
-        self.bytes.drain(take)
-    }
-
-    /// Sleeps until there is a report, the server is gone, a signal comes or `timeout` has passed.
-    ///
-    /// # Errors
-    ///
-    /// See [`WaitError`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.bytes.wait(timeout)
-    }
-
-    /// As [`Subscriber::descriptor`](crate::Subscriber::descriptor): it can be read once there are reports, and [`Client::drain`]
-    /// empties it.
+/// Requests whose struct this program was not built with, as bytes: as many as the schema says.
+impl Client<Schema> {
+    /// As [`Client::request`] of a struct; see [`Client::send`] of bytes.
     ///
     /// # Errors
     ///
     /// As there.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.bytes.descriptor()
+    pub fn request(&mut self, request: &[u8]) -> Result<RequestHandle<'_>, SendError> {
+        self.follow_one(request)
+    }
+
+    /// As [`Client::send`] of a struct. A `request_id` of 0 is replaced by a fresh one. Returns the request's id.
+    ///
+    /// # Errors
+    ///
+    /// See [`SendError`]; nothing was sent then.
+    pub fn send(&mut self, request: &[u8]) -> Result<u64, SendError> {
+        self.core.send(request)
+    }
+}
+
+impl<P: Payload> Client<P> {
+    fn follow_one(&mut self, request: &[u8]) -> Result<RequestHandle<'_>, SendError> {
+        RequestHandle::send(&mut self.core, &self.waiter, request)
+    }
+
+    /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
+    /// report from here: [`Stage::Unknown`](crate::code::Stage::Unknown),
+    /// [`Reason::BridgeGone`].
+    pub fn drain(&mut self, take: impl FnMut(&RequestReport)) -> usize {
+        self.core.drain(take)
     }
 
     /// Gives up all open requests: their server sees them as vanished.
     pub fn give_up(&mut self) {
-        self.bytes.give_up();
+        self.core.give_up();
+    }
+
+    /// Gives up one request: its server sees it as vanished.
+    pub fn give_up_one(&mut self, request_id: u64) {
+        self.core.give_up_one(request_id);
+    }
+
+    /// Whether this request was sent and its final report has not come yet.
+    pub fn is_open(&self, request_id: u64) -> bool {
+        let mut open = self.core.outstanding.iter();
+        open.any(|outstanding| outstanding.request_id == request_id)
     }
 
     /// Requests without a final report.
     pub fn outstanding(&self) -> usize {
-        self.bytes.outstanding()
+        self.core.outstanding.len()
     }
 
     /// Whether a live process serves. One that hangs counts as alive.
     pub fn is_server_alive(&self) -> bool {
-        self.bytes.is_server_alive()
+        let provider = self.core.session.watch(self.key()).look();
+        provider.is_ok_and(|provider| provider.is_some())
     }
 }
 
-impl<R: Request> sealed::Source for Client<R> {
-    fn has_something(&self, look: sealed::Look) -> bool {
-        self.bytes.has_something(look)
+/// Reports that a client keeps for its next drain: as many as can wait unread, 64. [`keep_report`] says which are dropped at the bound.
+const MAX_KEPT: usize = MAX_OUTSTANDING * RESPONSE_BUFFER;
+
+/// Keeps a report that the program has not asked for yet, beside at most `most` others. At that bound the oldest that is not final is
+/// dropped; when all are final, the oldest.
+pub fn keep_report(kept: &mut VecDeque<RequestReport>, report: RequestReport, most: usize) {
+    if kept.len() >= most {
+        let oldest = kept.iter().position(|report| !report.is_final());
+        kept.remove(oldest.unwrap_or_default());
+    }
+    kept.push_back(report);
+}
+
+/// Sends requests that are bytes.
+pub struct BytesClient {
+    // First, so that the server sees the requests closed before it is woken by the end of the sender.
+    outstanding: Vec<Outstanding>,
+    /// `None` while no server has been there.
+    port: Option<ClientPort>,
+    /// The ports of former generations, for as long as requests are open there.
+    former: Vec<ClientPort>,
+    /// Reports that came while a handle followed another request, or while a request was sent.
+    kept: VecDeque<RequestReport>,
+    follower: Follower,
+    pollable: Pollable,
+    slot: DoorbellSlot,
+    offer: Offer,
+    session: Arc<Session>,
+}
+
+// SAFETY: a client owns all that shares its counts of references, see [`Svc`](crate::iox::Svc); no other thread has any of it.
+#[allow(unsafe_code)]
+unsafe impl Send for BytesClient {}
+
+impl BytesClient {
+    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesClient, OpenError> {
+        let mut client = BytesClient {
+            outstanding: Vec::with_capacity(MAX_OUTSTANDING),
+            port: None,
+            former: Vec::new(),
+            kept: VecDeque::new(),
+            follower: Follower::new(session, &offer.key),
+            pollable: Pollable::default(),
+            slot: doorbell_slot(&offer.key),
+            offer,
+            session: Arc::clone(session),
+        };
+        let key = client.offer.key.clone();
+        match until_room(session, &key, || client.follow()) {
+            // Its server has gone in this moment, or goes: the next one will be followed.
+            Err(error) if error.may_pass() => {
+                tracing::debug!(%error, "there is no server yet");
+            }
+            result => result?,
+        }
+        Ok(client)
+    }
+
+    /// Enters another generation if there is one.
+    fn enter(&self) -> Result<Option<ClientPort>, OpenError> {
+        let present = self.port.as_ref().map(|port| port.generation.name());
+        self.follower.follow(present, |session, generation| {
+            ClientPort::open(session, generation, &self.offer)
+        })
+    }
+
+    /// Enters another generation if there is one.
+    fn follow(&mut self) -> Result<(), OpenError> {
+        self.drop_former();
+        match self.follower.is_due() {
+            true => self.change_generation(),
+            false => Ok(()),
+        }
+    }
+
+    fn drop_former(&mut self) {
+        let open = &self.outstanding;
+        self.former
+            .retain(|port| open.iter().any(|request| request.is_of(port)));
+    }
+
+    /// Apart from `follow`, which every request calls: a port that is moved about takes microseconds.
+    #[cold]
+    fn change_generation(&mut self) -> Result<(), OpenError> {
+        let entered = match self.enter() {
+            Err(error) if error.is_no_room() && self.session.make_room() => {
+                self.follower.forget();
+                self.enter()?
+            }
+            entered => entered?,
+        };
+        if let Some(port) = entered {
+            self.pollable.change(&port.responses);
+            self.former.extend(self.port.replace(port));
+            self.drop_former();
+        }
+        Ok(())
+    }
+
+    /// Sends a request, and returns its id: the sender's own, or a fresh one for 0.
+    fn send(&mut self, request: &[u8]) -> Result<u64, SendError> {
+        self.session
+            .check_process()
+            .map_err(|forked| SendError::Failed(forked.to_string()))?;
+        let schema = &self.offer.schema;
+        if request.len() != schema.size() {
+            return Err(SendError::Failed(format!(
+                "a request `{}` has {} bytes, {} were given",
+                schema.type_name(),
+                schema.size(),
+                request.len()
+            )));
+        }
+        if self.outstanding.len() >= MAX_OUTSTANDING {
+            self.keep_what_came();
+        }
+        if self.outstanding.len() >= MAX_OUTSTANDING {
+            return Err(SendError::TooManyOutstanding);
+        }
+        self.follow().map_err(|error| match error {
+            OpenError::Full { .. } => SendError::NoPlace(error.to_string()),
+            error => SendError::Failed(error.with_cause()),
+        })?;
+        let port = self.port.as_ref().filter(|port| port.server.look());
+        let port = port.ok_or_else(|| self.no_server())?;
+        let request_id = match word(request, REQUEST_ID_OFFSET) {
+            0 => fresh_request_id(),
+            given => given,
+        };
+        let pending = port.deliver(request, request_id)?;
+        if pending.number_of_server_connections() == 0 {
+            // It lives, but it has not read anything of this client yet, and the queue is full.
+            return Err(SendError::ServerFull);
+        }
+        port.requests.wake();
+        let path_id = self.offer.path_offset.map(|offset| word(request, offset));
+        self.outstanding.push(Outstanding {
+            pending,
+            request_id,
+            path_id: path_id.unwrap_or_default(),
+            generation: port.generation.name().to_owned(),
+        });
+        Ok(request_id)
+    }
+
+    /// Keeps the reports that are there for the next drain: a request whose final report is among them is open no longer.
+    fn keep_what_came(&mut self) {
+        let mut kept = mem::take(&mut self.kept);
+        self.receive(|report| keep_report(&mut kept, *report, MAX_KEPT));
+        self.kept = kept;
+    }
+
+    fn give_up_one(&mut self, request_id: u64) {
+        self.give_up_those(|outstanding| outstanding.request_id == request_id);
+    }
+
+    fn drain(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
+        let kept = self.kept.len();
+        self.kept.drain(..).for_each(|report| take(&report));
+        kept + self.receive(take)
+    }
+
+    /// As [`BytesClient::drain`], of what comes now.
+    fn receive(&mut self, mut take: impl FnMut(&RequestReport)) -> usize {
+        if self.session.check_process().is_err() {
+            return 0;
+        }
+        for port in self.port.iter().chain(&self.former) {
+            port.responses.take();
+        }
+        self.pollable.drained();
+        // Before the reports are read: whatever a server said before it went comes out first.
+        if !self.outstanding.is_empty() {
+            self.look_in_time();
+        }
+        let ports = || self.port.iter().chain(&self.former);
+        let gone = gone_reason(&self.offer.key);
+        let mut taken = 0;
+        let mut anchor = None;
+        self.outstanding.retain(|outstanding| {
+            let is_served = outstanding.is_served(ports());
+            let mut is_closed = false;
+            outstanding.drain(&mut anchor, |report| {
+                is_closed |= report.is_final();
+                taken += 1;
+                take(report);
+            });
+            if !is_served && !is_closed {
+                is_closed = true;
+                taken += 1;
+                take(&outstanding.gone(gone));
+            }
+            !is_closed
+        });
+        taken
+    }
+
+    fn give_up(&mut self) {
+        self.kept.clear();
+        self.give_up_those(|_| true);
+    }
+
+    fn give_up_those(&mut self, is_meant: impl Fn(&Outstanding) -> bool) {
+        if self.session.check_process().is_err() {
+            return;
+        }
+        let before = self.outstanding.len();
+        self.outstanding
+            .retain(|outstanding| !is_meant(outstanding));
+        if self.outstanding.len() < before {
+            for port in self.port.iter().chain(&self.former) {
+                port.requests.wake();
+            }
+        }
+    }
+
+    /// Looks at the servers if the last look is a period ago.
+    fn look_in_time(&self) {
+        for port in self.port.iter().chain(&self.former) {
+            port.server.look_in_time();
+        }
+    }
+
+    fn no_server(&self) -> SendError {
+        SendError::NoServer {
+            service: self.offer.key.clone(),
+            robot: self.session.robot().get(),
+        }
+    }
+
+    /// Whether draining would hand something on.
+    fn has_reports(&self) -> bool {
+        if !self.kept.is_empty() {
+            return true;
+        }
+        if self.outstanding.is_empty() {
+            return false;
+        }
+        self.look_in_time();
+        self.outstanding.iter().any(|outstanding| {
+            let ports = self.port.iter().chain(&self.former);
+            outstanding.pending.has_response() || !outstanding.is_served(ports)
+        })
+    }
+}
+
+/// Why a request ends whose server is gone.
+fn gone_reason(key: &str) -> Reason {
+    match key.contains('/') {
+        true => Reason::ModuleGone,
+        false => Reason::BridgeGone,
+    }
+}
+
+impl Drop for BytesClient {
+    fn drop(&mut self) {
+        self.give_up();
+    }
+}
+
+impl sealed::Source for BytesClient {
+    fn has_something(&self, _look: sealed::Look) -> bool {
+        self.has_reports()
     }
 
     fn sense(&self) -> sealed::Sense<'_> {
-        self.bytes.sense()
+        sealed::Sense::Port {
+            doorbell: self.session.doorbell(),
+            bits: self.slot.bits(Channel::Responses),
+            receiver: self.port.as_ref().map(|port| &port.responses),
+            by_descriptor: false,
+            // Without a request there is no server to look for.
+            bound: match self.outstanding.is_empty() {
+                true => sealed::Bound::LONG,
+                false => sealed::Bound::SHORT,
+            },
+        }
+    }
+}
+
+port::core!(BytesClient);
+
+/// A request that was sent: what an action's goal handle is in ROS 2. [`Client::request`](crate::Client::request) makes it.
+///
+/// ```no_run
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let robot = ipc_types::Ipc::connect("operator")?;
+/// # let mut client = robot.client::<ipc_types::payload::MovementData>()?;
+/// # let order = ipc_types::payload::MovementData::land(ipc_types::fresh_request_id());
+/// let mut landing = client.request(&order)?;
+/// for feedback in landing.feedback() {
+///     println!("{} waypoints reached", feedback?.waypoints_reached);
+/// }
+/// println!("{:?}", landing.result()?.stage());
+/// # Ok(())
+/// # }
+/// ```
+///
+/// **Dropping it before the result gives the request up**: a request that its server has not read is then not carried out, and
+/// the server of one that it has read sees its client as vanished. The bridge flies an accepted movement to its end all the same
+/// (docs/ipc.md, section 4). Reports about other requests of the client are kept for [`Client::drain`](crate::Client::drain).
+pub struct RequestHandle<'c> {
+    client: &'c mut BytesClient,
+    waiter: &'c Waiter,
+    request_id: u64,
+    /// Reports about this request that were not handed on yet.
+    reports: VecDeque<RequestReport>,
+    /// Reports about other requests.
+    others: VecDeque<RequestReport>,
+    /// The final report, once it was handed on.
+    result: Option<RequestReport>,
+}
+
+impl<'c> RequestHandle<'c> {
+    fn send(
+        client: &'c mut BytesClient,
+        waiter: &'c Waiter,
+        request: &[u8],
+    ) -> Result<RequestHandle<'c>, SendError> {
+        Ok(RequestHandle {
+            request_id: client.send(request)?,
+            reports: VecDeque::new(),
+            // Taken out, so that they do not end the handle's waits.
+            others: mem::take(&mut client.kept),
+            result: None,
+            client,
+            waiter,
+        })
+    }
+
+    /// Id of the request.
+    pub fn request_id(&self) -> u64 {
+        self.request_id
+    }
+
+    /// The next report, the final one included; `None` if none is there, or the final one was handed on.
+    pub fn try_recv(&mut self) -> Option<RequestReport> {
+        if self.reports.is_empty() && self.result.is_none() {
+            let (id, reports, others) = (self.request_id, &mut self.reports, &mut self.others);
+            self.client.receive(|report| match report.request_id == id {
+                true => reports.push_back(*report),
+                false => keep_report(others, *report, MAX_KEPT),
+            });
+        }
+        let report = self.reports.pop_front()?;
+        if report.is_final() {
+            self.result = Some(report);
+            self.reports.clear();
+        }
+        Some(report)
+    }
+
+    /// As [`RequestHandle::try_recv`], but sleeps until there is a report or `timeout` has passed. A signal does not end it.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn recv_timeout(&mut self, timeout: Duration) -> Result<Option<RequestReport>, WaitError> {
+        let deadline = MonotonicNs::now() + timeout;
+        loop {
+            if let Some(report) = self.try_recv() {
+                return Ok(Some(report));
+            }
+            let now = MonotonicNs::now();
+            if self.result.is_some() || now >= deadline {
+                return Ok(None);
+            }
+            self.waiter.wait_for_one(self.client, deadline.since(now))?;
+        }
+    }
+
+    /// The reports before the final one, as they come. Sleeps while there is none, and ends with the result.
+    pub fn feedback(&mut self) -> impl Iterator<Item = Result<RequestReport, WaitError>> {
+        std::iter::from_fn(|| {
+            self.recv_timeout(Duration::MAX)
+                .map(|report| report.filter(|report| !report.is_final()))
+                .transpose()
+        })
+    }
+
+    /// Waits for the final report, and drops what comes before it. The report says *unknown, bridge-gone* when the server is gone.
+    /// While a live server does not answer there is no end to it: [`RequestHandle::result_timeout`] has one.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn result(&mut self) -> Result<RequestReport, WaitError> {
+        loop {
+            if let Some(result) = self.result_timeout(Duration::MAX)? {
+                return Ok(result);
+            }
+        }
+    }
+
+    /// As [`RequestHandle::result`], but waits no longer than `timeout`; `None` if there is no result by then.
+    ///
+    /// # Errors
+    ///
+    /// See [`WaitError`].
+    pub fn result_timeout(
+        &mut self,
+        timeout: Duration,
+    ) -> Result<Option<RequestReport>, WaitError> {
+        let deadline = MonotonicNs::now() + timeout;
+        while self.result.is_none() {
+            let left = deadline.since(MonotonicNs::now());
+            if self.recv_timeout(left)?.is_none() {
+                break;
+            }
+        }
+        Ok(self.result)
+    }
+}
+
+impl Drop for RequestHandle<'_> {
+    fn drop(&mut self) {
+        if self.result.is_none() {
+            self.client.give_up_one(self.request_id);
+        }
+        self.client.kept = mem::take(&mut self.others);
     }
 }

@@ -11,19 +11,18 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::{Channel, place};
-use crate::event::Event;
+use crate::doorbell::{Channel, doorbell_slot};
 use crate::generation::Generation;
 use crate::iox::{AnyRequest, Svc};
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::provider::LockWatch;
-use crate::request_id::fresh_request_id;
-use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, service_name, word};
+use crate::random::fresh_request_id;
+use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, REQUEST_ID_OFFSET, service_name, word};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::SAFETY_BOUND;
-use crate::wake::{WakeReceiver, WakeSender};
+use crate::wake::{Event, WakeReceiver, WakeSender};
 
 /// How often a waiting client looks whether its server still lives, which takes two system calls.
 const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
@@ -125,18 +124,18 @@ impl ClientPort {
         start_somewhere(&port);
         Ok(ClientPort {
             port,
-            size: offer.size,
+            size: offer.schema.size(),
             issued_offset: offer.issued_offset,
             responses,
-            requests: WakeSender::make(session, requests, place(key), Channel::Requests)?,
+            requests: WakeSender::make(session, requests, doorbell_slot(key), Channel::Requests)?,
             server: ServerWatch::new(generation.provider_watch()),
             generation,
         })
     }
 
-    /// Sends the bytes of a request, which are as many as the service says. One that does not say when it was issued is issued
-    /// now.
-    pub(crate) fn deliver(&self, request: &[u8]) -> Result<Pending, SendError> {
+    /// Sends the bytes of a request, which are as many as the service says, under this id. One that does not say when it was issued
+    /// is issued now.
+    pub(crate) fn deliver(&self, request: &[u8], request_id: u64) -> Result<Pending, SendError> {
         assert_eq!(request.len(), self.size, "bytes of a request");
         let mut loaned = self
             .port
@@ -145,17 +144,21 @@ impl ClientPort {
         let payload: *mut u8 = loaned.payload_mut().as_mut_ptr().cast();
         let unissued = self
             .issued_offset
-            .filter(|offset| word(request, *offset) == 0);
+            .filter(|offset| word(request, *offset) == 0)
+            .map(|offset| (offset, MonotonicNs::now().0));
         // SAFETY: the service's requests have this size, which iceoryx2 has compared, and this one is the caller's alone. The
-        // eight bytes of the moment lie in it, by the layout that the offset comes from.
+        // eight bytes of each number lie in it, by the layout that the offsets come from.
         #[allow(unsafe_code)]
         let loaned = unsafe {
             payload.copy_from_nonoverlapping(request.as_ptr(), self.size);
-            if let Some(offset) = unissued {
-                let issued = MonotonicNs::now().0.to_ne_bytes();
+            for (offset, number) in [(REQUEST_ID_OFFSET, request_id)]
+                .into_iter()
+                .chain(unissued)
+            {
+                let bytes = number.to_ne_bytes();
                 payload
                     .add(offset)
-                    .copy_from_nonoverlapping(issued.as_ptr(), issued.len());
+                    .copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
             }
             loaned.assume_init()
         };

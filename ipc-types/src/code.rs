@@ -22,7 +22,7 @@ macro_rules! codes {
             /// All values, in the order of their numbers.
             pub const ALL: &'static [$name] = &[$( $name::$variant, )+];
 
-            /// The value with this number, or nothing if the number is not one of the contract.
+            /// The value with this number, or `None` if the number is not one of the contract.
             pub const fn from_code(code: u32) -> Option<$name> {
                 match code {
                     $( $code => Some($name::$variant), )+
@@ -425,7 +425,7 @@ impl ImiCode {
         self.0 == ImiError::None.code()
     }
 
-    /// The IMI code of a DSP error, 201 … 500; nothing for a code that has no place in that interval (0, or over 300).
+    /// The IMI code of a DSP error, 201 … 500; `None` for a code that has no place in that interval (0, or over 300).
     pub const fn of_dsp(code: u32) -> Option<ImiCode> {
         match code {
             1..=300 => Some(ImiCode(code + IMI_DSP_OFFSET)),

@@ -40,8 +40,8 @@ use crate::time::MonotonicNs;
 /// Length of the page, bytes.
 const LEN: usize = size_of::<Page>();
 
-/// Services that the page tells apart. Those beyond share a place, which wakes a process for nothing now and then.
-const PLACES: usize = 15;
+/// Services that the page tells apart. Those beyond share a slot, which wakes a process without need now and then.
+const SLOTS: usize = 15;
 
 /// What lies in the file. `docs/ipc.md` has it as a table; another layout needs another name for the file.
 #[repr(C, align(64))]
@@ -54,7 +54,7 @@ struct Page {
     generations: AtomicU32,
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
-    joined: [AtomicU32; PLACES + 1],
+    joined: [AtomicU32; SLOTS + 1],
     also_reserved: [u32; 140],
 }
 
@@ -79,22 +79,22 @@ pub type Bits = NonZeroU32;
 /// Rung when a service has another generation. Every sleeper sleeps for it.
 const GENERATION: Bits = Bits::new(1 << 31).unwrap();
 
-/// The place of the service `key` in the page: the robot's own have one each, modules' share the rest.
-pub(crate) fn place(key: &str) -> Place {
-    const { assert!(SERVICES.len() < PLACES) };
-    let shared = PLACES - SERVICES.len();
+/// The slot of the service `key` in the page: the robot's own have one each, modules' share the rest.
+pub(crate) fn doorbell_slot(key: &str) -> DoorbellSlot {
+    const { assert!(SERVICES.len() < SLOTS) };
+    let shared = SLOTS - SERVICES.len();
     let index = match own(key) {
         Some(id) => id as usize,
         None => SERVICES.len() + (random::hash(key.as_bytes()) % shared as u64) as usize,
     };
-    Place(index)
+    DoorbellSlot(index)
 }
 
-/// A service's place in the page.
+/// A service's slot in the page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place(usize);
+pub struct DoorbellSlot(usize);
 
-impl Place {
+impl DoorbellSlot {
     /// The bit of one of the service's events.
     pub(crate) fn bits(self, channel: Channel) -> Bits {
         let direction = match channel {
@@ -221,15 +221,15 @@ impl Doorbell {
         !self.page().sleepers.load(Ordering::SeqCst) & bits.get() == 0
     }
 
-    /// Counts a new subscriber of the service at `place` and wakes its publisher.
-    pub(crate) fn join(&self, place: Place) {
-        self.page().joined[place.0].fetch_add(1, Ordering::SeqCst);
-        self.ring(place.bits(Channel::Subscribers));
+    /// Counts a new subscriber of the service at `slot` and wakes its publisher.
+    pub(crate) fn join(&self, slot: DoorbellSlot) {
+        self.page().joined[slot.0].fetch_add(1, Ordering::SeqCst);
+        self.ring(slot.bits(Channel::Subscribers));
     }
 
-    /// How many subscribers of the service at `place` have joined so far, wrapping around.
-    pub(crate) fn joined(&self, place: Place) -> u32 {
-        self.page().joined[place.0].load(Ordering::SeqCst)
+    /// How many subscribers of the service at `slot` have joined so far, wrapping around.
+    pub(crate) fn joined(&self, slot: DoorbellSlot) -> u32 {
+        self.page().joined[slot.0].load(Ordering::SeqCst)
     }
 
     /// Says that a service has another generation, or none, and wakes every sleeper.
@@ -264,7 +264,7 @@ mod tests {
     const DATA: &str = "hero_telemetry";
 
     fn samples() -> Bits {
-        place(DATA).bits(Channel::Samples)
+        doorbell_slot(DATA).bits(Channel::Samples)
     }
 
     /// Two processes' views of one doorbell.
@@ -292,7 +292,7 @@ mod tests {
         let mut all = vec![GENERATION.get()];
         for spec in &SERVICES {
             for channel in channels {
-                all.push(place(spec.contract.key).bits(channel).get());
+                all.push(doorbell_slot(spec.contract.key).bits(channel).get());
             }
         }
         assert!(all.iter().all(|bits| bits.count_ones() == 1));
@@ -324,8 +324,8 @@ mod tests {
     fn a_process_is_not_woken_by_what_it_does_not_sleep_for() {
         let [sleeper, ringer] = doorbells();
         let seen = sleeper.listen(samples());
-        ringer.ring(place(DATA).bits(Channel::Subscribers));
-        ringer.ring(place("dsp_telemetry").bits(Channel::Samples));
+        ringer.ring(doorbell_slot(DATA).bits(Channel::Subscribers));
+        ringer.ring(doorbell_slot("dsp_telemetry").bits(Channel::Samples));
         let slept = sleeper.sleep(seen, samples(), soon());
         assert_eq!(slept, Ok(Slept::TimedOut));
         // A bit that was left, as by a process that was killed, does no harm.
@@ -342,7 +342,7 @@ mod tests {
         const ROUNDS: u32 = 20_000;
         let doorbells = doorbells();
         let data = [const { AtomicU32::new(0) }; 2];
-        let sides = [samples(), place(DATA).bits(Channel::Subscribers)];
+        let sides = [samples(), doorbell_slot(DATA).bits(Channel::Subscribers)];
         let play = |me: usize| {
             let doorbell = &doorbells[me];
             for round in 1..=ROUNDS {
@@ -368,17 +368,17 @@ mod tests {
     #[test]
     fn subscribers_are_counted_for_each_service() {
         let [subscriber, publisher] = doorbells();
-        subscriber.join(place(DATA));
-        subscriber.join(place(DATA));
-        assert_eq!(publisher.joined(place(DATA)), 2);
-        assert_eq!(publisher.joined(place("dsp_telemetry")), 0);
+        subscriber.join(doorbell_slot(DATA));
+        subscriber.join(doorbell_slot(DATA));
+        assert_eq!(publisher.joined(doorbell_slot(DATA)), 2);
+        assert_eq!(publisher.joined(doorbell_slot("dsp_telemetry")), 0);
     }
 
     #[test]
-    fn a_module_s_service_shares_a_place_with_none_of_the_robot_s_own() {
+    fn a_module_s_service_shares_a_slot_with_none_of_the_robot_s_own() {
         for key in ["battery_watch/voltages", "a", "b", "c", "camera/state"] {
-            let place = place(key).0;
-            assert!((SERVICES.len()..PLACES).contains(&place), "{key}: {place}");
+            let slot = doorbell_slot(key).0;
+            assert!((SERVICES.len()..SLOTS).contains(&slot), "{key}: {slot}");
         }
     }
 }

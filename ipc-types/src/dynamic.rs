@@ -1,35 +1,282 @@
-//! [`DynamicSubscriber`] and [`DynamicPublisher`]: read and publish a topic whose struct this program was not built with, by
-//! its schema; [`topics`] lists them. [`DynamicClient`] and [`DynamicServer`]: the same of requests.
+//! Topics and requests whose structs this program was not built with: [`topics`] and [`request_services`] list them, and a port of
+//! [`Schema`] ([`DynamicSubscriber`], [`DynamicPublisher`], [`DynamicClient`], [`DynamicServer`]) carries them as bytes, as many as the
+//! schema says.
 //!
-//! Samples and requests come as bytes, as long as the schema says. That the schema is the right one is checked when the
-//! service is opened: the hash of its layout must be the one that the service carries.
+//! That the schema is the right one is checked when the service is opened: the hash of its layout must be the one that the
+//! service carries.
 
-mod check;
-mod error;
-mod requests;
-
-use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
-use std::time::Duration;
 
+use crate::client::{BytesClient, Client};
 use crate::domain::Domain;
-use crate::forked::Owned;
 use crate::generation;
 use crate::ipc::Ipc;
-use crate::open::{Expected, Offer};
+use crate::module::{Module as _, RelayModule};
+use crate::open::{Offer, OpenError};
+use crate::payload::Number;
 use crate::provider::{Provider, ProviderWatch};
-use crate::publisher::{BytesPublisher, PublishError};
+use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
-use crate::schema::{LoadError, Schema};
-use crate::sequence::Losses;
-use crate::service::{HISTORY, LATEST, Pattern, ServiceId, own, service_name};
+use crate::schema::{LoadError, Schema, SchemaError};
+use crate::server::{BytesServer, Server};
+use crate::service::{
+    EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, MAX_TOPIC_MEMORY, OWN_NAMES, Pattern,
+    REQUEST_ID_OFFSET, SEQUENCE_OFFSET, ServiceId, is_key, own,
+};
 use crate::session::service_folder;
-use crate::subscriber::{BytesSubscriber, ReceiveError};
-use crate::waiter::{WaitError, Wake, sealed};
+use crate::subscriber::{BytesSubscriber, Subscriber};
 
-use check::{check_key, check_provider, is_request, is_sample, parse};
-pub use error::DynamicError;
-pub use requests::{DynamicClient, DynamicServer};
+/// The reading end of a topic whose struct is known by its schema alone.
+pub type DynamicSubscriber = Subscriber<Schema>;
+
+/// The writing end of a topic whose struct is known by its schema alone: for other languages, and for tools.
+pub type DynamicPublisher = Publisher<Schema>;
+
+/// Sends requests whose struct is known by its schema alone, and follows their reports.
+pub type DynamicClient = Client<Schema>;
+
+/// Serves requests whose struct is known by its schema alone: for other languages, and for tools.
+pub type DynamicServer = Server<Schema>;
+
+impl DynamicSubscriber {
+    /// Opens the topic `key` of the robot, whose samples `schema` describes. It may be there before its publisher.
+    ///
+    /// # Errors
+    ///
+    /// When the topic carries something else: see [`DynamicError`].
+    pub fn open(ipc: &Ipc, key: &str, schema: &Schema) -> Result<DynamicSubscriber, DynamicError> {
+        DynamicSubscriber::open_with(ipc, key, schema, LATEST)
+    }
+
+    /// The same with the samples that were published before, at most [`HISTORY`] of them: for a process that hears of a topic
+    /// shortly after its publisher began, and wants all of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`DynamicSubscriber::open`].
+    pub fn open_with_history(
+        ipc: &Ipc,
+        key: &str,
+        schema: &Schema,
+    ) -> Result<DynamicSubscriber, DynamicError> {
+        DynamicSubscriber::open_with(ipc, key, schema, HISTORY)
+    }
+
+    fn open_with(
+        ipc: &Ipc,
+        key: &str,
+        schema: &Schema,
+        history: usize,
+    ) -> Result<DynamicSubscriber, DynamicError> {
+        check_sample(key, schema)?;
+        let offer = Offer::topic(key, schema, String::new(), MAX_SUBSCRIBERS);
+        let core = BytesSubscriber::open(ipc.session(), offer, history)?;
+        Ok(DynamicSubscriber::of(core))
+    }
+}
+
+impl DynamicPublisher {
+    /// Becomes the one publisher of the topic `key` of the robot, whose samples the text of a schema describes; see
+    /// [`schema`](crate::schema). One of the robot's own topics can only carry what it always does.
+    ///
+    /// # Errors
+    ///
+    /// See [`DynamicError`]; [`OpenError::AlreadyProvided`] in it names the live process that publishes.
+    pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicPublisher, DynamicError> {
+        let text = schema.to_owned();
+        let schema = parse(key, schema)?;
+        check_sample(key, &schema)?;
+        check_key(key, Pattern::PublishSubscribe, schema.layout_hash())?;
+        check_provider(key, ipc.session().process_name())?;
+        let offer = Offer::topic(key, &schema, text, MAX_SUBSCRIBERS);
+        if offer.max_subscribers == 0 {
+            return Err(DynamicError::TooMuchMemory {
+                key: key.to_owned(),
+                size: schema.size(),
+            });
+        }
+        let core = BytesPublisher::open(ipc.session(), offer)?;
+        Ok(DynamicPublisher::of(core))
+    }
+}
+
+impl DynamicClient {
+    /// Opens the request service `key` of the robot, whose requests `schema` describes; [`schema_of`] finds it. The client may be
+    /// there before the server.
+    ///
+    /// # Errors
+    ///
+    /// When the service carries something else: see [`DynamicError`].
+    pub fn open(ipc: &Ipc, key: &str, schema: &Schema) -> Result<DynamicClient, DynamicError> {
+        check_request(key, schema)?;
+        let core = BytesClient::open(ipc.session(), Offer::request(key, schema, String::new()))?;
+        Ok(DynamicClient::of(core))
+    }
+}
+
+impl DynamicServer {
+    /// Becomes the one server of the request service `key` of the robot, whose requests the text of a schema describes; see
+    /// [`schema`](crate::schema). One of the robot's own services can only carry what it always does.
+    ///
+    /// # Errors
+    ///
+    /// See [`DynamicError`]; [`OpenError::AlreadyProvided`] in it names the live process that serves.
+    pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicServer, DynamicError> {
+        let text = schema.to_owned();
+        let schema = parse(key, schema)?;
+        check_request(key, &schema)?;
+        check_provider(key, ipc.session().process_name())?;
+        let core = BytesServer::open(ipc.session(), Offer::request(key, &schema, text))?;
+        Ok(DynamicServer::of(core))
+    }
+}
+
+/// A service cannot be used by its schema.
+#[derive(Debug, thiserror::Error)]
+pub enum DynamicError {
+    /// The samples do not begin with `sequence` and `epoch_ns`, so it is none of the contract's.
+    #[error(
+        "the samples of `{0}` do not begin with `uint64 sequence` and `uint64 epoch_ns`: it is no topic of a robot's module"
+    )]
+    NoTopic(String),
+    /// The requests do not begin with `request_id`, so it is none of the contract's.
+    #[error(
+        "the requests of `{0}` do not begin with `uint64 request_id`: it is no request service of a robot's module"
+    )]
+    NoRequest(String),
+    /// The key cannot be that of a module's service.
+    #[error(
+        "`{0}` is no key of a module: use `<module>/<service>` in lower snake case, such as `battery_watch/cell_voltages`"
+    )]
+    InvalidKey(String),
+    /// The key belongs to one of the RIL's own modules.
+    #[error(
+        "`{key}` has the name of the RIL's own module `{module}`, which no other can have: choose another name for the module"
+    )]
+    OwnModule {
+        /// Key of the service.
+        key: String,
+        /// Name of the module.
+        module: &'static str,
+    },
+    /// The samples are so large that memory holds those of no subscriber.
+    #[error(
+        "a sample of `{key}` has {size} bytes: with those that wait for one subscriber the topic would take more than {MAX_TOPIC_MEMORY} bytes"
+    )]
+    TooMuchMemory {
+        /// Key of the service.
+        key: String,
+        /// Size of a sample, bytes.
+        size: usize,
+    },
+    /// The robot has a service of this key, which carries something else.
+    #[error("`{key}` is a service of the robot's own: it can only carry `{expected}`")]
+    OwnService {
+        /// Key of the service.
+        key: String,
+        /// What it carries.
+        expected: String,
+    },
+    /// The text is not that of a schema.
+    #[error("the schema of `{key}` is not usable")]
+    Schema {
+        /// Key of the service.
+        key: String,
+        /// What is wrong with it.
+        source: SchemaError,
+    },
+    /// The service cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+}
+
+/// The schema of the service `key` by its text.
+fn parse(key: &str, schema: &str) -> Result<Schema, DynamicError> {
+    Schema::parse(schema).map_err(|source| DynamicError::Schema {
+        key: key.to_owned(),
+        source,
+    })
+}
+
+/// The process that plays recorded flights to consumers, with the topics of bridge and status.
+const REPLAY_PROCESS: &str = "replay";
+
+/// Whether a process may provide the service `key`. The keys of the RIL's own modules belong to the processes of their names, to the
+/// relay, which provides those of another machine, and to a replay.
+fn check_provider(key: &str, process: &str) -> Result<(), DynamicError> {
+    let own = OWN_NAMES.iter().find(|own| is_below(key, own));
+    match own {
+        Some(module) if ![module, RelayModule::NAME, REPLAY_PROCESS].contains(&process) => {
+            Err(own_module(key, module))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn is_below(key: &str, module: &str) -> bool {
+    key.split('/').next() == Some(module)
+}
+
+fn own_module(key: &str, module: &'static str) -> DynamicError {
+    DynamicError::OwnModule {
+        key: key.to_owned(),
+        module,
+    }
+}
+
+/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be opened too, because a
+/// relay and a replay provide them; those of the relay are used as structs alone.
+fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
+    if is_below(key, RelayModule::NAME) {
+        return Err(own_module(key, RelayModule::NAME));
+    }
+    let Some(own) = own(key).map(ServiceId::contract) else {
+        return match is_key(key) && key.contains('/') {
+            true => Ok(()),
+            false => Err(DynamicError::InvalidKey(key.to_owned())),
+        };
+    };
+    match own.pattern == pattern && own.layout_hash() == layout_hash {
+        true => Ok(()),
+        false => Err(DynamicError::OwnService {
+            key: key.to_owned(),
+            expected: own.layout(),
+        }),
+    }
+}
+
+/// Whether a topic can have these samples.
+fn check_sample(key: &str, schema: &Schema) -> Result<(), DynamicError> {
+    match is_sample(schema) {
+        true => Ok(()),
+        false => Err(DynamicError::NoTopic(key.to_owned())),
+    }
+}
+
+/// Whether a request service with this schema may have this key.
+fn check_request(key: &str, schema: &Schema) -> Result<(), DynamicError> {
+    match is_request(schema) {
+        true => check_key(key, Pattern::RequestResponse, schema.request_layout_hash()),
+        false => Err(DynamicError::NoRequest(key.to_owned())),
+    }
+}
+
+/// Whether samples begin as those of every topic do.
+fn is_sample(schema: &Schema) -> bool {
+    has_number(schema, "sequence", SEQUENCE_OFFSET) && has_number(schema, "epoch_ns", EPOCH_OFFSET)
+}
+
+/// Whether requests begin as all of the contract's do.
+fn is_request(schema: &Schema) -> bool {
+    has_number(schema, "request_id", REQUEST_ID_OFFSET)
+}
+
+/// Whether there is a `uint64` of this name at this offset.
+fn has_number(schema: &Schema, path: &str, offset: usize) -> bool {
+    schema.number(path).is_some_and(|leaf| {
+        leaf.number == Number::U64 && leaf.len.is_none() && leaf.offset == offset
+    })
+}
 
 /// A topic or a request service that has, or had, a provider.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,7 +392,7 @@ impl Announced {
         ProviderWatch::new(&self.folder).look().ok().flatten()
     }
 
-    /// What lies in it, and how it is carried; nothing when it is no service of the contract's.
+    /// What lies in it, and how it is carried; `None` if it is no service of the contract's.
     ///
     /// # Errors
     ///
@@ -164,221 +411,6 @@ impl Announced {
             provider: self.provider(),
         };
         Ok(Some((pattern, facts)))
-    }
-}
-
-/// The reading end of a topic whose struct is known by its schema alone.
-pub struct DynamicSubscriber {
-    bytes: Owned<BytesSubscriber>,
-    schema: Schema,
-    key: String,
-}
-
-impl DynamicSubscriber {
-    /// Opens the topic `key` of the robot, whose samples `schema` describes. It may be there before its publisher.
-    ///
-    /// # Errors
-    ///
-    /// When the topic carries something else: see [`DynamicError`].
-    pub fn open(ipc: &Ipc, key: &str, schema: &Schema) -> Result<DynamicSubscriber, DynamicError> {
-        DynamicSubscriber::open_with(ipc, key, schema, LATEST)
-    }
-
-    /// The same with the samples that were published before, at most [`HISTORY`] of them: for a process that hears of a topic
-    /// shortly after its publisher began, and wants all of it.
-    ///
-    /// # Errors
-    ///
-    /// As [`DynamicSubscriber::open`].
-    pub fn open_with_history(
-        ipc: &Ipc,
-        key: &str,
-        schema: &Schema,
-    ) -> Result<DynamicSubscriber, DynamicError> {
-        DynamicSubscriber::open_with(ipc, key, schema, HISTORY)
-    }
-
-    fn open_with(
-        ipc: &Ipc,
-        key: &str,
-        schema: &Schema,
-        history: usize,
-    ) -> Result<DynamicSubscriber, DynamicError> {
-        if !is_sample(schema) {
-            return Err(DynamicError::NoTopic(key.to_owned()));
-        }
-        let expected = Expected {
-            name: service_name(ipc.robot(), key),
-            layout: schema.type_name().to_owned(),
-            layout_hash: schema.layout_hash(),
-        };
-        Ok(DynamicSubscriber {
-            bytes: BytesSubscriber::open(ipc.session(), key, expected, schema.size(), history)?,
-            schema: schema.clone(),
-            key: key.to_owned(),
-        })
-    }
-
-    /// What lies in the samples.
-    pub fn schema(&self) -> &Schema {
-        &self.schema
-    }
-
-    /// Key of the topic.
-    pub fn key(&self) -> &str {
-        &self.key
-    }
-
-    /// Hands on the bytes of every sample that is there, in order, and says how many samples those were.
-    ///
-    /// They are as many as the schema says, and valid for the call alone.
-    ///
-    /// # Errors
-    ///
-    /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries again.
-    pub fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        self.bytes.drain(take)
-    }
-
-    /// As [`drain`](DynamicSubscriber::drain), but the [`descriptor`](DynamicSubscriber::descriptor) stays readable, and a publisher
-    /// that finds it so does not notify this subscriber again, which spares it a system call for each sample. For a process that
-    /// looks at the time while samples flow. Before it waits for the descriptor, it drains as usual.
-    ///
-    /// # Errors
-    ///
-    /// As [`DynamicSubscriber::drain`].
-    pub fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        self.bytes.drain_quietly(take)
-    }
-
-    /// Hands on the bytes of the oldest sample that was not handed on yet, and says whether there was one.
-    ///
-    /// # Errors
-    ///
-    /// As [`DynamicSubscriber::drain`].
-    pub fn try_recv(&mut self, take: impl FnOnce(&[u8])) -> Result<bool, ReceiveError> {
-        self.bytes.take_next(take)
-    }
-
-    /// Sleeps until there is a sample, a signal comes or `timeout` has passed.
-    ///
-    /// # Errors
-    ///
-    /// See [`WaitError`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.bytes.wait(timeout)
-    }
-
-    /// As [`Subscriber::descriptor`](crate::Subscriber::descriptor).
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.bytes.descriptor()
-    }
-
-    /// What was received and missed so far.
-    pub fn losses(&self) -> Losses {
-        self.bytes.losses()
-    }
-
-    /// Generations of shared memory that this subscriber has entered.
-    pub fn generations(&self) -> u64 {
-        self.bytes.generations()
-    }
-}
-
-impl sealed::Source for DynamicSubscriber {
-    fn has_something(&self, look: sealed::Look) -> bool {
-        self.bytes.has_something(look)
-    }
-
-    fn sense(&self) -> sealed::Sense<'_> {
-        self.bytes.sense()
-    }
-}
-
-/// The writing end of a topic whose struct is known by its schema alone: for other languages, and for tools.
-pub struct DynamicPublisher {
-    bytes: Owned<BytesPublisher>,
-    schema: Schema,
-}
-
-impl DynamicPublisher {
-    /// Becomes the one publisher of the topic `key` of the robot, whose samples the text of a schema describes; see
-    /// [`schema`](crate::schema). One of the robot's own topics can only carry what it always does.
-    ///
-    /// # Errors
-    ///
-    /// See [`DynamicError`]; [`OpenError::AlreadyProvided`](crate::OpenError::AlreadyProvided) in it names the live process that publishes.
-    pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicPublisher, DynamicError> {
-        let text = schema;
-        let schema = parse(key, text)?;
-        if !is_sample(&schema) {
-            return Err(DynamicError::NoTopic(key.to_owned()));
-        }
-        check_key(key, Pattern::PublishSubscribe, schema.layout_hash())?;
-        check_provider(key, ipc.session().process_name())?;
-        let offer = Offer::of_schema(key, &schema, text);
-        if offer.max_subscribers == 0 {
-            return Err(DynamicError::TooMuchMemory {
-                key: key.to_owned(),
-                size: schema.size(),
-            });
-        }
-        Ok(DynamicPublisher {
-            bytes: BytesPublisher::open(ipc.session(), offer)?,
-            schema,
-        })
-    }
-
-    /// What lies in the samples.
-    pub fn schema(&self) -> &Schema {
-        &self.schema
-    }
-
-    /// As [`Publisher::publish`](crate::Publisher::publish), of bytes: `fill` gets as many as the schema says, all zero.
-    ///
-    /// # Errors
-    ///
-    /// See [`PublishError`].
-    pub fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
-        self.bytes.publish(fill)
-    }
-
-    /// As [`Publisher::tend`](crate::Publisher::tend).
-    pub fn tend(&mut self) {
-        self.bytes.tend();
-    }
-
-    /// As [`Publisher::descriptor`](crate::Publisher::descriptor).
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.bytes.descriptor()
-    }
-
-    /// Number of the last sample, 0 before the first.
-    pub fn sequence(&self) -> u64 {
-        self.bytes.sequence()
-    }
-}
-
-impl sealed::Source for DynamicPublisher {
-    fn has_something(&self, look: sealed::Look) -> bool {
-        self.bytes.has_something(look)
-    }
-
-    fn tend(&mut self) -> bool {
-        self.bytes.tend();
-        true
-    }
-
-    fn sense(&self) -> sealed::Sense<'_> {
-        self.bytes.sense()
     }
 }
 

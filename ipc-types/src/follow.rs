@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::doorbell::{Channel, place};
+use crate::doorbell::{Channel, doorbell_slot};
 use crate::generation::{self, Generation};
 use crate::inspect;
 use crate::open::OpenError;
@@ -31,11 +31,11 @@ pub(crate) fn until_room(
     key: &str,
     mut open: impl FnMut() -> Result<(), OpenError>,
 ) -> Result<(), OpenError> {
-    let place = place(key);
+    let slot = doorbell_slot(key);
     let deadline = MonotonicNs::now() + ROOM_LIMIT;
     let doorbell = session.doorbell();
     // A new generation wakes every sleeper.
-    let bits = place.bits(Channel::Samples);
+    let bits = slot.bits(Channel::Samples);
     let mut tries = 0;
     loop {
         let seen = doorbell.listen(bits);
@@ -46,7 +46,7 @@ pub(crate) fn until_room(
         if !matches!(opened, Err(OpenError::Full { .. })) {
             return opened;
         }
-        doorbell.join(place);
+        doorbell.join(slot);
         if has_waited || doorbell.sleep(seen, bits, now + RETRY).is_err() {
             let users = inspect::users(session, key);
             return opened.map_err(|error| error.with_members(&users));
@@ -59,7 +59,7 @@ pub(crate) struct Follower {
     session: Arc<Session>,
     key: String,
     folder: PathBuf,
-    /// What the doorbell said at the last look; nothing before the first.
+    /// What the doorbell said at the last look; `None` before the first.
     seen: Cell<Option<u32>>,
     /// When to try again what failed.
     retry: Cell<Option<MonotonicNs>>,

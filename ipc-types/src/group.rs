@@ -88,7 +88,7 @@ impl TelemetryGroup {
         }
     }
 
-    /// The group with this name, or nothing.
+    /// The group with this name, or `None`.
     pub fn from_name(name: &str) -> Option<TelemetryGroup> {
         TelemetryGroup::ALL
             .into_iter()

@@ -71,7 +71,7 @@ const END_LIMIT: Duration = Duration::from_secs(2);
 
 /// A generation that is looked after.
 #[derive(Debug)]
-pub(crate) struct Tended {
+pub(crate) struct Maintained {
     config: Config,
     domain: Domain,
     /// Weak, so that the provider gives it back when it ends, whatever the thread does meanwhile.
@@ -92,7 +92,7 @@ pub(crate) struct Tended {
     is_worn: AtomicBool,
 }
 
-impl Tended {
+impl Maintained {
     pub(crate) fn new(
         housekeeper: &Housekeeper,
         domain: &Domain,
@@ -100,8 +100,8 @@ impl Tended {
         service: PathBuf,
         generation: &Generation,
         keeps_reserve: bool,
-    ) -> Arc<Tended> {
-        Arc::new(Tended {
+    ) -> Arc<Maintained> {
+        Arc::new(Maintained {
             config: generation.config().clone(),
             domain: domain.clone(),
             lock: Arc::downgrade(lock),
@@ -131,7 +131,7 @@ impl Tended {
     /// Takes note of the places for ports that are taken, and has it judged when those are most of them. A member that was killed
     /// between taking a place and saying so leaves it taken for good; before there are too few left, another generation begins.
     pub(crate) fn count_places(
-        self: &Arc<Tended>,
+        self: &Arc<Maintained>,
         (taken, places): (usize, usize),
         members: impl FnOnce() -> usize,
     ) {
@@ -346,9 +346,9 @@ fn remove_dead(config: &Config) -> Pass {
 /// The messages to the thread.
 #[derive(Debug)]
 enum Order {
-    Tend(Weak<Tended>),
+    Tend(Weak<Maintained>),
     /// To look now who has the places.
-    Judge(Weak<Tended>, Crowd),
+    Judge(Weak<Maintained>, Crowd),
     /// Something whose removal may take long.
     Drop(Box<dyn Any + Send>),
     /// To end, and then to drop the sender.
@@ -357,10 +357,10 @@ enum Order {
 
 /// Wakes the thread when it sleeps on descriptors. A process that provides nothing needs none.
 #[derive(Debug, Default)]
-struct Bell(OnceLock<OwnedFd>);
+struct ThreadWaker(OnceLock<OwnedFd>);
 
-impl Bell {
-    fn hang_up(&self) {
+impl ThreadWaker {
+    fn open(&self) {
         let flags = EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK;
         match eventfd(0, flags) {
             Ok(descriptor) => drop(self.0.set(descriptor)),
@@ -370,7 +370,7 @@ impl Bell {
         }
     }
 
-    fn ring(&self) {
+    fn signal(&self) {
         if let Some(descriptor) = self.0.get() {
             // It cannot fail but for a count that is full, and then the thread is awake.
             let _ = rustix::io::write(descriptor, &1_u64.to_ne_bytes());
@@ -382,14 +382,14 @@ impl Bell {
 #[derive(Clone, Debug)]
 struct Orders {
     sender: Sender<Order>,
-    bell: Arc<Bell>,
+    waker: Arc<ThreadWaker>,
 }
 
 impl Orders {
     fn give(&self, order: Order) {
         // Without the thread the order is dropped here, and with it what it holds.
         let _ = self.sender.send(order);
-        self.bell.ring();
+        self.waker.signal();
     }
 }
 
@@ -403,11 +403,11 @@ pub(crate) struct Housekeeper {
 impl Housekeeper {
     pub(crate) fn start(domain: &Domain) -> Housekeeper {
         let (sender, orders) = mpsc::channel();
-        let bell = Arc::<Bell>::default();
+        let waker = Arc::<ThreadWaker>::default();
         let mut house = House {
             domain: domain.clone(),
             orders,
-            bell: Arc::clone(&bell),
+            waker: Arc::clone(&waker),
             deaths: Deaths(None),
             rooms: Vec::new(),
         };
@@ -419,17 +419,17 @@ impl Housekeeper {
             )
             .ok();
         Housekeeper {
-            orders: Orders { sender, bell },
+            orders: Orders { sender, waker },
             thread,
         }
     }
 
     /// Looks after a generation for as long as it is held.
-    pub(crate) fn tend(&self, tended: &Arc<Tended>) {
-        if self.orders.bell.0.get().is_none() {
-            self.orders.bell.hang_up();
+    pub(crate) fn tend(&self, maintained: &Arc<Maintained>) {
+        if self.orders.waker.0.get().is_none() {
+            self.orders.waker.open();
         }
-        self.orders.give(Order::Tend(Arc::downgrade(tended)));
+        self.orders.give(Order::Tend(Arc::downgrade(maintained)));
     }
 
     /// Drops something on the thread.
@@ -494,14 +494,14 @@ impl Deaths {
 struct House {
     domain: Domain,
     orders: Receiver<Order>,
-    bell: Arc<Bell>,
+    waker: Arc<ThreadWaker>,
     deaths: Deaths,
     rooms: Vec<Room>,
 }
 
 /// A generation in it.
 struct Room {
-    tended: Weak<Tended>,
+    maintained: Weak<Maintained>,
     watch: Option<i32>,
     /// When to look for dead members.
     due: MonotonicNs,
@@ -510,8 +510,8 @@ struct Room {
 }
 
 impl Room {
-    fn remove_dead(&mut self, tended: &Tended, crowd: Option<Crowd>) {
-        let period = tended.remove_dead(crowd);
+    fn remove_dead(&mut self, maintained: &Maintained, crowd: Option<Crowd>) {
+        let period = maintained.remove_dead(crowd);
         self.due = MonotonicNs::now()
             + match self.watch {
                 Some(_) => period,
@@ -544,10 +544,12 @@ impl House {
         }
     }
 
-    fn move_in(&mut self, tended: Weak<Tended>) {
-        let Some(one) = tended.upgrade() else { return };
+    fn move_in(&mut self, maintained: Weak<Maintained>) {
+        let Some(one) = maintained.upgrade() else {
+            return;
+        };
         if self.rooms.is_empty() {
-            if self.bell.0.get().is_some() && self.deaths.0.is_none() {
+            if self.waker.0.get().is_some() && self.deaths.0.is_none() {
                 self.deaths.begin();
             }
             robot_folder::delete_discarded(&self.domain);
@@ -558,7 +560,7 @@ impl House {
         let now = MonotonicNs::now();
         self.rooms.push(Room {
             watch: self.deaths.watch(&generation::lock_file(&one.folder)),
-            tended,
+            maintained,
             // A process may have come and died before the generation was watched.
             due: now + SHORT_PERIOD,
             tidy: now + period,
@@ -566,25 +568,25 @@ impl House {
     }
 
     /// Looks for dead members in a generation, and who has its places.
-    fn judge(&mut self, judged: &Weak<Tended>, crowd: Crowd) {
+    fn judge(&mut self, judged: &Weak<Maintained>, crowd: Crowd) {
         for room in &mut self.rooms {
-            if room.tended.ptr_eq(judged)
-                && let Some(tended) = judged.upgrade()
+            if room.maintained.ptr_eq(judged)
+                && let Some(maintained) = judged.upgrade()
             {
-                room.remove_dead(&tended, Some(crowd));
+                room.remove_dead(&maintained, Some(crowd));
             }
         }
     }
 
     /// Looks for dead members where one may be. Says whether it looked.
     fn look(&mut self, now: MonotonicNs) -> bool {
-        self.rooms.retain(|room| room.tended.strong_count() > 0);
+        self.rooms.retain(|room| room.maintained.strong_count() > 0);
         for room in &mut self.rooms {
-            let Some(tended) = room.tended.upgrade() else {
+            let Some(maintained) = room.maintained.upgrade() else {
                 continue;
             };
             if now >= room.tidy {
-                room.tidy = now + tended.tidy_up();
+                room.tidy = now + maintained.tidy_up();
                 room.due = now;
             }
         }
@@ -600,10 +602,10 @@ impl House {
         });
         let mut has_looked = false;
         for room in self.rooms.iter_mut().filter(|room| now >= room.due) {
-            let Some(tended) = room.tended.upgrade() else {
+            let Some(maintained) = room.maintained.upgrade() else {
                 continue;
             };
-            room.remove_dead(&tended, None);
+            room.remove_dead(&maintained, None);
             has_looked = true;
         }
         has_looked
@@ -619,14 +621,14 @@ impl House {
             return self.orders.recv().map_err(|_| TryRecvError::Disconnected);
         };
         let mut timeout = due.max(rested).since(now);
-        let Some(bell) = self.bell.0.get() else {
+        let Some(waker) = self.waker.0.get() else {
             return match self.orders.recv_timeout(timeout) {
                 Ok(order) => Ok(order),
                 Err(RecvTimeoutError::Timeout) => Err(TryRecvError::Empty),
                 Err(RecvTimeoutError::Disconnected) => Err(TryRecvError::Disconnected),
             };
         };
-        let mut sources = ArrayVec::<_, 2>::from_iter([PollFd::new(bell, PollFlags::IN)]);
+        let mut sources = ArrayVec::<_, 2>::from_iter([PollFd::new(waker, PollFlags::IN)]);
         match &self.deaths.0 {
             Some(inotify) if now >= rested => sources.push(PollFd::new(inotify, PollFlags::IN)),
             // What comes meanwhile is looked at then.
@@ -636,7 +638,7 @@ impl House {
         let timeout = Timespec::try_from(timeout).ok();
         // It fails when a signal comes, or memory is short; then there is one look more.
         let _ = poll(&mut sources, timeout.as_ref());
-        let _ = rustix::io::read(bell, &mut [0; 8]);
+        let _ = rustix::io::read(waker, &mut [0; 8]);
         self.orders.try_recv()
     }
 }

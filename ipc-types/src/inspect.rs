@@ -25,7 +25,7 @@ use crate::session::{Session, service_folder};
 /// What is there of a domain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inspection {
-    /// The root folder; nothing when it does not exist.
+    /// The root folder; `None` if it does not exist.
     pub root: Option<Entry>,
     /// The robots that have a folder, in ascending order.
     pub robots: Vec<RobotFacts>,
@@ -162,7 +162,7 @@ impl Domain {
         }
     }
 
-    /// The live process that publishes or serves the service `key` of `robot`, or nothing.
+    /// The live process that publishes or serves the service `key` of `robot`, or `None`.
     ///
     /// # Errors
     ///

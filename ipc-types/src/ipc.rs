@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
+use crate::client::{BytesClient, Client};
 use crate::domain::Domain;
 use crate::forked::Forked;
-use crate::open::OpenError;
+use crate::open::{Offer, OpenError};
 use crate::provider::Provider;
+use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
-use crate::service::{Request, Topic};
+use crate::server::{BytesServer, Server};
+use crate::service::{LATEST, Request, Topic};
 use crate::session::{JoinError, Session};
-use crate::{Client, Publisher, Server, Subscriber};
+use crate::subscriber::{BytesSubscriber, Subscriber};
 
 /// The environment variable that names the robot.
 const ROBOT_VARIABLE: &str = "RIL_ROBOT";
@@ -82,7 +85,7 @@ impl Ipc {
     ///
     /// [`OpenError::AlreadyProvided`] names the live process that publishes; see the others there.
     pub fn publisher<T: Topic>(&self) -> Result<Publisher<T>, OpenError> {
-        Publisher::open(&self.session)
+        BytesPublisher::open(&self.session, Offer::of_topic::<T>()).map(Publisher::of)
     }
 
     /// A subscriber of `T`. It may be there before the publisher.
@@ -91,7 +94,7 @@ impl Ipc {
     ///
     /// When there is a publisher, and its service cannot be opened: see [`OpenError`].
     pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, OpenError> {
-        Subscriber::open(&self.session)
+        BytesSubscriber::open(&self.session, Offer::of_topic::<T>(), LATEST).map(Subscriber::of)
     }
 
     /// The server of `R`, of which a robot has one in all processes.
@@ -100,7 +103,7 @@ impl Ipc {
     ///
     /// [`OpenError::AlreadyProvided`] names the live process that serves; see the others there.
     pub fn server<R: Request>(&self) -> Result<Server<R>, OpenError> {
-        Server::open(&self.session)
+        BytesServer::open(&self.session, Offer::of_request::<R>(R::KEY)).map(Server::of)
     }
 
     /// A client of `R`. It may be there before the server.
@@ -109,7 +112,7 @@ impl Ipc {
     ///
     /// When there is a server, and its service cannot be opened: see [`OpenError`].
     pub fn client<R: Request>(&self) -> Result<Client<R>, OpenError> {
-        Client::open(&self.session, R::KEY)
+        self.client_of(R::KEY)
     }
 
     /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the contract's
@@ -119,10 +122,10 @@ impl Ipc {
     ///
     /// As [`Ipc::client`]; and when the service carries something else.
     pub fn client_of<R: Request>(&self, key: &str) -> Result<Client<R>, OpenError> {
-        Client::open(&self.session, key)
+        BytesClient::open(&self.session, Offer::of_request::<R>(key)).map(Client::of)
     }
 
-    /// The live process that publishes or serves the service `key` of this robot, or nothing.
+    /// The live process that publishes or serves the service `key` of this robot, or `None`.
     ///
     /// # Errors
     ///

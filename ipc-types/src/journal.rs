@@ -3,7 +3,7 @@
 use crate::payload::{
     BRIDGE_JOURNAL_ROOM, BridgeJournal, STATUS_JOURNAL_ROOM, SharedStruct, StatusJournal,
 };
-use crate::service::{EPOCH_OFFSET, SEQUENCE_OFFSET, Topic};
+use crate::service::Topic;
 
 /// Subscribers of a journal, in all processes: a recorder, one that takes its place, and two that look. A piece is large, and
 /// the memory for all that can wait grows with this number.
@@ -29,24 +29,7 @@ pub trait JournalPiece: Topic {
 
 macro_rules! journal {
     ($piece:ty, $key:literal, $provider:literal, $room:expr) => {
-        impl Topic for $piece {
-            const KEY: &'static str = $key;
-            const PROVIDER: &'static str = $provider;
-            const MAX_SUBSCRIBERS: usize = JOURNAL_SUBSCRIBERS;
-
-            fn stamp(&mut self, sequence: u64, epoch_ns: u64) {
-                self.sequence = sequence;
-                self.epoch_ns = epoch_ns;
-            }
-
-            fn sequence(&self) -> u64 {
-                self.sequence
-            }
-
-            fn epoch_ns(&self) -> u64 {
-                self.epoch_ns
-            }
-        }
+        crate::topic!($piece, $key, $provider, JOURNAL_SUBSCRIBERS);
 
         impl JournalPiece for $piece {
             const ROOM: usize = $room;
@@ -74,11 +57,7 @@ macro_rules! journal {
             }
         }
 
-        const _: () = assert!(
-            core::mem::offset_of!($piece, sequence) == SEQUENCE_OFFSET
-                && core::mem::offset_of!($piece, epoch_ns) == EPOCH_OFFSET
-                && <$piece as SharedStruct>::LAYOUT.size == $room + 40
-        );
+        const _: () = assert!(<$piece as SharedStruct>::LAYOUT.size == $room + 40);
     };
 }
 

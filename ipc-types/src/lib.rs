@@ -53,7 +53,6 @@
 
 #[cfg(feature = "tokio")]
 mod async_io;
-mod bytes_client;
 pub mod client;
 mod client_port;
 pub mod code;
@@ -62,7 +61,6 @@ pub mod domain;
 mod domain_error;
 mod doorbell;
 pub mod dynamic;
-mod event;
 pub mod files;
 mod follow;
 mod forked;
@@ -81,12 +79,10 @@ pub mod module;
 pub mod open;
 pub mod payload;
 mod pollable;
-mod port_set;
+mod port;
 pub mod provider;
 pub mod publisher;
 mod random;
-mod request_handle;
-pub mod request_id;
 mod reserve;
 pub mod robot;
 mod robot_folder;
@@ -107,12 +103,12 @@ pub mod waiter;
 mod wake;
 
 #[doc(hidden)]
-pub use bytes_client::keep_report;
+pub use client::keep_report;
 pub use payload::support as macro_support;
 
 #[cfg(feature = "tokio")]
 pub use async_io::{Async, AsyncError};
-pub use client::{Client, SendError};
+pub use client::{Client, RequestHandle, SendError};
 pub use domain::Domain;
 pub use domain_error::DomainError;
 pub use dynamic::{
@@ -125,11 +121,11 @@ pub use ipc::Ipc;
 pub use journal::JournalPiece;
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
-pub use port_set::PortSet;
+pub use pollable::PortSet;
+pub use port::{Payload, Port};
 pub use provider::Provider;
 pub use publisher::{PublishError, Publisher};
-pub use request_handle::RequestHandle;
-pub use request_id::fresh_request_id;
+pub use random::fresh_request_id;
 pub use robot::RobotId;
 pub use scheduling::{SchedulingRole, request_slice};
 pub use schema::Schema;

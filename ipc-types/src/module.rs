@@ -18,6 +18,7 @@ use serde::ser::{Serialize, Serializer};
 use crate::code::{ControlCommand, ImiCode, ModuleId, ModuleStatus};
 use crate::payload::support::ZeroCopySend;
 use crate::payload::{Layout, ModuleControl, SharedStruct, ascii_bytes};
+pub use crate::service::is_own_name;
 use crate::service::{is_key, module_of};
 use crate::{Request, Topic};
 
@@ -47,7 +48,7 @@ crate::shared_struct! {
         /// Id of the module: below 1000 the robot's own, 1000 to 9999 others.
         pub module_id: u32,
         /// waiting-data-to-start 1, running 2, ended 3, aborted 4.
-        pub status: u32,
+        pub status: u32 => status: ModuleStatus,
         /// Why a control request was refused, or why the module rests: 0 none, below 1000 as in module_state, from 1000 the
         /// module's own.
         pub error: u32,
@@ -63,11 +64,6 @@ crate::shared_struct! {
 }
 
 impl State {
-    /// State of the module, nothing when the number is none of the contract's.
-    pub const fn status(&self) -> Option<ModuleStatus> {
-        ModuleStatus::from_code(self.status)
-    }
-
     /// The error that goes with it.
     pub const fn error(&self) -> ImiCode {
         ImiCode(self.error)
@@ -78,7 +74,7 @@ impl State {
         self.blocked != 0
     }
 
-    /// What the module is doing; nothing when it is not text.
+    /// What the module is doing; `None` if it is not text.
     pub fn doing(&self) -> Option<&str> {
         let len = self.doing.iter().position(|byte| *byte == 0);
         std::str::from_utf8(&self.doing[..len.unwrap_or(DOING_LEN)]).ok()
@@ -141,38 +137,6 @@ impl RelayModule {
     pub const RELAYING: u32 = 2;
 }
 
-/// Names of the RIL's own modules, which no other module can have: consumers take what the process `relay` provides for what comes
-/// from another machine, and know bridge and status by theirs.
-pub const OWN_NAMES: [&str; 3] = ["bridge", StatusModule::NAME, RelayModule::NAME];
-
-/// Whether this is one of [`OWN_NAMES`].
-pub const fn is_own_name(name: &str) -> bool {
-    let mut index = 0;
-    while index < OWN_NAMES.len() {
-        if is_same(name, OWN_NAMES[index]) {
-            return true;
-        }
-        index += 1;
-    }
-    false
-}
-
-/// `==` of texts, which is not const.
-const fn is_same(one: &str, other: &str) -> bool {
-    let (one, other) = (one.as_bytes(), other.as_bytes());
-    if one.len() != other.len() {
-        return false;
-    }
-    let mut index = 0;
-    while index < one.len() {
-        if one[index] != other[index] {
-            return false;
-        }
-        index += 1;
-    }
-    true
-}
-
 /// Makes a type a [`Module`]: `module!(BatteryWatch, "battery_watch", 1001)`.
 ///
 /// ```
@@ -233,89 +197,80 @@ pub const fn check<M: Module>() {
     );
 }
 
-/// A struct of the contract as the module `M` publishes or serves it.
-macro_rules! of_module {
-    ($(#[$meta:meta])* $name:ident($payload:ty)) => {
-        $(#[$meta])*
-        #[repr(transparent)]
-        pub struct $name<M>(pub $payload, PhantomData<fn() -> M>);
+/// A struct of the contract as the module `M` publishes or serves it, under a key of its own.
+#[repr(transparent)]
+pub struct OfModule<M, T>(pub T, PhantomData<fn() -> M>);
 
-        impl<M> $name<M> {
-            /// What the module publishes or serves.
-            pub const fn new(payload: $payload) -> Self {
-                $name(payload, PhantomData)
-            }
-        }
+/// The state of the module `M`, in its own topic.
+pub type StateOf<M> = OfModule<M, State>;
 
-        impl<M> Clone for $name<M> {
-            fn clone(&self) -> Self {
-                *self
-            }
-        }
+/// A request to start or stop the module `M`, in its own service.
+pub type ControlOf<M> = OfModule<M, ModuleControl>;
 
-        impl<M> Copy for $name<M> {}
-
-        impl<M> PartialEq for $name<M> {
-            fn eq(&self, other: &Self) -> bool {
-                self.0 == other.0
-            }
-        }
-
-        impl<M> Default for $name<M> {
-            fn default() -> Self {
-                $name::new(<$payload>::ZERO)
-            }
-        }
-
-        impl<M> fmt::Debug for $name<M> {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                self.0.fmt(f)
-            }
-        }
-
-        impl<M> Deref for $name<M> {
-            type Target = $payload;
-
-            fn deref(&self) -> &$payload {
-                &self.0
-            }
-        }
-
-        impl<M> DerefMut for $name<M> {
-            fn deref_mut(&mut self) -> &mut $payload {
-                &mut self.0
-            }
-        }
-
-        impl<M> Serialize for $name<M> {
-            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                self.0.serialize(serializer)
-            }
-        }
-
-        // SAFETY: the type is a transparent wrapper of the payload, whose description is true of it.
-        unsafe impl<M: 'static> SharedStruct for $name<M> {
-            const LAYOUT: &'static Layout = <$payload>::LAYOUT;
-            const ZERO: Self = $name::new(<$payload>::ZERO);
-        }
-
-        // SAFETY: as above; the name carries the version of the layout.
-        unsafe impl<M> ZeroCopySend for $name<M> {
-            unsafe fn type_name() -> &'static str {
-                <$payload>::TYPE_NAME
-            }
-        }
-    };
+impl<M, T> OfModule<M, T> {
+    /// What the module publishes or serves.
+    pub const fn new(payload: T) -> Self {
+        OfModule(payload, PhantomData)
+    }
 }
 
-of_module! {
-    /// The state of the module `M`, in its own topic.
-    StateOf(State)
+impl<M, T: Clone> Clone for OfModule<M, T> {
+    fn clone(&self) -> Self {
+        OfModule::new(self.0.clone())
+    }
 }
 
-of_module! {
-    /// A request to start or stop the module `M`, in its own service.
-    ControlOf(ModuleControl)
+impl<M, T: Copy> Copy for OfModule<M, T> {}
+
+impl<M, T: PartialEq> PartialEq for OfModule<M, T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+}
+
+impl<M, T: Default> Default for OfModule<M, T> {
+    fn default() -> Self {
+        OfModule::new(T::default())
+    }
+}
+
+impl<M, T: fmt::Debug> fmt::Debug for OfModule<M, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl<M, T> Deref for OfModule<M, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.0
+    }
+}
+
+impl<M, T> DerefMut for OfModule<M, T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.0
+    }
+}
+
+impl<M, T: Serialize> Serialize for OfModule<M, T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.serialize(serializer)
+    }
+}
+
+// SAFETY: the type is a transparent wrapper of the struct, whose description is true of it.
+unsafe impl<M: 'static, T: SharedStruct> SharedStruct for OfModule<M, T> {
+    const LAYOUT: &'static Layout = T::LAYOUT;
+    const ZERO: Self = OfModule::new(T::ZERO);
+}
+
+// SAFETY: as above; the name carries the version of the layout.
+unsafe impl<M, T: SharedStruct + ZeroCopySend> ZeroCopySend for OfModule<M, T> {
+    unsafe fn type_name() -> &'static str {
+        T::TYPE_NAME
+    }
 }
 
 impl<M: Module> ControlOf<M> {
@@ -328,28 +283,11 @@ impl<M: Module> ControlOf<M> {
 impl<M: Module> Topic for StateOf<M> {
     const KEY: &'static str = M::STATE_KEY;
     const PROVIDER: &'static str = M::NAME;
-
-    fn stamp(&mut self, sequence: u64, epoch_ns: u64) {
-        self.0.sequence = sequence;
-        self.0.epoch_ns = epoch_ns;
-    }
-
-    fn sequence(&self) -> u64 {
-        self.0.sequence
-    }
-
-    fn epoch_ns(&self) -> u64 {
-        self.0.epoch_ns
-    }
 }
 
 impl<M: Module> Request for ControlOf<M> {
     const KEY: &'static str = M::CONTROL_KEY;
     const PROVIDER: &'static str = M::NAME;
-
-    fn request_id(&self) -> u64 {
-        self.0.request_id
-    }
 }
 
 #[cfg(test)]
@@ -370,16 +308,6 @@ mod tests {
         let bridge = Contract::of_request::<ModuleControl>();
         assert_eq!(control.layout(), bridge.layout());
         assert_eq!(control.layout_hash(), bridge.layout_hash());
-    }
-
-    #[test]
-    fn the_names_of_the_ril_s_own_modules_are_taken() {
-        for name in ["bridge", "status", "relay"] {
-            assert!(is_own_name(name), "{name}");
-        }
-        for name in ["", "relay_", "rela", "relays", "Relay", "battery_watch"] {
-            assert!(!is_own_name(name), "{name}");
-        }
     }
 
     #[test]

@@ -22,11 +22,11 @@ use crate::forked::Forked;
 use crate::generation::{EnterError, Generation};
 use crate::iox::{AnyRequest, BytesService, RequestService, Svc, TopicService};
 use crate::limits;
-use crate::payload::{FieldKind, FieldLayout, Number, RequestReport, SharedStruct};
+use crate::payload::{Number, RequestReport, SharedStruct};
 use crate::provider::Provider;
 use crate::robot::RobotId;
-use crate::schema::Schema;
-use crate::service::{self, Contract, Request, Topic, subscribers_within_memory};
+use crate::schema::{self, Schema};
+use crate::service::{self, Pattern, Request, Topic, subscribers_within_memory};
 
 /// A port cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -198,57 +198,6 @@ pub(crate) fn service_name(name: &str) -> Result<ServiceName, OpenError> {
     ServiceName::new(name).map_err(|error| failed(name, error))
 }
 
-/// What a subscriber or client expects of a service.
-#[derive(Clone, Debug)]
-pub(crate) struct Expected {
-    /// Name of the service.
-    pub(crate) name: String,
-    /// Type names, as the attribute `layout` has them.
-    pub(crate) layout: String,
-    /// The attribute `layout_hash`, as a number.
-    pub(crate) layout_hash: u64,
-}
-
-impl Expected {
-    pub(crate) fn of(contract: &Contract, robot: RobotId) -> Expected {
-        Expected {
-            name: contract.name(robot),
-            layout: contract.layout(),
-            layout_hash: contract.layout_hash(),
-        }
-    }
-
-    /// The error for a service that carries something else.
-    fn mismatch(&self, found: Option<String>) -> OpenError {
-        OpenError::LayoutMismatch {
-            service: self.name.clone(),
-            wanted: format!("{} {:016x}", self.layout, self.layout_hash),
-            found: found.unwrap_or_else(|| "something unreadable".to_owned()),
-        }
-    }
-
-    /// The attributes that the service must carry.
-    fn verifier(&self) -> Result<AttributeVerifier, OpenError> {
-        let mut verifier = AttributeVerifier::new();
-        for (key, value) in self.attributes()? {
-            verifier = verifier
-                .require(&key, &value)
-                .map_err(|error| failed(&self.name, error))?;
-        }
-        Ok(verifier)
-    }
-
-    fn attributes(&self) -> Result<Vec<(AttributeKey, AttributeValue)>, OpenError> {
-        [
-            ("layout", self.layout.clone()),
-            ("layout_hash", format!("{:016x}", self.layout_hash)),
-        ]
-        .into_iter()
-        .map(|(key, value)| attribute(&self.name, key, &value))
-        .collect()
-    }
-}
-
 fn attribute(
     service: &str,
     key: &str,
@@ -259,36 +208,17 @@ fn attribute(
     Ok((key, value))
 }
 
-/// The attributes that a service of the contract is made with.
-fn specifier(
-    expected: &Expected,
-    key: &str,
-    robot: RobotId,
-) -> Result<AttributeSpecifier, OpenError> {
-    let mut attributes = expected.attributes()?;
-    if let Some(slot) = service::slot(key, robot) {
-        attributes.push(attribute(&expected.name, "slot", &slot.to_string())?);
-    }
-    let mut specifier = AttributeSpecifier::new();
-    for (key, value) in attributes {
-        specifier = specifier
-            .define(&key, &value)
-            .map_err(|error| failed(&expected.name, error))?;
-    }
-    Ok(specifier)
-}
-
 /// The layout of a service that is there: type names and hash.
-fn layout_of(
-    generation: &Generation,
-    name: &ServiceName,
-    pattern: MessagingPattern,
-) -> Option<String> {
-    let details = Svc::details(name, generation.config(), pattern)
+fn layout_of(generation: &Generation, name: &ServiceName, pattern: Pattern) -> Option<String> {
+    let iox_pattern = match pattern {
+        Pattern::PublishSubscribe => MessagingPattern::PublishSubscribe,
+        Pattern::RequestResponse => MessagingPattern::RequestResponse,
+    };
+    let details = Svc::details(name, generation.config(), iox_pattern)
         .ok()
         .flatten()?;
     let types = match pattern {
-        MessagingPattern::PublishSubscribe => {
+        Pattern::PublishSubscribe => {
             let payload = details.static_details.publish_subscribe();
             payload
                 .message_type_details()
@@ -296,7 +226,7 @@ fn layout_of(
                 .type_name()
                 .to_string()
         }
-        _ => {
+        Pattern::RequestResponse => {
             let config = details.static_details.request_response();
             format!(
                 "{}/{}",
@@ -313,109 +243,131 @@ fn layout_of(
     })
 }
 
-/// What a service carries: what its provider makes it of, and what a client expects.
+/// What a service carries: what its provider makes it of, and what the others expect.
 #[derive(Clone, Debug)]
-pub(crate) struct Offer {
+pub struct Offer {
     /// Last part of the service's name.
     pub(crate) key: String,
-    /// Type names, as the attribute `layout` has them.
-    layout: String,
-    /// The attribute `layout_hash`, as a number.
-    layout_hash: u64,
-    /// Name of the payload's type in shared memory.
-    type_name: String,
-    /// Bytes of a sample or a request.
-    pub(crate) size: usize,
-    align: usize,
+    pub(crate) pattern: Pattern,
+    /// Of a sample or a request.
+    pub(crate) schema: Schema,
+    /// What `schema` was read from. Only a provider needs it, which lays it down beside its service.
+    pub(crate) text: String,
     /// Of a request: where its `path_id` lies, if it has one, bytes.
     pub(crate) path_offset: Option<usize>,
     /// Of a request: where its `issued_ns` lies, if it has one, bytes.
     pub(crate) issued_offset: Option<usize>,
     /// Of a topic: subscribers that it can have.
     pub(crate) max_subscribers: usize,
-    /// The text of the payload's schema.
-    pub(crate) schema: String,
 }
 
 impl Offer {
-    pub(crate) fn of_topic<T: Topic>() -> Offer {
-        Offer {
-            max_subscribers: const {
-                let fitting = subscribers_within_memory(size_of::<T>(), T::MAX_SUBSCRIBERS);
-                assert!(
-                    fitting > 0,
-                    "a sample is larger than MAX_TOPIC_MEMORY allows"
-                );
-                fitting
-            },
-            ..Offer::of_contract(T::KEY, &Contract::of_topic::<T>())
-        }
-    }
-
-    /// The service `key`, which carries `R`.
-    pub(crate) fn of_request<R: Request>(key: &str) -> Offer {
-        Offer::of_contract(key, &Contract::of_request::<R>())
-    }
-
-    fn of_contract(key: &str, contract: &Contract) -> Offer {
-        let payload = contract.payload;
-        let offset = |name: &str| {
-            let is_meant = |field: &&FieldLayout| {
-                field.name == name && field.kind == FieldKind::Number(Number::U64)
-            };
-            let field = payload.fields.iter().find(is_meant);
-            field.map(|field| field.offset)
-        };
+    /// A topic that asks for `wanted` subscribers.
+    pub(crate) fn topic(key: &str, schema: &Schema, text: String, wanted: usize) -> Offer {
         Offer {
             key: key.to_owned(),
-            layout: contract.layout(),
-            layout_hash: contract.layout_hash(),
-            type_name: payload.type_name.to_owned(),
-            size: payload.size,
-            align: payload.align,
-            path_offset: offset(PATH_ID),
-            issued_offset: offset(ISSUED),
-            max_subscribers: service::MAX_SUBSCRIBERS,
-            schema: contract.schema(),
-        }
-    }
-
-    /// `text` is what `schema` was read from.
-    pub(crate) fn of_schema(key: &str, schema: &Schema, text: &str) -> Offer {
-        Offer {
-            key: key.to_owned(),
-            layout: schema.type_name().to_owned(),
-            layout_hash: schema.layout_hash(),
-            type_name: schema.type_name().to_owned(),
-            size: schema.size(),
-            align: schema.align(),
+            pattern: Pattern::PublishSubscribe,
+            schema: schema.clone(),
+            text,
             path_offset: None,
             issued_offset: None,
-            max_subscribers: subscribers_within_memory(schema.size(), service::MAX_SUBSCRIBERS),
-            schema: text.to_owned(),
+            max_subscribers: subscribers_within_memory(schema.size(), wanted),
         }
     }
 
-    /// As [`Offer::of_schema`], of a request service. A client has no use for the text.
-    pub(crate) fn of_request_schema(key: &str, schema: &Schema, text: &str) -> Offer {
+    /// A request service.
+    pub(crate) fn request(key: &str, schema: &Schema, text: String) -> Offer {
         let offset = |name: &str| {
             let leaf = schema.number(name)?;
             (leaf.number == Number::U64 && leaf.len.is_none()).then_some(leaf.offset)
         };
         Offer {
-            layout: format!("{}/{}", schema.type_name(), RequestReport::TYPE_NAME),
-            layout_hash: schema.request_layout_hash(),
+            key: key.to_owned(),
+            pattern: Pattern::RequestResponse,
+            schema: schema.clone(),
+            text,
             path_offset: offset(PATH_ID),
             issued_offset: offset(ISSUED),
-            ..Offer::of_schema(key, schema, text)
+            max_subscribers: 0,
         }
     }
 
-    fn expected(&self, robot: RobotId) -> Expected {
-        Expected {
-            name: service::service_name(robot, &self.key),
-            layout: self.layout.clone(),
-            layout_hash: self.layout_hash,
+    /// The topic `T`.
+    pub(crate) fn of_topic<T: Topic>() -> Offer {
+        const {
+            let fitting = subscribers_within_memory(size_of::<T>(), T::MAX_SUBSCRIBERS);
+            assert!(
+                fitting > 0,
+                "a sample is larger than MAX_TOPIC_MEMORY allows"
+            );
+        }
+        let text = schema::text(T::LAYOUT);
+        Offer::topic(T::KEY, &Schema::of::<T>(), text, T::MAX_SUBSCRIBERS)
+    }
+
+    /// The service `key`, which carries `R`.
+    pub(crate) fn of_request<R: Request>(key: &str) -> Offer {
+        Offer::request(key, &Schema::of::<R>(), schema::text(R::LAYOUT))
+    }
+
+    /// Name of the service.
+    fn name(&self, robot: RobotId) -> String {
+        service::service_name(robot, &self.key)
+    }
+
+    /// The attributes `layout` and `layout_hash`: what both sides must agree on.
+    fn layout(&self) -> [String; 2] {
+        let (type_name, hash) = match self.pattern {
+            Pattern::PublishSubscribe => {
+                let name = self.schema.type_name().to_owned();
+                (name, self.schema.layout_hash())
+            }
+            Pattern::RequestResponse => {
+                let name = format!("{}/{}", self.schema.type_name(), RequestReport::TYPE_NAME);
+                (name, self.schema.request_layout_hash())
+            }
+        };
+        [type_name, format!("{hash:016x}")]
+    }
+
+    /// The attributes that a service is made with.
+    fn specifier(&self, robot: RobotId) -> Result<AttributeSpecifier, OpenError> {
+        let name = self.name(robot);
+        let [layout, hash] = self.layout();
+        let slot = service::slot(&self.key, robot).map(|slot| ("slot", slot.to_string()));
+        let mut specifier = AttributeSpecifier::new();
+        for (key, value) in [("layout", layout), ("layout_hash", hash)]
+            .into_iter()
+            .chain(slot)
+        {
+            let (key, value) = attribute(&name, key, &value)?;
+            specifier = specifier
+                .define(&key, &value)
+                .map_err(|error| failed(&name, error))?;
+        }
+        Ok(specifier)
+    }
+
+    /// The attributes that a service must have.
+    fn verifier(&self, name: &str) -> Result<AttributeVerifier, OpenError> {
+        let [layout, hash] = self.layout();
+        let mut verifier = AttributeVerifier::new();
+        for (key, value) in [("layout", layout), ("layout_hash", hash)] {
+            let (key, value) = attribute(name, key, &value)?;
+            verifier = verifier
+                .require(&key, &value)
+                .map_err(|error| failed(name, error))?;
+        }
+        Ok(verifier)
+    }
+
+    /// The error for a service that carries something else.
+    fn mismatch(&self, generation: &Generation, name: &ServiceName) -> OpenError {
+        let found = layout_of(generation, name, self.pattern);
+        OpenError::LayoutMismatch {
+            service: name.as_str().to_owned(),
+            wanted: self.layout().join(" "),
+            found: found.unwrap_or_else(|| "something unreadable".to_owned()),
         }
     }
 
@@ -423,9 +375,9 @@ impl Offer {
     fn payload(&self, service: &str) -> Result<TypeDetail, OpenError> {
         TypeDetail::__internal_new_from_parts(
             TypeVariant::FixedSize,
-            &self.type_name,
-            self.size,
-            self.align,
+            self.schema.type_name(),
+            self.schema.size(),
+            self.schema.align(),
         )
         .map_err(|error| failed(service, error))
     }
@@ -437,10 +389,9 @@ pub(crate) fn create_topic(
     offer: &Offer,
     robot: RobotId,
 ) -> Result<TopicService, OpenError> {
-    let expected = offer.expected(robot);
-    let name = &expected.name;
+    let name = &offer.name(robot);
     let payload = offer.payload(name)?;
-    let attributes = specifier(&expected, &offer.key, robot)?;
+    let attributes = offer.specifier(robot)?;
     let builder = generation
         .node()
         .service_builder(&service_name(name)?)
@@ -469,14 +420,16 @@ pub(crate) fn create_topic(
 /// Opens a published service. Its samples come as bytes: what lies in them, the attributes say.
 pub(crate) fn open_topic(
     generation: &Generation,
-    expected: &Expected,
+    offer: &Offer,
+    robot: RobotId,
 ) -> Result<BytesService, OpenError> {
     use PublishSubscribeOpenError as Error;
-    let name = service_name(&expected.name)?;
+    let text = &offer.name(robot);
+    let name = service_name(text)?;
     let pattern = MessagingPattern::PublishSubscribe;
     let details = Svc::details(&name, generation.config(), pattern)
-        .map_err(|error| failed(&expected.name, error))?
-        .ok_or_else(|| failed(&expected.name, "it is not there"))?;
+        .map_err(|error| failed(text, error))?
+        .ok_or_else(|| failed(text, "it is not there"))?;
     let payload = details.static_details.publish_subscribe();
     let payload = payload.message_type_details().payload;
     let builder = generation
@@ -487,16 +440,14 @@ pub(crate) fn open_topic(
     // samples are only read as bytes, or as a struct of this very layout, for which every pattern of bits is a value.
     #[allow(unsafe_code)]
     let builder = unsafe { builder.__internal_set_payload_type_details(&payload) };
-    let attributes = expected.verifier()?;
+    let attributes = offer.verifier(text)?;
     files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
         match error {
             Error::IncompatibleTypes | Error::IncompatibleAttributes => {
-                expected.mismatch(layout_of(generation, &name, pattern))
+                offer.mismatch(generation, &name)
             }
-            Error::ExceedsMaxNumberOfNodes => {
-                full(&expected.name, ("processes", service::MAX_NODES))
-            }
-            error => failed(&expected.name, error),
+            Error::ExceedsMaxNumberOfNodes => full(text, ("processes", service::MAX_NODES)),
+            error => failed(text, error),
         }
     })
 }
@@ -532,9 +483,8 @@ pub(crate) fn create_request(
     offer: &Offer,
     robot: RobotId,
 ) -> Result<RequestService, OpenError> {
-    let expected = offer.expected(robot);
-    let name = &expected.name;
-    let attributes = specifier(&expected, &offer.key, robot)?;
+    let name = &offer.name(robot);
+    let attributes = offer.specifier(robot)?;
     let builder = request_builder(generation, offer, name)?
         .max_servers(service::MAX_PROVIDERS)
         .max_clients(service::MAX_CLIENTS)
@@ -557,22 +507,17 @@ pub(crate) fn open_request(
     robot: RobotId,
 ) -> Result<RequestService, OpenError> {
     use RequestResponseOpenError as Error;
-    let expected = offer.expected(robot);
-    let name = service_name(&expected.name)?;
-    let attributes = expected.verifier()?;
-    let builder = request_builder(generation, offer, &expected.name)?;
+    let text = &offer.name(robot);
+    let name = service_name(text)?;
+    let attributes = offer.verifier(text)?;
+    let builder = request_builder(generation, offer, text)?;
     files::while_no_port_opens(|| builder.open_with_attributes(&attributes)).map_err(|error| {
         match error {
-            Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => expected
-                .mismatch(layout_of(
-                    generation,
-                    &name,
-                    MessagingPattern::RequestResponse,
-                )),
-            Error::ExceedsMaxNumberOfNodes => {
-                full(&expected.name, ("processes", service::MAX_NODES))
+            Error::IncompatibleRequestOrResponseType | Error::IncompatibleAttributes => {
+                offer.mismatch(generation, &name)
             }
-            error => failed(&expected.name, error),
+            Error::ExceedsMaxNumberOfNodes => full(text, ("processes", service::MAX_NODES)),
+            error => failed(text, error),
         }
     })
 }

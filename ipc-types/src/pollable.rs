@@ -4,7 +4,7 @@
 //! Inside is an epoll set of two: the listener of the port's generation, another one after each change, and a timer. The timer
 //! makes the descriptor readable every [`SAFETY_BOUND`], whatever the listener says: so the event loop needs no timeout of its own
 //! to notice a new generation, a partner that has gone, or a wake-up that was lost. The timers of all ports of a process expire
-//! at the same moments, so that a process with many ports wakes once for all of them.
+//! at the same moments, so that a process with many ports wakes once for all of them. [`PortSet`]: one descriptor for many ports.
 
 use std::cell::{Cell, OnceCell};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -37,7 +37,7 @@ fn next_expiry(now: MonotonicNs, phase: MonotonicNs) -> MonotonicNs {
 
 /// The descriptor of a port, made when it is first asked for.
 #[derive(Default)]
-pub(crate) struct Pollable(OnceCell<Set>);
+pub struct Pollable(OnceCell<Set>);
 
 impl Pollable {
     /// The descriptor, which can be read when the port may have something. `receiver` is woken by the other side; nothing while
@@ -141,6 +141,45 @@ impl Set {
         };
         self.due.set(first);
         timerfd_settime(&self.timer, TimerfdTimerFlags::ABSTIME, &times).map(|_| ())
+    }
+}
+
+/// A descriptor that can be read when one of its members can. A [`Waiter`](crate::Waiter) takes 16 sources; a process that follows
+/// every topic of a robot, as the relay and the recorder do, has one source with this.
+#[derive(Debug)]
+pub struct PortSet {
+    set: OwnedFd,
+}
+
+impl PortSet {
+    /// A set without members.
+    ///
+    /// # Errors
+    ///
+    /// When the process has too many descriptors.
+    pub fn new() -> Result<PortSet, Errno> {
+        Ok(PortSet {
+            set: epoll::create(epoll::CreateFlags::CLOEXEC)?,
+        })
+    }
+
+    /// Adds a member, a port's descriptor for example. Closing a member takes it out.
+    ///
+    /// # Errors
+    ///
+    /// When the port has no descriptor, or the kernel no room.
+    pub fn add(&self, member: Result<BorrowedFd<'_>, WaitError>) -> Result<(), WaitError> {
+        let data = epoll::EventData::new_u64(0);
+        let added = epoll::add(&self.set, member?, data, epoll::EventFlags::IN);
+        match added {
+            Ok(()) | Err(Errno::EXIST) => Ok(()),
+            Err(errno) => Err(WaitError::from(errno)),
+        }
+    }
+
+    /// What to wait for.
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
+        self.set.as_fd()
     }
 }
 

@@ -1,12 +1,9 @@
-//! [`Publisher`]: the writing end of a published service. What it does with bytes, `BytesPublisher` does, which knows
-//! nothing of structs.
+//! [`Publisher`]: the writing end of a published service.
 //!
 //! Publishing never blocks: a subscriber that does not read loses its oldest samples, and a stopped one costs nothing.
 //! Nothing here allocates; iceoryx2 makes a handle of 104 bytes on the heap for each sample.
 
 use std::cell::Cell;
-use std::marker::PhantomData;
-use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -17,21 +14,20 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
-use crate::doorbell::{Channel, Place, place};
-use crate::event::Event;
-use crate::forked::Owned;
+use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
 use crate::generation::{self, Generation};
-use crate::housekeeper::Tended;
+use crate::housekeeper::Maintained;
 use crate::iox::{Members, Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
 use crate::pollable::Pollable;
+use crate::port::{self, Payload, Port};
 use crate::provider::ProviderLock;
 use crate::reserve;
-use crate::service::{EPOCH_OFFSET, MAX_PROVIDERS, Pattern, SEQUENCE_OFFSET, Topic, service_name};
+use crate::service::{MAX_PROVIDERS, service_name, stamp};
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::{WaitError, sealed};
-use crate::wake::{WakeReceiver, WakeSender};
+use crate::waiter::sealed;
+use crate::wake::{Event, WakeReceiver, WakeSender};
 
 /// How long a publisher feeds its former generation beside the new one. Subscribers change within a
 /// [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND); this is four of them.
@@ -68,19 +64,9 @@ pub struct PublishError {
 ///
 /// Give it to the [`Waiter`](crate::Waiter) as well: subscribers that join between two samples then get the latest at once, not
 /// with the next one.
-pub struct Publisher<T: Topic> {
-    bytes: Owned<BytesPublisher>,
-    payload: PhantomData<fn(T)>,
-}
+pub type Publisher<T> = Port<BytesPublisher, T>;
 
-impl<T: Topic> Publisher<T> {
-    pub(crate) fn open(session: &Arc<Session>) -> Result<Publisher<T>, OpenError> {
-        Ok(Publisher {
-            bytes: BytesPublisher::open(session, Offer::of_topic::<T>())?,
-            payload: PhantomData,
-        })
-    }
-
+impl<P: Payload> Publisher<P> {
     /// Fills in a sample where it lies in shared memory, and sends it. Returns its number in the sequence, from 1.
     ///
     /// The sample begins as all zeros. `sequence` and `epoch_ns` are written after `fill`.
@@ -89,12 +75,11 @@ impl<T: Topic> Publisher<T> {
     ///
     /// [`PublishError`] when there is no memory for it, which does not happen with the settings of the table, or when
     /// a connection is broken.
-    pub fn publish(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
-        self.bytes.publish(|bytes| {
-            // SAFETY: the service was made for `T`, so the bytes are as many and as aligned, they are initialized, and every
-            // pattern of bits is a value of it.
+    pub fn publish(&mut self, fill: impl FnOnce(&mut P::View)) -> Result<u64, PublishError> {
+        self.core.publish(|bytes| {
+            // SAFETY: the service was made for the payload, so the bytes are as many and as aligned; they are initialized.
             #[allow(unsafe_code)]
-            fill(unsafe { &mut *bytes.as_mut_ptr().cast::<T>() });
+            fill(unsafe { P::view_mut(bytes) });
         })
     }
 
@@ -104,87 +89,65 @@ impl<T: Topic> Publisher<T> {
     /// # Errors
     ///
     /// As [`publish`](Publisher::publish).
-    pub fn publish_batched(&mut self, fill: impl FnOnce(&mut T)) -> Result<u64, PublishError> {
-        self.bytes.publish_batched(|bytes| {
+    pub fn publish_batched(
+        &mut self,
+        fill: impl FnOnce(&mut P::View),
+    ) -> Result<u64, PublishError> {
+        self.core.publish_batched(|bytes| {
             // SAFETY: see `publish`.
             #[allow(unsafe_code)]
-            fill(unsafe { &mut *bytes.as_mut_ptr().cast::<T>() });
+            fill(unsafe { P::view_mut(bytes) });
         })
     }
 
     /// Ends a batch: wakes subscribers if samples came after they were woken last.
     pub fn end_batch(&mut self) {
-        self.bytes.end_batch();
+        self.core.end_batch();
     }
 
     /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
     /// is worn. Costs next to nothing when there is nothing to do. A [`Waiter`](crate::Waiter) does it in every wait.
     pub fn tend(&mut self) {
-        self.bytes.tend();
-    }
-
-    /// A file descriptor for an event loop of the caller's own, as [`Subscriber::descriptor`](crate::Subscriber::descriptor):
-    /// when it can be read, [`tend`](Publisher::tend) the publisher.
-    ///
-    /// # Errors
-    ///
-    /// When the process has too many descriptors.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.bytes.descriptor()
+        self.core.tend();
     }
 
     /// Number of the last sample, 0 before the first.
     pub fn sequence(&self) -> u64 {
-        self.bytes.sequence
+        self.core.sequence
     }
 
     /// When this publisher began, host monotonic ns; it is in every sample.
     pub fn epoch_ns(&self) -> u64 {
-        self.bytes.epoch_ns
+        self.core.epoch_ns
     }
 
     /// Subscribers that are there now, in all processes. Costs a few nanoseconds.
     pub fn subscribers(&self) -> usize {
-        self.bytes.ports().map(Port::subscribers).sum()
+        self.core.ports().map(PublisherPort::subscribers).sum()
     }
 
     /// How often [`tend`](Publisher::tend) has met subscribers that joined.
     pub fn joins(&self) -> u64 {
-        self.bytes.joins
+        self.core.joins
     }
 
     /// Generations of shared memory that this publisher has begun, the first included.
     pub fn generations(&self) -> u64 {
-        self.bytes.generations
+        self.core.generations
     }
 
     /// Begins a new generation at the next [`Publisher::tend`], as if the present one were worn: for tests.
     #[doc(hidden)]
     pub fn wear_out(&self) {
-        self.bytes.port.tended.wear_out("it was asked for");
-    }
-}
-
-impl<T: Topic> sealed::Source for Publisher<T> {
-    fn has_something(&self, look: sealed::Look) -> bool {
-        self.bytes.has_something(look)
-    }
-
-    fn tend(&mut self) -> bool {
-        self.bytes.tend();
-        true
-    }
-
-    fn sense(&self) -> sealed::Sense<'_> {
-        self.bytes.sense()
+        self.core.port.maintained.wear_out("it was asked for");
     }
 }
 
 /// The writing end of a published service whose samples are bytes.
-pub(crate) struct BytesPublisher {
-    port: Port,
+pub struct BytesPublisher {
+    port: PublisherPort,
     /// The former generations, oldest first, and until when each is fed.
-    former: ArrayVec<(Port, MonotonicNs), MAX_FORMER>,
+    former: ArrayVec<(PublisherPort, MonotonicNs), MAX_FORMER>,
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
@@ -196,14 +159,14 @@ pub(crate) struct BytesPublisher {
     batch: usize,
     epoch_ns: u64,
     sequence: u64,
-    place: Place,
+    slot: DoorbellSlot,
     offer: Offer,
     lock: Arc<ProviderLock>,
     session: Arc<Session>,
 }
 
 /// A publisher's part in one generation.
-struct Port {
+struct PublisherPort {
     /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers gave
     /// back costs more than the rest of publishing, and then nobody waits for it.
     preloaned: Option<Preloaned>,
@@ -213,7 +176,7 @@ struct Port {
     subscribers: WakeReceiver,
     /// Subscribers that [`Publisher::tend`] has served, as the doorbell counts them.
     served: u32,
-    tended: Arc<Tended>,
+    maintained: Arc<Maintained>,
     max_subscribers: usize,
     /// Subscribers that there were when they were last connected. Those that do not ring the doorbell are found by it.
     known: Cell<usize>,
@@ -237,64 +200,57 @@ fn bytes_of(sample: &mut Preloaned) -> &mut [u8] {
 
 // SAFETY: it owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
 #[allow(unsafe_code)]
-unsafe impl Send for Port {}
+unsafe impl Send for PublisherPort {}
 
-impl Port {
+impl PublisherPort {
     fn make(
         session: &Arc<Session>,
         lock: &Arc<ProviderLock>,
         offer: &Offer,
-    ) -> Result<Port, OpenError> {
-        let pattern = Pattern::PublishSubscribe;
-        session.begin(
-            lock,
-            &offer.key,
-            pattern,
-            &offer.schema,
-            |generation, tended| {
-                let robot = session.robot();
-                let key = offer.key.as_str();
-                let service = open::create_topic(&generation, offer, robot)?;
-                let event = |channel| Event::create(&generation, robot, key, channel);
-                let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
-                // Consumers in other languages announce themselves by this alone.
-                subscribers.listener()?;
-                subscribers.leave_to_waiters();
-                let samples = event(Channel::Samples)?;
-                let failing = Arc::clone(&tended);
-                let port = open::port(
-                    &service_name(robot, key),
-                    ("publishers", MAX_PROVIDERS),
-                    |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
-                    || {
-                        service
-                            .publisher_builder()
-                            .max_loaned_samples(1)
-                            // Without effect while the oldest gives way to the newest, but never anything that waits.
-                            .backpressure_strategy(BackpressureStrategy::DiscardData)
-                            .set_degradation_handler(move |_, _: &_| {
-                                failing.note_unconnected();
-                                // The others are served.
-                                DegradationAction::Ignore
-                            })
-                            .create()
-                    },
-                )?;
-                Ok(Port {
-                    preloaned: None,
-                    port,
-                    service,
-                    samples: WakeSender::make(session, samples, place(key), Channel::Samples)?,
-                    subscribers,
-                    served: session.doorbell().joined(place(key)),
-                    tended,
-                    max_subscribers: offer.max_subscribers,
-                    known: Cell::new(0),
-                    key: key.to_owned(),
-                    _generation: generation,
-                })
-            },
-        )
+    ) -> Result<PublisherPort, OpenError> {
+        session.begin(lock, offer, |generation, maintained| {
+            let robot = session.robot();
+            let key = offer.key.as_str();
+            let service = open::create_topic(&generation, offer, robot)?;
+            let event = |channel| Event::create(&generation, robot, key, channel);
+            let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
+            // Consumers in other languages announce themselves by this alone.
+            subscribers.listener()?;
+            subscribers.leave_to_waiters();
+            let samples = event(Channel::Samples)?;
+            let failing = Arc::clone(&maintained);
+            let port = open::port(
+                &service_name(robot, key),
+                ("publishers", MAX_PROVIDERS),
+                |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
+                || {
+                    service
+                        .publisher_builder()
+                        .max_loaned_samples(1)
+                        // Without effect while the oldest gives way to the newest, but never anything that waits.
+                        .backpressure_strategy(BackpressureStrategy::DiscardData)
+                        .set_degradation_handler(move |_, _: &_| {
+                            failing.note_unconnected();
+                            // The others are served.
+                            DegradationAction::Ignore
+                        })
+                        .create()
+                },
+            )?;
+            Ok(PublisherPort {
+                preloaned: None,
+                port,
+                service,
+                samples: WakeSender::make(session, samples, doorbell_slot(key), Channel::Samples)?,
+                subscribers,
+                served: session.doorbell().joined(doorbell_slot(key)),
+                maintained,
+                max_subscribers: offer.max_subscribers,
+                known: Cell::new(0),
+                key: key.to_owned(),
+                _generation: generation,
+            })
+        })
     }
 
     fn loan(&mut self) -> Result<Preloaned, PublishError> {
@@ -344,14 +300,14 @@ impl Port {
     fn connect(&self) {
         let places = (self.subscribers(), self.max_subscribers);
         self.known.set(places.0);
-        self.tended.count_places(places, || {
+        self.maintained.count_places(places, || {
             let mut members = Members::default();
             let taken = self.service.dynamic_config();
             taken.list_subscribers(|it| members.add(it.node_id));
             members.count()
         });
-        self.samples.count_places(&self.tended);
-        self.subscribers.count_places(&self.tended);
+        self.samples.count_places(&self.maintained);
+        self.subscribers.count_places(&self.maintained);
         let _held = reserve::hold_descriptors();
         if let Err(error) = self.port.update_connections() {
             tracing::debug!(service = self.key, ?error, "a subscriber was not reached");
@@ -360,38 +316,35 @@ impl Port {
 }
 
 impl BytesPublisher {
-    pub(crate) fn open(
-        session: &Arc<Session>,
-        offer: Offer,
-    ) -> Result<Owned<BytesPublisher>, OpenError> {
+    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesPublisher, OpenError> {
         let lock = session.provide(&offer.key)?;
-        Ok(Owned::new(BytesPublisher {
-            port: Port::make(session, &lock, &offer)?,
+        Ok(BytesPublisher {
+            port: PublisherPort::make(session, &lock, &offer)?,
             former: ArrayVec::new(),
             retry: MonotonicNs::default(),
             generations: 1,
             joins: 0,
             pollable: Pollable::default(),
-            latest: vec![0; offer.size],
+            latest: vec![0; offer.schema.size()],
             batch: 0,
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
-            place: place(&offer.key),
+            slot: doorbell_slot(&offer.key),
             offer,
             lock,
             session: Arc::clone(session),
-        }))
+        })
     }
 
     /// See [`Publisher::publish`].
-    pub(crate) fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
+    fn publish(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
         let sequence = self.send(fill)?;
         self.wake();
         Ok(sequence)
     }
 
     /// See [`Publisher::publish_batched`].
-    pub(crate) fn publish_batched(
+    fn publish_batched(
         &mut self,
         fill: impl FnOnce(&mut [u8]),
     ) -> Result<u64, PublishError> {
@@ -404,7 +357,7 @@ impl BytesPublisher {
     }
 
     /// See [`Publisher::end_batch`].
-    pub(crate) fn end_batch(&mut self) {
+    fn end_batch(&mut self) {
         let batch = std::mem::take(&mut self.batch);
         if batch > 0 && (batch - 1) % BATCH > 0 {
             self.wake();
@@ -429,8 +382,7 @@ impl BytesPublisher {
         let sequence = self.sequence + 1;
         let payload = bytes_of(&mut sample);
         fill(payload);
-        payload[SEQUENCE_OFFSET..][..8].copy_from_slice(&sequence.to_ne_bytes());
-        payload[EPOCH_OFFSET..][..8].copy_from_slice(&self.epoch_ns.to_ne_bytes());
+        stamp(payload, sequence, self.epoch_ns);
         // Used up even if sending fails, because some subscribers may have got the sample.
         self.sequence = sequence;
         self.latest.copy_from_slice(payload);
@@ -450,7 +402,7 @@ impl BytesPublisher {
     }
 
     /// See [`Publisher::tend`].
-    pub(crate) fn tend(&mut self) {
+    fn tend(&mut self) {
         if self.session.check_process().is_err() {
             return;
         }
@@ -473,7 +425,7 @@ impl BytesPublisher {
     }
 
     fn change_generation(&mut self) {
-        if self.former.is_empty() && !self.port.tended.is_worn() {
+        if self.former.is_empty() && !self.port.maintained.is_worn() {
             return;
         }
         let now = MonotonicNs::now();
@@ -482,11 +434,11 @@ impl BytesPublisher {
             self.pollable.forget(&former.subscribers);
             self.session.housekeeper().drop_later(former);
         }
-        if self.former.is_full() || !self.port.tended.is_worn() || now < self.retry {
+        if self.former.is_full() || !self.port.maintained.is_worn() || now < self.retry {
             return;
         }
         self.retry = now + RETRY;
-        match Port::make(&self.session, &self.lock, &self.offer) {
+        match PublisherPort::make(&self.session, &self.lock, &self.offer) {
             Ok(mut port) => {
                 self.generations += 1;
                 if self.sequence > 0
@@ -505,28 +457,19 @@ impl BytesPublisher {
         }
     }
 
-    fn ports(&self) -> impl Iterator<Item = &Port> {
+    fn ports(&self) -> impl Iterator<Item = &PublisherPort> {
         let former = self.former.iter().map(|(former, _)| former);
         former.chain([&self.port])
     }
 
     /// Whether each generation has as many subscribers as when they were last connected.
     fn knows_subscribers(&self) -> bool {
-        self.ports().all(Port::knows_subscribers)
+        self.ports().all(PublisherPort::knows_subscribers)
     }
 
     /// Subscribers that have come so far, as the doorbell counts them.
     fn joined(&self) -> u32 {
-        self.session.doorbell().joined(self.place)
-    }
-
-    pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.session.check_process()?;
-        self.pollable.descriptor(Some(&self.port.subscribers))
-    }
-
-    pub(crate) fn sequence(&self) -> u64 {
-        self.sequence
+        self.session.doorbell().joined(self.slot)
     }
 }
 
@@ -548,7 +491,7 @@ impl sealed::Source for BytesPublisher {
         self.port.subscribers.is_pending()
             || self.joined() != self.port.served
             || !self.knows_subscribers()
-            || self.port.tended.is_worn() && MonotonicNs::now() >= self.retry
+            || self.port.maintained.is_worn() && MonotonicNs::now() >= self.retry
     }
 
     fn tend(&mut self) -> bool {
@@ -559,10 +502,12 @@ impl sealed::Source for BytesPublisher {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.place.bits(Channel::Subscribers),
+            bits: self.slot.bits(Channel::Subscribers),
             receiver: Some(&self.port.subscribers),
             by_descriptor: false,
             bound: sealed::Bound::LONG,
         }
     }
 }
+
+port::core!(BytesPublisher);

@@ -17,7 +17,7 @@ impl RobotId {
     /// The id that every command takes when none is given.
     pub const DEFAULT: RobotId = RobotId(NonZeroU32::MIN);
 
-    /// The id `id`, or nothing for 0.
+    /// The id `id`, or `None` for 0.
     pub const fn new(id: u32) -> Option<RobotId> {
         match NonZeroU32::new(id) {
             Some(id) => Some(RobotId(id)),

@@ -199,7 +199,7 @@ fn is_empty(path: &Path) -> bool {
     true
 }
 
-/// Bytes free in `/dev/shm`; nothing when the kernel does not say.
+/// Bytes free in `/dev/shm`; `None` if the kernel does not say.
 fn free_bytes() -> Option<u64> {
     let status = rustix::fs::statvfs(SHM_DIR).ok()?;
     Some(status.f_bavail.saturating_mul(status.f_frsize))

@@ -1,29 +1,26 @@
-//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report. What it does with bytes,
-//! `BytesServer` does, which knows nothing of structs.
+//! [`Server`]: takes requests and answers each with a stream of reports that ends in a final report.
 
 use std::any::Any;
-use std::marker::PhantomData;
 use std::mem;
-use std::os::fd::BorrowedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
-use crate::doorbell::{Channel, Place, place};
-use crate::forked::Owned;
+use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
 use crate::generation;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
+use crate::port::{self, Payload, Port};
 use crate::provider::ProviderLock;
-use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING, Request};
+use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING};
 use crate::serving_port::{Entry, ServingPort};
 pub use crate::serving_port::{ReportError, ServeError};
 use crate::session::Session;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
-use crate::waiter::{WaitError, Waiter, Wake, sealed};
+use crate::waiter::sealed;
 
 /// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for requests
 /// that their clients gave up, from one call of [`Server::vanished`] to the next.
@@ -61,19 +58,9 @@ const MAX_FORMER: usize = 3;
 ///
 /// [`Server::drain`] gives each request a [`Ticket`]; [`Server::report`] answers by it as often as need be, until a
 /// final stage closes it.
-pub struct Server<R: Request> {
-    bytes: Owned<BytesServer>,
-    payload: PhantomData<fn() -> R>,
-}
+pub type Server<R> = Port<BytesServer, R>;
 
-impl<R: Request> Server<R> {
-    pub(crate) fn open(session: &Arc<Session>) -> Result<Server<R>, OpenError> {
-        Ok(Server {
-            bytes: BytesServer::open(session, Offer::of_request::<R>(R::KEY))?,
-            payload: PhantomData,
-        })
-    }
-
+impl<P: Payload> Server<P> {
     /// Hands on the requests that are there, each with its ticket, and says how many those were.
     ///
     /// Clients are served in turn: the first request of each, then the second of each. Each has a share of
@@ -87,13 +74,9 @@ impl<R: Request> Server<R> {
     ///
     /// [`ServeError`] when iceoryx2 fails; what was handed on counts. Where a client cannot be connected, a new generation
     /// begins.
-    pub fn drain(&mut self, mut take: impl FnMut(Ticket, &R)) -> Result<usize, ServeError> {
-        self.bytes.drain(|ticket, request| {
-            // They are as many: the service was made for `R`.
-            if let Some(request) = R::from_bytes(request) {
-                take(ticket, &request);
-            }
-        })
+    pub fn drain(&mut self, mut take: impl FnMut(Ticket, &P::View)) -> Result<usize, ServeError> {
+        self.core
+            .drain(|ticket, request| P::read(request, |request| take(ticket, request)))
     }
 
     /// Answers a request. A final stage closes it; its ticket is then worth nothing.
@@ -105,7 +88,7 @@ impl<R: Request> Server<R> {
     ///
     /// See [`ReportError`]. Losing progress to a full buffer is not serious: the final report always comes.
     pub fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
-        self.bytes.report(ticket, report)
+        self.core.report(ticket, report)
     }
 
     /// As [`Server::report`], but leaves the clients asleep until [`Server::wake_clients`]: for a server that has something
@@ -119,12 +102,12 @@ impl<R: Request> Server<R> {
         ticket: Ticket,
         report: &RequestReport,
     ) -> Result<(), ReportError> {
-        self.bytes.report_quietly(ticket, report)
+        self.core.report_quietly(ticket, report)
     }
 
     /// Wakes the clients if there was a quiet report since the last time.
     pub fn wake_clients(&mut self) {
-        self.bytes.wake_clients();
+        self.core.wake_clients();
     }
 
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
@@ -132,67 +115,38 @@ impl<R: Request> Server<R> {
     /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
     /// within two seconds.
     pub fn vanished(&mut self, gone: impl FnMut(Ticket, u64)) {
-        self.bytes.vanished(gone);
-    }
-
-    /// Sleeps until there is a request, a signal comes or `timeout` has passed.
-    ///
-    /// # Errors
-    ///
-    /// See [`WaitError`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.bytes.wait(timeout)
-    }
-
-    /// As [`Subscriber::descriptor`](crate::Subscriber::descriptor): it can be read once there is a request, or a client is gone, and
-    /// [`Server::drain`] empties it.
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.bytes.descriptor()
+        self.core.vanished(gone);
     }
 
     /// The process that sent a request which is open, by its id in the sender's own PID namespace.
     pub fn sender(&self, ticket: Ticket) -> Option<u32> {
-        self.bytes.tickets.get(ticket)?.sender()
+        self.core.tickets.get(ticket)?.sender()
     }
 
     /// Requests that have a ticket.
     pub fn open_tickets(&self) -> usize {
-        self.bytes.tickets.len()
+        self.core.tickets.len()
     }
 
     /// Requests that were refused because too many were open.
     pub fn refused_full(&self) -> u64 {
-        self.bytes.refused_full + self.bytes.port.refused_full()
+        self.core.refused_full + self.core.port.refused_full()
     }
 
     /// Generations of shared memory that this server has begun, the first included.
     pub fn generations(&self) -> u64 {
-        self.bytes.generations()
+        self.core.port.number()
     }
 
     /// Begins a new generation at the next [`Server::drain`], as if the present one were worn: for tests.
     #[doc(hidden)]
     pub fn wear_out(&self) {
-        self.bytes.port.tended.wear_out("it was asked for");
-    }
-}
-
-impl<R: Request> sealed::Source for Server<R> {
-    fn has_something(&self, look: sealed::Look) -> bool {
-        self.bytes.has_something(look)
-    }
-
-    fn sense(&self) -> sealed::Sense<'_> {
-        self.bytes.sense()
+        self.core.port.maintained.wear_out("it was asked for");
     }
 }
 
 /// Takes requests that are bytes.
-pub(crate) struct BytesServer {
+pub struct BytesServer {
     // First, so that open requests are closed before the ports go, and their clients woken last of all.
     tickets: Tickets<Entry>,
     port: ServingPort,
@@ -200,12 +154,11 @@ pub(crate) struct BytesServer {
     former: Vec<(ServingPort, MonotonicNs)>,
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
-    waiter: Waiter,
     pollable: Pollable,
     refused_full: u64,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
-    place: Place,
+    slot: DoorbellSlot,
     offer: Offer,
     lock: Arc<ProviderLock>,
     session: Arc<Session>,
@@ -216,32 +169,24 @@ pub(crate) struct BytesServer {
 unsafe impl Send for BytesServer {}
 
 impl BytesServer {
-    pub(crate) fn open(
-        session: &Arc<Session>,
-        offer: Offer,
-    ) -> Result<Owned<BytesServer>, OpenError> {
+    pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesServer, OpenError> {
         let lock = session.provide(&offer.key)?;
-        Ok(Owned::new(BytesServer {
+        Ok(BytesServer {
             tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
             port: ServingPort::make(session, &lock, &offer, 1)?,
             former: Vec::with_capacity(MAX_FORMER),
             retry: MonotonicNs::default(),
-            waiter: Waiter::new(),
             pollable: Pollable::default(),
             refused_full: 0,
             is_quiet: false,
-            place: place(&offer.key),
+            slot: doorbell_slot(&offer.key),
             offer,
             lock,
             session: Arc::clone(session),
-        }))
+        })
     }
 
-    /// See [`Server::drain`].
-    pub(crate) fn drain(
-        &mut self,
-        mut take: impl FnMut(Ticket, &[u8]),
-    ) -> Result<usize, ServeError> {
+    fn drain(&mut self, mut take: impl FnMut(Ticket, &[u8])) -> Result<usize, ServeError> {
         self.session
             .check_process()
             .map_err(|forked| self.failed(forked.to_string()))?;
@@ -308,7 +253,7 @@ impl BytesServer {
 
     fn change_generation(&mut self) {
         self.drop_former();
-        let is_worn = self.port.tended.is_worn() || self.port.is_worn();
+        let is_worn = self.port.maintained.is_worn() || self.port.is_worn();
         if !is_worn {
             return;
         }
@@ -355,19 +300,13 @@ impl BytesServer {
         }
     }
 
-    /// See [`Server::report`].
-    pub(crate) fn report(
-        &mut self,
-        ticket: Ticket,
-        report: &RequestReport,
-    ) -> Result<(), ReportError> {
+    fn report(&mut self, ticket: Ticket, report: &RequestReport) -> Result<(), ReportError> {
         let result = self.report_quietly(ticket, report);
         self.wake_clients();
         result
     }
 
-    /// See [`Server::report_quietly`].
-    pub(crate) fn report_quietly(
+    fn report_quietly(
         &mut self,
         ticket: Ticket,
         report: &RequestReport,
@@ -406,8 +345,7 @@ impl BytesServer {
         Ok(())
     }
 
-    /// See [`Server::wake_clients`].
-    pub(crate) fn wake_clients(&mut self) {
+    fn wake_clients(&mut self) {
         if mem::take(&mut self.is_quiet) && self.session.check_process().is_ok() {
             self.port.responses.wake();
             for (former, _) in &self.former {
@@ -416,8 +354,7 @@ impl BytesServer {
         }
     }
 
-    /// See [`Server::vanished`].
-    pub(crate) fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
+    fn vanished(&mut self, mut gone: impl FnMut(Ticket, u64)) {
         if self.session.check_process().is_err() {
             return;
         }
@@ -435,24 +372,6 @@ impl BytesServer {
                 }
             },
         );
-    }
-
-    pub(crate) fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        let waiter = mem::take(&mut self.waiter);
-        let wake = waiter.wait_for_one(self, timeout);
-        self.waiter = waiter;
-        wake
-    }
-
-    /// See [`Server::descriptor`].
-    pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.session.check_process()?;
-        self.pollable.descriptor(Some(&self.port.requests))
-    }
-
-    /// See [`Server::generations`].
-    pub(crate) fn generations(&self) -> u64 {
-        self.port.number()
     }
 }
 
@@ -474,7 +393,7 @@ impl sealed::Source for BytesServer {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.place.bits(Channel::Requests),
+            bits: self.slot.bits(Channel::Requests),
             receiver: Some(&self.port.requests),
             by_descriptor: true,
             bound: match self.former.is_empty() {
@@ -484,3 +403,5 @@ impl sealed::Source for BytesServer {
         }
     }
 }
+
+port::core!(BytesServer);

@@ -18,23 +18,22 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::{Channel, place};
-use crate::event::Event;
+use crate::doorbell::{Channel, doorbell_slot};
 use crate::generation::Generation;
-use crate::housekeeper::Tended;
+use crate::housekeeper::Maintained;
 use crate::iox::{AnyRequest, Members, RequestService, Svc};
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::provider::ProviderLock;
 use crate::service::{
-    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, Pattern, REQUEST_ID_OFFSET,
+    MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, REQUEST_ID_OFFSET,
     RESPONSE_BUFFER, service_name, word,
 };
 use crate::session::Session;
 use crate::source::sealed::Look;
 use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
-use crate::wake::{WakeReceiver, WakeSender};
+use crate::wake::{Event, WakeReceiver, WakeSender};
 
 /// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that the
 /// client has given up; and the request that is being filled in.
@@ -144,7 +143,7 @@ pub(crate) struct ServingPort {
     failures: Arc<AtomicU32>,
     /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
     unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
-    pub(crate) tended: Arc<Tended>,
+    pub(crate) maintained: Arc<Maintained>,
     /// Deaths of clients that were looked after. iceoryx2 signals a death before the client has left the list.
     deaths: u32,
     // Last: its node must outlive the ports.
@@ -180,7 +179,7 @@ impl RequestLayout {
 pub(crate) struct Entry {
     /// The port that got it.
     port: PortNumber,
-    /// Nothing when the client has given it up or is gone; the owner of the ticket has then still to be told.
+    /// `None` if the client has given it up or is gone; the owner of the ticket has then still to be told.
     active: Option<Active>,
     pub(crate) request_id: u64,
     /// The final report, while the client has no room for it.
@@ -196,7 +195,7 @@ impl Entry {
         self.port == port
     }
 
-    /// Sends a report; nothing when the client is gone.
+    /// Sends a report; `None` if the client is gone.
     pub(crate) fn send(&self, report: &RequestReport) -> Option<Result<(), ReportError>> {
         let active = self
             .active
@@ -245,8 +244,7 @@ impl ServingPort {
         number: PortNumber,
     ) -> Result<ServingPort, OpenError> {
         let key = offer.key.as_str();
-        let pattern = Pattern::RequestResponse;
-        session.begin(lock, key, pattern, &offer.schema, |generation, tended| {
+        session.begin(lock, offer, |generation, maintained| {
             let robot = session.robot();
             let service = open::create_request(&generation, offer, robot)?;
             let event = |channel| Event::create(&generation, robot, key, channel);
@@ -254,7 +252,7 @@ impl ServingPort {
             requests.listener()?;
             let failures = Arc::new(AtomicU32::new(0));
             let counter = || {
-                let (failures, failing) = (Arc::clone(&failures), Arc::clone(&tended));
+                let (failures, failing) = (Arc::clone(&failures), Arc::clone(&maintained));
                 move |_, _: &_| {
                     failures.fetch_add(1, Ordering::Relaxed);
                     failing.note_unconnected();
@@ -293,20 +291,25 @@ impl ServingPort {
                 },
                 layout: RequestLayout {
                     key: offer.key.clone(),
-                    size: offer.size,
+                    size: offer.schema.size(),
                     path_offset: offer.path_offset,
                 },
                 is_updated: Cell::new(false),
                 may_have_more: Cell::new(true),
                 is_broken: Cell::new(false),
                 requests,
-                responses: WakeSender::make(session, responses, place(key), Channel::Responses)?,
+                responses: WakeSender::make(
+                    session,
+                    responses,
+                    doorbell_slot(key),
+                    Channel::Responses,
+                )?,
                 wear: 0,
                 refused_full: 0,
                 failures,
                 unconnected: None,
-                deaths: tended.deaths(),
-                tended,
+                deaths: maintained.deaths(),
+                maintained,
                 generation,
             })
         })
@@ -441,16 +444,16 @@ impl ServingPort {
 
     /// Connects new clients, and lets go of those that are gone.
     pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry>) {
-        self.deaths = self.tended.deaths();
+        self.deaths = self.maintained.deaths();
         let taken = self.service.dynamic_config();
         let places = (taken.number_of_clients(), MAX_CLIENTS);
-        self.tended.count_places(places, || {
+        self.maintained.count_places(places, || {
             let mut members = Members::default();
             taken.list_clients(|it| members.add(it.node_id));
             members.count()
         });
-        self.requests.count_places(&self.tended);
-        self.responses.count_places(&self.tended);
+        self.requests.count_places(&self.maintained);
+        self.responses.count_places(&self.maintained);
         if let Err(error) = self.port.update_connections() {
             // The failures are counted where they happen.
             tracing::debug!(?error, "a client was not connected");
@@ -560,7 +563,8 @@ impl ServingPort {
     ///
     /// Trouble counts as something: draining then says what it is.
     pub(crate) fn has_something(&self, look: Look) -> bool {
-        if self.requests.is_pending() || self.deaths != self.tended.deaths() || self.is_broken() {
+        if self.requests.is_pending() || self.deaths != self.maintained.deaths() || self.is_broken()
+        {
             return true;
         }
         if look == Look::Quick && !self.may_have_more.get() {

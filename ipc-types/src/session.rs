@@ -13,8 +13,8 @@ use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
 use crate::forked::{Forked, Owned};
 use crate::generation::{self, Generation};
-use crate::housekeeper::{Housekeeper, Tended};
-use crate::open::{self, OpenError};
+use crate::housekeeper::{Housekeeper, Maintained};
+use crate::open::{self, Offer, OpenError};
 use crate::provider::{Provider, ProviderLock, ProviderWatch};
 use crate::reserve;
 use crate::robot::{InvalidRobotId, RobotId};
@@ -110,12 +110,12 @@ impl Session {
     pub(crate) fn begin<P>(
         &self,
         lock: &Arc<ProviderLock>,
-        key: &str,
-        pattern: Pattern,
-        schema: &str,
-        make: impl FnOnce(Generation, Arc<Tended>) -> Result<P, OpenError>,
+        offer: &Offer,
+        make: impl FnOnce(Generation, Arc<Maintained>) -> Result<P, OpenError>,
     ) -> Result<P, OpenError> {
-        if pattern == Pattern::RequestResponse {
+        let key = offer.key.as_str();
+        let is_server = offer.pattern == Pattern::RequestResponse;
+        if is_server {
             reserve::note_server();
         }
         let folder = self.service_folder(key);
@@ -130,22 +130,21 @@ impl Session {
         generation::delete_many_dead(domain, &folder);
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
-        generation.describe(schema)?;
-        let keeps_reserve = pattern == Pattern::RequestResponse;
+        generation.describe(&offer.text)?;
         let housekeeper = self.housekeeper();
-        let tended = Tended::new(
+        let maintained = Maintained::new(
             housekeeper,
             domain,
             lock,
             folder.clone(),
             &generation,
-            keeps_reserve,
+            is_server,
         );
         let name = generation.name().to_owned();
-        let made = make(generation, Arc::clone(&tended))?;
+        let made = make(generation, Arc::clone(&maintained))?;
         generation::announce(domain, &folder, &name, key)?;
         self.doorbell().change_generation();
-        housekeeper.tend(&tended);
+        housekeeper.tend(&maintained);
         Ok(made)
     }
 

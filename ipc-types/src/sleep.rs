@@ -34,9 +34,9 @@ impl History {
 
 /// Which sources have something, by their places in the sleep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Places(u16);
+pub(crate) struct ReadySet(u16);
 
-impl Places {
+impl ReadySet {
     pub(crate) fn insert(&mut self, place: usize) {
         self.0 |= 1 << place;
     }
@@ -45,8 +45,8 @@ impl Places {
         self.0 & (1 << place) != 0
     }
 
-    pub(crate) fn without(self, others: Places) -> Places {
-        Places(self.0 & !others.0)
+    pub(crate) fn without(self, others: ReadySet) -> ReadySet {
+        ReadySet(self.0 & !others.0)
     }
 
     pub(crate) fn is_empty(self) -> bool {
@@ -57,7 +57,7 @@ impl Places {
 /// How a sleep ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ended {
-    Ready(Places),
+    Ready(ReadySet),
     TimedOut,
     Interrupted,
 }
@@ -187,8 +187,8 @@ impl<'a> Sleep<'a> {
         }
     }
 
-    fn all(&self) -> Places {
-        let mut all = Places::default();
+    fn all(&self) -> ReadySet {
+        let mut all = ReadySet::default();
         (0..self.sources().count()).for_each(|place| all.insert(place));
         all
     }
@@ -204,8 +204,8 @@ impl<'a> Sleep<'a> {
     }
 
     /// Which sources have something.
-    fn look(&self, look: Look) -> Places {
-        let mut ready = Places::default();
+    fn look(&self, look: Look) -> ReadySet {
+        let mut ready = ReadySet::default();
         for (place, source) in self.sources().enumerate() {
             if source.has_something(look) {
                 ready.insert(place);
@@ -216,7 +216,7 @@ impl<'a> Sleep<'a> {
 
     /// Which sources have something, also when iceoryx2 has lost the event of it. Their listeners are emptied, which makes iceoryx2
     /// send events again.
-    fn look_thoroughly(&self, now: MonotonicNs, history: &History) -> Places {
+    fn look_thoroughly(&self, now: MonotonicNs, history: &History) -> ReadySet {
         history.looked.set(now);
         let announced = self.look(Look::Quick);
         let ready = self.look(Look::Thorough);
@@ -253,7 +253,7 @@ impl<'a> Sleep<'a> {
         &self,
         descriptors: &Descriptors<'_>,
         timeout: Duration,
-        ready: &mut Places,
+        ready: &mut ReadySet,
     ) -> Result<Slept, WaitError> {
         let mut places = [0; MAX_SOURCES];
         // Filled from the front; what stays is not polled.
@@ -306,9 +306,9 @@ fn drain(source: &dyn Source) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::drain_listener;
     use crate::payload::ModuleControl;
     use crate::source::sealed;
+    use crate::wake::drain_listener;
     use crate::{Client, Domain, Ipc, RobotId, Server, Waiter};
 
     /// A request whose event iceoryx2 lost, as when it came while the listener was emptied.

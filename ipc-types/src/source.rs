@@ -108,7 +108,7 @@ pub(crate) mod sealed {
         Port {
             doorbell: &'a Doorbell,
             bits: Bits,
-            /// Nothing while the other side has not been there yet.
+            /// `None` while the other side has not been there yet.
             receiver: Option<&'a WakeReceiver>,
             /// Whether to wait by the receiver's descriptor, because not every partner rings the doorbell for it.
             by_descriptor: bool,

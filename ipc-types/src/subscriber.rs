@@ -1,33 +1,31 @@
-//! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed. What it does with
-//! bytes, `BytesSubscriber` does, which knows nothing of structs.
+//! [`Subscriber`]: the reading end of a published service; it sleeps, drains and counts what it missed.
 
+use std::hint;
 use std::marker::PhantomData;
 use std::ops::Deref;
-use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 use std::time::Duration;
-use std::{hint, mem};
 
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::PortFactory;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
-use crate::doorbell::{Channel, Place, place};
-use crate::event::Event;
+use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
 use crate::follow::{Follower, until_room};
 use crate::forked::Owned;
 use crate::generation::Generation;
 use crate::iox::Svc;
-use crate::open::{self, Expected, OpenError};
+use crate::open::{self, Offer, OpenError};
 use crate::pollable::Pollable;
+use crate::port::{self, Payload, Port};
 use crate::sequence::{Losses, SequenceTracker};
 use crate::service::{
-    Contract, EPOCH_OFFSET, HISTORY, LATEST, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER, Topic, word,
+    EPOCH_OFFSET, HISTORY, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER, Topic, service_name, word,
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;
-use crate::waiter::{WaitError, Waiter, Wake, sealed};
-use crate::wake::{WakeReceiver, WakeSender};
+use crate::waiter::{WaitError, sealed};
+use crate::wake::{Event, WakeReceiver, WakeSender};
 
 /// Most samples of one [`Subscriber::drain`]: a full buffer of each of two generations. What comes meanwhile waits for the next.
 const MAX_SAMPLES_PER_DRAIN: usize = 2 * SUBSCRIBER_BUFFER;
@@ -76,41 +74,40 @@ pub enum RecvError {
 /// ```
 ///
 /// It may be there before its publisher, and stays over the publisher's restarts.
-pub struct Subscriber<T: Topic> {
-    bytes: Owned<BytesSubscriber>,
-    payload: PhantomData<fn() -> T>,
-}
+pub type Subscriber<T> = Port<BytesSubscriber, T>;
 
-impl<T: Topic> Subscriber<T> {
-    pub(crate) fn open(session: &Arc<Session>) -> Result<Subscriber<T>, OpenError> {
-        let expected = Expected::of(&Contract::of_topic::<T>(), session.robot());
-        Ok(Subscriber {
-            bytes: BytesSubscriber::open(session, T::KEY, expected, size_of::<T>(), LATEST)?,
-            payload: PhantomData,
-        })
-    }
-
-    /// Hands on every sample that is there, in order, and says how many those were.
+impl<P: Payload> Subscriber<P> {
+    /// Hands on every sample that is there, in order, and says how many those were. It is valid for the call alone.
     ///
     /// # Errors
     ///
     /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries again.
-    pub fn drain(&mut self, mut take: impl FnMut(&T)) -> Result<usize, ReceiveError> {
-        self.bytes.drain(|bytes| {
-            // SAFETY: the service carries this very layout, by its type name, size, alignment and hash; every pattern of
-            // bits is a value of it. The bytes are as many, and lie where the publisher has put a `T`.
+    pub fn drain(&mut self, mut take: impl FnMut(&P::View)) -> Result<usize, ReceiveError> {
+        self.core.drain(|bytes| {
+            // SAFETY: as many bytes as the service's samples have, where the publisher has put one.
             #[allow(unsafe_code)]
-            take(unsafe { &*bytes.as_ptr().cast::<T>() });
+            take(unsafe { P::view(bytes) });
         })
     }
 
-    /// A copy of the oldest sample that was not handed on yet, or nothing when there is none.
+    /// As [`Subscriber::drain`], of the samples' bytes.
     ///
     /// # Errors
     ///
-    /// As [`Subscriber::drain`].
-    pub fn try_recv(&mut self) -> Result<Option<T>, ReceiveError> {
-        Ok(self.try_borrow()?.map(|sample| *sample))
+    /// As there.
+    pub fn drain_bytes(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        self.core.drain(take)
+    }
+
+    /// As [`Subscriber::drain_bytes`], but the [`descriptor`](Port::descriptor) stays readable, and a publisher that finds it so does
+    /// not notify this subscriber again, which spares it a system call for each sample. For a process that looks at the time while
+    /// samples flow. Before it waits for the descriptor, it drains as usual.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        self.core.drain_quietly(take)
     }
 
     /// The oldest sample that was not handed on yet, where it lies in shared memory: no copy is made. It stays as it is for as
@@ -119,12 +116,39 @@ impl<T: Topic> Subscriber<T> {
     /// # Errors
     ///
     /// As [`Subscriber::drain`].
-    pub fn try_borrow(&mut self) -> Result<Option<Sample<'_, T>>, ReceiveError> {
-        let sample = self.bytes.next()?;
+    pub fn try_borrow(&mut self) -> Result<Option<Sample<'_, P>>, ReceiveError> {
+        let sample = self.core.next()?;
         Ok(sample.map(|sample| Sample {
             sample: Owned::new(sample),
             borrowed: PhantomData,
         }))
+    }
+
+    /// As [`Port::wait`], but keeps the processor busy instead of sleeping: for a consumer that has one of its own.
+    /// A signal does not end it. Says whether there is something.
+    pub fn spin(&mut self, timeout: Duration) -> bool {
+        self.core.spin(timeout)
+    }
+
+    /// What was received and missed so far.
+    pub fn losses(&self) -> Losses {
+        self.core.tracker.losses()
+    }
+
+    /// Generations of shared memory that this subscriber has entered.
+    pub fn generations(&self) -> u64 {
+        self.core.generations
+    }
+}
+
+impl<T: Topic> Subscriber<T> {
+    /// A copy of the oldest sample that was not handed on yet, or `None` if there is none.
+    ///
+    /// # Errors
+    ///
+    /// As [`Subscriber::drain`].
+    pub fn try_recv(&mut self) -> Result<Option<T>, ReceiveError> {
+        Ok(self.try_borrow()?.map(|sample| *sample))
     }
 
     /// As [`Subscriber::try_recv`], but sleeps until there is a sample or `timeout` has passed. A signal does not end it.
@@ -142,7 +166,7 @@ impl<T: Topic> Subscriber<T> {
             if now >= deadline {
                 return Ok(None);
             }
-            self.bytes.wait(deadline.since(now))?;
+            self.wait(deadline.since(now))?;
         }
     }
 
@@ -161,7 +185,7 @@ impl<T: Topic> Subscriber<T> {
         })
     }
 
-    /// The newest sample that was not handed on yet, or nothing when there is no new one. Older ones are dropped.
+    /// The newest sample that was not handed on yet, or `None` if there is no new one. Older ones are dropped.
     ///
     /// # Errors
     ///
@@ -171,100 +195,47 @@ impl<T: Topic> Subscriber<T> {
         self.drain(|sample| latest = Some(*sample))?;
         Ok(latest)
     }
-
-    /// Sleeps until there is a sample, a signal comes or `timeout` has passed. A sample that came before returns at
-    /// once.
-    ///
-    /// # Errors
-    ///
-    /// See [`WaitError`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        self.bytes.wait(timeout)
-    }
-
-    /// As [`Subscriber::wait`], but keeps the processor busy instead of sleeping: for a consumer that has one of its own.
-    /// A signal does not end it. Says whether there is something.
-    pub fn spin(&mut self, timeout: Duration) -> bool {
-        self.bytes.spin(timeout)
-    }
-
-    /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be read when
-    /// there may be samples, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case. Drain the port then; nothing else
-    /// may read the descriptor. It is the same for as long as the port lives.
-    ///
-    /// # Errors
-    ///
-    /// When the process has too many descriptors, or the service more listeners than the contract allows.
-    pub fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.bytes.descriptor()
-    }
-
-    /// What was received and missed so far.
-    pub fn losses(&self) -> Losses {
-        self.bytes.tracker.losses()
-    }
-
-    /// Generations of shared memory that this subscriber has entered.
-    pub fn generations(&self) -> u64 {
-        self.bytes.generations
-    }
-
-    /// As [`Waiter::missed`], of this subscriber's own [`wait`](Subscriber::wait).
-    pub fn missed_wakeups(&self) -> u64 {
-        self.bytes.waiter.missed()
-    }
-}
-
-impl<T: Topic> sealed::Source for Subscriber<T> {
-    fn has_something(&self, look: sealed::Look) -> bool {
-        self.bytes.has_something(look)
-    }
-
-    fn sense(&self) -> sealed::Sense<'_> {
-        self.bytes.sense()
-    }
 }
 
 /// A sample that lies in shared memory, until it is dropped. Made by [`Subscriber::try_borrow`].
-pub struct Sample<'subscriber, T: Topic> {
+pub struct Sample<'subscriber, P> {
     sample: Owned<BytesSample>,
     /// It shares counts of references with the port, so it stays in the thread.
-    borrowed: PhantomData<(&'subscriber mut Subscriber<T>, *const T)>,
+    borrowed: PhantomData<(&'subscriber mut Subscriber<P>, *const P)>,
 }
 
-impl<T: Topic> Deref for Sample<'_, T> {
-    type Target = T;
+impl<P: Payload> Deref for Sample<'_, P> {
+    type Target = P::View;
 
-    fn deref(&self) -> &T {
+    fn deref(&self) -> &P::View {
         // SAFETY: as in `Subscriber::drain`; the sample is held.
         #[allow(unsafe_code)]
         unsafe {
-            &*self.sample.payload().as_ptr().cast::<T>()
+            P::view(bytes(self.sample.payload()))
         }
     }
 }
 
 /// The reading end of a published service whose samples are bytes.
-pub(crate) struct BytesSubscriber {
-    /// Nothing while no publisher has been there.
-    port: Option<Port>,
+pub struct BytesSubscriber {
+    /// `None` while no publisher has been there.
+    port: Option<SubscriberPort>,
     /// The port of the former generation, while there are samples in it.
-    former: Option<Port>,
-    key: String,
-    expected: Expected,
+    former: Option<SubscriberPort>,
+    /// What it expects of its service.
+    offer: Offer,
     /// Bytes of a sample.
     size: usize,
     follower: Follower,
-    waiter: Waiter,
     pollable: Pollable,
     tracker: SequenceTracker,
     generations: u64,
-    place: Place,
+    slot: DoorbellSlot,
     session: Arc<Session>,
 }
 
 /// A subscriber's part in one generation.
-struct Port {
+struct SubscriberPort {
     port: iceoryx2::port::subscriber::Subscriber<Svc, [CustomPayloadMarker], ()>,
     samples: WakeReceiver,
     /// Announces the subscriber to publishers that listen to events.
@@ -275,24 +246,23 @@ struct Port {
 
 // SAFETY: it owns all that shares its counts of references, see [`Svc`]; no other thread has any of it.
 #[allow(unsafe_code)]
-unsafe impl Send for Port {}
+unsafe impl Send for SubscriberPort {}
 
-impl Port {
+impl SubscriberPort {
     /// `history` samples of those that were published before come at once.
     fn open(
         session: &Arc<Session>,
         generation: Generation,
-        key: &str,
-        expected: &Expected,
+        offer: &Offer,
         history: usize,
-    ) -> Result<Port, OpenError> {
-        let robot = session.robot();
-        let service = open::open_topic(&generation, expected)?;
+    ) -> Result<SubscriberPort, OpenError> {
+        let (robot, key) = (session.robot(), offer.key.as_str());
+        let service = open::open_topic(&generation, offer, robot)?;
         let event = |channel| Event::open(&generation, robot, key, channel);
         let samples = WakeReceiver::new(event(Channel::Samples)?);
         let subscribers = event(Channel::Subscribers)?;
         let port = open::port(
-            &expected.name,
+            &service_name(robot, key),
             ("subscribers", service.static_config().max_subscribers()),
             |error| error == SubscriberCreateError::ExceedsMaxSupportedSubscribers,
             || {
@@ -304,9 +274,14 @@ impl Port {
             },
         )?;
         // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
-        let joined = WakeSender::make(session, subscribers, place(key), Channel::Subscribers)?;
-        session.doorbell().join(place(key));
-        Ok(Port {
+        let joined = WakeSender::make(
+            session,
+            subscribers,
+            doorbell_slot(key),
+            Channel::Subscribers,
+        )?;
+        session.doorbell().join(doorbell_slot(key));
+        Ok(SubscriberPort {
             port,
             samples,
             _joined: joined,
@@ -358,33 +333,30 @@ impl BytesSubscriber {
     /// `history` samples of those that were published before come at once, when there is a publisher already.
     pub(crate) fn open(
         session: &Arc<Session>,
-        key: &str,
-        expected: Expected,
-        size: usize,
+        offer: Offer,
         history: usize,
-    ) -> Result<Owned<BytesSubscriber>, OpenError> {
+    ) -> Result<BytesSubscriber, OpenError> {
+        let key = offer.key.clone();
         let mut subscriber = BytesSubscriber {
             port: None,
             former: None,
-            key: key.to_owned(),
-            expected,
-            size,
-            follower: Follower::new(session, key),
-            waiter: Waiter::new(),
+            size: offer.schema.size(),
+            offer,
+            follower: Follower::new(session, &key),
             pollable: Pollable::default(),
             tracker: SequenceTracker::default(),
             generations: 0,
-            place: place(key),
+            slot: doorbell_slot(&key),
             session: Arc::clone(session),
         };
-        match until_room(session, key, || subscriber.follow(history)) {
+        match until_room(session, &key, || subscriber.follow(history)) {
             // Its publisher has gone in this moment, or goes: the next one will be followed.
             Err(error) if error.may_pass() => {
                 tracing::debug!(%error, "there is no publisher yet");
             }
             result => result?,
         }
-        Ok(Owned::new(subscriber))
+        Ok(subscriber)
     }
 
     /// Enters another generation if there is one. Samples that the former one got go first; from now on the publisher feeds
@@ -392,7 +364,7 @@ impl BytesSubscriber {
     fn follow(&mut self, history: usize) -> Result<(), OpenError> {
         let present = self.port.as_ref().map(|port| port.generation.name());
         let open = |session: &_, generation| {
-            Port::open(session, generation, &self.key, &self.expected, history)
+            SubscriberPort::open(session, generation, &self.offer, history)
         };
         if let Some(port) = self.follower.follow(present, open)? {
             self.generations += 1;
@@ -403,13 +375,13 @@ impl BytesSubscriber {
     }
 
     /// Hands on every sample that is there, in order, and says how many those were.
-    pub(crate) fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let begun = self.begin();
         self.drain_begun(begun, take)
     }
 
     /// The same without emptying what has woken the port.
-    pub(crate) fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+    fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let followed = self.follow_if_alone();
         self.drain_begun(followed, take)
     }
@@ -436,12 +408,6 @@ impl BytesSubscriber {
             Some(sample) => Ok(Some(sample)),
             None => begun.map(|()| None),
         }
-    }
-
-    /// Hands on the oldest sample that was not handed on yet, and says whether there was one.
-    pub(crate) fn take_next(&mut self, take: impl FnOnce(&[u8])) -> Result<bool, ReceiveError> {
-        let sample = self.next()?;
-        Ok(sample.map(|sample| take(bytes(sample.payload()))).is_some())
     }
 
     /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can be read.
@@ -498,17 +464,10 @@ impl BytesSubscriber {
 
     fn failed(&self, reason: String) -> ReceiveError {
         ReceiveError {
-            key: self.key.clone(),
+            key: self.offer.key.clone(),
             reason,
             is_full: false,
         }
-    }
-
-    pub(crate) fn wait(&mut self, timeout: Duration) -> Result<Wake, WaitError> {
-        let waiter = mem::take(&mut self.waiter);
-        let wake = waiter.wait_for_one(self, timeout);
-        self.waiter = waiter;
-        wake
     }
 
     fn spin(&self, timeout: Duration) -> bool {
@@ -525,25 +484,11 @@ impl BytesSubscriber {
             }
         }
     }
-
-    pub(crate) fn generations(&self) -> u64 {
-        self.generations
-    }
-
-    pub(crate) fn descriptor(&self) -> Result<BorrowedFd<'_>, WaitError> {
-        self.session.check_process()?;
-        let receiver = self.port.as_ref().map(|port| &port.samples);
-        self.pollable.descriptor(receiver)
-    }
-
-    pub(crate) fn losses(&self) -> Losses {
-        self.tracker.losses()
-    }
 }
 
 impl sealed::Source for BytesSubscriber {
     fn has_something(&self, _look: sealed::Look) -> bool {
-        self.port.as_ref().is_some_and(Port::has_samples)
+        self.port.as_ref().is_some_and(SubscriberPort::has_samples)
             || self.former.is_some()
             || self.follower.is_due()
     }
@@ -551,7 +496,7 @@ impl sealed::Source for BytesSubscriber {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.place.bits(Channel::Samples),
+            bits: self.slot.bits(Channel::Samples),
             receiver: self.port.as_ref().map(|port| &port.samples),
             by_descriptor: false,
             bound: match self.follower.is_retrying() {
@@ -561,3 +506,5 @@ impl sealed::Source for BytesSubscriber {
         }
     }
 }
+
+port::core!(BytesSubscriber);

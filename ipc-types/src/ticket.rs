@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Ticket {
     index: u32,
-    /// Counts how often the place was given out, so that an old ticket never means a new request.
+    /// Counts how often the slot was given out, so that an old ticket never means a new request.
     generation: u32,
 }
 
@@ -23,26 +23,26 @@ impl Ticket {
     }
 }
 
-/// The places that tickets stand for.
+/// The slots that tickets stand for.
 #[derive(Debug)]
 pub(crate) struct Tickets<E> {
-    places: Vec<Place<E>>,
-    /// Free places, the one to use next last.
+    slots: Vec<Slot<E>>,
+    /// Free slots, the one to use next last.
     free: Vec<u32>,
 }
 
 #[derive(Debug)]
-struct Place<E> {
+struct Slot<E> {
     generation: u32,
     entry: Option<E>,
 }
 
 impl<E> Tickets<E> {
-    /// A table of `capacity` places; it never grows.
+    /// A table of `capacity` slots; it never grows.
     pub(crate) fn with_capacity(capacity: u32) -> Tickets<E> {
         Tickets {
-            places: (0..capacity)
-                .map(|_| Place {
+            slots: (0..capacity)
+                .map(|_| Slot {
                     generation: 0,
                     entry: None,
                 })
@@ -52,50 +52,46 @@ impl<E> Tickets<E> {
     }
 
     pub(crate) fn len(&self) -> usize {
-        self.places.len() - self.free.len()
+        self.slots.len() - self.free.len()
     }
 
-    /// Takes a place, or gives the entry back when there is none.
+    /// Takes a slot, or gives the entry back when there is none.
     pub(crate) fn insert(&mut self, entry: E) -> Result<Ticket, E> {
         let Some(index) = self.free.pop() else {
             return Err(entry);
         };
-        let place = &mut self.places[index as usize];
-        place.entry = Some(entry);
+        let slot = &mut self.slots[index as usize];
+        slot.entry = Some(entry);
         Ok(Ticket {
             index,
-            generation: place.generation,
+            generation: slot.generation,
         })
     }
 
     pub(crate) fn get(&self, ticket: Ticket) -> Option<&E> {
-        let place = self.places.get(ticket.index as usize)?;
-        place
-            .entry
+        let slot = self.slots.get(ticket.index as usize)?;
+        slot.entry
             .as_ref()
-            .filter(|_| place.generation == ticket.generation)
+            .filter(|_| slot.generation == ticket.generation)
     }
 
     pub(crate) fn get_mut(&mut self, ticket: Ticket) -> Option<&mut E> {
-        let place = self.places.get_mut(ticket.index as usize)?;
-        place
-            .entry
+        let slot = self.slots.get_mut(ticket.index as usize)?;
+        slot.entry
             .as_mut()
-            .filter(|_| place.generation == ticket.generation)
+            .filter(|_| slot.generation == ticket.generation)
     }
 
     pub(crate) fn remove(&mut self, ticket: Ticket) -> Option<E> {
         self.get(ticket)?;
-        let place = self.places.get_mut(ticket.index as usize)?;
-        place.generation = place.generation.wrapping_add(1);
+        let slot = self.slots.get_mut(ticket.index as usize)?;
+        slot.generation = slot.generation.wrapping_add(1);
         self.free.push(ticket.index);
-        place.entry.take()
+        slot.entry.take()
     }
 
     pub(crate) fn entries_mut(&mut self) -> impl Iterator<Item = &mut E> {
-        self.places
-            .iter_mut()
-            .filter_map(|place| place.entry.as_mut())
+        self.slots.iter_mut().filter_map(|slot| slot.entry.as_mut())
     }
 
     /// Removes the entries that `leaves` says so of, and hands each on.
@@ -107,16 +103,16 @@ impl<E> Tickets<E> {
         if self.len() == 0 {
             return;
         }
-        for (index, place) in (0_u32..).zip(&mut self.places) {
-            if !place.entry.as_mut().is_some_and(&mut leaves) {
+        for (index, slot) in (0_u32..).zip(&mut self.slots) {
+            if !slot.entry.as_mut().is_some_and(&mut leaves) {
                 continue;
             }
-            if let Some(entry) = place.entry.take() {
+            if let Some(entry) = slot.entry.take() {
                 let ticket = Ticket {
                     index,
-                    generation: place.generation,
+                    generation: slot.generation,
                 };
-                place.generation = place.generation.wrapping_add(1);
+                slot.generation = slot.generation.wrapping_add(1);
                 self.free.push(index);
                 left(ticket, entry);
             }

@@ -14,7 +14,7 @@
 
 use std::time::Duration;
 
-use crate::sleep::{Ended, History, Places, Sleep};
+use crate::sleep::{Ended, History, ReadySet, Sleep};
 pub(crate) use crate::source::sealed;
 pub use crate::source::{Descriptor, LONGEST_SLEEP, MAX_SOURCES, SAFETY_BOUND, Source, WaitError};
 use crate::time::MonotonicNs;
@@ -90,7 +90,7 @@ impl<K> Ready<K> {
         keys.next() == Some(true) && keys.all(|is_it| is_it)
     }
 
-    fn of(places: Places, sources: &[(K, &mut dyn Source)]) -> Ready<K>
+    fn of(places: ReadySet, sources: &[(K, &mut dyn Source)]) -> Ready<K>
     where
         K: Copy,
     {
@@ -167,7 +167,7 @@ impl Waiter {
             None => MonotonicNs(u64::MAX),
         };
         loop {
-            let mut tended = Places::default();
+            let mut tended = ReadySet::default();
             for (place, (_, source)) in sources.iter_mut().enumerate() {
                 if source.tend() {
                     tended.insert(place);

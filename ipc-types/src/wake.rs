@@ -1,21 +1,171 @@
-//! Both ends of a wake-up: [`WakeSender`] and [`WakeReceiver`], by the doorbell or by iceoryx2's event.
+//! What wakes the other side of a service: [`WakeSender`] and [`WakeReceiver`], by the doorbell and by iceoryx2's [`Event`].
 //!
 //! A wake-up goes both ways: the doorbell for the RIL's own processes, and the event for those that wait on a file
 //! descriptor, such as the bridge with its serial port, and for consumers in other languages. The event costs nothing while
 //! nobody listens to it, therefore a receiver makes its listener only when a descriptor is wanted.
+//!
+//! The provider makes both of its service's events; the others open them.
 
 use std::cell::{Cell, OnceCell};
+use std::fmt::Debug;
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::sync::Arc;
 
-use crate::doorbell::{Bits, Channel, Place};
-use crate::event::{self, Event};
-use crate::housekeeper::Tended;
-use crate::iox::{Listener, Notifier};
-use crate::open::OpenError;
+use iceoryx2::prelude::{EventId, PortFactory};
+
+use crate::doorbell::{Bits, Channel, DoorbellSlot};
+use crate::files;
+use crate::generation::Generation;
+use crate::housekeeper::Maintained;
+use crate::iox::{EventService, Listener, Members, Notifier, Svc};
+use crate::open::{self, OpenError};
 use crate::reserve;
+use crate::robot::RobotId;
 use crate::robot_folder::Membership;
+use crate::service::{self, EventCode, service_name};
 use crate::session::Session;
+
+/// End of the name, listeners and notifiers of an event service.
+fn limits(channel: Channel) -> (&'static str, usize, usize) {
+    match channel {
+        Channel::Samples => ("", service::MAX_SUBSCRIBERS, service::MAX_PROVIDERS),
+        Channel::Subscribers => (
+            "/subscribers",
+            service::MAX_PROVIDERS,
+            service::MAX_SUBSCRIBERS,
+        ),
+        Channel::Requests => ("/requests", service::MAX_PROVIDERS, service::MAX_CLIENTS),
+        Channel::Responses => ("/responses", service::MAX_CLIENTS, service::MAX_PROVIDERS),
+    }
+}
+
+type EventBuilder = iceoryx2::service::builder::event::Builder<Svc>;
+
+/// An event service that belongs to a service: it carries nothing but a reason to drain.
+pub(crate) struct Event {
+    name: String,
+    service: EventService,
+    limits: (usize, usize),
+}
+
+impl Event {
+    /// Makes one of the event services that belong to the service `key`, with every setting of the table.
+    pub(crate) fn create(
+        generation: &Generation,
+        robot: RobotId,
+        key: &str,
+        channel: Channel,
+    ) -> Result<Event, OpenError> {
+        Event::make(generation, robot, key, channel, |builder, limits| {
+            builder
+                .max_listeners(limits.0)
+                .max_notifiers(limits.1)
+                .max_nodes(service::MAX_NODES)
+                .event_id_max_value(service::EVENT_ID_MAX)
+                .notifier_created_event(event_id(EventCode::Arrived))
+                .notifier_dropped_event(event_id(EventCode::Left))
+                .notifier_dead_event(event_id(EventCode::Died))
+                .disable_deadline()
+                .create()
+                .map_err(|error| Box::new(error) as Box<dyn Debug>)
+        })
+    }
+
+    /// Opens one of the event services that belong to the service `key`.
+    pub(crate) fn open(
+        generation: &Generation,
+        robot: RobotId,
+        key: &str,
+        channel: Channel,
+    ) -> Result<Event, OpenError> {
+        Event::make(generation, robot, key, channel, |builder, _| {
+            builder
+                .open()
+                .map_err(|error| Box::new(error) as Box<dyn Debug>)
+        })
+    }
+
+    fn make(
+        generation: &Generation,
+        robot: RobotId,
+        key: &str,
+        channel: Channel,
+        make: impl FnOnce(EventBuilder, (usize, usize)) -> Result<EventService, Box<dyn Debug>>,
+    ) -> Result<Event, OpenError> {
+        let (suffix, listeners, notifiers) = limits(channel);
+        let name = format!("{}{suffix}", service_name(robot, key));
+        let limits = (listeners, notifiers);
+        let builder = generation
+            .node()
+            .service_builder(&open::service_name(&name)?)
+            .event();
+        let made = files::while_no_port_opens(|| make(builder, limits));
+        Ok(Event {
+            service: made.map_err(|error| open::failed(&name, error))?,
+            name,
+            limits,
+        })
+    }
+
+    /// Has judged who has the places of the other side's listeners or notifiers.
+    fn count_places(&self, maintained: &Arc<Maintained>) {
+        let taken = self.service.dynamic_config();
+        let (listeners, notifiers) = self.limits;
+        match listeners > notifiers {
+            true => maintained.count_places((taken.number_of_listeners(), listeners), || {
+                let mut members = Members::default();
+                taken.list_listeners(|it| members.add(it.node_id));
+                members.count()
+            }),
+            false => maintained.count_places((taken.number_of_notifiers(), notifiers), || {
+                let mut members = Members::default();
+                taken.list_notifiers(|it| members.add(it.node_id));
+                members.count()
+            }),
+        }
+    }
+
+    /// Listeners that there are.
+    fn listeners(&self) -> usize {
+        self.service.dynamic_config().number_of_listeners()
+    }
+
+    fn listener(&self) -> Result<Listener, OpenError> {
+        use iceoryx2::port::listener::ListenerCreateError as Error;
+        open::port(
+            &self.name,
+            ("listeners", self.limits.0),
+            |error| error == Error::ExceedsMaxSupportedListeners,
+            || self.service.listener_builder().create(),
+        )
+    }
+
+    fn notifier(&self) -> Result<Notifier, OpenError> {
+        use iceoryx2::port::notifier::NotifierCreateError as Error;
+        open::port(
+            &self.name,
+            ("notifiers", self.limits.1),
+            |error| error == Error::ExceedsMaxSupportedNotifiers,
+            || {
+                self.service
+                    .notifier_builder()
+                    .default_event_id(event_id(EventCode::Data))
+                    .create()
+            },
+        )
+    }
+}
+
+fn event_id(code: EventCode) -> EventId {
+    EventId::new(code as usize)
+}
+
+/// Drains a listener and says how many notifications it had.
+///
+/// A failure counts as one: the caller then looks at the data, which is always right.
+pub(crate) fn drain_listener(listener: &Listener) -> u64 {
+    listener.try_wait(|_| {}).unwrap_or(1)
+}
 
 /// Wakes the other side of a service.
 pub(crate) struct WakeSender {
@@ -33,21 +183,21 @@ impl WakeSender {
     pub(crate) fn make(
         session: &Arc<Session>,
         event: Event,
-        place: Place,
+        slot: DoorbellSlot,
         channel: Channel,
     ) -> Result<WakeSender, OpenError> {
         Ok(WakeSender {
             notifier: event.notifier()?,
             event,
             membership: Arc::clone(session.membership()),
-            bits: place.bits(channel),
+            bits: slot.bits(channel),
             known: (channel == Channel::Samples).then(Cell::default),
         })
     }
 
     /// See [`Event::count_places`].
-    pub(crate) fn count_places(&self, tended: &Arc<Tended>) {
-        self.event.count_places(tended);
+    pub(crate) fn count_places(&self, maintained: &Arc<Maintained>) {
+        self.event.count_places(maintained);
     }
 
     /// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
@@ -59,7 +209,7 @@ impl WakeSender {
         });
         self.membership.doorbell().ring(self.bits);
         if let Err(error) = self.notifier.notify() {
-            tracing::debug!(event = self.event.name(), ?error, "nobody was notified");
+            tracing::debug!(event = self.event.name, ?error, "nobody was notified");
         }
     }
 }
@@ -101,8 +251,8 @@ impl WakeReceiver {
     }
 
     /// See [`Event::count_places`].
-    pub(crate) fn count_places(&self, tended: &Arc<Tended>) {
-        self.event.count_places(tended);
+    pub(crate) fn count_places(&self, maintained: &Arc<Maintained>) {
+        self.event.count_places(maintained);
     }
 
     /// A descriptor that can be read when there is something to drain, until [`drain`](WakeReceiver::drain).
@@ -145,7 +295,7 @@ impl WakeReceiver {
             return;
         };
         for _ in 0..MAX_EMPTYINGS {
-            let drained = event::drain_listener(listener);
+            let drained = drain_listener(listener);
             if drained == 0 {
                 return;
             }

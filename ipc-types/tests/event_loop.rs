@@ -1,17 +1,15 @@
 //! Ports in an event loop of the caller's own: one descriptor for as long as the port lives.
 
-mod support;
-
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport};
-use ipc_types::{DynamicSubscriber, Schema, Topic, fresh_request_id};
+use ipc_types::{Client, DynamicSubscriber, Publisher, Schema, Topic, fresh_request_id};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use support::{WATCHDOG, in_domain, join, until};
+use crate::support::{WATCHDOG, in_domain, in_robot, in_service, in_topic, join, until};
 
 /// Sleeps until the descriptor can be read.
 fn wait_until_readable(descriptor: BorrowedFd<'_>) {
@@ -28,8 +26,7 @@ fn is_readable(descriptor: BorrowedFd<'_>) -> bool {
 /// Without a publisher, with one, in its next generation, and with the next publisher.
 #[test]
 fn the_descriptor_of_a_subscriber_outlives_publishers_and_generations() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let number = subscriber.descriptor().unwrap().as_raw_fd();
         let mut seen = 0;
@@ -54,10 +51,7 @@ fn the_descriptor_of_a_subscriber_outlives_publishers_and_generations() {
 /// It becomes readable for a sample and for the safety bound, and is not readable any more when the port was drained.
 #[test]
 fn draining_a_subscriber_makes_its_descriptor_unreadable() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         let mut samples = 0;
         // A machine that stalls for longer than the bound between drain and look sees the bound.
         until("quiet", || {
@@ -108,10 +102,7 @@ fn a_batch_wakes_for_its_first_sample_for_each_sixteenth_after_it_and_for_the_re
 
 #[test]
 fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         wait_until_readable(publisher.descriptor().unwrap());
         publisher.tend();
         publisher.wear_out();
@@ -139,8 +130,7 @@ fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() 
 /// A process that looks at the time while samples flow leaves its descriptor as it is, and misses nothing when it waits again.
 #[test]
 fn draining_quietly_takes_the_samples_and_leaves_the_descriptor_readable() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let schema = Schema::of::<DspTelemetry>();
         let mut subscriber = DynamicSubscriber::open(&ipc, DspTelemetry::KEY, &schema).unwrap();
@@ -199,8 +189,7 @@ fn a_publisher_is_tended_when_its_descriptor_says_so() {
 /// Over three servers, each with two generations: a request and its answer wake by the same two descriptors.
 #[test]
 fn the_descriptors_of_clients_and_servers_outlive_generations() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut client = ipc.client::<ModuleControl>().unwrap();
         let of_client = client.descriptor().unwrap().as_raw_fd();
         for _ in 0..3 {
@@ -231,10 +220,7 @@ fn the_descriptors_of_clients_and_servers_outlive_generations() {
 
 #[test]
 fn draining_makes_the_descriptors_of_clients_and_servers_unreadable() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<ModuleControl>().unwrap();
-        let mut server = ipc.server::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         // A machine that stalls for longer than the bound between drain and look sees the bound.
         until("quiet", || {
             wait_until_readable(client.descriptor().unwrap());

@@ -2,8 +2,6 @@
 //!
 //! The only tests that speak to iceoryx2 themselves, in the place of a foreign program.
 
-mod support;
-
 use std::fs::{self, File};
 use std::os::unix::fs::PermissionsExt;
 
@@ -17,7 +15,7 @@ use ipc_types::{
 };
 use rustix::fs::{FlockOperation, flock};
 
-use support::{in_domain, join};
+use crate::support::{in_domain, join};
 
 /// A later or earlier version of the sample, of the same size and alignment.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]

@@ -20,15 +20,9 @@ use rustix::process::{Signal, getppid, getuid, kill_process};
 
 use support::{Role, in_domain, join};
 
-const TESTS: &[(&str, fn())] = &[
-    (
-        "a_stranger_gets_nowhere_and_the_others_go_on",
-        a_stranger_gets_nowhere_and_the_others_go_on,
-    ),
-    (
-        "names_that_a_stranger_took_first_are_refused_in_words",
-        names_that_a_stranger_took_first_are_refused_in_words,
-    ),
+const TESTS: &[(&str, fn())] = support::tests![
+    a_stranger_gets_nowhere_and_the_others_go_on,
+    names_that_a_stranger_took_first_are_refused_in_words,
 ];
 
 /// Two users that have nothing to do with each other; neither needs to exist by name.

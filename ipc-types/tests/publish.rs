@@ -1,7 +1,5 @@
 //! Published services: late joiners, losses, robots side by side, subscribers that do not read.
 
-mod support;
-
 use std::io::Write;
 use std::os::fd::AsFd;
 use std::thread;
@@ -11,11 +9,11 @@ use ipc_types::payload::{BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState
 use ipc_types::service::{MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
 use ipc_types::waiter::MAX_SOURCES;
 use ipc_types::{
-    Descriptor, Ipc, Losses, OpenError, RobotId, ServiceId, Source, Subscriber, Topic, WaitError,
-    Waiter, Wake,
+    Descriptor, Ipc, Losses, OpenError, Publisher, RobotId, ServiceId, Source, Subscriber, Topic,
+    WaitError, Waiter, Wake,
 };
 
-use support::{WATCHDOG, in_domain, join, until};
+use crate::support::{WATCHDOG, in_domain, in_robot, in_topic, join, until};
 
 /// Lets a subscriber that was there first enter the publisher's generation, in which nothing was published yet.
 fn enter<T: Topic>(subscriber: &mut Subscriber<T>) {
@@ -26,11 +24,7 @@ const A_MOMENT: Duration = Duration::from_millis(200);
 
 #[test]
 fn a_sample_wakes_the_subscriber_and_arrives_as_it_was_filled_in() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        enter(&mut subscriber);
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         let sequence = publisher
             .publish(|sample| {
                 sample.rotor_rpm = 1500;
@@ -54,11 +48,7 @@ fn a_sample_wakes_the_subscriber_and_arrives_as_it_was_filled_in() {
 
 #[test]
 fn a_sample_begins_as_zeros_whatever_lay_there_before() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        enter(&mut subscriber);
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         // More samples than there are chunks, so that each has been used before.
         for round in 0..2 * SUBSCRIBER_BUFFER * MAX_SUBSCRIBERS {
             let dirty = round % 2 == 0;
@@ -75,8 +65,7 @@ fn a_sample_begins_as_zeros_whatever_lay_there_before() {
 
 #[test]
 fn a_late_joiner_gets_the_latest_at_once() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut publisher = ipc.publisher::<ModuleState>().unwrap();
         for status in 1..=3 {
             publisher.publish(|sample| sample.status = status).unwrap();
@@ -138,11 +127,7 @@ fn a_subscriber_may_be_there_first() {
 
 #[test]
 fn a_subscriber_that_does_not_read_keeps_the_newest_and_counts_what_it_lost() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        enter(&mut subscriber);
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         publisher.publish(|_| {}).unwrap();
         assert_eq!(subscriber.drain(|_| {}).unwrap(), 1);
         const MISSED: usize = 50;
@@ -224,8 +209,7 @@ fn a_robot_has_one_publisher_and_a_second_learns_who_it_is() {
 
 #[test]
 fn a_new_publisher_is_counted_as_one() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let mut sequences = Vec::new();
         for _ in 0..3 {
@@ -252,8 +236,7 @@ fn a_new_publisher_is_counted_as_one() {
 
 #[test]
 fn one_subscriber_too_many_is_refused_with_the_number() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let _publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let subscribers: Vec<_> = (0..MAX_SUBSCRIBERS)
             .map(|_| ipc.subscriber::<DspTelemetry>().unwrap())
@@ -280,8 +263,7 @@ fn one_subscriber_too_many_is_refused_with_the_number() {
 
 #[test]
 fn many_living_subscribers_do_not_wear_a_generation_out() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let mut journal = ipc.publisher::<BridgeJournal>().unwrap();
         let _subscribers: Vec<_> = (0..24)
@@ -373,8 +355,7 @@ fn no_sample_is_slept_through_with_a_waiter() {
 
 #[test]
 fn a_waiter_says_which_descriptor_is_ready_and_lets_it_go() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let waiter = Waiter::new();
         let (reader, mut writer) = std::io::pipe().unwrap();
@@ -399,8 +380,7 @@ fn a_waiter_says_which_descriptor_is_ready_and_lets_it_go() {
 
 #[test]
 fn a_waiter_refuses_what_it_cannot_wait_for() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let (pipe, _writer) = std::io::pipe().unwrap();
         let waiter = Waiter::new();
@@ -423,8 +403,7 @@ fn a_waiter_refuses_what_it_cannot_wait_for() {
 /// A subscriber that follows its publisher through generations loses no sample, and gets none twice.
 #[test]
 fn a_new_generation_costs_no_sample() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         let mut expected = 0;
@@ -451,7 +430,7 @@ fn a_new_generation_costs_no_sample() {
 fn ports_can_change_their_thread() {
     fn is_send<T: Send>() {}
     is_send::<Ipc>();
-    is_send::<ipc_types::Publisher<DspTelemetry>>();
+    is_send::<Publisher<DspTelemetry>>();
     is_send::<Subscriber<DspTelemetry>>();
     is_send::<ipc_types::Server<ipc_types::payload::MovementData>>();
     is_send::<ipc_types::Client<ipc_types::payload::MovementData>>();
@@ -470,10 +449,7 @@ fn ports_can_change_their_thread() {
 /// One at a time, in order, over a change of generation: none is lost, and none comes twice.
 #[test]
 fn samples_are_received_one_by_one() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         for _ in 0..3 {
             publisher.publish(|_| {}).unwrap();
         }
@@ -499,10 +475,7 @@ fn samples_are_received_one_by_one() {
 /// No copy: what is held stays, though every chunk of the publisher is used again meanwhile.
 #[test]
 fn a_sample_that_is_held_stays_as_it_was() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
-        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+    in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         assert!(subscriber.try_borrow().unwrap().is_none());
         publisher.publish(|sample| sample.rotor_rpm = 7).unwrap();
         let held = subscriber.try_borrow().unwrap().unwrap();

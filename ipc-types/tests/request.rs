@@ -1,7 +1,5 @@
 //! Requests: streams of reports, clients and servers that come and go, full buffers and tables.
 
-mod support;
-
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +15,7 @@ use ipc_types::{
     fresh_request_id,
 };
 
-use support::{WATCHDOG, in_domain, join, until};
+use crate::support::{WATCHDOG, in_domain, in_robot, in_service, join, until};
 
 const A_MOMENT: Duration = Duration::from_millis(200);
 
@@ -51,10 +49,7 @@ fn report(stage: Stage) -> RequestReport {
 
 #[test]
 fn a_request_is_accepted_goes_on_and_has_a_final_report() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<MovementData>().unwrap();
-        let mut server = ipc.server::<MovementData>().unwrap();
+    in_service(|mut client: Client<MovementData>, mut server| {
         let request = MovementData::take_off(fresh_request_id(), 12.5);
         client.send(&request).unwrap();
         assert!(server.wait(WATCHDOG).unwrap().is_ready());
@@ -82,10 +77,7 @@ fn a_request_is_accepted_goes_on_and_has_a_final_report() {
 
 #[test]
 fn a_request_that_does_not_say_when_it_was_issued_is_issued_when_it_is_sent() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<MovementData>().unwrap();
-        let mut server = ipc.server::<MovementData>().unwrap();
+    in_service(|mut client: Client<MovementData>, mut server| {
         let issued = MovementData::hold(fresh_request_id());
         let unissued = MovementData {
             request_id: fresh_request_id(),
@@ -113,8 +105,7 @@ fn a_request_that_does_not_say_when_it_was_issued_is_issued_when_it_is_sent() {
 
 #[test]
 fn without_a_server_nothing_is_sent() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut client = ipc.client::<ModuleControl>().unwrap();
         assert!(!client.is_server_alive());
         let error = client.send(&start()).unwrap_err();
@@ -133,8 +124,7 @@ fn without_a_server_nothing_is_sent() {
 
 #[test]
 fn a_client_that_is_dropped_or_gives_up_is_seen_as_vanished() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut server = ipc.server::<ModuleControl>().unwrap();
         let mut dropped = ipc.client::<ModuleControl>().unwrap();
         let mut giving_up = ipc.client::<ModuleControl>().unwrap();
@@ -173,10 +163,7 @@ fn a_client_that_is_dropped_or_gives_up_is_seen_as_vanished() {
 
 #[test]
 fn reporting_to_a_client_that_is_gone_says_so_once() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut server = ipc.server::<ModuleControl>().unwrap();
-        let mut client = ipc.client::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         client.send(&start()).unwrap();
         let (ticket, _) = take(&mut server)[0];
         drop(client);
@@ -189,10 +176,7 @@ fn reporting_to_a_client_that_is_gone_says_so_once() {
 
 #[test]
 fn a_request_whose_sender_is_gone_is_never_seen() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut server = ipc.server::<MovementData>().unwrap();
-        let mut client = ipc.client::<MovementData>().unwrap();
+    in_service(|mut client: Client<MovementData>, mut server| {
         client
             .send(&MovementData::take_off(fresh_request_id(), 5.0))
             .unwrap();
@@ -203,10 +187,7 @@ fn a_request_whose_sender_is_gone_is_never_seen() {
 
 #[test]
 fn a_client_follows_every_generation_while_a_request_is_open_in_the_first() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut server = ipc.server::<ModuleControl>().unwrap();
-        let mut client = ipc.client::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         let open = start();
         client.send(&open).unwrap();
         assert_eq!(server.drain(|_, _| ()).unwrap(), 1);
@@ -239,10 +220,7 @@ fn a_client_follows_every_generation_while_a_request_is_open_in_the_first() {
 
 #[test]
 fn when_the_server_goes_every_open_request_ends_as_unknown() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<ModuleControl>().unwrap();
-        let mut server = ipc.server::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         let sent = [start(), start(), start()];
         for request in &sent {
             client.send(request).unwrap();
@@ -274,10 +252,7 @@ fn when_the_server_goes_every_open_request_ends_as_unknown() {
 
 #[test]
 fn the_last_words_of_a_server_reach_everybody_though_it_goes_at_once() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<ModuleControl>().unwrap();
-        let mut server = ipc.server::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         for _ in 0..MAX_OUTSTANDING {
             client.send(&start()).unwrap();
         }
@@ -300,10 +275,7 @@ fn the_last_words_of_a_server_reach_everybody_though_it_goes_at_once() {
 #[test]
 fn requests_that_have_ended_do_not_count_as_open_though_their_reports_were_not_read() {
     const SENT: usize = 4 * MAX_OUTSTANDING;
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<ModuleControl>().unwrap();
-        let mut server = ipc.server::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         let mut sent = Vec::new();
         for _ in 0..SENT {
             let request = start();
@@ -326,10 +298,7 @@ fn requests_that_have_ended_do_not_count_as_open_though_their_reports_were_not_r
 
 #[test]
 fn a_path_and_more_may_be_open_at_once_and_one_too_many_is_refused() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<MovementData>().unwrap();
-        let mut server = ipc.server::<MovementData>().unwrap();
+    in_service(|mut client: Client<MovementData>, mut server| {
         let position = WaypointPosition {
             latitude_deg: 37.4,
             longitude_deg: -5.9,
@@ -376,8 +345,7 @@ fn a_path_and_more_may_be_open_at_once_and_one_too_many_is_refused() {
 /// Tickets of requests that were given up stay until their owner has asked who vanished.
 #[test]
 fn one_request_too_many_is_refused_by_the_server_s_port() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut server = ipc.server::<ModuleControl>().unwrap();
         let mut tickets = Vec::new();
         while tickets.len() < MAX_OPEN_TICKETS as usize {
@@ -408,10 +376,7 @@ fn one_request_too_many_is_refused_by_the_server_s_port() {
 
 #[test]
 fn a_client_that_does_not_read_loses_progress_but_never_the_final_report() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<MovementData>().unwrap();
-        let mut server = ipc.server::<MovementData>().unwrap();
+    in_service(|mut client: Client<MovementData>, mut server| {
         let request = MovementData::land(fresh_request_id());
         client.send(&request).unwrap();
         let (ticket, _) = take(&mut server)[0];
@@ -436,10 +401,7 @@ fn a_client_that_does_not_read_loses_progress_but_never_the_final_report() {
 
 #[test]
 fn a_server_that_does_not_read_refuses_and_a_client_that_gives_up_again_and_again_harms_nobody() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<ModuleControl>().unwrap();
-        let mut server = ipc.server::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         // A request that was given up keeps its place in the queue until the server reads on.
         for _ in 0..MAX_OUTSTANDING {
             client.send(&start()).unwrap();
@@ -455,10 +417,7 @@ fn a_server_that_does_not_read_refuses_and_a_client_that_gives_up_again_and_agai
 
 #[test]
 fn a_report_is_given_the_request_s_id_and_a_time() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<ModuleControl>().unwrap();
-        let mut server = ipc.server::<ModuleControl>().unwrap();
+    in_service(|mut client: Client<ModuleControl>, mut server| {
         let request = start();
         client.send(&request).unwrap();
         let (ticket, _) = take(&mut server)[0];
@@ -525,8 +484,7 @@ fn a_waiter_wakes_a_server_for_requests_and_a_client_for_reports() {
 /// A client whose number in iceoryx2's list is the lowest is asked first, and can send as quickly as the server reads.
 #[test]
 fn every_client_is_served_whatever_the_others_send() {
-    in_domain(|domain| {
-        let ipc = join(domain, "bridge");
+    in_robot(|ipc| {
         let mut server = ipc.server::<ModuleControl>().unwrap();
         let mut flooders: Vec<_> = (0..MAX_CLIENTS - 1)
             .map(|_| ipc.client::<ModuleControl>().unwrap())
@@ -556,8 +514,7 @@ fn every_client_is_served_whatever_the_others_send() {
 /// Giving up makes room for as many requests as before, while the server is still reading.
 #[test]
 fn a_client_that_gives_up_and_sends_again_has_one_share_in_each_round() {
-    in_domain(|domain| {
-        let ipc = join(domain, "bridge");
+    in_robot(|ipc| {
         let mut server = ipc.server::<ModuleControl>().unwrap();
         let mut flooder = ipc.client::<ModuleControl>().unwrap();
         let mut operator = ipc.client::<ModuleControl>().unwrap();
@@ -590,8 +547,7 @@ fn a_client_that_gives_up_and_sends_again_has_one_share_in_each_round() {
 /// What a client has not read stays in the server's memory, also when the request was given up.
 #[test]
 fn clients_that_never_read_leave_room_for_the_reports_to_another() {
-    in_domain(|domain| {
-        let ipc = join(domain, "bridge");
+    in_robot(|ipc| {
         let mut server = ipc.server::<ModuleControl>().unwrap();
         let mut operator = ipc.client::<ModuleControl>().unwrap();
         let mut deaf: Vec<_> = (1..MAX_CLIENTS)
@@ -750,8 +706,7 @@ fn answering(
 
 #[test]
 fn a_handle_follows_one_request_to_its_result() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
+    in_robot(|ipc| {
         let mut client = ipc.client::<MovementData>().unwrap();
         let server = ipc.server::<MovementData>().unwrap();
         let serving = answering(server, &[Stage::Accepted, Stage::Progress, Stage::Done], 2);
@@ -781,10 +736,7 @@ fn a_handle_follows_one_request_to_its_result() {
 
 #[test]
 fn a_handle_that_is_dropped_gives_up_its_request_alone() {
-    in_domain(|domain| {
-        let ipc = join(domain, "test");
-        let mut client = ipc.client::<MovementData>().unwrap();
-        let mut server = ipc.server::<MovementData>().unwrap();
+    in_service(|mut client: Client<MovementData>, mut server| {
         let other = MovementData::land(fresh_request_id());
         client.send(&other).unwrap();
         let given_up = MovementData::hold(fresh_request_id());

@@ -182,9 +182,8 @@ mod tests {
 
     fn leaves(fields: &[FieldLayout]) -> usize {
         let leaf = |field: &FieldLayout| match field.kind {
-            FieldKind::Struct(nested) => leaves(nested.fields),
-            FieldKind::StructArray(nested, len) => len * leaves(nested.fields),
-            FieldKind::Number(_) | FieldKind::Array(..) => 1,
+            FieldKind::Struct(nested) => field.len.unwrap_or(1) * leaves(nested.fields),
+            FieldKind::Number(_) => 1,
         };
         fields.iter().map(leaf).sum()
     }

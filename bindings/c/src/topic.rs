@@ -32,9 +32,12 @@ pub fn receive(
     mut take: impl FnMut(&[u8]),
 ) -> Result<Received, Error> {
     if timeout.is_zero() {
-        return Ok(match subscriber.try_recv(take)? {
-            true => Received::Sample,
-            false => Received::Nothing,
+        return Ok(match subscriber.try_borrow()? {
+            Some(sample) => {
+                take(&sample);
+                Received::Sample
+            }
+            None => Received::Nothing,
         });
     }
     let deadline = Instant::now() + timeout;
@@ -42,7 +45,8 @@ pub fn receive(
     loop {
         // Before it sleeps it looks for samples, which is cheaper than receiving.
         let wake = subscriber.wait(left)?;
-        if subscriber.try_recv(&mut take)? {
+        if let Some(sample) = subscriber.try_borrow()? {
+            take(&sample);
             return Ok(Received::Sample);
         }
         left = deadline.saturating_duration_since(Instant::now());

@@ -35,7 +35,7 @@ pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
         }
     }
 
-    /// What a reader finds when these bytes lie in shared memory; nothing when they are not as many as the struct has.
+    /// What a reader finds when these bytes lie in shared memory; `None` if they are not as many as the struct has.
     ///
     /// For recordings, and for tests of readers: every pattern of bits is some value, though perhaps a senseless one.
     fn from_bytes(bytes: &[u8]) -> Option<Self> {
@@ -53,7 +53,7 @@ pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
 ///
 /// # Safety
 ///
-/// Every pattern of bits is a value, there is no padding, and `KIND` describes exactly what lies there.
+/// Every pattern of bits is a value, there is no padding, and `KIND` and `LEN` describe exactly what lies there.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a field of a shared struct",
     label = "not a number of fixed size",
@@ -61,8 +61,10 @@ pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
 )]
 #[allow(unsafe_code)]
 pub unsafe trait FieldType: Copy + 'static {
-    /// What lies there.
+    /// What lies there, or in each element of an array.
     const KIND: FieldKind;
+    /// Length of the array; `None` if it is none.
+    const LEN: Option<usize> = None;
     /// All numbers zero.
     const ZERO: Self;
 
@@ -117,10 +119,10 @@ unsafe impl<T: SharedStruct> FieldType for T {
 // SAFETY: an array adds no padding to that of its elements.
 #[allow(unsafe_code)]
 unsafe impl<T: FieldType, const N: usize> FieldType for [T; N] {
-    const KIND: FieldKind = match T::KIND {
-        FieldKind::Number(number) => FieldKind::Array(number, N),
-        FieldKind::Struct(layout) => FieldKind::StructArray(layout, N),
-        FieldKind::Array(..) | FieldKind::StructArray(..) => {
+    const KIND: FieldKind = T::KIND;
+    const LEN: Option<usize> = match T::LEN {
+        None => Some(N),
+        Some(_) => {
             panic!("an array of arrays has no schema: use one array, or an array of structs")
         }
     };
@@ -167,10 +169,14 @@ unsafe impl<T: FieldType, const N: usize> FieldType for [T; N] {
 /// ```
 ///
 /// What comes out is a `repr(C)` struct that is `Copy`, `Default` (all zeros), `Debug`, `PartialEq` and `Serialize`, and
-/// that implements [`SharedStruct`]. Its [`Layout`] is a constant, from which come the hash
-/// ([`Layout::hash`]), the schema in ROS 2's message format ([`schema::text`](crate::schema::text)), and the types for C
+/// that implements [`SharedStruct`]. Its [`Layout`] is a constant, from which come the schema in ROS 2's message format
+/// ([`schema::text`](crate::schema::text)), its hash ([`Schema::layout_hash`](crate::Schema::layout_hash)), and the types for C
 /// and Python ([`export`](super::export)). Doc comments go along: write ranges and meaning into them. A unit goes into the
 /// field's name, as the table of `docs/ipc.md` section 6 has it, or in brackets at the end of the comment.
+///
+/// A number that stands for something else can be read as that: `pub mode: u32 => mode: Mode` makes a method
+/// `fn mode(&self) -> Option<Mode>` of `Mode::from_code(u32) -> Option<Mode>`, which is a `const fn`. Any pattern of bits may lie in
+/// shared memory, therefore it is an `Option`.
 ///
 /// # What the compiler checks
 ///
@@ -233,7 +239,10 @@ macro_rules! shared_struct {
     (
         $(#[doc = $doc:literal])*
         $vis:vis struct $name:ident ($type_name:literal) = $size:literal {
-            $( $(#[doc = $field_doc:literal])* pub $field:ident: $type:ty ),+ $(,)?
+            $(
+                $(#[doc = $field_doc:literal])*
+                pub $field:ident: $type:ty $(=> $getter:ident: $code:ty)?
+            ),+ $(,)?
         }
     ) => {
         $(#[doc = $doc])*
@@ -241,6 +250,15 @@ macro_rules! shared_struct {
         #[repr(C)]
         $vis struct $name {
             $( $(#[doc = $field_doc])* pub $field: $type, )+
+        }
+
+        impl $name {
+            $($(
+                #[doc = ::core::concat!("What `", ::core::stringify!($field), "` stands for; `None` if the contract has no such number.")]
+                pub const fn $getter(&self) -> ::core::option::Option<$code> {
+                    <$code>::from_code(self.$field)
+                }
+            )?)+
         }
 
         // SAFETY: the struct is `repr(C)`; the compiler takes only a `FieldType` for a field; `check` below refuses padding.
@@ -257,6 +275,7 @@ macro_rules! shared_struct {
                         offset: ::core::mem::offset_of!($name, $field),
                         size: ::core::mem::size_of::<$type>(),
                         kind: <$type as $crate::payload::FieldType>::KIND,
+                        len: <$type as $crate::payload::FieldType>::LEN,
                         doc: &[$($field_doc),*],
                     }, )+
                 ],

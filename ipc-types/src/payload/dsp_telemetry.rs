@@ -1,5 +1,9 @@
 //! [`DspTelemetry`]: what the DSP reports, in the DSP's own units (`DSP_HERO_TELEMETRY`).
 
+use super::number::given;
+use crate::group::TelemetryGroup;
+use crate::time::MonotonicNs;
+
 shared_struct! {
     /// One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     ///
@@ -181,5 +185,27 @@ shared_struct! {
         pub yaw_deg: f32,
         /// Always zero; keeps the size of the sample a multiple of eight.
         pub reserved: u32,
+    }
+}
+
+impl DspTelemetry {
+    /// Whether the values of `group` mean something.
+    pub const fn valid(&self, group: TelemetryGroup) -> bool {
+        self.valid_groups & group.bit() != 0
+    }
+
+    /// Whether the helicopter is in the air.
+    pub const fn is_flying(&self) -> bool {
+        self.flying != 0
+    }
+
+    /// When the message was read.
+    pub const fn received(&self) -> MonotonicNs {
+        MonotonicNs(self.received_ns)
+    }
+
+    /// Code of the last DSP error, or `None` if there was none.
+    pub const fn last_dsp_error(&self) -> Option<u32> {
+        given(self.dsp_errors != 0, self.last_dsp_error_code)
     }
 }

@@ -1,11 +1,12 @@
-//! The same structs for other languages: a header for C and C++, a module for Python, a table for people.
+//! The same structs for other languages: a header for C and C++, a module for Python.
 //!
 //! `ipc-types/layouts/` has what this makes of the robot's own structs. A module makes its own files from its own structs,
 //! in a test that pins them or in a build step.
 
 use std::fmt::Write;
 
-use super::layout::{FieldKind, Layout};
+use super::layout::Layout;
+use super::number::Number;
 
 /// A header for C11 and C++11 with `structs` and all that they contain. `guard` is its include guard.
 ///
@@ -49,11 +50,8 @@ pub fn c_struct(layout: &Layout) -> String {
         layout.type_name
     );
     for field in layout.fields {
-        let kind = match field.kind {
-            FieldKind::Number(number) | FieldKind::Array(number, _) => number.c_name(),
-            FieldKind::Struct(nested) | FieldKind::StructArray(nested, _) => nested.name,
-        };
-        let len = field.kind.len().map(|len| format!("[{len}]"));
+        let kind = field.kind.name(Number::c_name);
+        let len = field.len.map(|len| format!("[{len}]"));
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
@@ -105,11 +103,8 @@ pub fn python_class(layout: &Layout) -> String {
     let name = layout.name;
     let mut text = format!("\n\nclass {name}(ctypes.Structure):\n    _fields_ = [\n");
     for field in layout.fields {
-        let kind = match field.kind {
-            FieldKind::Number(number) | FieldKind::Array(number, _) => number.python_name(),
-            FieldKind::Struct(nested) | FieldKind::StructArray(nested, _) => nested.name,
-        };
-        let len = field.kind.len().map(|len| format!(" * {len}"));
+        let kind = field.kind.name(Number::python_name);
+        let len = field.len.map(|len| format!(" * {len}"));
         let _ = writeln!(
             text,
             "        (\"{}\", {kind}{}),",
@@ -128,33 +123,6 @@ pub fn python_class(layout: &Layout) -> String {
             text,
             "assert {name}.{}.offset == {}",
             field.name, field.offset
-        );
-    }
-    text
-}
-
-/// The layout of one struct as a table: offset, size, type and name of each field.
-pub fn table(layout: &Layout) -> String {
-    let Layout {
-        name,
-        type_name,
-        size,
-        align,
-        ..
-    } = layout;
-    let hash = layout.hash();
-    let mut text = format!("{name} {type_name} size {size} align {align} hash {hash:016x}\n");
-    for field in layout.fields {
-        let kind = match field.kind {
-            FieldKind::Number(number) => number.rust_name().to_owned(),
-            FieldKind::Array(number, len) => format!("{}[{len}]", number.rust_name()),
-            FieldKind::Struct(nested) => nested.name.to_owned(),
-            FieldKind::StructArray(nested, len) => format!("{}[{len}]", nested.name),
-        };
-        let _ = writeln!(
-            text,
-            "{:6} {:4} {kind:18} {}",
-            field.offset, field.size, field.name
         );
     }
     text

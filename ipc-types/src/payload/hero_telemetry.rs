@@ -1,5 +1,9 @@
 //! [`HeroTelemetry`]: the helicopter's state for the layers above, in SI units (`HERO_TELEMETRY`).
 
+use super::number::given;
+use crate::group::TelemetryGroup;
+use crate::time::MonotonicNs;
+
 shared_struct! {
     /// The state of the helicopter in SI units, angles in radians, axes named. Service `hero_telemetry`, written by
     /// status.
@@ -201,5 +205,49 @@ shared_struct! {
         pub inputs: u32,
         /// 1 when the values mean something.
         pub valid: u32,
+    }
+}
+
+impl HeroTelemetry {
+    /// Whether the values of `group` mean something.
+    pub const fn valid(&self, group: TelemetryGroup) -> bool {
+        self.valid_groups & group.bit() as u32 != 0
+    }
+
+    /// Whether the helicopter is in the air.
+    pub const fn is_flying(&self) -> bool {
+        self.flying != 0
+    }
+
+    /// When the bridge read the message that this was made of.
+    pub const fn received(&self) -> MonotonicNs {
+        MonotonicNs(self.received_ns)
+    }
+
+    /// Code of the last DSP error, or `None` if there was none.
+    pub const fn last_dsp_error(&self) -> Option<u32> {
+        given(self.dsp_errors != 0, self.last_dsp_error_code)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::DspTelemetry;
+    use super::*;
+
+    #[test]
+    fn validity_is_the_group_s_bit() {
+        let dsp = DspTelemetry {
+            valid_groups: 0b10,
+            ..DspTelemetry::default()
+        };
+        let hero = HeroTelemetry {
+            valid_groups: 0b10,
+            ..HeroTelemetry::default()
+        };
+        for group in TelemetryGroup::ALL {
+            let is_valid = group == TelemetryGroup::Geographic;
+            assert_eq!((dsp.valid(group), hero.valid(group)), (is_valid, is_valid));
+        }
     }
 }

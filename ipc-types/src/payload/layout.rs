@@ -1,4 +1,4 @@
-//! [`Layout`]: what a struct in shared memory looks like, as a constant; its hash, and the rules that it must keep.
+//! [`Layout`]: what a struct in shared memory looks like, as a constant, and the rules that it must keep.
 
 use super::number::Number;
 
@@ -31,45 +31,38 @@ pub struct FieldLayout {
     pub offset: usize,
     /// Size, bytes.
     pub size: usize,
-    /// What lies there.
+    /// What lies there, or in each element of an array.
     pub kind: FieldKind,
+    /// Length of the array; `None` if it is none.
+    pub len: Option<usize>,
     /// Doc comment, by lines.
     pub doc: &'static [&'static str],
 }
 
-/// Type of a field.
+/// Type of a field, or of the elements of an array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FieldKind {
     /// A number.
     Number(Number),
-    /// Numbers, and how many.
-    Array(Number, usize),
     /// A nested struct.
     Struct(&'static Layout),
-    /// Nested structs of one type, and how many.
-    StructArray(&'static Layout, usize),
 }
 
 impl FieldKind {
     /// The struct that is nested here, if one is.
     pub const fn nested(self) -> Option<&'static Layout> {
         match self {
-            FieldKind::Number(_) | FieldKind::Array(..) => None,
-            FieldKind::Struct(layout) | FieldKind::StructArray(layout, _) => Some(layout),
+            FieldKind::Number(_) => None,
+            FieldKind::Struct(layout) => Some(layout),
         }
     }
 
-    /// How many there are; nothing when it is not an array.
-    pub const fn len(self) -> Option<usize> {
+    /// Its name: the number's in a language, or the struct's.
+    pub fn name(self, number_name: impl FnOnce(Number) -> &'static str) -> &'static str {
         match self {
-            FieldKind::Number(_) | FieldKind::Struct(_) => None,
-            FieldKind::Array(_, len) | FieldKind::StructArray(_, len) => Some(len),
+            FieldKind::Number(number) => number_name(number),
+            FieldKind::Struct(layout) => layout.name,
         }
-    }
-
-    /// Whether there is nothing: an array of length 0, which no layout has.
-    pub const fn is_empty(self) -> bool {
-        matches!(self.len(), Some(0))
     }
 }
 
@@ -92,9 +85,22 @@ impl Layout {
         format!("{}_msgs/msg/{}", self.package(), self.name)
     }
 
-    /// Hash of the layout, see [`layout_hash`].
-    pub const fn hash(&self) -> u64 {
-        layout_hash(&[self.fields])
+    /// Where the field of this name lies, if it is a `u64`, bytes.
+    pub const fn offset_of(&self, name: &str) -> Option<usize> {
+        let mut index = 0;
+        while index < self.fields.len() {
+            let field = &self.fields[index];
+            if is_equal(field.name, name) {
+                let is_u64 = matches!(field.kind, FieldKind::Number(Number::U64));
+                return if is_u64 && field.len.is_none() {
+                    Some(field.offset)
+                } else {
+                    None
+                };
+            }
+            index += 1;
+        }
+        None
     }
 
     /// The nested structs, each once and after those that it contains, and this one last.
@@ -112,70 +118,6 @@ impl Layout {
             all.push(self);
         }
     }
-}
-
-/// Hash of one or more layouts: 64-bit FNV-1a over each field's name, offset, size and kind, nested structs included.
-///
-/// A type's name says which layout is meant; the hash says which one was compiled, so that two fields that changed
-/// places are found even when the version was not raised.
-pub const fn layout_hash(layouts: &[&[FieldLayout]]) -> u64 {
-    let mut hash = FNV_BASIS;
-    let mut index = 0;
-    while index < layouts.len() {
-        hash = hash_fields(hash, layouts[index]);
-        index += 1;
-    }
-    hash
-}
-
-/// Offset basis of 64-bit FNV-1a: the hash of nothing.
-pub(crate) const FNV_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
-
-const fn hash_fields(mut hash: u64, fields: &[FieldLayout]) -> u64 {
-    let mut index = 0;
-    while index < fields.len() {
-        let field = &fields[index];
-        hash = hash_text(hash, field.name);
-        hash = hash_number(hash, field.offset);
-        hash = hash_number(hash, field.size);
-        hash = match field.kind {
-            FieldKind::Number(number) => hash_text(hash, number.rust_name()),
-            FieldKind::Array(number, len) => hash_number(hash_text(hash, number.rust_name()), len),
-            FieldKind::Struct(nested) => hash_fields(hash_text(hash, nested.name), nested.fields),
-            FieldKind::StructArray(nested, len) => hash_number(
-                hash_fields(hash_text(hash, nested.name), nested.fields),
-                len,
-            ),
-        };
-        index += 1;
-    }
-    hash
-}
-
-/// The text's bytes and a zero, so that `ab`, `c` differs from `a`, `bc`.
-pub(crate) const fn hash_text(mut hash: u64, text: &str) -> u64 {
-    let bytes = text.as_bytes();
-    let mut index = 0;
-    while index < bytes.len() {
-        hash = hash_byte(hash, bytes[index]);
-        index += 1;
-    }
-    hash_byte(hash, 0)
-}
-
-/// The number's low 32 bits, least significant byte first; layouts are far smaller than that.
-pub(crate) const fn hash_number(mut hash: u64, number: usize) -> u64 {
-    let bytes = (number as u32).to_le_bytes();
-    let mut index = 0;
-    while index < bytes.len() {
-        hash = hash_byte(hash, bytes[index]);
-        index += 1;
-    }
-    hash
-}
-
-const fn hash_byte(hash: u64, byte: u8) -> u64 {
-    (hash ^ byte as u64).wrapping_mul(0x0000_0100_0000_01b3)
 }
 
 /// Stops the compiler when `layout` breaks a rule of the contract. `size` is the one that the definition pins.
@@ -292,9 +234,7 @@ const fn are_unambiguous(layout: &Layout, root: &Layout) -> bool {
 
 /// Whether every struct in `root` that is called as `layout` is the same.
 const fn agrees(layout: &Layout, root: &Layout) -> bool {
-    if is_same_but_version(layout.type_name, root.type_name)
-        && (!is_equal(layout.type_name, root.type_name) || layout.hash() != root.hash())
-    {
+    if is_same_but_version(layout.type_name, root.type_name) && !is_same(layout, root) {
         return false;
     }
     let mut index = 0;
@@ -302,6 +242,28 @@ const fn agrees(layout: &Layout, root: &Layout) -> bool {
         if let Some(nested) = root.fields[index].kind.nested()
             && !agrees(layout, nested)
         {
+            return false;
+        }
+        index += 1;
+    }
+    true
+}
+
+/// Whether two structs have the same name, version and fields.
+const fn is_same(one: &Layout, other: &Layout) -> bool {
+    if !is_equal(one.type_name, other.type_name) || one.fields.len() != other.fields.len() {
+        return false;
+    }
+    let mut index = 0;
+    while index < one.fields.len() {
+        let (a, b) = (&one.fields[index], &other.fields[index]);
+        let is_same_kind = match (a.kind, b.kind) {
+            (FieldKind::Number(a), FieldKind::Number(b)) => a as u8 == b as u8,
+            (FieldKind::Struct(a), FieldKind::Struct(b)) => is_same(a, b),
+            _ => false,
+        };
+        // With the kind, the size says the length.
+        if !is_same_kind || !is_equal(a.name, b.name) || a.size != b.size {
             return false;
         }
         index += 1;
@@ -322,7 +284,8 @@ const fn is_same_but_version(one: &str, other: &str) -> bool {
     dots == 2
 }
 
-const fn is_equal(one: &str, other: &str) -> bool {
+/// `==` of texts, which is not const.
+pub(crate) const fn is_equal(one: &str, other: &str) -> bool {
     let (one, other) = (one.as_bytes(), other.as_bytes());
     let mut index = 0;
     while index < one.len() && index < other.len() {

@@ -12,7 +12,6 @@ pub mod export;
 pub(crate) mod layout;
 mod number;
 
-mod access;
 // What the macro makes is unsafe to implement by hand: it checks what makes it safe.
 #[allow(unsafe_code)]
 mod dsp_telemetry;
@@ -28,12 +27,11 @@ mod relay;
 mod request;
 mod text;
 
-pub use access::WaypointPosition;
 pub use define::{FieldType, SharedStruct};
 pub use dsp_telemetry::*;
 pub use hero_telemetry::*;
 pub use journal::{BRIDGE_JOURNAL_ROOM, BridgeJournal, STATUS_JOURNAL_ROOM, StatusJournal};
-pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE, layout_hash};
+pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE};
 pub use module_state::*;
 pub use number::Number;
 pub use relay::{

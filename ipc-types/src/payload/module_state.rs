@@ -1,5 +1,12 @@
 //! [`ModuleState`]: how the bridge, its movement, its line and the DSP are (`ModuleState`).
 
+use super::number::given;
+use crate::code::{
+    DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
+    PilotSwitch, SafetyAction, SafetyRule,
+};
+use crate::time::MonotonicNs;
+
 shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
@@ -12,15 +19,15 @@ shared_struct! {
         /// When this was published.
         pub published_ns: u64,
         /// A [`ModuleId`](crate::code::ModuleId).
-        pub module_id: u32,
+        pub module_id: u32 => module: ModuleId,
         /// A [`ModuleStatus`](crate::code::ModuleStatus).
-        pub status: u32,
+        pub status: u32 => status: ModuleStatus,
         /// IMI error code: general 0–99, UAV 100–200, DSP 201–500.
         pub imi_error: u32,
         /// 1 when no movement is taken until the next start.
         pub blocked: u32,
         /// A [`Functionality`](crate::code::Functionality).
-        pub functionality: u32,
+        pub functionality: u32 => functionality: Functionality,
         /// 1 when the movement under way cannot be aborted (`unable2abort`).
         pub unable_to_abort: u32,
         /// The movement under way, or the last one; all zero before the first.
@@ -66,7 +73,7 @@ shared_struct! {
         /// Its path, 0 for take-off and landing.
         pub path_id: u64,
         /// A [`MovementKind`](crate::code::MovementKind), 0 before the first movement.
-        pub kind: u32,
+        pub kind: u32 => kind: MovementKind,
         /// Waypoints of the path.
         pub waypoints_total: u32,
         /// Waypoints sent to the DSP.
@@ -94,7 +101,7 @@ shared_struct! {
         /// Valid messages received.
         pub messages_received: u64,
         /// A [`LinkState`](crate::code::LinkState).
-        pub state: u32,
+        pub state: u32 => state: LinkState,
         /// How often the port was opened.
         pub port_openings: u32,
         /// How often the DSP was seen to boot.
@@ -118,7 +125,7 @@ shared_struct! {
         /// Status samples that coherence in time dropped.
         pub telemetry_incoherent: u32,
         /// What the DSP's path buffer may hold, a [`DspPathState`](crate::code::DspPathState).
-        pub dsp_path: u32,
+        pub dsp_path: u32 => dsp_path: DspPathState,
         /// 1 when the DSP stops by itself when the bridge is gone (`pc_timeout_ms`), 0 when it does not or was not asked yet.
         pub pc_timeout_supported: u32,
     }
@@ -180,11 +187,11 @@ shared_struct! {
         /// ([`SafetyRule`](crate::code::SafetyRule)); means something when `rule` is not 0.
         pub amount: f64,
         /// The most severe rule that is violated now, a [`SafetyRule`](crate::code::SafetyRule); 0 when none is.
-        pub rule: u32,
+        pub rule: u32 => rule: SafetyRule,
         /// What the bridge does about it, a [`SafetyAction`](crate::code::SafetyAction); 0 when no rule is violated.
-        pub action: u32,
+        pub action: u32 => action: SafetyAction,
         /// The pilot's switch, a [`PilotSwitch`](crate::code::PilotSwitch).
-        pub pilot_switch: u32,
+        pub pilot_switch: u32 => pilot_switch: PilotSwitch,
         /// Areas of the geofence in force.
         pub fence_areas: u32,
         /// Movements refused or ended by a safety rule since `epoch_ns`.
@@ -192,5 +199,94 @@ shared_struct! {
         /// 1 when all that is published of this robot is a recorded flight that `ril replay` plays; zero from a bridge. It was
         /// spare before, so its name and the layout stay.
         pub reserved: u32,
+    }
+}
+
+impl ModuleState {
+    /// The error that goes with it.
+    pub const fn imi_error(&self) -> ImiCode {
+        ImiCode(self.imi_error)
+    }
+
+    /// Whether no movement is taken until the next start.
+    pub const fn is_blocked(&self) -> bool {
+        self.blocked != 0
+    }
+
+    /// Whether the movement under way cannot be aborted.
+    pub const fn is_unable_to_abort(&self) -> bool {
+        self.unable_to_abort != 0
+    }
+
+    /// When it was published.
+    pub const fn published(&self) -> MonotonicNs {
+        MonotonicNs(self.published_ns)
+    }
+
+    /// Telemetry altitude of the ground on which the helicopter stood last, m, if it is known.
+    pub const fn ground_altitude(&self) -> Option<f64> {
+        given(self.ground_valid != 0, self.ground_altitude_m)
+    }
+
+    /// Whether all that is published of this robot is a recorded flight that is played.
+    pub const fn is_replayed(&self) -> bool {
+        self.safety.reserved != 0
+    }
+}
+
+impl MovementState {
+    /// Horizontal distance to the last waypoint, m, if it is known.
+    pub const fn distance_to_go(&self) -> Option<f32> {
+        given(self.distance_valid != 0, self.distance_to_go_m)
+    }
+}
+
+impl LinkHealth {
+    /// When the last valid message came, `None` before the first.
+    pub const fn last_message(&self) -> Option<MonotonicNs> {
+        given(
+            self.messages_received != 0,
+            MonotonicNs(self.last_message_ns),
+        )
+    }
+}
+
+impl RefusedCounters {
+    /// Pieces of the line that were no message, and messages that were missed.
+    pub fn pieces(&self) -> u64 {
+        [
+            self.stray,
+            self.unknown_header,
+            self.truncated,
+            self.checksum,
+            self.padding,
+            self.value,
+            self.other_profile,
+            self.missed_messages,
+        ]
+        .into_iter()
+        .map(u64::from)
+        .sum()
+    }
+}
+
+impl DspErrorCounters {
+    /// Code of the last DSP error, or `None` if there was none.
+    pub const fn last(&self) -> Option<u32> {
+        given(self.total != 0, self.last_code)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::DspTelemetry;
+    use super::*;
+
+    #[test]
+    fn what_has_not_happened_is_nothing() {
+        assert_eq!(DspTelemetry::default().last_dsp_error(), None);
+        assert_eq!(LinkHealth::default().last_message(), None);
+        assert_eq!(MovementState::default().kind(), None);
+        assert_eq!(MovementState::default().distance_to_go(), None);
     }
 }

@@ -96,3 +96,8 @@ impl Number {
         }
     }
 }
+
+/// A value that means something only if another field says so.
+pub(super) const fn given<T: Copy>(is_given: bool, value: T) -> Option<T> {
+    if is_given { Some(value) } else { None }
+}

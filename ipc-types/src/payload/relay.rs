@@ -56,7 +56,7 @@ shared_struct! {
         /// Requests whose outcome the relay had to report as unknown.
         pub orders_unknown: u64,
         /// A [`RelayLinkState`](crate::code::RelayLinkState).
-        pub state: u32,
+        pub state: u32 => state: RelayLinkState,
         /// The robot's number on its own machine.
         pub robot: u32,
         /// By how much the robot's clock is faster than this machine's, parts per billion; means something when `clock_valid`
@@ -72,7 +72,7 @@ shared_struct! {
         pub orders_open: u32,
         /// Why the robot's relay takes no requests from this station: a [`Reason`], relay-not-permitted or
         /// relay-too-many-stations; 0 when it takes them, when this station is configured to send none, and before the first answer.
-        pub refusal: u32,
+        pub refusal: u32 => refusal: Reason,
         /// The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros.
         pub link: [u8; LINK_TEXT_LEN],
         /// The name of this station, ASCII, filled up with zeros.
@@ -124,16 +124,11 @@ shared_struct! {
         pub orders_open: u32,
         /// Why the relay takes no requests from the station: a [`Reason`], relay-not-permitted or relay-too-many-stations;
         /// 0 when it takes them.
-        pub refusal: u32,
+        pub refusal: u32 => refusal: Reason,
     }
 }
 
 impl RelayLink {
-    /// State of the link.
-    pub const fn state(&self) -> Option<RelayLinkState> {
-        RelayLinkState::from_code(self.state)
-    }
-
     /// Whether messages of the robot come.
     pub fn is_up(&self) -> bool {
         self.state() == Some(RelayLinkState::Up)
@@ -144,22 +139,22 @@ impl RelayLink {
         MonotonicNs(self.published_ns)
     }
 
-    /// When the last message of the robot came, nothing before the first.
+    /// When the last message of the robot came, `None` before the first.
     pub fn last_heard(&self) -> Option<MonotonicNs> {
         (self.last_heard_ns != 0).then_some(MonotonicNs(self.last_heard_ns))
     }
 
-    /// How far the times of relayed samples may be from the truth, s; nothing when that is not known.
+    /// How far the times of relayed samples may be from the truth, s; `None` if that is not known.
     pub fn clock_uncertainty(&self) -> Option<f64> {
         self.clock_number(self.clock_uncertainty_s)
     }
 
-    /// The quickest way to the robot and back, s; nothing when that is not known.
+    /// The quickest way to the robot and back, s; `None` if that is not known.
     pub fn round_trip(&self) -> Option<f64> {
         self.clock_number(self.round_trip_s)
     }
 
-    /// Part of the samples sent by the robot's relay that did not come, 0 … 1; nothing when none was sent.
+    /// Part of the samples sent by the robot's relay that did not come, 0 … 1; `None` if none was sent.
     pub fn lost_on_air(&self) -> Option<f64> {
         let sent = self
             .samples_received
@@ -167,18 +162,12 @@ impl RelayLink {
         (sent > 0).then(|| self.samples_lost_on_air as f64 / sent as f64)
     }
 
-    /// Why the robot's relay takes no requests from this station, [`Reason::None`] when it takes them; nothing when the number is
-    /// none of the contract's.
-    pub const fn refusal(&self) -> Option<Reason> {
-        Reason::from_code(self.refusal)
-    }
-
-    /// The endpoint of the link; nothing when it is not printable ASCII.
+    /// The endpoint of the link; `None` if it is not printable ASCII.
     pub fn link(&self) -> Option<&str> {
         ascii_text(&self.link)
     }
 
-    /// The name of this station; nothing when it is not printable ASCII.
+    /// The name of this station; `None` if it is not printable ASCII.
     pub fn station(&self) -> Option<&str> {
         ascii_text(&self.station)
     }
@@ -203,41 +192,21 @@ impl RelayStations {
 }
 
 impl RelayStation {
-    /// The station's name; nothing when it is not printable ASCII.
+    /// The station's name; `None` if it is not printable ASCII.
     pub fn name(&self) -> Option<&str> {
         ascii_text(&self.name)
     }
 
-    /// Why the relay takes no requests from the station, [`Reason::None`] when it takes them; nothing when the number is none of the
-    /// contract's.
-    pub const fn refusal(&self) -> Option<Reason> {
-        Reason::from_code(self.refusal)
-    }
-
-    /// When the last message of the station came, nothing before the first.
+    /// When the last message of the station came, `None` before the first.
     pub fn last_heard(&self) -> Option<MonotonicNs> {
         (self.last_heard_ns != 0).then_some(MonotonicNs(self.last_heard_ns))
     }
 }
 
-crate::topic!(RelayLink, "relay/link", "relay");
-crate::topic!(RelayStations, "relay/stations", "relay");
-
 #[cfg(test)]
 mod tests {
     use super::super::text::ascii_bytes;
     use super::*;
-    use crate::Topic;
-
-    #[test]
-    fn the_relay_provides_both_topics() {
-        assert_eq!(
-            (RelayLink::KEY, RelayLink::PROVIDER),
-            ("relay/link", "relay")
-        );
-        let stations = (RelayStations::KEY, RelayStations::PROVIDER);
-        assert_eq!(stations, ("relay/stations", "relay"));
-    }
 
     #[test]
     fn what_is_not_known_of_the_clock_is_nothing() {

@@ -3,6 +3,12 @@
 //! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's clock. The
 //! bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md` section 4.
 
+use super::number::given;
+use crate::code::{
+    ControlCommand, ImiCode, MovementKind, ParameterOperation, PortKind, Reason, SafetyRule, Stage,
+};
+use crate::time::MonotonicNs;
+
 shared_struct! {
     /// Start or stop the module (`ModuleControl`). Service `module_control`.
     pub struct ModuleControl("hero.ModuleControl.v2") = 40 {
@@ -14,7 +20,7 @@ shared_struct! {
         /// Until when it may begin, same clock; 0 takes the bridge's default.
         pub begin_by_ns: u64,
         /// A [`ControlCommand`](crate::code::ControlCommand).
-        pub command: u32,
+        pub command: u32 => command: ControlCommand,
         /// By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same.
         pub issued_within_ns: u32,
         /// By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own.
@@ -47,7 +53,7 @@ shared_struct! {
         /// Go-to: altitude of the waypoint, m, same zero as telemetry. Take-off: height over the point of take-off, m.
         pub altitude_m: f64,
         /// A [`MovementKind`](crate::code::MovementKind) (`type_of_request`).
-        pub kind: u32,
+        pub kind: u32 => kind: MovementKind,
         /// 1 when this waypoint opens a path (`first_waypoint_data`). Go-to only.
         pub first: u16,
         /// 1 when this waypoint closes the path (`last_waypoint_data`). Go-to only.
@@ -77,9 +83,9 @@ shared_struct! {
         /// When this was said, host monotonic ns.
         pub reported_ns: u64,
         /// A [`Stage`](crate::code::Stage).
-        pub stage: u32,
+        pub stage: u32 => stage: Stage,
         /// A [`Reason`](crate::code::Reason).
-        pub reason: u32,
+        pub reason: u32 => reason: Reason,
         /// IMI error code, 0 when there is none.
         pub imi_error: u32,
         /// Waypoints of the path so far.
@@ -89,7 +95,7 @@ shared_struct! {
         /// Waypoints that the helicopter was seen to reach, in order.
         pub waypoints_reached: u32,
         /// The safety rule that was broken, a [`SafetyRule`](crate::code::SafetyRule); 0 when none was.
-        pub rule: u32,
+        pub rule: u32 => rule: SafetyRule,
         /// The waypoint, or the leg that leads to it, that the reason is about, counted from 1; 0 when there is none.
         pub waypoint: u32,
         /// The DSP error that the reason is about, as the DSP sent it; means something when `dsp_error_valid` is 1.
@@ -121,7 +127,7 @@ shared_struct! {
         /// Read, write: number of the port. List: which port of the list, counted from 0.
         pub port: u32,
         /// A [`ParameterOperation`](crate::code::ParameterOperation).
-        pub operation: u32,
+        pub operation: u32 => operation: ParameterOperation,
         /// By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same.
         pub issued_within_ns: u32,
         /// By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own.
@@ -139,12 +145,258 @@ shared_struct! {
         /// Number of the port.
         pub number: u32,
         /// A [`PortKind`](crate::code::PortKind).
-        pub kind: u32,
+        pub kind: u32 => kind: PortKind,
         /// Bit 0: may be written by request; bit 1: also while the helicopter flies.
         pub access: u32,
         /// Ports of the list.
         pub count: u32,
         /// Name in ASCII with its unit, filled up with zeros.
         pub name: [u8; 32],
+    }
+}
+
+impl ModuleControl {
+    /// The request that asks for `command`, issued now, on this machine.
+    pub fn new(request_id: u64, command: ControlCommand) -> ModuleControl {
+        ModuleControl {
+            request_id,
+            issued_ns: MonotonicNs::now().0,
+            command: command.code(),
+            ..ModuleControl::default()
+        }
+    }
+}
+
+/// A place to fly to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaypointPosition {
+    /// Latitude, degrees, north positive.
+    pub latitude_deg: f64,
+    /// Longitude, degrees, east positive.
+    pub longitude_deg: f64,
+    /// Altitude, m, same zero as telemetry.
+    pub altitude_m: f64,
+}
+
+impl MovementData {
+    /// The request to take off and climb to `altitude_m` over the point of take-off, issued now, as are the others.
+    pub fn take_off(request_id: u64, altitude_m: f64) -> MovementData {
+        MovementData {
+            altitude_m,
+            ..MovementData::of_kind(request_id, MovementKind::TakeOff)
+        }
+    }
+
+    /// The request to land on the spot.
+    pub fn land(request_id: u64) -> MovementData {
+        MovementData::of_kind(request_id, MovementKind::Land)
+    }
+
+    /// The request to stop on the spot and stay started; it ends a path that is under way as `replaced`.
+    pub fn hold(request_id: u64) -> MovementData {
+        MovementData::of_kind(request_id, MovementKind::Hold)
+    }
+
+    /// The same request, allowed to replace a path that is under way.
+    #[must_use]
+    pub const fn preempting(self) -> MovementData {
+        MovementData { preempt: 1, ..self }
+    }
+
+    /// One waypoint of a path: `first` opens the path, `last` closes it.
+    pub fn waypoint(
+        request_id: u64,
+        path_id: u64,
+        position: WaypointPosition,
+        first: bool,
+        last: bool,
+    ) -> MovementData {
+        MovementData {
+            path_id,
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_m: position.altitude_m,
+            first: first as u16,
+            last: last as u16,
+            ..MovementData::of_kind(request_id, MovementKind::GoToWaypoint)
+        }
+    }
+
+    /// The requests of a whole path, in order, all issued now; `next_id` gives each its id.
+    pub fn path(
+        path_id: u64,
+        positions: &[WaypointPosition],
+        mut next_id: impl FnMut() -> u64,
+    ) -> impl Iterator<Item = MovementData> {
+        let issued_ns = MonotonicNs::now().0;
+        positions.iter().enumerate().map(move |(index, position)| {
+            let (first, last) = (index == 0, index + 1 == positions.len());
+            MovementData {
+                issued_ns,
+                ..MovementData::waypoint(next_id(), path_id, *position, first, last)
+            }
+        })
+    }
+
+    fn of_kind(request_id: u64, kind: MovementKind) -> MovementData {
+        MovementData {
+            request_id,
+            issued_ns: MonotonicNs::now().0,
+            kind: kind.code(),
+            ..MovementData::default()
+        }
+    }
+
+    /// Whether this waypoint opens a path; `None` if the number is neither 0 nor 1.
+    pub const fn is_first(&self) -> Option<bool> {
+        flag(self.first)
+    }
+
+    /// Whether this waypoint closes the path; `None` if the number is neither 0 nor 1.
+    pub const fn is_last(&self) -> Option<bool> {
+        flag(self.last)
+    }
+}
+
+impl ParameterRequest {
+    /// The request to read a port, issued now, as are the others.
+    pub fn read(request_id: u64, port: u16) -> ParameterRequest {
+        ParameterRequest::of(request_id, ParameterOperation::Read, port as u32, 0.0)
+    }
+
+    /// The request to write a port.
+    pub fn write(request_id: u64, port: u16, value: f64) -> ParameterRequest {
+        ParameterRequest::of(request_id, ParameterOperation::Write, port as u32, value)
+    }
+
+    /// The request for the description of the port that stands at `index` of the list.
+    pub fn list(request_id: u64, index: u32) -> ParameterRequest {
+        ParameterRequest::of(request_id, ParameterOperation::List, index, 0.0)
+    }
+
+    fn of(
+        request_id: u64,
+        operation: ParameterOperation,
+        port: u32,
+        value: f64,
+    ) -> ParameterRequest {
+        ParameterRequest {
+            request_id,
+            issued_ns: MonotonicNs::now().0,
+            value,
+            port,
+            operation: operation.code(),
+            ..ParameterRequest::default()
+        }
+    }
+}
+
+impl PortInfo {
+    /// Bit of `access`: a request may write the port.
+    pub const WRITABLE: u32 = 1;
+    /// Bit of `access`: a request may write the port while the helicopter flies.
+    pub const WRITABLE_IN_FLIGHT: u32 = 2;
+
+    /// The port's name; `None` if it is not text.
+    pub fn name(&self) -> Option<&str> {
+        let text = self
+            .name
+            .split(|byte| *byte == 0)
+            .next()
+            .unwrap_or_default();
+        std::str::from_utf8(text).ok()
+    }
+
+    /// A name as it lies in shared memory, cut to its length.
+    pub fn name_bytes(name: &str) -> [u8; 32] {
+        let mut bytes = [0; 32];
+        for (place, byte) in bytes.iter_mut().zip(name.bytes()) {
+            *place = byte;
+        }
+        bytes
+    }
+}
+
+const fn flag(number: u16) -> Option<bool> {
+    match number {
+        0 => Some(false),
+        1 => Some(true),
+        _ => None,
+    }
+}
+
+impl RequestReport {
+    /// The report that a request has come to `stage` because of `reason`; the server's port fills in the request's id
+    /// and the time.
+    pub fn new(stage: Stage, reason: Reason) -> RequestReport {
+        RequestReport {
+            stage: stage.code(),
+            reason: reason.code(),
+            ..RequestReport::default()
+        }
+    }
+
+    /// The error that goes with it.
+    pub const fn imi_error(&self) -> ImiCode {
+        ImiCode(self.imi_error)
+    }
+
+    /// The DSP error that the reason is about, if it is about one.
+    pub const fn dsp_error(&self) -> Option<u32> {
+        given(self.dsp_error_valid != 0, self.dsp_error_code)
+    }
+
+    /// The value that the report gives, if it gives one.
+    pub const fn value(&self) -> Option<f64> {
+        given(self.value_valid != 0, self.value)
+    }
+
+    /// Whether no further report follows.
+    pub fn is_final(&self) -> bool {
+        self.stage().is_some_and(Stage::is_final)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_is_framed_by_first_and_last() {
+        let position = WaypointPosition {
+            latitude_deg: 37.4,
+            longitude_deg: -5.9,
+            altitude_m: 20.0,
+        };
+        let frames = |len: usize| -> Vec<(u64, u16, u16)> {
+            let mut id = 0;
+            let next = || {
+                id += 1;
+                id
+            };
+            MovementData::path(9, &vec![position; len], next)
+                .map(|request| (request.request_id, request.first, request.last))
+                .collect()
+        };
+        assert_eq!(frames(0), []);
+        assert_eq!(frames(1), [(1, 1, 1)]);
+        assert_eq!(frames(3), [(1, 1, 0), (2, 0, 0), (3, 0, 1)]);
+    }
+
+    #[test]
+    fn unknown_numbers_come_back_as_nothing() {
+        let report = RequestReport {
+            stage: 99,
+            reason: 99,
+            ..RequestReport::default()
+        };
+        assert_eq!((report.stage(), report.reason()), (None, None));
+        assert!(!report.is_final());
+        let movement = MovementData {
+            first: 2,
+            ..MovementData::land(1)
+        };
+        assert_eq!(movement.is_first(), None);
+        assert_eq!(movement.kind(), Some(MovementKind::Land));
     }
 }

@@ -10,7 +10,7 @@ pub fn ascii_bytes<const N: usize>(text: &str) -> [u8; N] {
     bytes
 }
 
-/// The text in `bytes` before the first zero; nothing when a byte is not printable ASCII.
+/// The text in `bytes` before the first zero; `None` if a byte is not printable ASCII.
 ///
 /// A terminal can show it as it is: there are no control characters in it.
 pub fn ascii_text(bytes: &[u8]) -> Option<&str> {

@@ -1,7 +1,8 @@
-//! [`Leaf`]: the numbers of a payload, and how they are found.
+//! [`Leaf`]: the numbers of a payload, and how they are found; [`Value`]: such a number, whatever its type.
+
+use std::fmt;
 
 use super::message::{Field, Kind, Message};
-use super::value::Value;
 use crate::payload::Number;
 
 /// A number of a payload, or an array of numbers: where it lies, and what it is called.
@@ -13,19 +14,19 @@ pub struct Leaf<'a> {
     pub offset: usize,
     /// Type of the number, or of the elements of the array.
     pub number: Number,
-    /// Length of the array; nothing when it is one number.
+    /// Length of the array; `None` if it is one number.
     pub len: Option<usize>,
     /// The field.
     pub field: &'a Field,
 }
 
 impl Leaf<'_> {
-    /// The number in `payload`, of an array the first; nothing when the payload is too short.
+    /// The number in `payload`, of an array the first; `None` if the payload is too short.
     pub fn value(&self, payload: &[u8]) -> Option<Value> {
         self.element(payload, 0)
     }
 
-    /// The number at `index` of the array; nothing when there is none or the payload is too short.
+    /// The number at `index` of the array; `None` if there is none or the payload is too short.
     pub fn element(&self, payload: &[u8], index: usize) -> Option<Value> {
         if index >= self.len.unwrap_or(1) {
             return None;
@@ -79,7 +80,7 @@ fn collect_field<'a>(field: &'a Field, path: String, offset: usize, leaves: &mut
     }
 }
 
-/// The numbers of `root` at `path` and below it; nothing when there is no such field.
+/// The numbers of `root` at `path` and below it; `None` if there is no such field.
 pub(super) fn find<'a>(root: &'a Message, path: &str) -> Option<Vec<Leaf<'a>>> {
     let mut leaves = Vec::new();
     let mut message = root;
@@ -115,4 +116,73 @@ pub(super) fn find<'a>(root: &'a Message, path: &str) -> Option<Vec<Leaf<'a>>> {
         }
     }
     Some(leaves)
+}
+
+/// A number of a payload.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// `u8` to `u64`
+    Unsigned(u64),
+    /// `i8` to `i64`
+    Signed(i64),
+    /// `f32`
+    Single(f32),
+    /// `f64`
+    Double(f64),
+}
+
+impl Value {
+    /// Reads the number at `offset`; `None` if the bytes end before it does.
+    pub fn read(number: Number, bytes: &[u8], offset: usize) -> Option<Value> {
+        let end = offset.checked_add(number.size())?;
+        let bytes = bytes.get(offset..end)?;
+        macro_rules! of {
+            ($type:ty) => {
+                <$type>::from_le_bytes(bytes.try_into().ok()?)
+            };
+        }
+        Some(match number {
+            Number::U8 => Value::Unsigned(of!(u8).into()),
+            Number::U16 => Value::Unsigned(of!(u16).into()),
+            Number::U32 => Value::Unsigned(of!(u32).into()),
+            Number::U64 => Value::Unsigned(of!(u64)),
+            Number::I8 => Value::Signed(of!(i8).into()),
+            Number::I16 => Value::Signed(of!(i16).into()),
+            Number::I32 => Value::Signed(of!(i32).into()),
+            Number::I64 => Value::Signed(of!(i64)),
+            Number::F32 => Value::Single(of!(f32)),
+            Number::F64 => Value::Double(of!(f64)),
+        })
+    }
+
+    /// The number as a float: exact for all but integers beyond 2⁵³.
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Value::Unsigned(value) => value as f64,
+            Value::Signed(value) => value as f64,
+            Value::Single(value) => value.into(),
+            Value::Double(value) => value,
+        }
+    }
+
+    /// The integer; `None` if it is negative or a float.
+    pub fn as_u64(self) -> Option<u64> {
+        match self {
+            Value::Unsigned(value) => Some(value),
+            Value::Signed(value) => value.try_into().ok(),
+            Value::Single(_) | Value::Double(_) => None,
+        }
+    }
+}
+
+/// As few digits as give back the same number.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Unsigned(value) => value.fmt(f),
+            Value::Signed(value) => value.fmt(f),
+            Value::Single(value) => value.fmt(f),
+            Value::Double(value) => value.fmt(f),
+        }
+    }
 }

@@ -4,8 +4,8 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::text;
-use crate::payload::layout::{hash_number, hash_text};
 use crate::payload::{FieldKind, FieldLayout, Layout, Number};
+use crate::random::fnv;
 
 /// A struct of a [`Schema`](super::Schema): the whole payload, or one that is nested in it.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,7 +41,7 @@ pub struct Field {
     pub size: usize,
     /// What lies there.
     pub kind: Kind,
-    /// Length of the array; nothing when it is none.
+    /// Length of the array; `None` if it is none.
     pub len: Option<usize>,
     /// Its comment; lines are divided by `\n`.
     pub comment: String,
@@ -158,7 +158,11 @@ impl Message {
         message
     }
 
-    /// The hash of a layout that begins with `hash` and goes on with these fields.
+    /// The hash of a layout that begins with `hash` and goes on with these fields: 64-bit FNV-1a over each field's name, offset, size
+    /// and kind, nested structs included.
+    ///
+    /// A type's name says which layout is meant; the hash says which one was compiled, so that two fields that changed
+    /// places are found even when the version was not raised.
     pub(super) fn hash_fields(&self, mut hash: u64) -> u64 {
         for field in &self.fields {
             hash = hash_text(hash, &field.name);
@@ -176,20 +180,28 @@ impl Message {
     }
 }
 
+/// The text's bytes and a zero, so that `ab`, `c` differs from `a`, `bc`.
+fn hash_text(hash: u64, text: &str) -> u64 {
+    fnv(fnv(hash, text.as_bytes()), &[0])
+}
+
+/// The number's low 32 bits, least significant byte first; layouts are far smaller than that.
+fn hash_number(hash: u64, number: usize) -> u64 {
+    fnv(hash, &(number as u32).to_le_bytes())
+}
+
 impl Field {
     fn from_layout(layout: &FieldLayout) -> Field {
         let kind = match layout.kind {
-            FieldKind::Number(number) | FieldKind::Array(number, _) => Kind::Number(number),
-            FieldKind::Struct(nested) | FieldKind::StructArray(nested, _) => {
-                Kind::Struct(Arc::new(Message::from_layout(nested)))
-            }
+            FieldKind::Number(number) => Kind::Number(number),
+            FieldKind::Struct(nested) => Kind::Struct(Arc::new(Message::from_layout(nested))),
         };
         Field {
             name: layout.name.to_owned(),
             offset: layout.offset,
             size: layout.size,
             kind,
-            len: layout.kind.len(),
+            len: layout.len,
             comment: text::field_comment(layout),
         }
     }

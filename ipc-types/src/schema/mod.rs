@@ -40,25 +40,19 @@
 //! A schema comes from another process, or from a file: parsing is bounded ([`MAX_TEXT_LEN`], [`MAX_DEPTH`],
 //! [`MAX_NUMBERS`], [`MAX_LISTED_LEN`], [`MAX_PAYLOAD_SIZE`](crate::payload::MAX_PAYLOAD_SIZE)), reading a value looks at the bytes that are there, and neither panics.
 
-mod bounds;
 mod definition;
 mod leaf;
-mod load;
 mod message;
 mod parse;
 #[cfg(test)]
 mod tests;
 mod text;
-mod value;
 
-pub use bounds::{MAX_DEPTH, MAX_LISTED_LEN, MAX_NUMBERS, MAX_TEXT_LEN};
-pub use definition::Schema;
-pub use leaf::Leaf;
-pub use load::{LoadError, load, load_with_text};
+pub use definition::{LoadError, Schema, load, load_with_text};
+pub use leaf::{Leaf, Value};
 pub use message::{Field, Kind, Message};
-pub use parse::SchemaError;
+pub use parse::{MAX_DEPTH, MAX_LISTED_LEN, MAX_NUMBERS, MAX_TEXT_LEN, SchemaError};
 pub use text::text;
-pub use value::Value;
 
 /// What stands before a sample's bytes to make them a CDR message: plain CDR, little-endian, no options.
 pub const CDR_HEADER: [u8; 4] = [0, 1, 0, 0];

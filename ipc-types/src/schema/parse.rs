@@ -7,11 +7,23 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::bounds::{MAX_DEPTH, MAX_LISTED_LEN, MAX_NUMBERS, MAX_TEXT_LEN};
 use super::message::{Field, Kind, Message};
 use super::text::{LAYOUT_MARK, SEPARATOR};
 use crate::payload::layout::is_snake;
 use crate::payload::{MAX_PAYLOAD_SIZE, Number};
+
+/// Longest text that is parsed, bytes. The longest of the robot's own has 12 kB.
+pub const MAX_TEXT_LEN: usize = 256 << 10;
+
+/// How deep structs may be nested, the outermost included. The robot's own are two deep.
+pub const MAX_DEPTH: usize = 16;
+
+/// Longest list of a payload's numbers, bytes: each with its full name, such as `cells[2].voltage_v`, its type and its comment. Names in
+/// the text of a schema may be as long as the text, and the name of a struct stands before that of each number in it.
+pub const MAX_LISTED_LEN: usize = 4 << 20;
+
+/// Most numbers of a payload that have a name of their own; an array of numbers is one.
+pub const MAX_NUMBERS: usize = 1 << 14;
 
 /// Longest name that an error repeats, characters: it may come from a text that was made to fill a screen.
 const MAX_QUOTED: usize = 64;
@@ -288,7 +300,7 @@ impl Resolver<'_> {
                     reason: "another field has the same name",
                 });
             }
-            place(&mut message, line, kind)?;
+            append(&mut message, line, kind)?;
         }
         if message.fields.is_empty() {
             return Err(SchemaError::Empty(quoted(&message.name)));
@@ -323,7 +335,7 @@ impl Resolver<'_> {
 }
 
 /// Adds a field to the end of `message`.
-fn place(message: &mut Message, line: &FieldLine, kind: Kind) -> Result<(), SchemaError> {
+fn append(message: &mut Message, line: &FieldLine, kind: Kind) -> Result<(), SchemaError> {
     if !message.size.is_multiple_of(kind.align()) {
         return Err(SchemaError::Padding {
             name: quoted(&message.name),

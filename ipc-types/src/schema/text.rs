@@ -61,10 +61,10 @@ fn definition(layout: &Layout, text: &mut String) {
             comment_line(line, text);
         }
         let kind = match field.kind {
-            FieldKind::Number(number) | FieldKind::Array(number, _) => number.ros_name().to_owned(),
-            FieldKind::Struct(nested) | FieldKind::StructArray(nested, _) => nested.ros_name(),
+            FieldKind::Number(number) => number.ros_name().to_owned(),
+            FieldKind::Struct(nested) => nested.ros_name(),
         };
-        let len = field.kind.len().map(|len| format!("[{len}]"));
+        let len = field.len.map(|len| format!("[{len}]"));
         let _ = writeln!(text, "{kind}{} {}", len.unwrap_or_default(), field.name);
     }
 }

@@ -1,4 +1,4 @@
-//! Bounds: every quality-of-service value of a service. iceoryx2's defaults lose data without an error (subscriber buffer 2,
+//! Bounds: every quality-of-service value of a service, and what its events say. iceoryx2's defaults lose data without an error (subscriber buffer 2,
 //! history 0, overflow of requests), therefore nothing is left to a default.
 
 /// Providers (publishers or servers) of one generation of a service: the process that began it.
@@ -68,6 +68,23 @@ pub const MAX_LOANED_REQUESTS: usize = 1;
 
 /// Nodes that may open one service: every port's process, and tools that only look.
 pub const MAX_NODES: usize = 64;
+
+/// What an event says. Every event is only a reason to wake up and drain; the data is in the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum EventCode {
+    /// There is something to receive: a sample, a request, a report, or a request that was given up.
+    Data = 1,
+    /// A port of the other side was created.
+    Arrived = 2,
+    /// A port of the other side was dropped.
+    Left = 3,
+    /// A port of the other side died; sent by the provider, which cleans up after it.
+    Died = 4,
+}
+
+/// The largest event id; four are used, the rest is room.
+pub const EVENT_ID_MAX: usize = 15;
 
 #[cfg(test)]
 mod tests {

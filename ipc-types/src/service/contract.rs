@@ -1,10 +1,11 @@
 //! [`Contract`]: what all processes that open a service must agree on. The traits [`Topic`] and [`Request`] give it for a
 //! payload, and the macros [`topic!`](crate::topic) and [`request!`](crate::request) implement them, in any crate.
 
-use super::key::service_name;
+use super::key::{is_key, service_name};
 use crate::iox::Wire;
-use crate::payload::{Layout, RequestReport, SharedStruct, layout_hash};
+use crate::payload::{Layout, RequestReport, SharedStruct};
 use crate::robot::RobotId;
+use crate::schema::{self, Schema};
 
 /// How a service carries its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +27,7 @@ pub struct Contract {
     pub pattern: Pattern,
     /// The payload: the sample, or the request.
     pub payload: &'static Layout,
-    /// The report that answers the request; nothing for a topic.
+    /// The report that answers the request; `None` for a topic.
     pub report: Option<&'static Layout>,
 }
 
@@ -66,17 +67,18 @@ impl Contract {
         }
     }
 
-    /// The attribute `layout_hash`, as a number: see [`layout_hash`].
-    pub const fn layout_hash(&self) -> u64 {
-        match self.report {
-            None => layout_hash(&[self.payload.fields]),
-            Some(report) => layout_hash(&[self.payload.fields, report.fields]),
+    /// The attribute `layout_hash`, as a number.
+    pub fn layout_hash(&self) -> u64 {
+        let schema = Schema::from_layout(self.payload);
+        match self.pattern {
+            Pattern::PublishSubscribe => schema.layout_hash(),
+            Pattern::RequestResponse => schema.request_layout_hash(),
         }
     }
 
     /// The schema of the payload; of a request service that of the request.
     pub fn schema(&self) -> String {
-        crate::schema::text(self.payload)
+        schema::text(self.payload)
     }
 }
 
@@ -91,14 +93,24 @@ pub trait Topic: SharedStruct + Wire {
     /// Subscribers that the topic can have, in all processes.
     const MAX_SUBSCRIBERS: usize = super::bounds::MAX_SUBSCRIBERS;
 
-    /// Writes the publisher's count and identity into the sample.
-    fn stamp(&mut self, sequence: u64, epoch_ns: u64);
-
     /// The sample's count, from 1.
-    fn sequence(&self) -> u64;
+    fn sequence(&self) -> u64 {
+        word(self.bytes(), SEQUENCE_OFFSET)
+    }
 
     /// When its publisher began, host monotonic ns.
-    fn epoch_ns(&self) -> u64;
+    fn epoch_ns(&self) -> u64 {
+        word(self.bytes(), EPOCH_OFFSET)
+    }
+
+    /// Writes a publisher's count and identity into the sample, as a publisher does.
+    fn stamp(&mut self, sequence: u64, epoch_ns: u64) {
+        let mut bytes = self.bytes().to_vec();
+        stamp(&mut bytes, sequence, epoch_ns);
+        if let Some(stamped) = Self::from_bytes(&bytes) {
+            *self = stamped;
+        }
+    }
 }
 
 /// A payload that is sent as a request and answered with a stream of [`RequestReport`]s. [`request!`](crate::request)
@@ -111,12 +123,47 @@ pub trait Request: SharedStruct + Wire {
     const PROVIDER: &'static str;
 
     /// The id that its sender chose; every report repeats it.
-    fn request_id(&self) -> u64;
-
-    /// The path that it belongs to, 0 for none.
-    fn path_id(&self) -> u64 {
-        0
+    fn request_id(&self) -> u64 {
+        word(self.bytes(), REQUEST_ID_OFFSET)
     }
+
+    /// The path that it belongs to, 0 for none: its field `path_id`.
+    fn path_id(&self) -> u64 {
+        let offset = Self::LAYOUT.offset_of("path_id");
+        offset.map_or(0, |offset| word(self.bytes(), offset))
+    }
+}
+
+/// Stops the compiler when a topic's struct, key or provider breaks a rule of the contract.
+#[doc(hidden)]
+pub const fn check_topic<T: Topic>() {
+    assert!(
+        has_number(T::LAYOUT, "sequence", SEQUENCE_OFFSET)
+            && has_number(T::LAYOUT, "epoch_ns", EPOCH_OFFSET),
+        "a topic's struct begins with `sequence: u64` and `epoch_ns: u64`"
+    );
+    assert!(
+        is_key(T::KEY) && !T::PROVIDER.is_empty(),
+        "a module's key is `<module>/<topic>` in lower snake case"
+    );
+}
+
+/// The same of a request.
+#[doc(hidden)]
+pub const fn check_request<R: Request>() {
+    assert!(
+        has_number(R::LAYOUT, "request_id", REQUEST_ID_OFFSET),
+        "a request's struct begins with `request_id: u64`"
+    );
+    assert!(
+        is_key(R::KEY) && !R::PROVIDER.is_empty(),
+        "a module's key is `<module>/<request>` in lower snake case"
+    );
+}
+
+/// Whether there is a `u64` of this name at this offset.
+const fn has_number(layout: &Layout, name: &str, offset: usize) -> bool {
+    matches!(layout.offset_of(name), Some(found) if found == offset)
 }
 
 /// Makes a [`shared_struct!`](crate::shared_struct) a topic of a module: `topic!(Battery, "battery_watch/cell_voltages")`.
@@ -185,42 +232,19 @@ pub trait Request: SharedStruct + Wire {
 macro_rules! topic {
     ($payload:ty, $key:literal) => {
         $crate::topic!($payload, $key, $crate::service::module_of($key));
-
-        const _: () = ::core::assert!(
-            !$crate::module::is_own_name($crate::service::module_of($key)),
-            "`bridge`, `status` and `relay` are the names of the RIL's own modules: choose another one"
-        );
+        const _: () = $crate::service::check_outside($key);
     };
     ($payload:ty, $key:literal, $provider:expr) => {
+        $crate::topic!($payload, $key, $provider, $crate::service::MAX_SUBSCRIBERS);
+    };
+    ($payload:ty, $key:literal, $provider:expr, $max_subscribers:expr) => {
         impl $crate::Topic for $payload {
             const KEY: &'static str = $key;
             const PROVIDER: &'static str = $provider;
-
-            fn stamp(&mut self, sequence: u64, epoch_ns: u64) {
-                self.sequence = sequence;
-                self.epoch_ns = epoch_ns;
-            }
-
-            fn sequence(&self) -> u64 {
-                self.sequence
-            }
-
-            fn epoch_ns(&self) -> u64 {
-                self.epoch_ns
-            }
+            const MAX_SUBSCRIBERS: usize = $max_subscribers;
         }
 
-        const _: () = {
-            ::core::assert!(
-                ::core::mem::offset_of!($payload, sequence) == $crate::service::SEQUENCE_OFFSET
-                    && ::core::mem::offset_of!($payload, epoch_ns) == $crate::service::EPOCH_OFFSET,
-                "a topic's struct begins with `sequence: u64` and `epoch_ns: u64`"
-            );
-            ::core::assert!(
-                $crate::service::is_key($key) && !<$payload as $crate::Topic>::PROVIDER.is_empty(),
-                "a module's key is `<module>/<topic>` in lower snake case"
-            );
-        };
+        const _: () = $crate::service::check_topic::<$payload>();
     };
 }
 
@@ -249,33 +273,15 @@ macro_rules! topic {
 macro_rules! request {
     ($payload:ty, $key:literal) => {
         $crate::request!($payload, $key, $crate::service::module_of($key));
-
-        const _: () = ::core::assert!(
-            !$crate::module::is_own_name($crate::service::module_of($key)),
-            "`bridge`, `status` and `relay` are the names of the RIL's own modules: choose another one"
-        );
+        const _: () = $crate::service::check_outside($key);
     };
     ($payload:ty, $key:literal, $provider:expr) => {
         impl $crate::Request for $payload {
             const KEY: &'static str = $key;
             const PROVIDER: &'static str = $provider;
-
-            fn request_id(&self) -> u64 {
-                self.request_id
-            }
         }
 
-        const _: () = {
-            ::core::assert!(
-                ::core::mem::offset_of!($payload, request_id) == $crate::service::REQUEST_ID_OFFSET,
-                "a request's struct begins with `request_id: u64`"
-            );
-            ::core::assert!(
-                $crate::service::is_key($key)
-                    && !<$payload as $crate::Request>::PROVIDER.is_empty(),
-                "a module's key is `<module>/<request>` in lower snake case"
-            );
-        };
+        const _: () = $crate::service::check_request::<$payload>();
     };
 }
 
@@ -294,4 +300,10 @@ pub(crate) fn word(payload: &[u8], offset: usize) -> u64 {
     bytes
         .and_then(|bytes| bytes.try_into().ok())
         .map_or(0, u64::from_ne_bytes)
+}
+
+/// Writes a publisher's count and identity into a sample.
+pub(crate) fn stamp(sample: &mut [u8], sequence: u64, epoch_ns: u64) {
+    sample[SEQUENCE_OFFSET..][..8].copy_from_slice(&sequence.to_ne_bytes());
+    sample[EPOCH_OFFSET..][..8].copy_from_slice(&epoch_ns.to_ne_bytes());
 }

@@ -1,6 +1,6 @@
 //! Keys: the last part of a service's name, and the name of the folder in which the service lies.
 
-use crate::payload::layout::is_snake;
+use crate::payload::layout::{is_equal, is_snake};
 use crate::random;
 use crate::robot::RobotId;
 
@@ -76,6 +76,32 @@ pub const fn module_of(key: &'static str) -> &'static str {
     ""
 }
 
+/// Names of the RIL's own modules, which no other module can have: consumers take what the process `relay` provides for what comes
+/// from another machine, and know bridge and status by theirs.
+pub const OWN_NAMES: [&str; 3] = ["bridge", "status", "relay"];
+
+/// Whether this is the name of one of the RIL's own modules.
+pub const fn is_own_name(name: &str) -> bool {
+    let mut index = 0;
+    while index < OWN_NAMES.len() {
+        if is_equal(name, OWN_NAMES[index]) {
+            return true;
+        }
+        index += 1;
+    }
+    false
+}
+
+/// Stops the compiler when a module outside the RIL cannot have the service `key`: for [`topic!`](crate::topic) and
+/// [`request!`](crate::request).
+#[doc(hidden)]
+pub const fn check_outside(key: &'static str) {
+    assert!(
+        !is_own_name(module_of(key)),
+        "`bridge`, `status` and `relay` are the names of the RIL's own modules: choose another one"
+    );
+}
+
 /// Longest name of a service's folder, bytes: the longest key of the robot's own.
 const MAX_FOLDER_LEN: usize = 14;
 
@@ -132,5 +158,15 @@ mod tests {
         }
         assert_eq!(module_of("battery_watch/cell_voltages"), "battery_watch");
         assert_eq!(module_of("dsp_telemetry"), "");
+    }
+
+    #[test]
+    fn the_names_of_the_ril_s_own_modules_are_taken() {
+        for name in ["bridge", "status", "relay"] {
+            assert!(is_own_name(name), "{name}");
+        }
+        for name in ["", "relay_", "rela", "relays", "Relay", "battery_watch"] {
+            assert!(!is_own_name(name), "{name}");
+        }
     }
 }

@@ -5,17 +5,19 @@
 
 mod bounds;
 mod contract;
-mod event;
 mod key;
 mod table;
 
 pub use bounds::*;
-pub(crate) use contract::word;
 pub use contract::{
     Contract, EPOCH_OFFSET, Pattern, REQUEST_ID_OFFSET, Request, SEQUENCE_OFFSET, Topic,
 };
-pub use event::{EVENT_ID_MAX, EventCode};
+#[doc(hidden)]
+pub use contract::{check_request, check_topic};
+pub(crate) use contract::{stamp, word};
+#[doc(hidden)]
+pub use key::check_outside;
 pub(crate) use key::folder_name;
-pub use key::{MAX_KEY_LEN, is_key, module_of, service_name};
+pub use key::{MAX_KEY_LEN, OWN_NAMES, is_key, is_own_name, module_of, service_name};
 pub(crate) use table::slot;
 pub use table::{SERVICES, ServiceId, ServiceSpec, own};

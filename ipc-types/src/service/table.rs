@@ -5,6 +5,7 @@
 use super::contract::{Contract, Request, Topic};
 use crate::payload::{
     DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RelayLink, RelayStations,
 };
 use crate::robot::RobotId;
 use crate::{request, topic};
@@ -104,7 +105,7 @@ impl ServiceId {
     }
 }
 
-/// The robot's own service with this key; nothing when it is a module's.
+/// The robot's own service with this key; `None` if it is a module's.
 pub fn own(key: &str) -> Option<ServiceId> {
     let spec = SERVICES.iter().find(|spec| spec.contract.key == key);
     spec.map(|spec| spec.id)
@@ -118,21 +119,11 @@ pub(crate) fn slot(key: &str, robot: RobotId) -> Option<u32> {
 topic!(DspTelemetry, "dsp_telemetry", "bridge");
 topic!(HeroTelemetry, "hero_telemetry", "status");
 topic!(ModuleState, "module_state", "bridge");
+topic!(RelayLink, "relay/link", "relay");
+topic!(RelayStations, "relay/stations", "relay");
 request!(ModuleControl, "module_control", "bridge");
+request!(MovementData, "movement", "bridge");
 request!(ParameterRequest, "parameters", "bridge");
-
-impl Request for MovementData {
-    const KEY: &'static str = "movement";
-    const PROVIDER: &'static str = "bridge";
-
-    fn request_id(&self) -> u64 {
-        self.request_id
-    }
-
-    fn path_id(&self) -> u64 {
-        self.path_id
-    }
-}
 
 #[cfg(test)]
 mod tests {
@@ -151,6 +142,11 @@ mod tests {
             assert_eq!(own(spec.contract.key), Some(spec.id));
         }
         assert_eq!(own("battery_watch/state"), None);
+        // The relay's have no slot.
+        let link = (RelayLink::KEY, RelayLink::PROVIDER);
+        assert_eq!(link, ("relay/link", "relay"));
+        let stations = (RelayStations::KEY, RelayStations::PROVIDER);
+        assert_eq!(stations, ("relay/stations", "relay"));
     }
 
     #[test]
@@ -174,14 +170,5 @@ mod tests {
             ServiceId::DspTelemetry.name(robot(7)),
             "hero/7/dsp_telemetry"
         );
-    }
-
-    #[test]
-    fn a_movement_says_to_which_path_it_belongs() {
-        let waypoint = MovementData {
-            path_id: 9,
-            ..MovementData::land(4)
-        };
-        assert_eq!((waypoint.request_id(), Request::path_id(&waypoint)), (4, 9));
     }
 }

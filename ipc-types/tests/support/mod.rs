@@ -7,7 +7,9 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use ipc_types::{Domain, Ipc, RobotId, files};
+use ipc_types::{
+    Client, Domain, Ipc, Publisher, Request, RobotId, Server, Subscriber, Topic, files,
+};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Far longer than any test takes; only a test that hangs meets it.
@@ -41,6 +43,30 @@ pub fn in_domain(test: impl FnOnce(&Domain) + Send + 'static) {
     assert!(residue.is_empty(), "left behind: {residue:?}");
 }
 
+/// As [`in_domain`], with this process's part in it for robot 1.
+#[allow(dead_code)]
+pub fn in_robot(test: impl FnOnce(Ipc) + Send + 'static) {
+    in_domain(|domain| test(join(domain, "test")));
+}
+
+/// As [`in_robot`], with a client and the server of the same requests.
+#[allow(dead_code)]
+pub fn in_service<R: Request>(test: impl FnOnce(Client<R>, Server<R>) + Send + 'static) {
+    in_robot(|ipc| {
+        let server = ipc.server().expect("the server");
+        test(ipc.client().expect("a client"), server);
+    });
+}
+
+/// As [`in_robot`], with the publisher and a subscriber of the same topic, which has entered the publisher's generation.
+#[allow(dead_code)]
+pub fn in_topic<T: Topic>(test: impl FnOnce(Publisher<T>, Subscriber<T>) + Send + 'static) {
+    in_robot(|ipc| {
+        let publisher = ipc.publisher().expect("the publisher");
+        test(publisher, ipc.subscriber().expect("a subscriber"));
+    });
+}
+
 /// A part in the domain for robot 1.
 #[allow(dead_code)]
 pub fn join(domain: &Domain, process: &str) -> Ipc {
@@ -61,6 +87,17 @@ pub fn until(what: &str, mut step: impl FnMut() -> bool) {
         assert!(Instant::now() < end, "never: {what}");
     }
 }
+
+/// The tests of a program with a main function of its own, by their names.
+#[allow(unused_macros)]
+macro_rules! tests {
+    ($($test:ident),* $(,)?) => {
+        &[$((stringify!($test), $test as fn())),*]
+    };
+}
+
+#[allow(unused_imports)]
+pub(crate) use tests;
 
 /// The main function of a test program that starts itself again in roles: plays the role that it is asked for, or runs
 /// the tests whose names contain one of the arguments.

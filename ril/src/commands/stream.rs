@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use ipc_types::service::own;
 use ipc_types::{
-    Descriptor, DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source, Subscriber,
-    Topic, dynamic,
+    Descriptor, DynamicSubscriber, Losses, MonotonicNs, Payload, ReceiveError, Schema, Source,
+    Subscriber, Topic, dynamic,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
 
@@ -91,23 +91,13 @@ pub(super) trait Samples: Source {
     fn losses(&self) -> Losses;
 }
 
-impl<T: Topic> Samples for Subscriber<T> {
-    fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        Subscriber::drain(self, |sample| take(sample.bytes()))
+impl<P: Payload> Samples for Subscriber<P> {
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        self.drain_bytes(take)
     }
 
     fn losses(&self) -> Losses {
         Subscriber::losses(self)
-    }
-}
-
-impl Samples for DynamicSubscriber {
-    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        DynamicSubscriber::drain(self, take)
-    }
-
-    fn losses(&self) -> Losses {
-        DynamicSubscriber::losses(self)
     }
 }
 
