@@ -420,6 +420,21 @@ mod tests {
     }
 
     #[test]
+    fn an_authority_of_another_make_signs_as_well() {
+        let folder = tempfile::tempdir().unwrap();
+        let args = args(folder.path(), &["gcs"]);
+        let mut params = CertificateParams::default();
+        params.distinguished_name = named("Acme");
+        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+        let key = KeyPair::generate().unwrap();
+        let certificate = params.self_signed(&key).unwrap().pem();
+        fs::create_dir(&args.folder).unwrap();
+        write_pair(&args.folder, AUTHORITY, &certificate, &key).unwrap();
+        certify(&args, now()).unwrap();
+        assert_eq!(shown(&args.folder.join("gcs.pem")).3, "CN=Acme");
+    }
+
+    #[test]
     fn names_that_are_none_are_refused() {
         for text in [
             "",

@@ -61,15 +61,6 @@ pub use window::{SLOT_NS, SLOTS};
 /// and 5000⁶ is more than 2⁶⁴ ns.
 const CORRECTIONS: usize = 6;
 
-/// What an exchange did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// How long its two messages were under way together, in ns. The robot's time to answer is not in it.
-    pub round_trip_ns: u64,
-    /// The offset had jumped: everything known so far was discarded, and this exchange is all that is known now.
-    pub began_anew: bool,
-}
-
 /// The offset at one moment of the local clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Estimate {
@@ -110,7 +101,8 @@ impl Clock {
         Clock::default()
     }
 
-    /// Learns from an exchange.
+    /// Learns from an exchange. One that shows that the offset has jumped is all that is known then, and counts as a
+    /// [reset](Clock::resets).
     ///
     /// The exchanges may come in any order, and one may come twice. Any time stamps of the remote machine are safe to pass.
     ///
@@ -118,7 +110,7 @@ impl Clock {
     ///
     /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two local
     /// stamps has made the offset jump: it discards the estimate as well.
-    pub fn take(&mut self, exchange: &Exchange) -> Result<Taken, Rejected> {
+    pub fn take(&mut self, exchange: &Exchange) -> Result<(), Rejected> {
         if exchange.sent < self.not_before {
             return Err(Rejected::Superseded);
         }
@@ -127,8 +119,7 @@ impl Clock {
             self.reset(exchange.received);
         }
         plausible?;
-        let began_anew = !self.learn(exchange);
-        if began_anew {
+        if !self.learn(exchange) {
             self.reset(exchange.received);
         }
         if self.known.is_none() {
@@ -138,10 +129,7 @@ impl Clock {
                 suspended: exchange.suspended,
             });
         }
-        Ok(Taken {
-            round_trip_ns: exchange.round_trip_ns(),
-            began_anew,
-        })
+        Ok(())
     }
 
     /// Adds `exchange` to what is known; false if it contradicts that.

@@ -25,7 +25,7 @@ use crate::names;
 use crate::network::Network;
 use crate::orders::message::{NOT_PERMITTED, Order};
 use crate::orders::robot as orders;
-use crate::orders::robot::{NotSent, Output, Traits};
+use crate::orders::robot::{NotSent, Output};
 use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 use admission::Admission;
@@ -185,9 +185,8 @@ impl RobotSide {
                 "a request has another length than its service takes"
             );
         }
-        let traits = requests.map_or(Traits::default(), |requests| {
-            requests.fields.traits(&order.request)
-        });
+        let traits = requests.map(|requests| requests.fields.traits(&order.request));
+        let traits = traits.unwrap_or_default();
         self.orders.order(order, traits, MonotonicNs::now(), out);
         // Only the sender of this order gets the answer that its session is not known.
         for output in out.split_off(from) {

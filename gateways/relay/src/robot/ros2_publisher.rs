@@ -39,10 +39,10 @@ impl Ros2Publisher {
 
     /// The relay carries a topic from now on.
     pub fn add(&mut self, network: &Network, key: &str, schema: &Schema, priority: Priority) {
-        let change = self.topics.add(key, schema, |publication| {
+        let left_out = self.topics.add(key, schema, |publication| {
             network.outbox(declaration(publication, priority))
         });
-        if let Some(standard) = change.left_out {
+        if let Some(standard) = left_out {
             tracing::warn!(
                 key,
                 "{} is not published for ROS 2, because a topic of the robot has its name",

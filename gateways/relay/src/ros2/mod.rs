@@ -37,5 +37,5 @@ mod type_hash;
 pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, Qos, Reliability, Session, attachment};
 pub use packages::{ConflictingTypes, add_packages, own_schemas, write_packages};
 pub use ros_messages::{StandardMessage, UnixOffset, message};
-pub use topics::{Change, Topics, Way};
+pub use topics::{Topics, Way};
 pub use type_hash::type_hash;

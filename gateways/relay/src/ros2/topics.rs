@@ -52,15 +52,6 @@ struct Publisher<W> {
     sent: i64,
 }
 
-/// What a new topic has changed.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Change<W> {
-    /// Ways that are not needed any more.
-    pub closed: Vec<W>,
-    /// The standard message that is left out from now on, because the topic has its name.
-    pub left_out: Option<StandardMessage>,
-}
-
 impl<W: Way> Topics<W> {
     /// No topics yet. `has_standard` says whether standard messages are made of `hero_telemetry`.
     pub fn new(mut session: Session, robot: RobotId, has_standard: bool) -> Topics<W> {
@@ -81,49 +72,37 @@ impl<W: Way> Topics<W> {
     }
 
     /// The relay carries a topic from now on, instead of a former one with the same key. `open` is called for each publication
-    /// that this needs.
+    /// that this needs; ways that are not needed any more are dropped. Returns the standard message that is left out from now on,
+    /// because the topic has its name.
     pub fn add(
         &mut self,
         key: &str,
         schema: &Schema,
         mut open: impl FnMut(&Publication) -> W,
-    ) -> Change<W> {
+    ) -> Option<StandardMessage> {
         let qos = Qos::of_key(key);
         let publication = self.session.publish(&self.node, key, schema, qos);
-        let mut change = Change {
-            closed: Vec::new(),
-            left_out: None,
-        };
+        let mut left_out = None;
         if let Some(standard) = StandardMessage::of_key(key) {
-            let is_news = self.taken.insert(standard);
-            change.left_out = (self.has_standard && is_news).then_some(standard);
-            let closed = self.standard.remove(&standard);
-            change.closed.extend(closed.map(|publisher| publisher.way));
+            let is_first = self.taken.insert(standard);
+            left_out = (self.has_standard && is_first).then_some(standard);
+            self.standard.remove(&standard);
         }
         let topic = Topic {
             publisher: Publisher::new(&publication, &mut open),
             source_time: SourceTime::of(schema),
         };
-        let former = self.topics.insert(key.to_owned(), topic);
-        change
-            .closed
-            .extend(former.map(|former| former.publisher.way));
+        self.topics.insert(key.to_owned(), topic);
         if key == HeroTelemetry::KEY {
-            self.follow_telemetry(schema, &mut change, open);
+            self.follow_telemetry(schema, open);
         }
-        change
+        left_out
     }
 
     /// Standard messages can be made of the struct that this program was built with, and of no other.
-    fn follow_telemetry(
-        &mut self,
-        schema: &Schema,
-        change: &mut Change<W>,
-        mut open: impl FnMut(&Publication) -> W,
-    ) {
+    fn follow_telemetry(&mut self, schema: &Schema, mut open: impl FnMut(&Publication) -> W) {
         if schema.layout_hash() != Schema::of::<HeroTelemetry>().layout_hash() {
-            let closed = std::mem::take(&mut self.standard).into_values();
-            return change.closed.extend(closed.map(|publisher| publisher.way));
+            return self.standard.clear();
         }
         for standard in StandardMessage::ALL {
             let is_free = !self.taken.contains(&standard) && !self.standard.contains_key(&standard);
@@ -224,11 +203,18 @@ mod tests {
     /// What was sent: topic, sequence, Unix time in ns.
     type Sent = Rc<RefCell<Vec<(String, i64, i64)>>>;
 
-    #[derive(Clone, Debug)]
+    #[derive(Debug)]
     struct Recorder {
         topic: String,
         is_open: bool,
         sent: Sent,
+        closed: Rc<RefCell<Vec<String>>>,
+    }
+
+    impl Drop for Recorder {
+        fn drop(&mut self) {
+            self.closed.borrow_mut().push(self.topic.clone());
+        }
     }
 
     impl Way for Recorder {
@@ -249,6 +235,7 @@ mod tests {
     struct Harness {
         topics: Topics<Recorder>,
         sent: Sent,
+        closed: Rc<RefCell<Vec<String>>>,
         are_open: bool,
     }
 
@@ -258,6 +245,7 @@ mod tests {
             Harness {
                 topics: Topics::new(session, RobotId::DEFAULT, has_standard),
                 sent: Sent::default(),
+                closed: Rc::default(),
                 are_open: true,
             }
         }
@@ -269,16 +257,16 @@ mod tests {
             schema: &Schema,
         ) -> (Vec<String>, Vec<String>, Option<StandardMessage>) {
             let mut opened = Vec::new();
-            let change = self.topics.add(key, schema, |publication| {
+            let left_out = self.topics.add(key, schema, |publication| {
                 opened.push(publication.topic.clone());
                 Recorder {
                     topic: publication.topic.clone(),
                     is_open: self.are_open,
                     sent: Rc::clone(&self.sent),
+                    closed: Rc::clone(&self.closed),
                 }
             });
-            let closed = change.closed.into_iter().map(|way| way.topic);
-            (opened, closed.collect(), change.left_out)
+            (opened, self.closed.take(), left_out)
         }
 
         fn send(&mut self, key: &str, sample: &[u8]) -> Vec<(String, i64, i64)> {

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, RelayLinkState};
+use ipc_types::payload::RelayLink;
 
 use super::catalog::{Catalog, Question};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
@@ -196,24 +197,20 @@ impl Link {
         self.state == RelayLinkState::Up
     }
 
-    /// State of the link.
-    pub fn state(&self) -> RelayLinkState {
-        self.state
-    }
-
-    /// Since when the state holds.
-    pub fn since(&self) -> MonotonicNs {
-        self.since
-    }
-
-    /// When the robot was heard last.
-    pub fn last_heard(&self) -> Option<MonotonicNs> {
-        self.last_heard
-    }
-
-    /// How often the link went down.
-    pub fn outages(&self) -> u32 {
-        self.outages
+    /// Writes how the link is, and what the robot's clock shows, into what is published.
+    pub fn fill(&self, row: &mut RelayLink, now: MonotonicNs) {
+        row.since_ns = self.since.0;
+        row.last_heard_ns = self.last_heard.unwrap_or_default().0;
+        row.state = self.shown_state().code();
+        row.outages = self.outages;
+        row.clock_resets = u32::try_from(self.clock.resets()).unwrap_or(u32::MAX);
+        if let Some(estimate) = self.clock.estimate(now) {
+            row.clock_offset_ns = estimate.offset_ns;
+            row.clock_uncertainty_s = estimate.uncertainty_ns as f64 * 1e-9;
+            row.round_trip_s = estimate.round_trip_ns as f64 * 1e-9;
+            row.clock_drift_ppb = i32::try_from(estimate.drift_ppb).unwrap_or_default();
+            row.clock_valid = 1;
+        }
     }
 
     /// What the robot's clock shows.
@@ -280,13 +277,13 @@ mod tests {
     #[test]
     fn the_first_answer_brings_the_link_up_and_silence_takes_it_down() {
         let mut link = link();
-        assert_eq!(link.state(), RelayLinkState::Connecting);
+        assert_eq!(link.state, RelayLinkState::Connecting);
         let update = answered(&mut link, 0, 1, 0);
         assert!(update.is_up && update.is_other_life && link.is_up());
         assert!(link.ping(at(100), 0).is_none());
         assert!(!link.pass(at(2009)));
         assert!(link.pass(at(2010)) && !link.is_up());
-        assert_eq!((link.outages(), link.deadline()), (1, at(2010)));
+        assert_eq!((link.outages, link.deadline()), (1, at(2010)));
         assert!(answered(&mut link, 2010, 1, 0).is_up);
         assert!(!answered(&mut link, 2600, 1, 0).is_up, "it is up already");
     }
@@ -370,6 +367,6 @@ mod tests {
             ..pong(1, &ping, 0)
         };
         assert_eq!(link.take(&other, at(1), 0), Update::default());
-        assert_eq!(link.state(), RelayLinkState::Connecting);
+        assert_eq!(link.state, RelayLinkState::Connecting);
     }
 }

@@ -327,11 +327,8 @@ impl Remote {
     /// How the link is, as it is published.
     fn row(&self, now: MonotonicNs) -> RelayLink {
         let samples = self.mirrors.counts();
-        let clock = self.link.clock();
         let mut row = RelayLink {
             published_ns: now.0,
-            since_ns: self.link.since().0,
-            last_heard_ns: self.link.last_heard().unwrap_or_default().0,
             samples_received: samples.received,
             samples_lost_on_air: samples.lost_on_air,
             samples_lost_in_relay: samples.lost_in_relay,
@@ -341,23 +338,14 @@ impl Remote {
             orders_sent: self.counts.orders_sent,
             orders_repeated: self.counts.orders_repeated,
             orders_unknown: self.counts.orders_unknown,
-            state: self.link.shown_state().code(),
             robot: self.robot.number.get(),
-            clock_resets: u32::try_from(clock.resets()).unwrap_or(u32::MAX),
-            outages: self.link.outages(),
             orders_open: self.orders.open() as u32,
             refusal: self.refusal().code(),
             link: ascii_bytes(&self.endpoints),
             station: ascii_bytes(&self.station),
             ..RelayLink::default()
         };
-        if let Some(estimate) = clock.estimate(now) {
-            row.clock_offset_ns = estimate.offset_ns;
-            row.clock_uncertainty_s = estimate.uncertainty_ns as f64 * 1e-9;
-            row.round_trip_s = estimate.round_trip_ns as f64 * 1e-9;
-            row.clock_drift_ppb = i32::try_from(estimate.drift_ppb).unwrap_or_default();
-            row.clock_valid = 1;
-        }
+        self.link.fill(&mut row, now);
         row
     }
 }
