@@ -1,8 +1,8 @@
 //! [`access_control`]: which certificate may send and read what, as Zenoh's access rules. A pure function of the configuration.
 //!
-//! | peer | from it | to it | told to it, and by it |
+//! | peer | from it | to it | subscriptions that it learns; that it declares |
 //! |---|---|---|---|
-//! | a robot's relay | its samples and answers | what stations ask and order | that it has them, that it wants them |
+//! | a robot's relay | its samples and answers | what stations ask and order | to what it sends; to what it reads |
 //! | a station's relay | what it asks under its own name; orders, when it may command | samples, and answers to its own name | the same |
 //! | a router | everything of `hero/` | the same | the same |
 //!
@@ -14,8 +14,8 @@
 use runtime::config::Fault;
 use serde_json::{Value, json};
 
-pub use crate::config::Side;
-use crate::config::{Config, Endpoint};
+use crate::config::{Config, Endpoint, Side};
+use crate::names;
 
 /// Kinds of messages that our relays never send, so that no rule allows them: `delete`, `query`, `reply` and the rest.
 /// These are sent.
@@ -29,25 +29,17 @@ struct Peer {
     name: String,
     /// Keys of samples that it sends.
     sends: Vec<String>,
-    /// Keys of samples that it reads.
+    /// Keys of samples that it subscribes to and reads.
     reads: Vec<String>,
-    /// Keys that it may subscribe to.
-    subscribes: Vec<String>,
-    /// Keys that it is told this side has subscribed to.
+    /// Keys of which it learns that this side has subscribed to them.
     learns: Vec<String>,
-    /// Whether it may show itself as part of the ROS graph, and look at it.
-    ros: Ros,
+    /// Whether it shows itself as part of the ROS graph.
+    publishes_ros: bool,
+    /// Whether it looks at the ROS graph.
+    reads_ros: bool,
 }
 
-/// A peer's part in the ROS graph.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Ros {
-    Publishes,
-    Reads,
-    Both,
-}
-
-/// The value of `access_control`; nothing without certificates, because a rule needs to know who is at the other end.
+/// The value of `access_control`. `None` without certificates, because a rule needs to know which peer is at the other end.
 pub fn access_control(config: &Config, side: Side) -> Option<Value> {
     config.security.authority.as_ref()?;
     let mut peers = Vec::new();
@@ -76,11 +68,11 @@ pub fn access_control(config: &Config, side: Side) -> Option<Value> {
     }))
 }
 
-/// Whether this side may start, and what its operator must be told.
+/// Whether this side may start, and the warning for its operator.
 ///
 /// # Errors
 ///
-/// Why it must not: strangers could order, or certificates are there and no peer may do anything.
+/// Why it must not: everyone on the network could order, or certificates are there and no peer may do anything.
 pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
     if let Some(rules) = access_control(config, side) {
         if rules["subjects"].as_array().is_none_or(Vec::is_empty) {
@@ -95,55 +87,44 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
             format!("nothing passes through `{endpoint}`: certificates are configured, and it shows none")
         }));
     }
-    let Some(door) = open_door(config, side) else {
+    let Some(Door { shown, fault }) = open_door(config, side) else {
         return Ok(None);
-    };
-    let open = match door {
-        Door::Discovery => "what is found by `discovery`".to_owned(),
-        Door::Endpoint { text, .. } => format!("`{text}`"),
     };
     match side {
         Side::Robot if config.commands.stations.is_empty() => Ok(Some(format!(
-            "{open} is not encrypted: everyone who reaches it can read the robot's telemetry"
+            "{shown} is not encrypted: everyone who reaches it can read the robot's telemetry"
         ))),
-        Side::Robot if !config.security.insecure => Err(door.fault(format!(
-            "{open} is not encrypted, so that everyone who reaches it could fly the robot: let `ril relay certify` make \
+        Side::Robot if !config.security.insecure => Err(fault(format!(
+            "{shown} is not encrypted, so that everyone who reaches it could fly the robot: let `ril relay certify` make \
              certificates and use tls/ or quic/, listen on this machine alone, or write `insecure = true` into `[security]`"
         ))),
         Side::Robot => Ok(Some(format!(
-            "INSECURE: {open} is not encrypted: everyone who reaches it can FLY THE ROBOT"
+            "INSECURE: {shown} is not encrypted: everyone who reaches it can FLY THE ROBOT"
         ))),
         Side::Station => Ok(Some(format!(
-            "{open} is not encrypted: what comes through it may be a stranger's"
+            "{shown} is not encrypted: everyone who reaches it can falsify what comes through it"
         ))),
         Side::Router => Ok(Some(format!(
-            "{open} is not encrypted: everyone who reaches it can read telemetry, and send requests to robots that take them"
+            "{shown} is not encrypted: everyone who reaches it can read telemetry, and send requests to robots that take them"
         ))),
     }
 }
 
-/// What strangers on the network could use.
-enum Door<'a> {
-    Discovery,
-    Endpoint {
-        text: &'a str,
-        keys: &'static [&'static str],
-    },
+/// A way in for everyone on the network.
+struct Door<'a> {
+    /// As it is shown to the operator.
+    shown: String,
+    /// Says what is wrong with it, at its place in the configuration.
+    fault: Box<dyn Fn(String) -> Fault + 'a>,
 }
 
-impl Door<'_> {
-    fn fault(&self, reason: String) -> Fault {
-        match self {
-            Door::Discovery => Fault::at(&["network", "discovery"], reason),
-            Door::Endpoint { text, keys } => Fault::at(keys, reason).of(*text),
-        }
-    }
-}
-
-/// The first one, if there is any.
+/// The first way in that is neither encrypted nor of this machine alone.
 fn open_door(config: &Config, side: Side) -> Option<Door<'_>> {
     if config.network.discovery {
-        return Some(Door::Discovery);
+        return Some(Door {
+            shown: "what is found by `discovery`".to_owned(),
+            fault: Box::new(|reason| Fault::at(&["network", "discovery"], reason)),
+        });
     }
     let (listen, connect) = side.endpoints(config);
     let lists = [listen, connect].into_iter().zip(side.keys());
@@ -153,7 +134,10 @@ fn open_door(config: &Config, side: Side) -> Option<Door<'_>> {
         !endpoint.is_ok_and(|endpoint| endpoint.is_encrypted() || endpoint.is_on_this_machine())
     };
     let (text, keys) = endpoints.find(|(text, _)| is_open(text))?;
-    Some(Door::Endpoint { text, keys })
+    Some(Door {
+        shown: format!("`{text}`"),
+        fault: Box::new(move |reason| Fault::at(keys, reason).of(text.as_str())),
+    })
 }
 
 fn endpoints(config: &Config, side: Side) -> impl Iterator<Item = &String> {
@@ -166,15 +150,17 @@ fn is_encrypted(text: &str) -> bool {
 }
 
 fn robots(config: &Config) -> impl Iterator<Item = Peer> {
-    let peer = |(name, number): (&String, &std::num::NonZeroU32)| Peer {
-        name: name.clone(),
-        sends: keys(number, &["topic/**", "tell/*"]),
-        reads: keys(number, &["ask/*", "order/*"]),
-        subscribes: keys(number, &["ask/*", "order/*"]),
-        learns: keys(number, &["topic/**", "tell/*"]),
-        ros: Ros::Publishes,
-    };
-    config.security.robots.iter().map(peer)
+    config.security.robots.iter().map(|(name, number)| {
+        let sends = vec![names::topics(number), names::tell(number, "*")];
+        Peer {
+            name: name.clone(),
+            learns: sends.clone(),
+            sends,
+            reads: vec![names::ask(number, "*"), names::order(number, "*")],
+            publishes_ros: true,
+            reads_ros: false,
+        }
+    })
 }
 
 fn stations(config: &Config) -> impl Iterator<Item = Peer> {
@@ -182,46 +168,34 @@ fn stations(config: &Config) -> impl Iterator<Item = Peer> {
     let watching = config.security.stations.iter();
     let watching = watching.filter(|name| !commanding.contains(name));
     commanding.iter().chain(watching).map(|name| {
-        let (ask, order) = (format!("ask/{name}"), format!("order/{name}"));
-        let tell = format!("tell/{name}");
-        let sends = match commanding.contains(name) {
-            true => keys(&"*", &[&ask, &order]),
-            false => keys(&"*", &[&ask]),
-        };
+        let mut sends = vec![names::ask("*", name)];
+        if commanding.contains(name) {
+            sends.push(names::order("*", name));
+        }
         Peer {
             name: name.clone(),
             sends,
-            reads: keys(&"*", &["topic/**", &tell]),
-            subscribes: keys(&"*", &["topic/**", &tell]),
-            learns: keys(&"*", &["ask/*", "order/*"]),
-            ros: Ros::Reads,
+            reads: vec![names::topics("*"), names::tell("*", name)],
+            learns: vec![names::ask("*", "*"), names::order("*", "*")],
+            publishes_ros: false,
+            reads_ros: true,
         }
     })
 }
 
 fn routers(config: &Config) -> impl Iterator<Item = Peer> {
-    config.security.routers.iter().map(|name| {
-        let all = vec!["hero/**".to_owned()];
-        Peer {
-            name: name.clone(),
-            sends: all.clone(),
-            reads: all.clone(),
-            subscribes: all.clone(),
-            learns: all,
-            ros: Ros::Both,
-        }
+    config.security.routers.iter().map(|name| Peer {
+        name: name.clone(),
+        sends: vec![names::ALL.to_owned()],
+        reads: vec![names::ALL.to_owned()],
+        learns: vec![names::ALL.to_owned()],
+        publishes_ros: true,
+        reads_ros: true,
     })
 }
 
-fn keys(robot: &impl std::fmt::Display, parts: &[&str]) -> Vec<String> {
-    parts
-        .iter()
-        .map(|part| format!("hero/{robot}/{part}"))
-        .collect()
-}
-
 impl Peer {
-    /// `ros` is the ROS domain, when there is one.
+    /// `ros` is the ROS domain, if there is one.
     fn rules(&self, ros: Option<u32>) -> Vec<Value> {
         let rule = |what: &str, messages: &[&str], flow: &str, keys: &[String]| {
             json!({
@@ -235,20 +209,20 @@ impl Peer {
         let mut rules = vec![
             rule("sends", &[SAMPLES], "ingress", &self.sends),
             rule("reads", &[SAMPLES], "egress", &self.reads),
-            rule("subscribes", &[SUBSCRIPTIONS], "ingress", &self.subscribes),
+            rule("subscribes", &[SUBSCRIPTIONS], "ingress", &self.reads),
             rule("learns", &[SUBSCRIPTIONS], "egress", &self.learns),
         ];
         if let Some(domain) = ros {
             let topics = [format!("{domain}/**")];
             let graph = [format!("@ros2_lv/{domain}/**")];
             let looks = ["liveliness_query", "declare_liveliness_subscriber"];
-            if self.ros != Ros::Reads {
+            if self.publishes_ros {
                 rules.push(rule("ros sends", &[SAMPLES], "ingress", &topics));
                 rules.push(rule("ros shows", &["liveliness_token"], "ingress", &graph));
                 rules.push(rule("ros wants", &[SUBSCRIPTIONS], "egress", &topics));
                 rules.push(rule("ros asks", &looks, "egress", &graph));
             }
-            if self.ros != Ros::Publishes {
+            if self.reads_ros {
                 rules.push(rule("ros reads", &[SAMPLES], "egress", &topics));
                 rules.push(rule("ros sees", &["liveliness_token"], "egress", &graph));
                 rules.push(rule("ros subscribes", &[SUBSCRIPTIONS], "ingress", &topics));
@@ -260,4 +234,225 @@ impl Peer {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    /// A configuration with certificates, two robots, a router, a station that commands and one that watches.
+    fn config(more: &str) -> Config {
+        let text = format!(
+            "[security]\nauthority = \"ca.pem\"\ncertificate = \"x.pem\"\nkey = \"x-key.pem\"\n\
+         robots = {{ robot-1 = 1, heli = 2 }}\nrouters = [\"hub\"]\nstations = [\"viewer\"]\n\
+         [commands]\nstations = [\"gcs\"]\n{more}"
+        );
+        let config: Config = runtime::config::parse(&text, "relay.toml").unwrap();
+        config.check().unwrap();
+        config
+    }
+
+    fn names(value: &Value) -> Vec<&str> {
+        let subjects = value["subjects"].as_array().unwrap();
+        subjects
+            .iter()
+            .map(|subject| subject["id"].as_str().unwrap())
+            .collect()
+    }
+
+    /// Whether the rules let this through. `*` in a rule stands for one part, `**` at its end for any number.
+    fn allows(value: &Value, name: &str, flow: &str, message: &str, key: &str) -> bool {
+        let policies = value["policies"].as_array().unwrap();
+        let rules = value["rules"].as_array().unwrap();
+        let has = |list: &Value, item: &str| {
+            let mut list = list.as_array().unwrap().iter();
+            list.any(|entry| entry.as_str() == Some(item))
+        };
+        let mut own = policies
+            .iter()
+            .filter(|policy| has(&policy["subjects"], name))
+            .flat_map(|policy| policy["rules"].as_array().unwrap())
+            .flat_map(|id| rules.iter().filter(move |rule| rule["id"] == *id));
+        own.any(|rule| {
+            let mut patterns = rule["key_exprs"].as_array().unwrap().iter();
+            has(&rule["flows"], flow)
+                && has(&rule["messages"], message)
+                && patterns.any(|pattern| includes(pattern.as_str().unwrap(), key))
+        })
+    }
+
+    fn includes(pattern: &str, key: &str) -> bool {
+        let (mut patterns, mut parts) = (pattern.split('/'), key.split('/'));
+        loop {
+            match (patterns.next(), parts.next()) {
+                (Some("**"), _) => return true,
+                (Some("*"), Some(part)) if part != "**" => {}
+                (Some(pattern), Some(part)) if pattern == part => {}
+                (None, None) => return true,
+                _ => return false,
+            }
+        }
+    }
+
+    #[test]
+    fn without_certificates_there_are_no_rules_because_no_peer_is_known() {
+        let config = Config::default();
+        for side in [Side::Robot, Side::Station, Side::Router] {
+            assert_eq!(access_control(&config, side), None);
+        }
+    }
+
+    #[test]
+    fn each_side_knows_those_that_can_be_at_the_other_end() {
+        let config = config("");
+        let of = |side| access_control(&config, side).unwrap();
+        assert_eq!(names(&of(Side::Robot)), ["gcs", "viewer", "hub"]);
+        assert_eq!(names(&of(Side::Station)), ["heli", "robot-1", "hub"]);
+        assert_eq!(
+            names(&of(Side::Router)),
+            ["heli", "robot-1", "gcs", "viewer", "hub"]
+        );
+        for side in [Side::Robot, Side::Station, Side::Router] {
+            assert_eq!(of(side)["default_permission"], "deny");
+        }
+    }
+
+    #[test]
+    fn a_station_asks_and_orders_under_its_own_name_and_reads_its_own_answers() {
+        let rules = access_control(&config(""), Side::Robot).unwrap();
+        let may = |name: &str, flow: &str, message: &str, key: &str| {
+            allows(&rules, name, flow, message, key)
+        };
+        for name in ["gcs", "viewer"] {
+            let other = if name == "gcs" { "viewer" } else { "gcs" };
+            let key = |kind: &str, name: &str| format!("hero/1/{kind}/{name}");
+            assert!(may(name, "ingress", "put", &key("ask", name)));
+            assert!(!may(name, "ingress", "put", &key("ask", other)));
+            assert!(!may(name, "ingress", "put", &key("ask", "*")));
+            assert!(!may(name, "ingress", "put", &key("order", other)));
+            assert!(!may(name, "ingress", "put", &key("order", "**")));
+            assert!(!may(name, "ingress", "put", &key("tell", name)));
+            assert!(!may(name, "ingress", "put", &key("topic", "a")));
+            for (flow, message) in [("egress", "put"), ("ingress", "declare_subscriber")] {
+                assert!(may(name, flow, message, &key("tell", name)));
+                assert!(!may(name, flow, message, &key("tell", other)));
+                assert!(!may(name, flow, message, &key("tell", "*")));
+                assert!(may(name, flow, message, "hero/1/topic/a/b"));
+                assert!(!may(name, flow, message, &key("ask", other)));
+                assert!(!may(name, flow, message, "hero/**"));
+            }
+        }
+        assert!(may("gcs", "ingress", "put", "hero/1/order/gcs"));
+        assert!(!may("viewer", "ingress", "put", "hero/1/order/viewer"));
+        assert!(!may("stranger", "ingress", "put", "hero/1/ask/stranger"));
+        assert!(!may("robot-1", "ingress", "put", "hero/1/topic/a"));
+    }
+
+    #[test]
+    fn a_robot_sends_its_own_samples_and_answers_and_nothing_of_another() {
+        for side in [Side::Station, Side::Router] {
+            let rules = access_control(&config(""), side).unwrap();
+            let sends = |name: &str, key: &str| allows(&rules, name, "ingress", "put", key);
+            assert!(sends("robot-1", "hero/1/topic/hero_telemetry"));
+            assert!(sends("robot-1", "hero/1/tell/gcs"));
+            assert!(!sends("robot-1", "hero/2/topic/hero_telemetry"));
+            assert!(!sends("robot-1", "hero/*/topic/hero_telemetry"));
+            assert!(!sends("robot-1", "hero/1/order/gcs"));
+            assert!(sends("heli", "hero/2/topic/hero_telemetry"));
+            assert!(!allows(&rules, "heli", "egress", "put", "hero/1/order/gcs"));
+            assert!(allows(&rules, "heli", "egress", "put", "hero/2/order/gcs"));
+        }
+    }
+
+    #[test]
+    fn no_rule_allows_queries_deletions_or_liveliness_without_ros() {
+        let text = access_control(&config(""), Side::Router)
+            .unwrap()
+            .to_string();
+        for message in ["query", "reply", "delete", "liveliness"] {
+            assert!(!text.contains(message), "{message}");
+        }
+    }
+
+    #[test]
+    fn with_ros_robots_publish_in_its_domain_and_stations_read_it() {
+        let rules = access_control(
+            &config("[ros2]\nenabled = true\ndomain_id = 7\n"),
+            Side::Router,
+        )
+        .unwrap();
+        let may = |name: &str, flow: &str, message: &str, key: &str| {
+            allows(&rules, name, flow, message, key)
+        };
+        assert!(may("heli", "ingress", "put", "7/heli/imu"));
+        assert!(!may("heli", "ingress", "put", "8/heli/imu"));
+        assert!(!may("gcs", "ingress", "put", "7/heli/imu"));
+        assert!(may("gcs", "egress", "put", "7/heli/imu"));
+        assert!(may(
+            "viewer",
+            "ingress",
+            "declare_liveliness_subscriber",
+            "@ros2_lv/7/**"
+        ));
+    }
+
+    /// A configuration without certificates.
+    fn open(text: &str) -> Config {
+        let config: Config = runtime::config::parse(text, "relay.toml").unwrap();
+        config.check().unwrap();
+        config
+    }
+
+    #[test]
+    fn the_defaults_are_reached_from_this_machine_alone() {
+        for side in [Side::Robot, Side::Station, Side::Router] {
+            assert_eq!(check(&Config::default(), side), Ok(None));
+        }
+    }
+
+    #[test]
+    fn orders_through_an_open_door_take_a_key_in_the_configuration() {
+        for door in [
+            "[robot]\nlisten = [\"tcp/0.0.0.0:7447\"]\n",
+            "[robot]\nlisten = [\"udp/[::]:7447\"]\n",
+            "[robot]\nlisten = [\"tcp/127.0.0.1:7447\", \"tcp/192.168.1.2:7447#iface=eth0\"]\n",
+            "[robot]\nconnect = [\"tcp/hub:7447\"]\n",
+            "[network]\ndiscovery = true\n",
+        ] {
+            let warning = check(&open(door), Side::Robot).unwrap().unwrap();
+            assert!(warning.contains("read the robot's telemetry"), "{warning}");
+            let commands = format!("{door}[commands]\nstations = [\"gcs\"]\n");
+            let error = check(&open(&commands), Side::Robot).unwrap_err();
+            assert!(error.reason().contains("insecure = true"), "{error}");
+            let known = format!("{commands}[security]\ninsecure = true\n");
+            let warning = check(&open(&known), Side::Robot).unwrap().unwrap();
+            assert!(warning.contains("INSECURE"), "{warning}");
+        }
+        for closed in [
+            "tcp/localhost:1",
+            "tcp/127.0.0.9:1",
+            "tcp/[::1]:1",
+            "udp/[::ffff:127.0.0.1]:1",
+        ] {
+            let text =
+                format!("[robot]\nlisten = [\"{closed}\"]\n[commands]\nstations = [\"gcs\"]\n");
+            assert_eq!(check(&open(&text), Side::Robot), Ok(None), "{closed}");
+        }
+    }
+
+    #[test]
+    fn stations_and_routers_are_warned() {
+        let text = "[station]\nconnect = [\"tcp/10.0.0.2:7447\"]\n[router]\nlisten = [\"tcp/0.0.0.0:7447\"]\n";
+        for side in [Side::Station, Side::Router] {
+            assert!(check(&open(text), side).unwrap().is_some());
+        }
+    }
+
+    #[test]
+    fn with_certificates_someone_must_be_admitted_and_plain_endpoints_are_said_to_be_dead() {
+        let text = "[security]\nauthority = \"a\"\ncertificate = \"b\"\nkey = \"c\"\n";
+        let error = check(&open(text), Side::Robot).unwrap_err();
+        assert!(error.reason().contains("no peer"), "{error}");
+        let warning = check(&config(""), Side::Robot).unwrap().unwrap();
+        assert!(warning.contains("nothing passes"), "{warning}");
+        let encrypted = config("[robot]\nlisten = [\"tls/0.0.0.0:7447\", \"quic/0.0.0.0:7447\"]\n");
+        assert_eq!(check(&encrypted, Side::Robot), Ok(None));
+    }
+}

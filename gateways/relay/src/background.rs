@@ -1,6 +1,6 @@
 //! [`Background`]: a thread that makes things, and drops them, because both may take long, one after the other.
 //!
-//! Whoever wants a thing has a [`Made`] at once, and is told when something is in it.
+//! The caller gets a [`Made`] at once, and a call when something is in it.
 
 use std::io;
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -19,8 +19,8 @@ enum Job {
 pub struct Background {
     /// Its users bound how many jobs can wait: each thing is made once, and dropped once.
     jobs: Sender<Job>,
-    /// Told after each thing that was made.
-    tell: Arc<dyn Fn() + Send + Sync>,
+    /// Called after each thing that was made.
+    notify: Arc<dyn Fn() + Send + Sync>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -31,19 +31,19 @@ pub struct Made<T: Send + Sync + 'static> {
 }
 
 impl Background {
-    /// Starts the thread. `tell` is called in it when something was made.
+    /// Starts the thread. `notify` is called in it when something was made.
     ///
     /// # Errors
     ///
     /// When the operating system gives no thread.
-    pub fn start(name: &str, tell: impl Fn() + Send + Sync + 'static) -> io::Result<Background> {
+    pub fn start(name: &str, notify: impl Fn() + Send + Sync + 'static) -> io::Result<Background> {
         let (sender, jobs) = mpsc::channel();
         let thread = thread::Builder::new()
             .name(name.to_owned())
             .spawn(move || carry_out(&jobs))?;
         Ok(Background {
             jobs: sender,
-            tell: Arc::new(tell),
+            notify: Arc::new(notify),
             thread: Some(thread),
         })
     }
@@ -54,12 +54,12 @@ impl Background {
         make: impl FnOnce() -> Option<T> + Send + 'static,
     ) -> Made<T> {
         let place = Arc::new(OnceLock::new());
-        let (to_fill, tell) = (Arc::clone(&place), Arc::clone(&self.tell));
+        let (to_fill, notify) = (Arc::clone(&place), Arc::clone(&self.notify));
         let work = move || {
             if let Some(thing) = make() {
                 // Nothing else fills the place.
                 let _ = to_fill.set(thing);
-                tell();
+                notify();
             }
         };
         // It fails after the end alone.
@@ -117,32 +117,32 @@ mod tests {
     }
 
     fn background() -> (Background, Receiver<()>) {
-        let (teller, told) = mpsc::channel();
-        let tell = move || {
-            let _ = teller.send(());
+        let (sender, made) = mpsc::channel();
+        let notify = move || {
+            let _ = sender.send(());
         };
-        (Background::start("test", tell).unwrap(), told)
+        (Background::start("test", notify).unwrap(), made)
     }
 
     #[test]
     fn making_that_takes_long_holds_up_nothing_but_what_is_made_after_it() {
-        let (background, told) = background();
+        let (background, notified) = background();
         let (release, released) = mpsc::channel();
         let slow = background.make(move || released.recv().ok());
         let next = background.make(|| Some(2));
         assert!(slow.get().is_none() && next.get().is_none());
         release.send(1).unwrap();
-        told.recv().unwrap();
-        told.recv().unwrap();
+        notified.recv().unwrap();
+        notified.recv().unwrap();
         assert_eq!((slow.get(), next.get()), (Some(&1), Some(&2)));
     }
 
     #[test]
     fn what_is_made_is_dropped_in_the_thread_and_dropping_waits_for_nothing() {
-        let (background, told) = background();
+        let (background, notified) = background();
         let (dropper, dropped) = mpsc::channel();
         let thing = background.make(move || Some(Thing(dropper)));
-        told.recv().unwrap();
+        notified.recv().unwrap();
         let (release, released) = mpsc::channel::<()>();
         let slow = background.make(move || released.recv().ok());
         drop(thing);
@@ -154,19 +154,19 @@ mod tests {
 
     #[test]
     fn a_thing_that_cannot_be_made_stays_missing() {
-        let (background, told) = background();
+        let (background, notified) = background();
         let missing = background.make(|| None::<u8>);
         let made = background.make(|| Some(1));
-        told.recv().unwrap();
+        notified.recv().unwrap();
         assert_eq!((missing.get(), made.get()), (None, Some(&1)));
     }
 
     #[test]
     fn after_the_end_things_are_dropped_where_they_are() {
-        let (background, told) = background();
+        let (background, notified) = background();
         let (dropper, dropped) = mpsc::channel();
         let thing = background.make(move || Some(Thing(dropper)));
-        told.recv().unwrap();
+        notified.recv().unwrap();
         drop(background);
         assert!(thing.get().is_some());
         drop(thing);

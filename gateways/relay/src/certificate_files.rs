@@ -7,6 +7,7 @@ use std::path::Path;
 
 use rcgen::{KeyPair, PublicKeyData};
 use runtime::config::Fault;
+use time::OffsetDateTime;
 use x509_parser::pem::Pem;
 
 use crate::config::SecurityConfig;
@@ -20,8 +21,17 @@ const CERTIFICATE: &str = "CERTIFICATE";
 /// Labels of a private key in PEM.
 const KEYS: [&str; 3] = ["PRIVATE KEY", "EC PRIVATE KEY", "RSA PRIVATE KEY"];
 
-/// Whether the three files can be read, have what they must, and the key is that of the certificate. Nothing is to be said when
-/// there are none.
+/// What a certificate says.
+pub struct Facts {
+    /// The key that belongs to it, in DER.
+    pub public_key: Vec<u8>,
+    /// Whether it may sign others.
+    pub is_authority: bool,
+    /// When it ends.
+    pub until: OffsetDateTime,
+}
+
+/// Whether the three files, if there are any, can be read, have what they must, and the key is that of the certificate.
 ///
 /// # Errors
 ///
@@ -31,14 +41,18 @@ pub fn check(security: &SecurityConfig) -> Result<(), Fault> {
         return Ok(());
     };
     certificate(files.authority).map_err(|reason| Fault::at(&["security", "authority"], reason))?;
-    let public_key = certificate(files.certificate)
+    let facts = certificate(files.certificate)
         .map_err(|reason| Fault::at(&["security", "certificate"], reason))?;
-    key(files.key, files.certificate, &public_key)
+    key(files.key, files.certificate, &facts.public_key)
         .map_err(|reason| Fault::at(&["security", "key"], reason))
 }
 
-/// The public key of the first certificate of a file.
-fn certificate(path: &Path) -> Result<Vec<u8>, String> {
+/// What the first certificate of a file says.
+///
+/// # Errors
+///
+/// What is wrong with the file, and what to do.
+pub fn certificate(path: &Path) -> Result<Facts, String> {
     let blocks = blocks(path)?;
     let block = blocks.iter().find(|block| block.label == CERTIFICATE);
     let block = block.ok_or_else(|| {
@@ -48,11 +62,19 @@ fn certificate(path: &Path) -> Result<Vec<u8>, String> {
         )
     })?;
     let certificate = block.parse_x509().map_err(|error| damaged(path, &error))?;
-    Ok(certificate.public_key().raw.to_vec())
+    Ok(Facts {
+        public_key: certificate.public_key().raw.to_vec(),
+        is_authority: certificate.is_ca(),
+        until: certificate.validity().not_after.to_datetime(),
+    })
 }
 
 /// Whether the file has a key, and that of `public_key`, as far as its kind can be compared.
-fn key(path: &Path, certificate: &Path, public_key: &[u8]) -> Result<(), String> {
+///
+/// # Errors
+///
+/// What is wrong with the file, and what to do.
+pub fn key(path: &Path, certificate: &Path, public_key: &[u8]) -> Result<(), String> {
     let blocks = blocks(path)?;
     let block = blocks
         .iter()
@@ -123,19 +145,19 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::certify::{Order, certify};
+    use crate::certify::{CertifyArgs, certify};
 
     /// A folder with the files of two machines, and their `[security]`.
     fn made() -> (tempfile::TempDir, SecurityConfig) {
         let folder = tempfile::tempdir().unwrap();
-        let order = Order {
+        let args = CertifyArgs {
             folder: folder.path().join("pki"),
             machines: ["robot-1", "gcs"].map(|name| name.parse().unwrap()).into(),
             days: 10,
             authority_days: 10,
         };
-        certify(&order, std::time::SystemTime::now().into()).unwrap();
-        let path = |name: &str| Some(order.folder.join(name));
+        certify(&args, std::time::SystemTime::now().into()).unwrap();
+        let path = |name: &str| Some(args.folder.join(name));
         let security = SecurityConfig {
             authority: path("ca.pem"),
             certificate: path("robot-1.pem"),

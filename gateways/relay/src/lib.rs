@@ -30,12 +30,12 @@ pub mod message;
 pub mod names;
 pub mod network;
 pub mod orders;
+mod own_topics;
 mod queue;
 mod random;
 pub mod request;
 pub mod robot;
 pub mod ros2;
-mod ros2_packages;
 pub mod station;
 pub mod telemetry;
 

@@ -3,20 +3,17 @@
 //! `docs/network.md` shows the same for other languages. Every message fits into [`MAX_BYTES`], and bytes of any kind are read
 //! without a panic: what is no message is an error that the receiver counts.
 
-use ipc_types::payload::{RequestReport, SharedStruct};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use ipc_types::MonotonicNs;
-
 use crate::description::{PART_BYTES, Part};
-use crate::orders::message::{Answer, Order};
+use crate::orders::message::Answer;
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
 pub const VERSION: u8 = 2;
 
-/// Longest message, bytes: a [`Command`].
-pub const MAX_BYTES: usize = MAX_COMMAND_BYTES;
+/// Longest message, bytes: an [`Order`](crate::orders::message::Order).
+pub const MAX_BYTES: usize = MAX_ORDER_BYTES;
 
 /// Longest [`Ask`], bytes: the version, two tags, four numbers of at most ten bytes.
 pub const MAX_ASK_BYTES: usize = 64;
@@ -27,8 +24,8 @@ pub const MAX_TELL_BYTES: usize = PART_BYTES + 128;
 /// Longest request that is carried, bytes. The longest of the robot's own has 1 kB.
 pub const MAX_REQUEST_BYTES: usize = 16 * 1024;
 
-/// Longest [`Command`], bytes: a request, and eight numbers of at most ten bytes.
-pub const MAX_COMMAND_BYTES: usize = MAX_REQUEST_BYTES + 96;
+/// Longest order, bytes: a request, and eight numbers of at most ten bytes.
+pub const MAX_ORDER_BYTES: usize = MAX_REQUEST_BYTES + 96;
 
 /// From a station to a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,49 +56,6 @@ pub struct Ping {
     pub wants_latest: bool,
 }
 
-/// An [`Order`] as it goes over the network, apart from [`Ask`] so that a router can forbid it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Command {
-    session: u64,
-    number: u64,
-    floor: u64,
-    service: u64,
-    expires_ns: u64,
-    is_repeat: bool,
-    is_given_up: bool,
-    request: Vec<u8>,
-}
-
-impl From<&Order> for Command {
-    fn from(order: &Order) -> Command {
-        Command {
-            session: order.session,
-            number: order.number,
-            floor: order.floor,
-            service: order.topic,
-            expires_ns: order.expires.0,
-            is_repeat: order.is_repeat,
-            is_given_up: order.is_given_up,
-            request: order.request.clone(),
-        }
-    }
-}
-
-impl From<Command> for Order {
-    fn from(command: Command) -> Order {
-        Order {
-            session: command.session,
-            number: command.number,
-            floor: command.floor,
-            topic: command.service,
-            expires: MonotonicNs(command.expires_ns),
-            is_repeat: command.is_repeat,
-            is_given_up: command.is_given_up,
-            request: command.request,
-        }
-    }
-}
-
 /// From a robot to one station.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Tell {
@@ -110,7 +64,7 @@ pub enum Tell {
     /// The answer to [`Ask::Describe`].
     Part(Part),
     /// What became of a request.
-    Answer(AnswerBytes),
+    Answer(Answer),
     /// The request came with a session that the robot does not know.
     UnknownSession(u64),
 }
@@ -132,42 +86,11 @@ pub struct Pong {
     pub sent_ns: u64,
     /// How long the robot has been suspended since its boot, ns.
     pub suspended_ns: u64,
-    /// For the requests of this life of the station; 0 when it may not command, [`NO_PLACE`](crate::orders::message::NO_PLACE)
-    /// when it has to wait until another station needs its session no longer.
+    /// For the requests of this life of the station; [`NOT_PERMITTED`](crate::orders::message::NOT_PERMITTED) or
+    /// [`NO_PLACE`](crate::orders::message::NO_PLACE) if it has none.
     pub session: u64,
     /// How many services the robot's relay carries. They only become more in one life.
     pub services: u16,
-}
-
-/// An [`Answer`] with its report as bytes.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct AnswerBytes {
-    session: u64,
-    number: u64,
-    serial: u32,
-    report: Vec<u8>,
-}
-
-impl AnswerBytes {
-    /// The answer as it goes over the network.
-    pub fn new(answer: &Answer) -> AnswerBytes {
-        AnswerBytes {
-            session: answer.session,
-            number: answer.number,
-            serial: answer.serial,
-            report: answer.report.bytes().to_vec(),
-        }
-    }
-
-    /// The answer, if its report is one.
-    pub fn answer(&self) -> Option<Answer> {
-        Some(Answer {
-            session: self.session,
-            number: self.number,
-            serial: self.serial,
-            report: RequestReport::from_bytes(&self.report)?,
-        })
-    }
 }
 
 /// What goes with each sample of a topic.
@@ -197,6 +120,20 @@ pub enum NoMessage {
     /// They mean nothing.
     #[error("it cannot be read ({0})")]
     Contents(postcard::Error),
+}
+
+/// How many messages could not be read. Logged at the first, and each time that the count has doubled.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unreadable(u64);
+
+impl Unreadable {
+    /// One more, under this key.
+    pub fn note(&mut self, key: &str, error: &NoMessage) {
+        self.0 += 1;
+        if self.0.is_power_of_two() {
+            tracing::warn!(key, %error, count = self.0, "unreadable messages have come");
+        }
+    }
 }
 
 /// Writes a message.

@@ -4,37 +4,41 @@
 //! |---|---|---|
 //! | `hero/<robot>/topic/<key>` | robot → all | samples, with a `SampleHeader` as attachment |
 //! | `hero/<robot>/ask/<station>` | station → robot | `Ask` |
-//! | `hero/<robot>/order/<station>` | station → robot | `Command` |
+//! | `hero/<robot>/order/<station>` | station → robot | `Order` |
 //! | `hero/<robot>/tell/<station>` | robot → station | `Tell` |
 //!
-//! The four are apart so that the access rules of a router can allow or forbid each.
+//! The four are apart so that the [access rules](crate::access) can allow or forbid each. A robot is a number, or `*` for all robots;
+//! a station is a name, or `*` for all stations.
 
-use std::num::NonZeroU32;
+use std::fmt::Display;
 
 use ipc_types::Schema;
 
+/// Everything.
+pub const ALL: &str = "hero/**";
+
 /// The samples of one topic.
-pub fn topic(robot: NonZeroU32, key: &str) -> String {
+pub fn topic<R: Display>(robot: R, key: &str) -> String {
     format!("hero/{robot}/topic/{key}")
 }
 
 /// The samples of all topics.
-pub fn topics(robot: NonZeroU32) -> String {
-    format!("hero/{robot}/topic/**")
+pub fn topics<R: Display>(robot: R) -> String {
+    topic(robot, "**")
 }
 
-/// What a station asks, or stations ask when it is `*`.
-pub fn ask(robot: NonZeroU32, station: &str) -> String {
+/// What a station asks.
+pub fn ask<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/ask/{station}")
 }
 
-/// What a station orders, or stations order when it is `*`.
-pub fn order(robot: NonZeroU32, station: &str) -> String {
+/// What a station orders.
+pub fn order<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/order/{station}")
 }
 
-/// What a station is told.
-pub fn tell(robot: NonZeroU32, station: &str) -> String {
+/// What a robot answers to a station.
+pub fn tell<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/tell/{station}")
 }
 
@@ -61,7 +65,7 @@ mod tests {
 
     #[test]
     fn a_key_names_its_topic_and_its_station() {
-        let robot = NonZeroU32::new(7).unwrap();
+        let robot = 7;
         assert_eq!(
             last(&topic(robot, "battery_watch/state")),
             "battery_watch/state"

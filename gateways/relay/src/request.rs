@@ -4,11 +4,13 @@ use ipc_types::code::{ControlCommand, MovementKind};
 use ipc_types::payload::{ModuleControl, MovementData, Number, SharedStruct};
 use ipc_types::{MonotonicNs, Schema};
 
-use crate::orders::robot::{Repeat, Traits};
+use crate::orders::robot::Traits;
 
 /// Where a request has these fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RequestFields {
+    /// `uint64 path_id`: which path the request belongs to, 0 for none.
+    path_id: Option<usize>,
     /// `uint16 repeat`: 1 asks a server what became of a request that it may have had.
     repeat: Option<usize>,
     /// `uint64 issued_ns`: when the order was issued, 0 when it does not say.
@@ -39,6 +41,7 @@ impl RequestFields {
             None
         };
         RequestFields {
+            path_id: offset("path_id", Number::U64),
             repeat: offset("repeat", Number::U16),
             issued: offset("issued_ns", Number::U64),
             begin_by: offset("begin_by_ns", Number::U64),
@@ -55,12 +58,15 @@ impl RequestFields {
             Some(u32::from_le_bytes(*bytes))
         }));
         Traits {
-            repeat: match self.repeat {
-                Some(_) => Repeat::Field,
-                None => Repeat::None,
-            },
+            is_repeatable: self.repeat.is_some(),
             ends_movement: code.is_some_and(|((_, ends), code)| ends.contains(&code)),
         }
+    }
+
+    /// Path of the request; 0 if it has none.
+    pub fn path_id(&self, request: &[u8]) -> u64 {
+        let word = self.path_id.and_then(|offset| word(request, offset));
+        word.unwrap_or_default()
     }
 
     /// Says in the request that it is a repetition.
@@ -68,7 +74,7 @@ impl RequestFields {
         write(request, self.repeat, &1_u16.to_le_bytes());
     }
 
-    /// When the order was issued; nothing when it does not say.
+    /// When the order was issued. `None` if it does not say.
     pub fn issued(&self, request: &[u8]) -> Option<MonotonicNs> {
         moment(request, self.issued)
     }
@@ -80,7 +86,7 @@ impl RequestFields {
         write(request, self.origin, &origin.to_le_bytes());
     }
 
-    /// Until when the request may begin; nothing when it does not say.
+    /// Until when the request may begin. `None` if it does not say.
     pub fn begin_by(&self, request: &[u8]) -> Option<MonotonicNs> {
         moment(request, self.begin_by)
     }
@@ -92,9 +98,15 @@ impl RequestFields {
 }
 
 fn moment(request: &[u8], offset: Option<usize>) -> Option<MonotonicNs> {
-    let bytes = request.get(offset?..)?.first_chunk()?;
-    let moment = MonotonicNs(u64::from_le_bytes(*bytes));
-    (moment.0 > 0).then_some(moment)
+    word(request, offset?)
+        .filter(|word| *word > 0)
+        .map(MonotonicNs)
+}
+
+/// The eight bytes at `offset` as a number. `None` if there are fewer.
+pub fn word(bytes: &[u8], offset: usize) -> Option<u64> {
+    let word = bytes.get(offset..)?.first_chunk()?;
+    Some(u64::from_le_bytes(*word))
 }
 
 fn write(request: &mut [u8], offset: Option<usize>, value: &[u8]) {
@@ -126,6 +138,7 @@ mod tests {
         fields.set_repeat(&mut request);
         assert_eq!(fields.issued(&request), Some(SOME));
         assert_eq!(fields.begin_by(&request), Some(LATER));
+        assert_eq!(fields.path_id(&request), movement.path_id);
         let expected = MovementData {
             issued_ns: 7_000,
             begin_by_ns: 8_000,
@@ -144,11 +157,13 @@ mod tests {
         let mut bytes = request.bytes().to_vec();
         control.set_repeat(&mut bytes);
         assert_eq!(bytes, request.bytes());
-        assert_eq!(control.traits(&bytes).repeat, Repeat::None);
+        assert!(!control.traits(&bytes).is_repeatable);
         control.set_issued(&mut [], SOME, 9, 5);
         control.set_begin_by(&mut [0; 12], SOME);
         assert_eq!(control.issued(&[]), None);
         assert!(!control.traits(&[]).ends_movement);
+        assert_eq!((control.path_id(&bytes), control.path_id(&[])), (0, 0));
+        assert_eq!(word(&[0; 8], usize::MAX), None);
     }
 
     #[test]

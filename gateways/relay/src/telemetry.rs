@@ -1,12 +1,12 @@
-//! Telemetry keeps the newest: what a robot sends of a topic ([`Outlet`]), and what a station takes of it ([`Inlet`]).
+//! Telemetry keeps the newest: what a robot sends of a topic ([`SampleSender`]), and what a station takes of it ([`SampleReceiver`]).
 //!
 //! Losses are counted apart, because each has another cure:
 //!
 //! | lost | where it is counted | cure |
 //! |---|---|---|
-//! | left out on purpose | [`Outlet`]: the configured rate | a higher rate |
+//! | left out on purpose | [`SampleSender`]: the configured rate | a higher rate |
 //! | in the relay | by the sequence of the topic's publisher on the robot | a faster robot |
-//! | on the air | [`Inlet`]: by the numbers that the outlet gave | a better link, a lower rate |
+//! | on the air | [`SampleReceiver`]: by the numbers that the sender gave | a better link, a lower rate |
 //! | at the consumer | by the sequence of the topic on the station's machine | a faster consumer |
 
 use std::time::Duration;
@@ -21,9 +21,9 @@ pub const MAX_BACKLOG: usize = 16;
 
 /// One topic on its way out of the robot.
 #[derive(Debug)]
-pub struct Outlet {
+pub struct SampleSender {
     robot_life: u64,
-    /// Shortest time between two samples; nothing sends all.
+    /// Shortest time between two samples. `None` if all are sent.
     period: Option<Duration>,
     /// Not before then.
     next: MonotonicNs,
@@ -35,10 +35,10 @@ pub struct Outlet {
     left_out: u64,
 }
 
-impl Outlet {
+impl SampleSender {
     /// A topic of which every sample is sent, or one each `period`.
-    pub fn new(robot_life: u64, period: Option<Duration>) -> Outlet {
-        Outlet {
+    pub fn new(robot_life: u64, period: Option<Duration>) -> SampleSender {
+        SampleSender {
             robot_life,
             period,
             next: MonotonicNs(0),
@@ -78,15 +78,9 @@ impl Outlet {
             let on_grid = self.next + period;
             self.next = if on_grid > now { on_grid } else { now + period };
         }
-        for sample in self.waiting.drain(..) {
+        for sample in std::mem::take(&mut self.waiting) {
             self.number += 1;
-            let header = SampleHeader {
-                robot_life: self.robot_life,
-                number: self.number,
-                left_out: self.left_out,
-                lost,
-            };
-            send(&header, &sample);
+            send(&self.header(lost), &sample);
             self.latest = Some(sample);
         }
     }
@@ -94,13 +88,16 @@ impl Outlet {
     /// Hands on the sample that was sent last, under its own number, for a station that may not have it.
     pub fn send_again(&self, lost: u64, send: impl FnOnce(&SampleHeader, &[u8])) {
         if let Some(latest) = &self.latest {
-            let header = SampleHeader {
-                robot_life: self.robot_life,
-                number: self.number,
-                left_out: self.left_out,
-                lost,
-            };
-            send(&header, latest);
+            send(&self.header(lost), latest);
+        }
+    }
+
+    fn header(&self, lost: u64) -> SampleHeader {
+        SampleHeader {
+            robot_life: self.robot_life,
+            number: self.number,
+            left_out: self.left_out,
+            lost,
         }
     }
 
@@ -117,7 +114,7 @@ impl Outlet {
 
 /// One topic on its way into a station.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Inlet {
+pub struct SampleReceiver {
     robot_life: u64,
     number: u64,
     counts: Counts,
@@ -151,8 +148,8 @@ impl Counts {
     }
 }
 
-impl Inlet {
-    /// Whether this sample is news: newer than all before it. A repetition, and a sample that was overtaken, is none.
+impl SampleReceiver {
+    /// Whether this sample is newer than all before it. A repetition, and a sample that was overtaken, is none.
     ///
     /// What is overtaken was counted as lost on the air, and stays so: the newest rules.
     pub fn take(&mut self, header: &SampleHeader) -> bool {
@@ -191,9 +188,9 @@ mod tests {
         MonotonicNs(ms * 1_000_000)
     }
 
-    fn sent(outlet: &mut Outlet, now: MonotonicNs) -> Vec<(u64, u8)> {
+    fn sent(sender: &mut SampleSender, now: MonotonicNs) -> Vec<(u64, u8)> {
         let mut sent = Vec::new();
-        outlet.send(now, 0, |header, sample| {
+        sender.send(now, 0, |header, sample| {
             sent.push((header.number, sample[0]));
         });
         sent
@@ -209,90 +206,90 @@ mod tests {
 
     #[test]
     fn without_a_rate_every_sample_is_sent_in_order() {
-        let mut outlet = Outlet::new(LIFE, None);
+        let mut sender = SampleSender::new(LIFE, None);
         for sample in 1..=3 {
-            outlet.take(&[sample]);
+            sender.take(&[sample]);
         }
-        assert_eq!(sent(&mut outlet, at(0)), [(1, 1), (2, 2), (3, 3)]);
-        assert_eq!(sent(&mut outlet, at(0)), []);
-        assert_eq!(outlet.deadline(), None);
+        assert_eq!(sent(&mut sender, at(0)), [(1, 1), (2, 2), (3, 3)]);
+        assert_eq!(sent(&mut sender, at(0)), []);
+        assert_eq!(sender.deadline(), None);
     }
 
     #[test]
     fn what_has_piled_up_is_left_out_and_the_newest_goes() {
-        let mut outlet = Outlet::new(LIFE, None);
+        let mut sender = SampleSender::new(LIFE, None);
         for sample in 0..=MAX_BACKLOG as u8 {
-            outlet.take(&[sample]);
+            sender.take(&[sample]);
         }
-        assert_eq!(sent(&mut outlet, at(0)), [(1, MAX_BACKLOG as u8)]);
-        assert_eq!(outlet.left_out, MAX_BACKLOG as u64);
+        assert_eq!(sent(&mut sender, at(0)), [(1, MAX_BACKLOG as u8)]);
+        assert_eq!(sender.left_out, MAX_BACKLOG as u64);
     }
 
     #[test]
     fn with_a_rate_the_newest_goes_when_it_is_due() {
-        let mut outlet = Outlet::new(LIFE, Some(Duration::from_millis(100)));
-        outlet.take(&[1]);
-        assert_eq!(sent(&mut outlet, at(1000)), [(1, 1)]);
-        outlet.take(&[2]);
-        outlet.take(&[3]);
-        assert_eq!(sent(&mut outlet, at(1050)), []);
-        assert_eq!(outlet.deadline(), Some(at(1100)));
-        assert_eq!(sent(&mut outlet, at(1100)), [(2, 3)]);
-        assert_eq!(outlet.left_out, 1);
+        let mut sender = SampleSender::new(LIFE, Some(Duration::from_millis(100)));
+        sender.take(&[1]);
+        assert_eq!(sent(&mut sender, at(1000)), [(1, 1)]);
+        sender.take(&[2]);
+        sender.take(&[3]);
+        assert_eq!(sent(&mut sender, at(1050)), []);
+        assert_eq!(sender.deadline(), Some(at(1100)));
+        assert_eq!(sent(&mut sender, at(1100)), [(2, 3)]);
+        assert_eq!(sender.left_out, 1);
     }
 
     #[test]
     fn fifty_hertz_become_ten_though_the_samples_jitter() {
-        let mut outlet = Outlet::new(LIFE, Some(Duration::from_millis(100)));
+        let mut sender = SampleSender::new(LIFE, Some(Duration::from_millis(100)));
         let mut count = 0;
         for index in 0..500 {
-            outlet.take(&[0]);
+            sender.take(&[0]);
             let jitter = index * 7 % 5;
-            count += sent(&mut outlet, at(10_000 + 20 * index + jitter)).len();
+            count += sent(&mut sender, at(10_000 + 20 * index + jitter)).len();
         }
         assert!((99..=101).contains(&count), "{count}");
-        assert_eq!(outlet.sent(), count as u64);
+        assert_eq!(sender.sent(), count as u64);
     }
 
     #[test]
     fn the_latest_is_sent_again_under_its_own_number() {
-        let mut outlet = Outlet::new(LIFE, None);
-        outlet.send_again(0, |_, _| panic!("there is none"));
-        outlet.take(&[9]);
-        let _ = sent(&mut outlet, at(0));
+        let mut sender = SampleSender::new(LIFE, None);
+        sender.send_again(0, |_, _| panic!("there is none"));
+        sender.take(&[9]);
+        let _ = sent(&mut sender, at(0));
         let mut again = None;
-        outlet.send_again(3, |header, sample| again = Some((header.number, sample[0])));
+        sender.send_again(3, |header, sample| again = Some((header.number, sample[0])));
         assert_eq!(again, Some((1, 9)));
-        let mut inlet = Inlet::default();
-        assert!(inlet.take(&header(1)) && !inlet.take(&header(1)));
+        let mut receiver = SampleReceiver::default();
+        assert!(receiver.take(&header(1)) && !receiver.take(&header(1)));
     }
 
     #[test]
     fn gaps_are_losses_and_what_was_overtaken_is_dropped() {
-        let mut inlet = Inlet::default();
-        let taken = [5, 6, 9, 8, 9, 10].map(|number| inlet.take(&header(number)));
+        let mut receiver = SampleReceiver::default();
+        let taken = [5, 6, 9, 8, 9, 10].map(|number| receiver.take(&header(number)));
         assert_eq!(taken, [true, true, true, false, false, true]);
-        let counts = inlet.counts();
+        let counts = receiver.counts();
         assert_eq!((counts.received, counts.lost_on_air), (4, 2));
     }
 
     #[test]
     fn another_life_of_the_robot_s_relay_begins_to_count_anew_and_keeps_the_sums() {
-        let mut inlet = Inlet::default();
-        inlet.take(&SampleHeader {
+        let mut receiver = SampleReceiver::default();
+        receiver.take(&SampleHeader {
             left_out: 4,
             lost: 1,
             ..header(10)
         });
-        inlet.take(&header(12));
+        receiver.take(&header(12));
         let other = SampleHeader {
             robot_life: LIFE + 1,
             number: 3,
             left_out: 2,
             lost: 0,
         };
-        assert!(inlet.take(&other));
-        let counts = inlet.counts();
+        assert!(receiver.take(&other));
+        let counts = receiver.counts();
         assert_eq!((counts.received, counts.lost_on_air), (3, 1));
         assert_eq!((counts.left_out, counts.lost_in_relay), (2, 0));
     }

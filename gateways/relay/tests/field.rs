@@ -1,35 +1,15 @@
 //! The short form of `gateways/relay/examples/field`: a mission typed at the station flies over two networks with 10 % loss.
 
-#[path = "../examples/field/ages.rs"]
-#[allow(dead_code)]
-mod ages;
-#[path = "../examples/field/air.rs"]
-#[allow(dead_code)]
-mod air;
-#[path = "flight/bridge_log.rs"]
-mod bridge_log;
-#[path = "flight/machine.rs"]
-mod machine;
-#[path = "../examples/field/mission.rs"]
-mod mission;
-#[path = "../examples/field/outages.rs"]
-mod outages;
-#[path = "../examples/field/site.rs"]
-#[allow(dead_code)]
-mod site;
-#[path = "../examples/field/tunnel.rs"]
-#[allow(dead_code)]
-mod tunnel;
-
 use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
 use ril_tests::chain::beside_or_skip;
 
-use site::Plan;
+use crate::site::Plan;
+use crate::{mission, outages};
 
-/// Nothing when there is no `ril`.
+/// `None` if there is no `ril`.
 fn plan(name: &'static str) -> Option<Plan> {
     Some(Plan {
         name,

@@ -39,8 +39,8 @@
 //!
 //! Suspended time is only compared, never added: many kernels measure it with a real-time clock of whole seconds.
 
-mod belief;
 mod exchange;
+mod feasible;
 mod rate;
 #[cfg(test)]
 mod tests;
@@ -48,11 +48,11 @@ mod window;
 
 use ipc_types::MonotonicNs;
 
-use belief::Belief;
 pub use exchange::{
     Exchange, MAX_ROUND_TRIP_NS, MAX_STAMP_NS, Rejected, RemoteNs, SUSPENDED_TOLERANCE_NS,
     Suspended,
 };
+use feasible::Feasible;
 pub use rate::{DRIFT_JITTER_PPB, MAX_DRIFT_CHANGE_PPB_PER_S, MAX_DRIFT_PPB};
 use window::Window;
 pub use window::{SLOT_NS, SLOTS};
@@ -60,15 +60,6 @@ pub use window::{SLOT_NS, SLOTS};
 /// How often [`Clock::to_local`] corrects its first guess. Each correction divides the error by 1 / [`MAX_DRIFT_PPB`] = 5000,
 /// and 5000⁶ is more than 2⁶⁴ ns.
 const CORRECTIONS: usize = 6;
-
-/// What an exchange did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// How long its two messages were under way together, in ns. The robot's time to answer is not in it.
-    pub round_trip_ns: u64,
-    /// The offset had jumped: everything known so far was discarded, and this exchange is all that is known now.
-    pub began_anew: bool,
-}
 
 /// The offset at one moment of the local clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,7 +89,7 @@ pub struct Clock {
 /// What the exchanges since the last jump have shown.
 #[derive(Clone, Debug)]
 struct Known {
-    belief: Belief,
+    feasible: Feasible,
     window: Window,
     /// The suspended times of the first exchange. Later ones are compared with it, so that reading errors do not add up.
     suspended: Suspended,
@@ -110,7 +101,8 @@ impl Clock {
         Clock::default()
     }
 
-    /// Learns from an exchange.
+    /// Learns from an exchange. One that shows that the offset has jumped is all that is known then, and counts as a
+    /// [reset](Clock::resets).
     ///
     /// The exchanges may come in any order, and one may come twice. Any time stamps of the remote machine are safe to pass.
     ///
@@ -118,7 +110,7 @@ impl Clock {
     ///
     /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two local
     /// stamps has made the offset jump: it discards the estimate as well.
-    pub fn take(&mut self, exchange: &Exchange) -> Result<Taken, Rejected> {
+    pub fn take(&mut self, exchange: &Exchange) -> Result<(), Rejected> {
         if exchange.sent < self.not_before {
             return Err(Rejected::Superseded);
         }
@@ -127,21 +119,17 @@ impl Clock {
             self.reset(exchange.received);
         }
         plausible?;
-        let began_anew = !self.learn(exchange);
-        if began_anew {
+        if !self.learn(exchange) {
             self.reset(exchange.received);
         }
         if self.known.is_none() {
             self.known = Some(Known {
-                belief: Belief::from_exchange(exchange),
+                feasible: Feasible::from_exchange(exchange),
                 window: Window::new(exchange),
                 suspended: exchange.suspended,
             });
         }
-        Ok(Taken {
-            round_trip_ns: exchange.round_trip_ns(),
-            began_anew,
-        })
+        Ok(())
     }
 
     /// Adds `exchange` to what is known; false if it contradicts that.
@@ -152,11 +140,11 @@ impl Clock {
         let Some(known) = &mut self.known else {
             return true;
         };
-        let Some(belief) = known.belief.with(exchange, &known.window) else {
+        let Some(feasible) = known.feasible.with(exchange, &known.window) else {
             return false;
         };
-        known.belief = belief;
-        known.window.insert(exchange, belief.drift_ppb());
+        known.feasible = feasible;
+        known.window.insert(exchange, feasible.drift_ppb());
         true
     }
 
@@ -172,12 +160,12 @@ impl Clock {
     /// Moments before the last exchange are allowed too; their uncertainty grows with their distance.
     pub fn estimate(&self, at: MonotonicNs) -> Option<Estimate> {
         let known = self.known.as_ref()?;
-        let belief = known.belief.moved_to(at);
+        let feasible = known.feasible.moved_to(at);
         Some(Estimate {
-            offset_ns: saturated_i64(belief.offset_ns()),
-            uncertainty_ns: saturated_u64(belief.uncertainty_ns()),
-            drift_ppb: saturated_i64(belief.drift_ppb()),
-            drift_uncertainty_ppb: saturated_u64(belief.drift_uncertainty_ppb()),
+            offset_ns: saturated_i64(feasible.offset_ns()),
+            uncertainty_ns: saturated_u64(feasible.uncertainty_ns()),
+            drift_ppb: saturated_i64(feasible.drift_ppb()),
+            drift_uncertainty_ppb: saturated_u64(feasible.drift_uncertainty_ppb()),
             round_trip_ns: known.window.shortest_round_trip_ns(),
         })
     }
@@ -187,7 +175,7 @@ impl Clock {
     /// Moments before the remote clock's zero become 0, those beyond its range the greatest. Its error is at most the
     /// uncertainty of [`estimate`](Self::estimate) at `local`.
     pub fn to_remote(&self, local: MonotonicNs) -> Option<RemoteNs> {
-        let offset_ns = self.known.as_ref()?.belief.moved_to(local).offset_ns();
+        let offset_ns = self.known.as_ref()?.feasible.moved_to(local).offset_ns();
         Some(RemoteNs(saturated_u64(i128::from(local.0) + offset_ns)))
     }
 
@@ -197,12 +185,12 @@ impl Clock {
     /// uncertainty of [`estimate`](Self::estimate) at the moment that it yields. So the result may lie a little in the future
     /// for a remote moment that is past.
     pub fn to_local(&self, remote: RemoteNs) -> Option<MonotonicNs> {
-        let belief = &self.known.as_ref()?.belief;
+        let feasible = &self.known.as_ref()?.feasible;
         let remote_ns = i128::from(remote.0);
-        let mut local = MonotonicNs(saturated_u64(remote_ns - belief.offset_ns()));
+        let mut local = MonotonicNs(saturated_u64(remote_ns - feasible.offset_ns()));
         for _ in 0..CORRECTIONS {
             local = MonotonicNs(saturated_u64(
-                remote_ns - belief.moved_to(local).offset_ns(),
+                remote_ns - feasible.moved_to(local).offset_ns(),
             ));
         }
         Some(local)

@@ -4,11 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use runtime::config::Fault;
 
-use super::endpoint::Endpoint;
-use super::file::Config;
-use super::name::check_name;
-use super::network::Through;
-use super::side::Side;
+use super::names::{Endpoint, check_name};
+use super::sections::{Config, Side, Through};
 use super::topics::check_pattern;
 
 impl Config {
@@ -26,7 +23,6 @@ impl Config {
             ));
         }
         self.check_names()?;
-        self.check_roles()?;
         self.check_endpoints(is_secured)?;
         self.check_topics()
     }
@@ -52,57 +48,50 @@ impl Config {
         Ok(())
     }
 
+    /// Whether every name is one, stands once in its list, and is that of a robot, a router or a station alone.
     fn check_names(&self) -> Result<(), Fault> {
-        if let Some(name) = &self.station.name {
-            check_name(name)
-                .map_err(|reason| Fault::at(&["station", "name"], reason).of(name.as_str()))?;
-        }
-        let lists: [(_, &'static [&'static str]); 3] = [
-            (&self.commands.stations, &["commands", "stations"]),
-            (&self.security.stations, &["security", "stations"]),
-            (&self.security.routers, &["security", "routers"]),
-        ];
-        for (names, keys) in lists {
-            let mut seen = BTreeSet::new();
-            for name in names {
-                check_name(name).map_err(|reason| Fault::at(keys, reason).of(name.as_str()))?;
-                if !seen.insert(name) {
-                    let reason = format!("`{name}` is named twice: take one out");
-                    return Err(Fault::at(keys, reason).of(name.as_str()));
-                }
-            }
-        }
-        for name in self.security.robots.keys() {
-            let keys = &["security", "robots"];
-            check_name(name).map_err(|reason| Fault::at(keys, reason).of(name.as_str()))?;
-        }
-        Ok(())
-    }
-
-    /// A certificate is that of a robot, a router or a station.
-    fn check_roles(&self) -> Result<(), Fault> {
-        let security = &self.security;
-        let mut roles = BTreeMap::new();
-        for name in security.robots.keys() {
-            roles.insert(name, "a robot");
-        }
-        let lists: [(_, _, &'static [&'static str]); 3] = [
-            (&security.routers, "a router", &["security", "routers"]),
-            (&security.stations, "a station", &["security", "stations"]),
+        let (security, commands) = (&self.security, &self.commands);
+        let lists: [(&'static [&'static str], _, Vec<&String>); 5] = [
+            (&["station", "name"], "", self.station.name.iter().collect()),
             (
-                &self.commands.stations,
+                &["security", "robots"],
+                "a robot",
+                security.robots.keys().collect(),
+            ),
+            (
+                &["security", "routers"],
+                "a router",
+                security.routers.iter().collect(),
+            ),
+            (
+                &["security", "stations"],
                 "a station",
+                security.stations.iter().collect(),
+            ),
+            (
                 &["commands", "stations"],
+                "a station",
+                commands.stations.iter().collect(),
             ),
         ];
-        for (names, role, keys) in lists {
+        let mut roles = BTreeMap::new();
+        for (keys, role, names) in lists {
+            let mut seen = BTreeSet::new();
             for name in names {
-                let former = roles.insert(name, role);
-                if let Some(former) = former.filter(|former| *former != role) {
-                    let reason = format!(
+                let fault = |reason: String| Fault::at(keys, reason).of(name.as_str());
+                check_name(name).map_err(fault)?;
+                if !seen.insert(name) {
+                    return Err(fault(format!("`{name}` is named twice: take one out")));
+                }
+                let former = match role {
+                    // A station's own name has the role that the lists give it.
+                    "" => None,
+                    _ => roles.insert(name, role).filter(|former| *former != role),
+                };
+                if let Some(former) = former {
+                    return Err(fault(format!(
                         "the certificate `{name}` is that of {former} and of {role}: give each its own name"
-                    );
-                    return Err(Fault::at(keys, reason).of(name.as_str()));
+                    )));
                 }
             }
         }

@@ -4,39 +4,22 @@
 //!
 //! | file | what is in it |
 //! |---|---|
-//! | `file` | the file as a whole |
-//! | `network` | `[network]`, `[robot]`, `[router]` |
-//! | `station` | `[station]` and its robots |
-//! | `security` | `[security]` |
-//! | `topics` | `[topics]` |
-//! | `commands` | `[commands]` |
-//! | `ros2` | `[ros2]` |
-//! | `side` | which side of the relay has which endpoints |
-//! | `name`, `endpoint` | what is a name, and what is an address of the network |
+//! | `sections` | every section but `[topics]`, and which side of the relay has which endpoints |
+//! | `topics` | `[topics]`: which samples, how often |
+//! | `names` | what is a name, and what is an address of the network |
 //! | `check` | what no single value shows, as [`Fault`](runtime::config::Fault)s with their lines |
 
 mod check;
-mod commands;
-mod endpoint;
-mod file;
-mod name;
-mod network;
-mod ros2;
-mod security;
-mod side;
-mod station;
+mod names;
+mod sections;
 mod topics;
 
-pub use commands::{CommandsConfig, LinkLoss};
-pub use endpoint::{Endpoint, is_host_name};
-pub use file::Config;
-pub use name::{MAX_NAME, check_name};
-pub use network::{NetworkConfig, RobotConfig, RouterConfig, Through};
-pub use ros2::Ros2Config;
-pub use security::{Certificates, SecurityConfig};
-pub use side::Side;
-pub use station::{MAX_ROBOTS, RemoteRobot, StationConfig};
-pub use topics::{Priority, Rule, TopicPlan, TopicsConfig, check_pattern};
+pub use names::{Endpoint, MAX_NAME, check_name, is_host_name};
+pub use sections::{
+    CommandsConfig, Config, LinkLoss, MAX_ROBOTS, RemoteRobot, Ros2Config, SecurityConfig, Side,
+    Through,
+};
+pub use topics::{Priority, TopicPlan, TopicsConfig, check_pattern};
 
 /// The file that is read when none is named; it may be absent.
 pub const DEFAULT_FILE: &str = "relay.toml";

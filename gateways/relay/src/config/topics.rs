@@ -46,10 +46,10 @@ impl Default for TopicsConfig {
 pub struct Rule {
     /// Keys of the topics.
     pub key: String,
-    /// At most so many samples a second; that of `[topics]` when there is none.
+    /// At most so many samples a second; that of `[topics]` if `None`.
     #[serde(default, deserialize_with = "some_rate_hz")]
     pub rate_hz: Option<f64>,
-    /// That of `[topics]` when there is none.
+    /// That of `[topics]` if `None`.
     #[serde(default)]
     pub priority: Option<Priority>,
 }
@@ -73,14 +73,14 @@ pub enum Priority {
 /// How one topic is relayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TopicPlan {
-    /// Shortest time between two samples; nothing sends all.
+    /// Shortest time between two samples. `None` if all are sent.
     pub period: Option<Duration>,
     /// Which go first.
     pub priority: Priority,
 }
 
 impl TopicsConfig {
-    /// How the topic `key` is relayed; nothing when it is not.
+    /// How the topic `key` is relayed. `None` if it is not.
     ///
     /// The relay's own topics never are: each machine has its own. The journals are not unless `include` has their whole key: they
     /// are for a recorder beside the robot, and have more bytes than all other topics together.

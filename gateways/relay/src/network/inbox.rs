@@ -9,7 +9,7 @@ use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 use zenoh::sample::Sample;
 
-use super::error::NetworkError;
+use crate::failure::NetworkError;
 use crate::queue::{Queue, Room};
 
 /// What arrives under a key expression.

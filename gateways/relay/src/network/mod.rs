@@ -4,7 +4,6 @@
 //! an event descriptor wakes the relay's one wait. Sending never blocks: what a link cannot take is dropped, and comes again where
 //! it must. Declaring may block, and is done in a thread of its own.
 
-mod error;
 mod inbox;
 mod outbox;
 mod settings;
@@ -18,11 +17,10 @@ use rustix::io::Errno;
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
 
-pub use crate::access::Side;
 use crate::background::Background;
-use crate::config::Config;
+use crate::config::{Config, Side};
+pub use crate::failure::NetworkError;
 pub use crate::queue::Room;
-pub use error::NetworkError;
 pub use inbox::{Inbox, Incoming};
 pub use outbox::{Declaration, Outbox, Token};
 pub use settings::{MAX_MESSAGE_BYTES, check, share_one_thread};

@@ -8,9 +8,9 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority, Reliability as ZenohReliability};
 
-use super::error::NetworkError;
 use crate::background::{Background, Made};
 use crate::config::Priority;
+use crate::failure::NetworkError;
 use crate::ros2::Reliability;
 
 /// What a way out is to be.

@@ -1,16 +1,16 @@
-//! [`zenoh_config`]: what Zenoh is told. A pure function of the configuration, but for [`share_one_thread`].
+//! [`zenoh_config`]: Zenoh's configuration. A pure function of the configuration, but for [`share_one_thread`].
 
 use runtime::config::Fault;
 use serde_json::{Value, json};
 use zenoh::config::EndPoint;
 
-use crate::access::{Side, access_control};
-use crate::config::{Config, Through};
+use crate::access::access_control;
+use crate::config::{Config, Side, Through};
 
 /// Longest message that is put together of fragments, bytes: the longest sample.
 pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
-/// Bytes that are sent together at most. While a link takes nothing, messages gather in batches of this size, and what is in them
+/// Bytes that are sent together at most. While a link takes nothing, messages collect in batches of this size, and what is in them
 /// grows old: Zenoh's own 64 KiB are five seconds of a link of 100 kbit/s.
 const BATCH_BYTES: u16 = 4352;
 
@@ -90,7 +90,7 @@ pub fn check(config: &Config, side: Side) -> Result<(), Fault> {
     })
 }
 
-/// What Zenoh is told; nothing that strangers on the network could use is on unless it was asked for.
+/// Zenoh's configuration. Nothing that others on the network could use is on unless it was asked for.
 pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::Config> {
     let network = &config.network;
     let (listen, connect) = side.endpoints(config);
@@ -103,104 +103,76 @@ pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::
         Side::Robot | Side::Station => (SAMPLE_BATCHES, WAIT_FOR_ROOM_US),
         Side::Router => (ROUTER_SAMPLE_BATCHES, ROUTER_WAIT_FOR_ROOM_US),
     };
-    let mut settings = vec![
-        ("mode", json!(mode)),
-        ("listen/endpoints", json!(with_options(listen))),
-        ("connect/endpoints", json!(with_options(connect))),
-        ("connect/timeout_ms", json!(-1)),
-        ("connect/exit_on_failure", json!(false)),
-        (
-            "connect/retry",
-            json!({
+    let settings = json!({
+        "mode": mode,
+        "listen": { "endpoints": with_options(listen) },
+        "connect": {
+            "endpoints": with_options(connect),
+            "timeout_ms": -1,
+            "exit_on_failure": false,
+            "retry": {
                 "period_init_ms": network.retry_ms,
                 "period_max_ms": network.retry_ms,
                 "period_increase_factor": 1,
-            }),
-        ),
-        ("scouting/multicast/enabled", json!(network.discovery)),
-        (
-            "scouting/multicast/address",
-            json!(network.multicast.to_string()),
-        ),
-        ("scouting/gossip/enabled", json!(network.discovery)),
-        ("adminspace/enabled", json!(false)),
-        (
-            "transport/unicast/open_timeout",
-            json!(network.open_timeout_ms),
-        ),
-        (
-            "transport/unicast/accept_timeout",
-            json!(network.open_timeout_ms),
-        ),
-        ("transport/link/tx/lease", json!(network.lease_ms)),
-        ("transport/link/tx/threads", json!(1)),
-        ("transport/link/tx/batch_size", json!(BATCH_BYTES)),
-        (
-            "transport/link/tx/queue/congestion_control/drop/wait_before_drop",
-            json!(wait_us),
-        ),
-        (
-            "transport/link/tx/queue/size",
-            json!({
-                "control": 2,
-                "interactive_high": MESSAGE_BATCHES,
-                "interactive_low": sample_batches,
-                "real_time": sample_batches,
-                "data_high": sample_batches,
-                "data": sample_batches,
-                "data_low": sample_batches,
-                "background": sample_batches,
-            }),
-        ),
-        (
-            "transport/link/rx/max_message_size",
-            json!(MAX_MESSAGE_BYTES),
-        ),
-        (
-            "transport/link/tcp/so_sndbuf",
-            json!(network.send_buffer_bytes),
-        ),
-        (
-            "transport/link/tls/so_sndbuf",
-            json!(network.send_buffer_bytes),
-        ),
-    ];
-    settings.extend(tls(config));
+            },
+        },
+        "scouting": {
+            "multicast": { "enabled": network.discovery, "address": network.multicast.to_string() },
+            "gossip": { "enabled": network.discovery },
+        },
+        "adminspace": { "enabled": false },
+        "transport": {
+            "unicast": {
+                "open_timeout": network.open_timeout_ms,
+                "accept_timeout": network.open_timeout_ms,
+            },
+            "link": {
+                "tx": {
+                    "lease": network.lease_ms,
+                    "threads": 1,
+                    "batch_size": BATCH_BYTES,
+                    "queue": {
+                        "congestion_control": { "drop": { "wait_before_drop": wait_us } },
+                        "size": {
+                            "control": 2,
+                            "interactive_high": MESSAGE_BATCHES,
+                            "interactive_low": sample_batches,
+                            "real_time": sample_batches,
+                            "data_high": sample_batches,
+                            "data": sample_batches,
+                            "data_low": sample_batches,
+                            "background": sample_batches,
+                        },
+                    },
+                },
+                "rx": { "max_message_size": MAX_MESSAGE_BYTES },
+                "tcp": { "so_sndbuf": network.send_buffer_bytes },
+                "tls": tls(config),
+            },
+        },
+    });
+    let mut zenoh_config = zenoh::Config::from_json5(&settings.to_string())?;
     if let Some(rules) = access_control(config, side) {
-        settings.push(("access_control", rules));
-    }
-    let mut zenoh_config = zenoh::Config::default();
-    for (key, value) in settings {
-        zenoh_config.insert_json5(key, &value.to_string())?;
+        zenoh_config.insert_json5("access_control", &rules.to_string())?;
     }
     Ok(zenoh_config)
 }
 
-/// Both sides show a certificate, and the side that connects compares the name or address that it has connected to with the
-/// certificate.
-fn tls(config: &Config) -> Vec<(&'static str, Value)> {
-    let Ok(Some(files)) = config.security.certificates() else {
-        return Vec::new();
-    };
-    vec![
-        (
-            "transport/link/tls/root_ca_certificate",
-            json!(files.authority),
-        ),
-        (
-            "transport/link/tls/listen_certificate",
-            json!(files.certificate),
-        ),
-        ("transport/link/tls/listen_private_key", json!(files.key)),
-        (
-            "transport/link/tls/connect_certificate",
-            json!(files.certificate),
-        ),
-        ("transport/link/tls/connect_private_key", json!(files.key)),
-        ("transport/link/tls/enable_mtls", json!(true)),
-        ("transport/link/tls/verify_name_on_connect", json!(true)),
-        ("transport/link/tls/close_link_on_expiration", json!(true)),
-    ]
+/// With certificates both sides show one, and the side that connects compares the name or address that it has connected to with
+/// the certificate.
+fn tls(config: &Config) -> Value {
+    let mut settings = json!({ "so_sndbuf": config.network.send_buffer_bytes });
+    if let Ok(Some(files)) = config.security.certificates() {
+        settings["root_ca_certificate"] = json!(files.authority);
+        settings["listen_certificate"] = json!(files.certificate);
+        settings["listen_private_key"] = json!(files.key);
+        settings["connect_certificate"] = json!(files.certificate);
+        settings["connect_private_key"] = json!(files.key);
+        settings["enable_mtls"] = json!(true);
+        settings["verify_name_on_connect"] = json!(true);
+        settings["close_link_on_expiration"] = json!(true);
+    }
+    settings
 }
 
 /// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows.

@@ -1,26 +1,36 @@
 //! The messages between a station and a robot that carry requests. Each may be lost, repeated, reordered and late.
 
 use ipc_types::MonotonicNs;
-use ipc_types::payload::RequestReport;
+use ipc_types::payload::{RequestReport, SharedStruct};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// What the robot side says in the place of a session to a station that may command and has to wait, because as many others as have
-/// [sessions](super::robot::SESSIONS) are active. No session has this number, nor 0, which is said to a station that may not command.
+/// Instead of a session: the station may not command.
+pub const NOT_PERMITTED: u64 = 0;
+
+/// Instead of a session: the station may command and has to wait, because as many others as have
+/// [sessions](super::robot::SESSIONS) are active.
 pub const NO_PLACE: u64 = 1;
+
+/// Numbers that a station may use above its floor: twice what [`OPEN_ORDERS`](super::station::OPEN_ORDERS) need when all of them
+/// move to another number at once, 2 · (32 + 32). The robot side remembers so many orders of a session, about 600 bytes each. It
+/// ignores an order above, which no station sends.
+pub const WINDOW: u64 = 128;
 
 /// Station to robot: carry this request out, if that was not done before, and answer with what is known about it.
 ///
 /// A station repeats an order until it has the final report. All copies have the same session and number, but for an order that
 /// [moves to another number](super::station).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Order {
     /// Session that the robot side gave this life of the station.
     pub session: u64,
     /// Number of the order. A station counts from 1, through all its sessions.
     pub number: u64,
-    /// All orders of this session with a lower number are settled at the station: the robot side may forget them.
+    /// All orders of this session with a lower number are settled at the station: the robot side forgets them.
     pub floor: u64,
     /// Which request service of the robot, as the two sides agreed.
-    pub topic: u64,
+    pub service: u64,
     /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*.
     pub expires: MonotonicNs,
     /// The station has asked for this request before, perhaps in another session: it may have been carried out.
@@ -32,7 +42,7 @@ pub struct Order {
 }
 
 /// Robot to station: a report about an order.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
     /// Session of the order.
     pub session: u64,
@@ -42,14 +52,8 @@ pub struct Answer {
     /// but the request id.
     pub serial: u32,
     /// The report. `reported_ns` is in the robot's monotonic clock, `path_id` is 0 when the relay made the report.
+    #[serde(serialize_with = "as_bytes", deserialize_with = "from_bytes")]
     pub report: RequestReport,
-}
-
-/// Robot to station: the robot side does not know the session of an order. It was restarted, or has forgotten this station.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UnknownSession {
-    /// Session of the order.
-    pub session: u64,
 }
 
 /// The request id at the beginning of a request, or 0, which is no id, when there is none.
@@ -57,4 +61,14 @@ pub fn request_id(request: &[u8]) -> u64 {
     request
         .first_chunk()
         .map_or(0, |bytes| u64::from_le_bytes(*bytes))
+}
+
+/// A report goes over the network as the bytes that it has in shared memory.
+fn as_bytes<S: Serializer>(report: &RequestReport, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(report.bytes())
+}
+
+fn from_bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RequestReport, D::Error> {
+    let bytes = Vec::<u8>::deserialize(deserializer)?;
+    RequestReport::from_bytes(&bytes).ok_or_else(|| D::Error::custom("not a report"))
 }

@@ -2,7 +2,7 @@
 //! repetition, reordering and delay of messages, outages, and restarts of either relay and of the bridge.
 //!
 //! [`station::Station`] runs on the ground, [`robot::Robot`] beside the bridge. Both are values without thread, socket and
-//! clock. They exchange the three [messages](message).
+//! clock. They exchange [orders and answers](message).
 //!
 //! **The station asks, the robot remembers.** A station repeats each open request as an order until it has the
 //! final report. The robot side passes an order on when it sees it for the first time, and answers every further copy with the
@@ -10,16 +10,16 @@
 //!
 //! **Sessions** tell a robot side that remembers from one that does not. The robot side gives each life of a station a random
 //! session with the answers to its clock messages. When the robot side is restarted, or has forgotten the station, it answers
-//! orders with [`UnknownSession`](message::UnknownSession). The station gets another session, and asks again for everything that
+//! orders with [`UnknownSession`](robot::Output::UnknownSession). The station gets another session, and asks again for everything that
 //! is open as a *repetition*, which is never executed anew: the server is asked what became of it.
 //!
-//! **Places** bound the sessions: there are eight, and a station that is active keeps its own whatever others come. The ninth is
-//! told [`NO_PLACE`](message::NO_PLACE) in the place of a session and refuses requests with *relay-too-many-stations*; see
-//! [`places`](robot::places).
+//! **Places** bound the sessions: there are eight, and a station that is active keeps its own whatever others come. The ninth gets
+//! [`NO_PLACE`](message::NO_PLACE) in the place of a session and refuses requests with *relay-too-many-stations*; see
+//! [`session_for`](robot::Robot::session_for).
 //!
 //! **Numbers** tell a copy that is late from an order that is new. Every order says up to which number all is settled at its
 //! station, the *floor*. An order below the floor is ignored, all others are remembered. A station's numbers lie less than
-//! [`WINDOW`] above its floor, which bounds the robot side's memory.
+//! [`WINDOW`](message::WINDOW) above its floor, which bounds the robot side's memory.
 //!
 //! **Orders keep their order.** The robot side passes the orders of one session on in the order of their numbers: one whose number is
 //! beyond a gap waits until the missing ones were here. The station has one timer for all that it asks for again, oldest first, so
@@ -52,13 +52,13 @@
 //! | wanted | a report: handed on to the client; a final one settles the order | the same, or settled |
 //! | wanted | the client is gone | given up |
 //! | – | it is new, and the robot side has no place for the station: refused, relay-too-many-stations | settled |
-//! | wanted | no answer for a minute: the client is told *unknown, relay-link-lost* | given up |
+//! | wanted | no answer for a minute: the client gets *unknown, relay-link-lost* | given up |
 //! | given up | no report is handed on; a final one settles the order | the same, or settled |
 //! | any | another session: asked again under another number, as a repetition | the same |
 //!
 //! **What a request that was given up does.** The robot side drops the pending request, as any client on the robot that goes away:
 //! a path of which waypoints are missing is discarded, and a movement that was accepted goes on to its end. That also holds for a
-//! request whose client was told *unknown, relay-link-lost*. A client can ask the server for the true end with the same request
+//! request whose client got *unknown, relay-link-lost*. A client can ask the server for the true end with the same request
 //! id and `repeat` = 1.
 
 pub mod message;
@@ -68,8 +68,3 @@ pub mod verdict;
 
 #[cfg(test)]
 mod tests;
-
-/// Numbers that a station may use above its floor: twice what [`station::OPEN_ORDERS`] need when all of them move to another
-/// number at once, 2 · (32 + 32). The robot side remembers so many orders of a session, about 600 bytes each. It ignores an order
-/// above, which no station sends.
-pub const WINDOW: u64 = 128;

@@ -6,50 +6,35 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-/// Why the relay itself ends a request. `refused` means that the request was never passed on.
-///
-/// | verdict | made by | report |
-/// |---|---|---|
-/// | `LinkDown` | station | refused, relay-link-down (37) |
-/// | `LinkLost` | station | unknown, relay-link-lost (38) |
-/// | `NotPermitted` | station | refused, relay-not-permitted (39) |
-/// | `TooManyStations` | station | refused, relay-too-many-stations (41) |
-/// | `TooManyRequests` | both | refused, too-many-requests |
-/// | `Busy` | both | refused, still-open |
-/// | `InvalidRequest` | both | refused, invalid-request |
-/// | `Expired` | robot | refused, too-late, and by how many seconds |
-/// | `NoServer` | robot | refused, bridge-gone |
-/// | `ServerGone` | robot | unknown, bridge-gone |
-/// | `NotRemembered` | robot | unknown, not-remembered |
-/// | `StillOpen` | robot | unknown, still-open |
-/// | `GivenUp` | robot | unknown, none |
+/// Why the relay itself ends a request, which side of it does, and [with what report](Verdict::codes). *Refused* means that the
+/// request was never passed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The station has no link to the robot.
+    /// Station: the station has no link to the robot.
     LinkDown,
-    /// The robot has not answered for so long that the station stopped waiting.
+    /// Station: the robot has not answered for so long that the station stopped waiting.
     LinkLost,
-    /// The robot's relay does not let this station command.
+    /// Station: the robot's relay does not let this station command.
     NotPermitted,
-    /// As many other stations as the robot's relay takes requests from are active.
+    /// Station: as many other stations as the robot's relay takes requests from are active.
     TooManyStations,
-    /// A bounded table is full: the station's open orders, or the server's queue.
+    /// Both: a bounded table is full: the station's open orders, or the server's queue.
     TooManyRequests,
-    /// Another request with this id is open.
+    /// Both: another request with this id is open.
     Busy,
-    /// The request has no id.
+    /// Both: the request has no id.
     InvalidRequest,
-    /// The request came to the robot, or could be passed on, only after the moment until which it may begin: so much later.
+    /// Robot: the request came to the robot, or could be passed on, only after the moment until which it may begin: so much later.
     Expired(Duration),
-    /// No process serves this request on the robot.
+    /// Robot: no process serves this request on the robot.
     NoServer,
-    /// The request was asked before, and no process serves it now.
+    /// Robot: the request was asked before, and no process serves it now.
     ServerGone,
-    /// The request was asked before, and the robot side that was asked is gone.
+    /// Robot: the request was asked before, and the robot side that was asked is gone.
     NotRemembered,
-    /// The request was asked before, and its server calls it busy for too long.
+    /// Robot: the request was asked before, and its server calls it busy for too long.
     StillOpen,
-    /// The station gave the request up.
+    /// Robot: the station gave the request up.
     GivenUp,
 }
 

@@ -1,7 +1,7 @@
 //! [`Admission`]: which messages of stations are read, before anything is done with them. A pure value.
 //!
-//! A station that is named in the configuration has budgets of its own; all others share one. So one that floods, or a stranger
-//! with many names, takes nothing from a station that is named. Where no certificates are used a stranger can take the name of
+//! A station that is named in the configuration has budgets of its own; all others share one. So one that floods, or an attacker
+//! with many names, takes nothing from a station that is named. Where no certificates are used an attacker can take the name of
 //! a station, and with it its budgets.
 
 use ipc_types::MonotonicNs;

@@ -7,9 +7,10 @@ use serde::de::DeserializeOwned;
 
 use super::admission::Admission;
 use crate::config::Config;
-use crate::message::{Ask, Command, MAX_ASK_BYTES, MAX_COMMAND_BYTES, NoMessage, decode};
+use crate::message::{Ask, MAX_ASK_BYTES, MAX_ORDER_BYTES, Unreadable, decode};
 use crate::names;
 use crate::network::{Inbox, Network, NetworkError, Room};
+use crate::orders::message::Order;
 
 /// Messages that may wait: a station sends a few for each of its at most 32 open requests, and eight stations are served.
 const INBOX: usize = 512;
@@ -25,17 +26,17 @@ const ASK_ROOM: Room = Room {
 const ORDER_ROOM: Room = Room {
     messages: INBOX,
     bytes: ORDER_BYTES,
-    longest: MAX_COMMAND_BYTES,
+    longest: MAX_ORDER_BYTES,
 };
 
 /// Bytes of orders that may wait: as many of the longest as 256, of the robot's own as wait at all.
-const ORDER_BYTES: usize = 256 * MAX_COMMAND_BYTES;
+const ORDER_BYTES: usize = 256 * MAX_ORDER_BYTES;
 
 /// What stations send.
 pub struct Mailbox {
     asks: Inbox,
-    commands: Inbox,
-    unreadable: u64,
+    orders: Inbox,
+    unreadable: Unreadable,
 }
 
 /// A message of a station.
@@ -68,8 +69,8 @@ impl Mailbox {
         };
         Ok(Mailbox {
             asks: receive(names::ask, ASK_ROOM)?,
-            commands: receive(names::order, ORDER_ROOM)?,
-            unreadable: 0,
+            orders: receive(names::order, ORDER_ROOM)?,
+            unreadable: Unreadable::default(),
         })
     }
 
@@ -81,8 +82,8 @@ impl Mailbox {
     }
 
     /// Takes the orders that have come.
-    pub fn commands(&mut self, admission: &mut Admission, now: MonotonicNs) -> Vec<Mail<Command>> {
-        read(&self.commands, &mut self.unreadable, |key| {
+    pub fn orders(&mut self, admission: &mut Admission, now: MonotonicNs) -> Vec<Mail<Order>> {
+        read(&self.orders, &mut self.unreadable, |key| {
             admission.orders(key, now)
         })
     }
@@ -91,7 +92,7 @@ impl Mailbox {
 /// `admit` says whose the messages under a key are, when they are to be read.
 fn read<M: DeserializeOwned>(
     inbox: &Inbox,
-    unreadable: &mut u64,
+    unreadable: &mut Unreadable,
     mut admit: impl FnMut(&str) -> Option<&str>,
 ) -> Vec<Mail<M>> {
     let mut mail = Vec::new();
@@ -105,16 +106,8 @@ fn read<M: DeserializeOwned>(
                 message,
                 at: incoming.at,
             }),
-            Err(error) => note_unreadable(unreadable, incoming.key, &error),
+            Err(error) => unreadable.note(incoming.key, &error),
         }
     });
     mail
-}
-
-/// Said once, and then each time that their number has doubled.
-fn note_unreadable(unreadable: &mut u64, key: &str, error: &NoMessage) {
-    *unreadable += 1;
-    if unreadable.is_power_of_two() {
-        tracing::warn!(key, %error, count = unreadable, "messages that are none have come");
-    }
 }

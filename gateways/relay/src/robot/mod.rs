@@ -5,46 +5,38 @@
 
 pub mod admission;
 mod mailbox;
-mod own_topics;
 mod reaction;
-mod requests;
-pub mod ros2_outlet;
-pub mod services;
+mod ros2_publisher;
+mod services;
 pub mod stations;
-mod topic;
 
 use std::num::NonZeroU32;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
+use ipc_types::payload::RelayStations;
 use ipc_types::{Ipc, MonotonicNs, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
-use crate::config::Config;
-use crate::message::{AnswerBytes, Ask, Command, Ping, Pong, Tell, encode};
+use crate::config::{Config, Side};
+use crate::message::{Ask, Ping, Pong, Tell, encode};
 use crate::names;
-use crate::network::{Network, Side};
-use crate::orders::message::Order;
+use crate::network::Network;
+use crate::orders::message::{NOT_PERMITTED, Order};
 use crate::orders::robot as orders;
 use crate::orders::robot::{NotSent, Output};
+use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 use admission::Admission;
 use mailbox::{Mail, Mailbox};
-use own_topics::OwnTopics;
 use reaction::Reaction;
-use ros2_outlet::Ros2Outlet;
+use ros2_publisher::Ros2Publisher;
 use services::{LOOK_PERIOD, Services};
-use stations::{Lives, Stations};
+use stations::Stations;
 
 /// How often the latest samples are sent again at most, whatever stations ask for. One ping brings all of them.
 const LATEST_PERIOD: Duration = Duration::from_millis(500);
-
-/// What is known of the requests of a service that the robot does not have.
-const NO_SERVICE: orders::Traits = orders::Traits {
-    repeat: orders::Repeat::None,
-    ends_movement: false,
-};
 
 /// The robot's side of the relay.
 pub struct RobotSide {
@@ -55,11 +47,10 @@ pub struct RobotSide {
     mailbox: Mailbox,
     services: Services,
     stations: Stations,
-    lives: Lives,
     admission: Admission,
     orders: orders::Robot,
     reaction: Option<Reaction>,
-    own_topics: OwnTopics,
+    own_topics: OwnTopics<RelayStations>,
     samples_sent: u64,
     next_look: MonotonicNs,
     /// When the latest samples may be sent again, and whether a station waits for them.
@@ -84,7 +75,7 @@ impl RobotSide {
             link_loss: config.commands.lost_after(),
             ..orders::Config::default()
         };
-        let ros2 = Ros2Outlet::open(&network, &config.ros2, ipc.robot())?;
+        let ros2 = Ros2Publisher::open(&network, &config.ros2, ipc.robot());
         let now = MonotonicNs::now();
         Ok(RobotSide {
             robot,
@@ -92,7 +83,6 @@ impl RobotSide {
             mailbox: Mailbox::open(&network, robot, &config)?,
             services: Services::new(life, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
-            lives: Lives::default(),
             admission: Admission::new(
                 names::ask(robot, ""),
                 names::order(robot, ""),
@@ -126,8 +116,8 @@ impl RobotSide {
         for ask in self.mailbox.asks(&mut self.admission, now) {
             self.answer(&ask, out);
         }
-        for command in self.mailbox.commands(&mut self.admission, now) {
-            self.order(&command.station, command.message, out);
+        for order in self.mailbox.orders(&mut self.admission, now) {
+            self.order(&order.station, &order.message, out);
         }
     }
 
@@ -165,9 +155,9 @@ impl RobotSide {
             self.own_topics.hasten(at);
         }
         self.is_latest_wanted |= ping.wants_latest;
-        let session = match may_command && self.lives.admit(ping.station_life, station, at) {
-            true => self.orders.session_for(ping.station_life, at, out),
-            false => 0,
+        let session = match may_command {
+            true => self.orders.session_for(ping.station_life, station, at, out),
+            false => NOT_PERMITTED,
         };
         Pong {
             robot_life: self.life,
@@ -182,27 +172,27 @@ impl RobotSide {
         }
     }
 
-    fn order(&mut self, station: &str, command: Command, out: &mut Vec<Output>) {
-        let order = Order::from(command);
+    fn order(&mut self, station: &str, order: &Order, out: &mut Vec<Output>) {
         let from = out.len();
-        let requests = self.services.requests_of(order.topic);
+        let requests = self.services.requests_of(order.service);
         // Its service would refuse it, and until then it would be remembered.
-        if requests
+        let len = requests
             .as_ref()
-            .is_some_and(|requests| !requests.fits(&order.request))
-        {
+            .map(|requests| requests.client.schema().size());
+        if len.is_some_and(|len| len != order.request.len()) {
             return tracing::debug!(
                 station,
                 "a request has another length than its service takes"
             );
         }
-        let traits = requests.map_or(NO_SERVICE, |requests| requests.traits(&order.request));
-        self.orders.order(&order, traits, MonotonicNs::now(), out);
-        // Only the sender of this order is to be told that its session is not known.
+        let traits = requests.map(|requests| requests.fields.traits(&order.request));
+        let traits = traits.unwrap_or_default();
+        self.orders.order(order, traits, MonotonicNs::now(), out);
+        // Only the sender of this order gets the answer that its session is not known.
         for output in out.split_off(from) {
             match output {
-                Output::UnknownSession(unknown) => {
-                    self.tell(station, &Tell::UnknownSession(unknown.session));
+                Output::UnknownSession(session) => {
+                    self.tell(station, &Tell::UnknownSession(session));
                 }
                 output => out.push(output),
             }
@@ -220,18 +210,18 @@ impl RobotSide {
             for output in std::mem::take(out) {
                 match output {
                     Output::Send {
-                        topic,
+                        service,
                         request_id,
                         is_repeat,
                         request,
                     } => {
-                        let sent = match self.services.requests_of(topic) {
+                        let sent = match self.services.requests_of(service) {
                             Some(requests) => requests.send(request, is_repeat),
                             None => Err(NotSent::NoServer),
                         };
                         if let Err(reason) = sent {
                             self.orders.not_sent(
-                                topic,
+                                service,
                                 request_id,
                                 reason,
                                 MonotonicNs::now(),
@@ -239,19 +229,22 @@ impl RobotSide {
                             );
                         }
                     }
-                    Output::GiveUp { topic, request_id } => {
-                        if let Some(requests) = self.services.requests_of(topic) {
-                            requests.give_up(request_id);
+                    Output::GiveUp {
+                        service,
+                        request_id,
+                    } => {
+                        if let Some(requests) = self.services.requests_of(service) {
+                            requests.client.give_up_one(request_id);
                         }
                     }
                     Output::Answer { station, answer } => {
-                        if let Some(name) = self.lives.name_of(station) {
-                            self.tell(name, &Tell::Answer(AnswerBytes::new(&answer)));
+                        if let Some(name) = self.orders.name_of(station) {
+                            self.tell(name, &Tell::Answer(answer));
                         }
                     }
                     Output::UnknownSession(_) => {}
                     Output::LinkLost { station } => {
-                        let name = self.lives.name_of(station);
+                        let name = self.orders.name_of(station);
                         tracing::warn!(station = name, "lost, with a request open");
                         if let Some(reaction) = &mut self.reaction {
                             reaction.act();
@@ -265,8 +258,8 @@ impl RobotSide {
     fn take_reports(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         let orders = &mut self.orders;
         for requests in self.services.all_requests() {
-            let id = requests.id();
-            requests.drain(|report| orders.report(id, report, now, out));
+            let id = requests.id;
+            (requests.client).drain(|report| orders.report(id, report, now, out));
         }
     }
 
@@ -275,8 +268,14 @@ impl RobotSide {
         let rows = self
             .stations
             .rows(self.samples_sent, |life| orders.counts_of(life));
-        self.own_topics
-            .publish(self.stations.is_any_up(), rows, now);
+        let is_any_up = self.stations.is_any_up();
+        self.own_topics.publish(is_any_up, now, |sample| {
+            sample.published_ns = now.0;
+            sample.count = rows.len() as u32;
+            for (slot, row) in sample.stations.iter_mut().zip(rows) {
+                *slot = row;
+            }
+        });
     }
 }
 

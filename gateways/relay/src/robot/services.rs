@@ -9,19 +9,21 @@ use std::time::Duration;
 use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
 use ipc_types::service::Pattern;
-use ipc_types::{DynamicSubscriber, Ipc, MonotonicNs, PortSet};
+use ipc_types::{
+    DynamicClient, DynamicError, DynamicSubscriber, Ipc, MonotonicNs, PortSet, SendError,
+};
+use ros_messages::message as cdr_message;
 
+use super::ros2_publisher::Ros2Publisher;
 use crate::config::{TopicPlan, TopicsConfig};
-use crate::description::{Part, Service};
+use crate::description::{MAX_SERVICES, Part, Service};
+use crate::message::encode;
 use crate::names;
-use crate::network::{Declaration, Network};
+use crate::network::{Declaration, Network, Outbox};
+use crate::orders::robot::NotSent;
+use crate::request::RequestFields;
 use crate::ros2::Reliability;
-use crate::station::catalog::MAX_SERVICES;
-use crate::telemetry::Outlet;
-
-use super::requests::Requests;
-use super::ros2_outlet::Ros2Outlet;
-use super::topic::Topic;
+use crate::telemetry::SampleSender;
 
 /// How often the robot is looked at for services that are new.
 pub const LOOK_PERIOD: Duration = Duration::from_secs(1);
@@ -47,7 +49,7 @@ pub struct Services {
     discovery: Discovery,
     carried: Vec<Carried>,
     ports: PortSet,
-    ros2: Option<Ros2Outlet>,
+    ros2: Option<Ros2Publisher>,
 }
 
 impl Services {
@@ -59,7 +61,7 @@ impl Services {
     pub fn new(
         life: u64,
         robot: NonZeroU32,
-        ros2: Option<Ros2Outlet>,
+        ros2: Option<Ros2Publisher>,
     ) -> Result<Services, rustix::io::Errno> {
         Ok(Services {
             life,
@@ -73,7 +75,7 @@ impl Services {
 
     /// Looks for services that are not carried yet, and carries those that are to be.
     ///
-    /// Request services are carried also where no station may command, so that an operator is told that and not that there is
+    /// Request services are carried also where no station may command, so that an operator reads that and not that there is
     /// no bridge.
     pub fn look(&mut self, ipc: &Ipc, network: &Network, config: &TopicsConfig) {
         let mut discovery = std::mem::take(&mut self.discovery);
@@ -118,8 +120,12 @@ impl Services {
         if let Some(ros2) = &mut self.ros2 {
             ros2.add(network, &facts.key, &facts.schema, plan.priority);
         }
-        let outlet = Outlet::new(self.life, plan.period);
-        let topic = Topic::new(subscriber, outlet, outbox);
+        let topic = Topic {
+            subscriber,
+            sender: SampleSender::new(self.life, plan.period),
+            outbox,
+            is_failing: false,
+        };
         self.carry(facts, Port::Topic(Box::new(topic)), false);
         Ok(())
     }
@@ -168,15 +174,15 @@ impl Services {
         self.carried.len() as u16
     }
 
-    /// A part of the description of the service of this index, as a station is told.
+    /// A part of the description of the service of this index, for a station.
     pub fn describe(&self, index: u16, from: u32) -> Option<Part> {
         let carried = self.carried.get(usize::from(index))?;
         carried.service.part(self.life, index, from)
     }
 
-    /// The request service that orders call so.
+    /// The request service that orders call so. `None` if the robot does not have it.
     pub fn requests_of(&mut self, id: u64) -> Option<&mut Requests> {
-        self.all_requests().find(|requests| requests.id() == id)
+        self.all_requests().find(|requests| requests.id == id)
     }
 
     /// All request services.
@@ -222,6 +228,99 @@ impl Carried {
         match &mut self.port {
             Port::Topic(topic) => Some(topic),
             Port::Requests(_) | Port::Replaced => None,
+        }
+    }
+}
+
+/// A topic that is carried: on its way from the robot's shared memory to the stations.
+struct Topic {
+    subscriber: DynamicSubscriber,
+    sender: SampleSender,
+    outbox: Outbox,
+    is_failing: bool,
+}
+
+impl Topic {
+    /// Reads what has been published, and sends what is due. Says how many samples went out.
+    fn send(&mut self, now: MonotonicNs, mut ros2: Option<&mut Ros2Publisher>) -> u64 {
+        let sender = &mut self.sender;
+        let drained = self.subscriber.drain(|sample| sender.take(sample));
+        let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
+        if let Err(error) = drained
+            && !was_failing
+        {
+            tracing::warn!(key = self.subscriber.key(), %error, "a topic cannot be read");
+        }
+        // What waits goes out when the network has opened the way, and wakes the process for it.
+        if !self.outbox.is_open() {
+            return 0;
+        }
+        let lost = self.subscriber.losses().lost;
+        let before = self.sender.sent();
+        let (key, outbox) = (self.subscriber.key(), &self.outbox);
+        self.sender.send(now, lost, |header, sample| {
+            outbox.send(cdr_message(sample), encode(header));
+            if let Some(ros2) = &mut ros2 {
+                ros2.send(key, sample);
+            }
+        });
+        self.sender.sent() - before
+    }
+
+    /// Sends the latest sample again.
+    fn send_latest(&self) {
+        let lost = self.subscriber.losses().lost;
+        self.sender.send_again(lost, |header, sample| {
+            self.outbox.send(cdr_message(sample), encode(header));
+        });
+    }
+
+    /// When a sample is due that has come already.
+    fn deadline(&self) -> Option<MonotonicNs> {
+        self.sender.deadline().filter(|_| self.outbox.is_open())
+    }
+}
+
+/// A request service that is carried: the relay is its client.
+pub struct Requests {
+    /// Gives requests up, and has their reports.
+    pub client: DynamicClient,
+    /// What the requests say that a relay reads and writes.
+    pub fields: RequestFields,
+    /// What the service is called in orders.
+    pub id: u64,
+}
+
+impl Requests {
+    /// Opens the service, and lets `ports` wake the process for its reports.
+    fn open(ipc: &Ipc, facts: &ServiceFacts, ports: &PortSet) -> Result<Requests, DynamicError> {
+        let client = DynamicClient::open(ipc, &facts.key, &facts.schema)?;
+        if let Err(error) = ports.add(client.descriptor()) {
+            tracing::debug!(%error, "reports are looked for at every wake alone");
+        }
+        Ok(Requests {
+            client,
+            fields: RequestFields::of(&facts.schema),
+            id: names::service_id(&facts.key, &facts.schema),
+        })
+    }
+
+    /// Hands a request on.
+    ///
+    /// # Errors
+    ///
+    /// The service does not take it now.
+    pub fn send(&mut self, mut request: Vec<u8>, is_repeat: bool) -> Result<(), NotSent> {
+        if is_repeat {
+            self.fields.set_repeat(&mut request);
+        }
+        match self.client.send(&request) {
+            Ok(_) => Ok(()),
+            Err(SendError::NoServer { .. }) => Err(NotSent::NoServer),
+            Err(error) => {
+                tracing::debug!(%error, "a request was not handed on");
+                Err(NotSent::Full)
+            }
         }
     }
 }

@@ -2,7 +2,6 @@
 
 use ipc_types::RobotId;
 use ipc_types::schema::Schema;
-use ipc_types::service::{MAX_KEY_LEN, is_key};
 use ros_messages::StandardMessage;
 use twox_hash::XxHash3_128;
 
@@ -17,9 +16,6 @@ const ENCLAVE: &str = "%";
 /// Name of the node that a relay is for each robot.
 const NODE_NAME: &str = "ril_relay";
 
-/// Longest Zenoh id as text: 16 bytes, two digits each.
-const MAX_ZENOH_ID_LEN: usize = 32;
-
 /// The depth that `rmw_zenoh` leaves out of a token, because it is its default.
 const DEFAULT_DEPTH: u32 = 42;
 
@@ -30,21 +26,6 @@ pub const ATTACHMENT_LEN: usize = 8 + 8 + 1 + size_of::<Gid>();
 ///
 /// A ROS 2 node computes it from the token, and finds by it which publisher a sample came from.
 pub type Gid = [u8; 16];
-
-/// A name cannot be used in a key expression of `rmw_zenoh`.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum NameError {
-    /// The id of a Zenoh session has 1 to 32 digits.
-    #[error(
-        "`{0}` is no Zenoh id: it must have 1 to {MAX_ZENOH_ID_LEN} lower-case hexadecimal digits"
-    )]
-    ZenohId(String),
-    /// Not the key of a service.
-    #[error(
-        "`{0}` is no key of a service: it must have parts in lower snake case, divided by `/`, and at most {MAX_KEY_LEN} bytes"
-    )]
-    Key(String),
-}
 
 /// How surely samples arrive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -115,23 +96,12 @@ pub struct Session {
 
 impl Session {
     /// The session with the id `zenoh_id`, as Zenoh writes it, in the ROS domain `domain_id` (`ROS_DOMAIN_ID`, 0 by default).
-    ///
-    /// # Errors
-    ///
-    /// [`NameError::ZenohId`].
-    pub fn new(domain_id: u32, zenoh_id: &str) -> Result<Session, NameError> {
-        let is_digit = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
-        let is_id = (1..=MAX_ZENOH_ID_LEN).contains(&zenoh_id.len());
-        if !is_id || !zenoh_id.bytes().all(is_digit) {
-            return Err(NameError::ZenohId(
-                zenoh_id.escape_debug().take(64).collect(),
-            ));
-        }
-        Ok(Session {
+    pub fn new(domain_id: u32, zenoh_id: &str) -> Session {
+        Session {
             domain_id,
             zenoh_id: zenoh_id.to_owned(),
             next_id: 0,
-        })
+        }
     }
 
     fn take_id(&mut self) -> u64 {
@@ -150,23 +120,11 @@ impl Session {
         }
     }
 
-    /// The publication of a robot's topic with this key and schema: `/hero1/hero_telemetry` for robot 1.
-    ///
-    /// # Errors
-    ///
-    /// [`NameError::Key`].
-    pub fn publish(
-        &mut self,
-        node: &Node,
-        key: &str,
-        schema: &Schema,
-        qos: Qos,
-    ) -> Result<Publication, NameError> {
-        if !is_key(key) {
-            return Err(NameError::Key(key.escape_debug().take(64).collect()));
-        }
+    /// The publication of a robot's topic with this key and schema: `/hero1/hero_telemetry` for robot 1. The key is that of a service
+    /// ([`is_key`](ipc_types::service::is_key)), so nothing in it is special to Zenoh.
+    pub fn publish(&mut self, node: &Node, key: &str, schema: &Schema, qos: Qos) -> Publication {
         let type_name = schema.ros_resource_name();
-        Ok(self.publication(node, key, type_name, &type_hash(schema), qos))
+        self.publication(node, key, type_name, &type_hash(schema), qos)
     }
 
     /// The publication of a standard message about a robot: `/hero1/imu/data` for robot 1.
@@ -282,4 +240,123 @@ fn gid(token: &str) -> Gid {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::ros2::own_schemas;
+
+    const ZENOH_ID: &str = "1f2e3d4c5b6a79880102030405060708";
+
+    fn schema(name: &str) -> Schema {
+        let mut schemas = own_schemas().into_iter();
+        schemas
+            .find(|schema| schema.root().name == name)
+            .expect("a schema of ours")
+    }
+
+    #[test]
+    fn a_topic_of_ours_has_the_names_of_rmw_zenoh() {
+        let mut session = Session::new(7, ZENOH_ID);
+        let node = session.node(RobotId::new(12).unwrap());
+        let schema = schema("HeroTelemetry");
+        let publication = session.publish(&node, "hero_telemetry", &schema, Qos::SENSOR_DATA);
+        let hash = type_hash(&schema);
+        assert_eq!(
+            node.token(),
+            format!("@ros2_lv/7/{ZENOH_ID}/0/0/NN/%/%hero12/ril_relay")
+        );
+        assert_eq!(publication.topic, "/hero12/hero_telemetry");
+        assert_eq!(publication.type_name, "hero_msgs/msg/HeroTelemetry");
+        assert_eq!(
+            publication.key_expression,
+            format!("7/hero12/hero_telemetry/hero_msgs::msg::dds_::HeroTelemetry_/{hash}")
+        );
+        assert_eq!(
+            publication.token,
+            format!(
+                "@ros2_lv/7/{ZENOH_ID}/0/1/MP/%/%hero12/ril_relay/%hero12%hero_telemetry/\
+             hero_msgs::msg::dds_::HeroTelemetry_/{hash}/2::,5:,:,:,,"
+            )
+        );
+    }
+
+    #[test]
+    fn a_standard_message_has_a_topic_in_the_robots_namespace() {
+        let mut session = Session::new(0, "a");
+        let node = session.node(RobotId::DEFAULT);
+        let publication = session.publish_standard(&node, StandardMessage::Imu);
+        assert_eq!(publication.topic, "/hero1/imu/data");
+        let hash = StandardMessage::Imu.type_hash();
+        assert_eq!(
+            publication.key_expression,
+            format!("0/hero1/imu/data/sensor_msgs::msg::dds_::Imu_/{hash}")
+        );
+        assert!(publication.token.contains("/%hero1%imu%data/"));
+    }
+
+    #[test]
+    fn ids_are_unique_in_a_session_and_tell_publishers_apart() {
+        let mut session = Session::new(0, ZENOH_ID);
+        let nodes = [1, 2].map(|robot| session.node(RobotId::new(robot).unwrap()));
+        let mut tokens: Vec<String> = nodes.iter().map(Node::token).collect();
+        let mut gids = Vec::new();
+        for node in &nodes {
+            for message in StandardMessage::ALL {
+                let publication = session.publish_standard(node, message);
+                tokens.push(publication.token);
+                gids.push(publication.gid);
+            }
+        }
+        let count = tokens.len();
+        tokens.sort();
+        tokens.dedup();
+        gids.sort();
+        gids.dedup();
+        assert_eq!((tokens.len(), gids.len()), (count, count - nodes.len()));
+    }
+
+    #[test]
+    fn a_publisher_id_is_the_hash_of_its_token() {
+        // By `xxhash.xxh3_128_intdigest` of Python.
+        let token = "@ros2_lv/0/a/0/1/MP/%/%hero1/ril_relay/%hero1%fix/x/y/::,10:,:,:,,";
+        assert_eq!(
+            gid(token),
+            0xbb34_452b_0877_f970_ad19_2b4c_5e4b_838b_u128.to_le_bytes()
+        );
+        let long = token.repeat(5);
+        assert_eq!(
+            gid(&long),
+            0xecfa_05b4_2e7e_b6e0_442b_152c_e565_ac59_u128.to_le_bytes()
+        );
+    }
+
+    #[test]
+    fn quality_of_service_is_written_without_defaults() {
+        assert_eq!(Qos::SENSOR_DATA.encode(), "2::,5:,:,:,,");
+        assert_eq!(Qos::STATE.encode(), "::,10:,:,:,,");
+        let default = Qos {
+            reliability: Reliability::Reliable,
+            depth: DEFAULT_DEPTH,
+        };
+        assert_eq!(default.encode(), "::,:,:,:,,");
+    }
+
+    #[test]
+    fn states_are_reliable_and_measurements_are_not() {
+        for key in ["module_state", "status/state", "battery_watch/state"] {
+            assert_eq!(Qos::of_key(key), Qos::STATE, "{key}");
+        }
+        for key in ["hero_telemetry", "battery_watch/cell_voltages"] {
+            assert_eq!(Qos::of_key(key), Qos::SENSOR_DATA, "{key}");
+        }
+    }
+
+    #[test]
+    fn an_attachment_has_sequence_time_and_publisher() {
+        let gid: Gid = std::array::from_fn(|index| index as u8);
+        let bytes = attachment(0x0102, 0x1122_3344_5566_7788, &gid);
+        let mut expected = vec![2, 1, 0, 0, 0, 0, 0, 0];
+        expected.extend([0x88, 0x77, 0x66, 0x55, 0x44, 0x33, 0x22, 0x11, 16]);
+        expected.extend(0..16);
+        assert_eq!(bytes.to_vec(), expected);
+    }
+}

@@ -11,7 +11,7 @@
 //! | a sample of ours as a message | [`message`], of [`ros_messages`] |
 //! | `sensor_msgs` and `geometry_msgs` made of a `HeroTelemetry` | [`StandardMessage`], of [`ros_messages`] |
 //! | which publications a robot has, and what goes out over them | [`Topics`] |
-//! | the package of `.msg` files | [`write_packages`] |
+//! | packages of `.msg` files | [`write_packages`] |
 //!
 //! Requests are not offered to ROS 2: they go through [`orders`](crate::orders) alone.
 //!
@@ -22,7 +22,7 @@
 //! the attachment named its fields. **Humble** has no type hashes: its nodes see these topics, but subscribe under another key
 //! expression and receive nothing.
 //!
-//! # What Zenoh has to be told
+//! # What Zenoh needs
 //!
 //! * Declare the node's token before those of its publications, and keep all of them as long as samples are published.
 //! * Put each sample with its [`attachment`]: subscribers drop a sample without one. An encoding is not needed.
@@ -30,16 +30,12 @@
 //! * Plain publishers serve: only subscribers that ask for old samples (*transient local*) want a cache, which [`Qos`] explains.
 
 mod graph;
-mod package;
-mod source_time;
+mod packages;
 mod topics;
 mod type_hash;
 
-pub use graph::{
-    ATTACHMENT_LEN, Gid, NameError, Node, Publication, Qos, Reliability, Session, attachment,
-};
-pub use package::{ConflictingTypes, own_schemas, write_packages};
+pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, Qos, Reliability, Session, attachment};
+pub use packages::{ConflictingTypes, add_packages, own_schemas, write_packages};
 pub use ros_messages::{StandardMessage, UnixOffset, message};
-pub use source_time::SourceTime;
-pub use topics::{Change, Topics, Way};
+pub use topics::{Topics, Way};
 pub use type_hash::type_hash;

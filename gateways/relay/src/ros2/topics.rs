@@ -5,12 +5,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ipc_types::payload::{HeroTelemetry, SharedStruct};
+use ipc_types::payload::{HeroTelemetry, Number, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, Topic as _};
 use ros_messages::{StandardMessage, UnixOffset, message};
 
-use super::graph::{ATTACHMENT_LEN, Gid, NameError, Node, Publication, Qos, Session, attachment};
-use super::source_time::SourceTime;
+use super::graph::{ATTACHMENT_LEN, Gid, Node, Publication, Qos, Session, attachment};
+use crate::request::word;
 
 /// A way out for the samples of one publication.
 pub trait Way {
@@ -52,15 +52,6 @@ struct Publisher<W> {
     sent: i64,
 }
 
-/// What a new topic has changed.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Change<W> {
-    /// Ways that are not needed any more.
-    pub closed: Vec<W>,
-    /// The standard message that is left out from now on, because the topic has its name.
-    pub left_out: Option<StandardMessage>,
-}
-
 impl<W: Way> Topics<W> {
     /// No topics yet. `has_standard` says whether standard messages are made of `hero_telemetry`.
     pub fn new(mut session: Session, robot: RobotId, has_standard: bool) -> Topics<W> {
@@ -81,54 +72,37 @@ impl<W: Way> Topics<W> {
     }
 
     /// The relay carries a topic from now on, instead of a former one with the same key. `open` is called for each publication
-    /// that this needs.
-    ///
-    /// # Errors
-    ///
-    /// When ROS 2 cannot have the name; then nothing has changed.
+    /// that this needs; ways that are not needed any more are dropped. Returns the standard message that is left out from now on,
+    /// because the topic has its name.
     pub fn add(
         &mut self,
         key: &str,
         schema: &Schema,
         mut open: impl FnMut(&Publication) -> W,
-    ) -> Result<Change<W>, NameError> {
-        let publication = self
-            .session
-            .publish(&self.node, key, schema, Qos::of_key(key))?;
-        let mut change = Change {
-            closed: Vec::new(),
-            left_out: None,
-        };
+    ) -> Option<StandardMessage> {
+        let qos = Qos::of_key(key);
+        let publication = self.session.publish(&self.node, key, schema, qos);
+        let mut left_out = None;
         if let Some(standard) = StandardMessage::of_key(key) {
-            let is_news = self.taken.insert(standard);
-            change.left_out = (self.has_standard && is_news).then_some(standard);
-            let closed = self.standard.remove(&standard);
-            change.closed.extend(closed.map(|publisher| publisher.way));
+            let is_first = self.taken.insert(standard);
+            left_out = (self.has_standard && is_first).then_some(standard);
+            self.standard.remove(&standard);
         }
         let topic = Topic {
             publisher: Publisher::new(&publication, &mut open),
             source_time: SourceTime::of(schema),
         };
-        let former = self.topics.insert(key.to_owned(), topic);
-        change
-            .closed
-            .extend(former.map(|former| former.publisher.way));
+        self.topics.insert(key.to_owned(), topic);
         if key == HeroTelemetry::KEY {
-            self.follow_telemetry(schema, &mut change, open);
+            self.follow_telemetry(schema, open);
         }
-        Ok(change)
+        left_out
     }
 
     /// Standard messages can be made of the struct that this program was built with, and of no other.
-    fn follow_telemetry(
-        &mut self,
-        schema: &Schema,
-        change: &mut Change<W>,
-        mut open: impl FnMut(&Publication) -> W,
-    ) {
+    fn follow_telemetry(&mut self, schema: &Schema, mut open: impl FnMut(&Publication) -> W) {
         if schema.layout_hash() != Schema::of::<HeroTelemetry>().layout_hash() {
-            let closed = std::mem::take(&mut self.standard).into_values();
-            return change.closed.extend(closed.map(|publisher| publisher.way));
+            return self.standard.clear();
         }
         for standard in StandardMessage::ALL {
             let is_free = !self.taken.contains(&standard) && !self.standard.contains_key(&standard);
@@ -180,5 +154,280 @@ impl<W: Way> Publisher<W> {
     }
 }
 
+/// Fields that say when a sample was published, the better one first: when it was, and when the data came that it is made of.
+const TIME_FIELDS: [&str; 2] = ["published_ns", "received_ns"];
+
+/// Where a topic's samples say when they were published.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct SourceTime {
+    offsets: [Option<usize>; TIME_FIELDS.len()],
+}
+
+impl SourceTime {
+    /// Of the samples that `schema` describes.
+    fn of(schema: &Schema) -> SourceTime {
+        let offset = |field| {
+            let leaf = schema.number(field)?;
+            let is_moment = leaf.number == Number::U64 && leaf.len.is_none();
+            is_moment.then_some(leaf.offset)
+        };
+        SourceTime {
+            offsets: TIME_FIELDS.map(offset),
+        }
+    }
+
+    /// When `sample` was published; `now` when it does not say so, or names a moment that is still to come.
+    fn of_sample(self, sample: &[u8], now: MonotonicNs) -> MonotonicNs {
+        let moment = |offset: usize| {
+            let moment = MonotonicNs(word(sample, offset)?);
+            (moment.0 != 0 && moment <= now).then_some(moment)
+        };
+        let moments = self.offsets.into_iter().flatten();
+        moments.filter_map(moment).next().unwrap_or(now)
+    }
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    use ipc_types::TelemetryGroup;
+    use ipc_types::payload::{DspTelemetry, ModuleState};
+
+    use super::*;
+
+    const NOW: MonotonicNs = MonotonicNs(5_000_000_000);
+    const OFFSET: UnixOffset = UnixOffset(1_700_000_000_000_000_000);
+
+    /// What was sent: topic, sequence, Unix time in ns.
+    type Sent = Rc<RefCell<Vec<(String, i64, i64)>>>;
+
+    #[derive(Debug)]
+    struct Recorder {
+        topic: String,
+        is_open: bool,
+        sent: Sent,
+        closed: Rc<RefCell<Vec<String>>>,
+    }
+
+    impl Drop for Recorder {
+        fn drop(&mut self) {
+            self.closed.borrow_mut().push(self.topic.clone());
+        }
+    }
+
+    impl Way for Recorder {
+        fn is_open(&self) -> bool {
+            self.is_open
+        }
+
+        fn send(&self, payload: Vec<u8>, attachment: [u8; ATTACHMENT_LEN]) {
+            assert_eq!(payload[..4], [0, 1, 0, 0]);
+            let number =
+                |from: usize| i64::from_le_bytes(*attachment[from..].first_chunk().unwrap());
+            let sample = (self.topic.clone(), number(0), number(8));
+            self.sent.borrow_mut().push(sample);
+        }
+    }
+
+    /// A robot's topics, and what goes out.
+    struct Harness {
+        topics: Topics<Recorder>,
+        sent: Sent,
+        closed: Rc<RefCell<Vec<String>>>,
+        are_open: bool,
+    }
+
+    impl Harness {
+        fn new(has_standard: bool) -> Harness {
+            let session = Session::new(0, "a1");
+            Harness {
+                topics: Topics::new(session, RobotId::DEFAULT, has_standard),
+                sent: Sent::default(),
+                closed: Rc::default(),
+                are_open: true,
+            }
+        }
+
+        /// The topics that are published from now on, those that are not any more, and the standard message that is left out.
+        fn add(
+            &mut self,
+            key: &str,
+            schema: &Schema,
+        ) -> (Vec<String>, Vec<String>, Option<StandardMessage>) {
+            let mut opened = Vec::new();
+            let left_out = self.topics.add(key, schema, |publication| {
+                opened.push(publication.topic.clone());
+                Recorder {
+                    topic: publication.topic.clone(),
+                    is_open: self.are_open,
+                    sent: Rc::clone(&self.sent),
+                    closed: Rc::clone(&self.closed),
+                }
+            });
+            (opened, self.closed.take(), left_out)
+        }
+
+        fn send(&mut self, key: &str, sample: &[u8]) -> Vec<(String, i64, i64)> {
+            self.topics.send(key, sample, NOW, OFFSET);
+            self.sent.take()
+        }
+    }
+
+    fn telemetry_schema() -> Schema {
+        Schema::of::<HeroTelemetry>()
+    }
+
+    fn other_schema() -> Schema {
+        Schema::parse("# Layout: imu.Data.v1\n\nuint64 sequence\nuint64 epoch_ns\n").unwrap()
+    }
+
+    #[test]
+    fn telemetry_brings_the_standard_messages_with_it() {
+        let mut harness = Harness::new(true);
+        let (opened, closed, left_out) = harness.add("hero_telemetry", &telemetry_schema());
+        let expected = [
+            "hero_telemetry",
+            "fix",
+            "imu/data",
+            "battery_state",
+            "velocity",
+        ];
+        assert_eq!(opened, expected.map(|name| format!("/hero1/{name}")));
+        assert_eq!((closed, left_out), (vec![], None));
+        let (opened, ..) = Harness::new(false).add("hero_telemetry", &telemetry_schema());
+        assert_eq!(opened, ["/hero1/hero_telemetry"]);
+        let (opened, ..) = Harness::new(true).add("module_state", &Schema::of::<ModuleState>());
+        assert_eq!(opened, ["/hero1/module_state"]);
+    }
+
+    #[test]
+    fn each_publication_counts_what_it_sent_and_says_when_the_sample_was_published() {
+        let mut harness = Harness::new(true);
+        harness.add("hero_telemetry", &telemetry_schema());
+        let mut telemetry = HeroTelemetry {
+            published_ns: 3_000_000_000,
+            ..HeroTelemetry::ZERO
+        };
+        let without_groups = harness.send("hero_telemetry", telemetry.bytes());
+        let time = OFFSET.0 + 3_000_000_000;
+        let own = "/hero1/hero_telemetry".to_owned();
+        assert_eq!(without_groups, [(own.clone(), 1, time)]);
+        telemetry.valid_groups = u32::from(TelemetryGroup::Supply.bit());
+        let with_supply = harness.send("hero_telemetry", telemetry.bytes());
+        let battery = "/hero1/battery_state".to_owned();
+        assert_eq!(with_supply, [(own, 2, time), (battery, 1, time)]);
+        assert_eq!(harness.send("not_relayed", telemetry.bytes()), []);
+    }
+
+    #[test]
+    fn a_sample_is_left_out_uncounted_while_its_publication_is_not_declared() {
+        let mut harness = Harness::new(true);
+        harness.are_open = false;
+        harness.add("hero_telemetry", &telemetry_schema());
+        let sample = HeroTelemetry::ZERO;
+        assert_eq!(harness.send("hero_telemetry", sample.bytes()), []);
+        let topic = harness.topics.topics.get_mut("hero_telemetry").unwrap();
+        topic.publisher.way.is_open = true;
+        let sent = harness.send("hero_telemetry", sample.bytes());
+        let expected = ("/hero1/hero_telemetry".to_owned(), 1, OFFSET.unix_ns(NOW));
+        assert_eq!(sent, [expected]);
+    }
+
+    #[test]
+    fn a_topic_that_comes_later_takes_its_name_from_the_standard_message() {
+        let mut harness = Harness::new(true);
+        harness.add("hero_telemetry", &telemetry_schema());
+        let (opened, closed, left_out) = harness.add("imu/data", &other_schema());
+        assert_eq!((opened, closed), (names(["imu/data"]), names(["imu/data"])));
+        assert_eq!(left_out, Some(StandardMessage::Imu));
+        let (.., left_out) = harness.add("imu/data", &other_schema());
+        assert_eq!(left_out, None, "it is said once");
+    }
+
+    #[test]
+    fn a_topic_that_was_there_before_keeps_its_name() {
+        let mut harness = Harness::new(true);
+        let (.., left_out) = harness.add("imu/data", &other_schema());
+        assert_eq!(left_out, Some(StandardMessage::Imu));
+        let (opened, ..) = harness.add("hero_telemetry", &telemetry_schema());
+        assert!(!opened.contains(&"/hero1/imu/data".to_owned()));
+        let (.., left_out) = Harness::new(false).add("imu/data", &other_schema());
+        assert_eq!(left_out, None, "there are no standard messages");
+    }
+
+    #[test]
+    fn a_topic_whose_struct_has_changed_replaces_the_former_one() {
+        let mut harness = Harness::new(true);
+        harness.add("hero_telemetry", &telemetry_schema());
+        let (opened, closed, _) = harness.add("hero_telemetry", &telemetry_schema());
+        let own = names(["hero_telemetry"]);
+        assert_eq!(
+            (opened, closed),
+            (own.clone(), own.clone()),
+            "only its text"
+        );
+        let (opened, closed, _) = harness.add("hero_telemetry", &other_schema());
+        let all = names([
+            "hero_telemetry",
+            "fix",
+            "imu/data",
+            "battery_state",
+            "velocity",
+        ]);
+        assert_eq!((opened, closed), (own, all));
+        assert_eq!(
+            harness
+                .send("hero_telemetry", HeroTelemetry::ZERO.bytes())
+                .len(),
+            1
+        );
+    }
+
+    fn names<const N: usize>(keys: [&str; N]) -> Vec<String> {
+        keys.map(|key| format!("/hero1/{key}")).to_vec()
+    }
+
+    const SOON: MonotonicNs = MonotonicNs(1000);
+
+    fn of_telemetry(received_ns: u64, published_ns: u64) -> u64 {
+        let sample = HeroTelemetry {
+            received_ns,
+            published_ns,
+            ..HeroTelemetry::ZERO
+        };
+        let source_time = SourceTime::of(&Schema::of::<HeroTelemetry>());
+        source_time.of_sample(sample.bytes(), SOON).0
+    }
+
+    #[test]
+    fn publishing_comes_before_receiving_and_receiving_before_now() {
+        assert_eq!(of_telemetry(700, 800), 800);
+        assert_eq!(of_telemetry(700, 0), 700);
+        assert_eq!(of_telemetry(0, 0), SOON.0);
+        let sample = DspTelemetry {
+            received_ns: 600,
+            ..DspTelemetry::ZERO
+        };
+        let source_time = SourceTime::of(&Schema::of::<DspTelemetry>());
+        assert_eq!(source_time.of_sample(sample.bytes(), SOON).0, 600);
+    }
+
+    #[test]
+    fn a_moment_that_is_still_to_come_is_none() {
+        assert_eq!(of_telemetry(700, SOON.0 + 1), 700);
+        assert_eq!(of_telemetry(u64::MAX, u64::MAX), SOON.0);
+    }
+
+    #[test]
+    fn other_fields_of_these_names_and_short_samples_mean_now() {
+        let text = "# Layout: a.B.v1\n\nuint64 sequence\nuint64 epoch_ns\nint64 published_ns\nuint64[2] received_ns\n";
+        let schema = Schema::parse(text).unwrap();
+        let source_time = SourceTime::of(&schema);
+        assert_eq!(source_time, SourceTime::default());
+        assert_eq!(source_time.of_sample(&[1; 40], SOON), SOON);
+        let source_time = SourceTime::of(&Schema::of::<HeroTelemetry>());
+        assert_eq!(source_time.of_sample(&[1; 20], SOON), SOON);
+    }
+}

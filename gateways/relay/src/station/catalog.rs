@@ -6,14 +6,12 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use ipc_types::schema::MAX_TEXT_LEN;
 
-use crate::description::{Assembly, Part, Service};
+use crate::description::{MAX_SERVICES, Part, Service};
 
 /// How long a part of a description may take, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// Most services of a robot: three of its own, and some of each of some twenty modules.
-pub const MAX_SERVICES: u16 = 128;
 
 /// The services that a robot says it has.
 #[derive(Debug, Default)]
@@ -46,7 +44,7 @@ impl Catalog {
         let index = self.missing().filter(|_| now >= self.next_question)?;
         self.next_question = now + PART_TIMEOUT;
         let begun = self.assembly.as_ref();
-        let begun = begun.filter(|assembly| assembly.index() == index);
+        let begun = begun.filter(|assembly| assembly.head.index == index);
         Some(Question {
             index,
             from: begun.map_or(0, Assembly::missing_from),
@@ -112,12 +110,67 @@ impl Catalog {
     }
 }
 
+/// The parts of one description that have come.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Assembly {
+    /// The first part, without its bytes.
+    head: Part,
+    bytes: Vec<u8>,
+}
+
+impl Assembly {
+    /// Nothing has come yet of the description that `part` belongs to. `None` if that is longer than a schema may be.
+    fn begin(part: &Part) -> Option<Assembly> {
+        let is_possible = usize::try_from(part.schema_bytes).is_ok_and(|len| len <= MAX_TEXT_LEN);
+        is_possible.then(|| Assembly {
+            head: Part {
+                bytes: Vec::new(),
+                ..part.clone()
+            },
+            bytes: Vec::new(),
+        })
+    }
+
+    /// Whether a part belongs to this description.
+    fn has(&self, part: &Part) -> bool {
+        let (head, life) = (&self.head, part.robot_life);
+        (head.robot_life, head.index, head.schema_bytes) == (life, part.index, part.schema_bytes)
+            && (&head.key, head.takes_requests) == (&part.key, part.takes_requests)
+    }
+
+    /// Where the part begins that is missing next, bytes.
+    fn missing_from(&self) -> u32 {
+        // It is never longer than the whole, which is a u32.
+        self.bytes.len() as u32
+    }
+
+    /// Takes the part that is missing next, and says whether it was that one. Others change nothing: they were repeated, or belong to
+    /// another description.
+    fn take(&mut self, part: &Part) -> bool {
+        let is_next = self.has(part) && part.from == self.missing_from();
+        let fits = self.bytes.len() + part.bytes.len() <= self.head.schema_bytes as usize;
+        if is_next && fits {
+            self.bytes.extend_from_slice(&part.bytes);
+        }
+        is_next && fits
+    }
+
+    /// The service. `None` if a part is missing.
+    fn service(&self) -> Option<Service> {
+        (self.bytes.len() == self.head.schema_bytes as usize).then(|| Service {
+            key: self.head.key.clone(),
+            takes_requests: self.head.takes_requests,
+            // What is no text is no schema either, and is refused with one.
+            schema: String::from_utf8_lossy(&self.bytes).into_owned(),
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::description::PART_BYTES;
     use crate::message::{Ask, MAX_ASK_BYTES, MAX_TELL_BYTES, Tell, decode, encode};
-    use ipc_types::schema::MAX_TEXT_LEN;
-
     const LIFE: u64 = u64::MAX;
 
     const fn at(ms: u64) -> MonotonicNs {
@@ -128,7 +181,8 @@ mod tests {
         Service {
             key: key.to_owned(),
             takes_requests: key.len() % 2 == 1,
-            schema: "x".repeat(len),
+            // Two bytes each, so that parts end within a letter.
+            schema: "xä".repeat(len / 3) + &"x".repeat(len % 3),
         }
     }
 
@@ -179,12 +233,14 @@ mod tests {
             service(&key, MAX_TEXT_LEN),
             service("b", 0),
             service("cc", MAX_TEXT_LEN - 1),
+            service("d", PART_BYTES),
+            service("e", PART_BYTES + 1),
         ];
         let (all, ms) = learned(&services, 20);
         assert!(all == services);
-        // 130 parts, of which a third is asked for again.
-        assert!(ms < 130 * 520, "{ms} ms");
-        assert!(learned(&services, 0) == (services.to_vec(), 130 * 20));
+        // 133 parts, of which a third is asked for again.
+        assert!(ms < 133 * 520, "{ms} ms");
+        assert!(learned(&services, 0) == (services.to_vec(), 133 * 20));
     }
 
     #[test]
@@ -243,5 +299,51 @@ mod tests {
             catalog.take(&other.part(LIFE, 0, 4096).unwrap()),
             Some(other)
         );
+    }
+
+    #[test]
+    fn parts_that_are_repeated_or_of_another_description_change_nothing() {
+        let service = service("a/b", 3 * PART_BYTES);
+        let part = |from: usize| service.part(1, 2, from as u32).unwrap();
+        let mut assembly = Assembly::begin(&part(0)).unwrap();
+        assert!(
+            !assembly.take(&part(PART_BYTES)),
+            "the first one is missing"
+        );
+        assert!(assembly.take(&part(0)) && !assembly.take(&part(0)));
+        let next = part(PART_BYTES);
+        let others = [
+            Part {
+                robot_life: 9,
+                ..next.clone()
+            },
+            Part {
+                index: 9,
+                ..next.clone()
+            },
+            Part {
+                schema_bytes: 9,
+                ..next.clone()
+            },
+            Part {
+                key: "a/c".to_owned(),
+                ..next.clone()
+            },
+            Part {
+                takes_requests: !next.takes_requests,
+                ..next.clone()
+            },
+            Part {
+                bytes: vec![0; 2 * PART_BYTES + 1],
+                ..next.clone()
+            },
+        ];
+        for other in others {
+            assert!(!assembly.take(&other), "{other:?}");
+        }
+        assert!(assembly.take(&next));
+        assert_eq!(assembly.service(), None);
+        assert!(assembly.take(&part(2 * PART_BYTES)));
+        assert_eq!(assembly.service(), Some(service));
     }
 }

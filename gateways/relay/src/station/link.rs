@@ -12,12 +12,13 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, RelayLinkState};
+use ipc_types::payload::RelayLink;
 
 use super::catalog::{Catalog, Question};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
 use crate::description::{Part, Service};
 use crate::message::{Ping, Pong};
-use crate::orders::message::NO_PLACE;
+use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
 
 /// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
 pub const PING_PERIOD: Duration = Duration::from_millis(500);
@@ -36,7 +37,7 @@ pub struct Link {
     next_ping: MonotonicNs,
     outages: u32,
     clock: Clock,
-    /// Life of the robot's relay; nothing before its first answer.
+    /// Life of the robot's relay. `None` before its first answer.
     robot_life: Option<u64>,
     session: u64,
     catalog: Catalog,
@@ -47,9 +48,9 @@ pub struct Link {
 
 /// What an answer of the robot has changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct News {
+pub struct Update {
     /// Another life of the robot's relay has begun: its services must be described anew.
-    pub is_another_life: bool,
+    pub is_other_life: bool,
     /// The link has come up.
     pub is_up: bool,
 }
@@ -67,7 +68,7 @@ impl Link {
             outages: 0,
             clock: Clock::new(),
             robot_life: None,
-            session: 0,
+            session: NOT_PERMITTED,
             catalog: Catalog::default(),
             is_complete: false,
             wants_latest: true,
@@ -94,16 +95,16 @@ impl Link {
     }
 
     /// An answer has come, when this machine had been suspended for `suspended_ns`. One that is not for this relay changes nothing.
-    pub fn take(&mut self, pong: &Pong, at: MonotonicNs, suspended_ns: u64) -> News {
-        let mut news = News::default();
+    pub fn take(&mut self, pong: &Pong, at: MonotonicNs, suspended_ns: u64) -> Update {
+        let mut update = Update::default();
         if pong.station_life != self.life {
-            return news;
+            return update;
         }
         if self.robot_life != Some(pong.robot_life) {
             self.robot_life = Some(pong.robot_life);
             self.catalog = Catalog::default();
             self.wants_latest = true;
-            news.is_another_life = true;
+            update.is_other_life = true;
         }
         self.session = pong.session;
         self.catalog.expect(pong.services);
@@ -124,9 +125,9 @@ impl Link {
         self.last_heard = Some(at);
         if self.state != RelayLinkState::Up && self.clock.estimate(at).is_some() {
             self.change(RelayLinkState::Up, at);
-            news.is_up = true;
+            update.is_up = true;
         }
-        news
+        update
     }
 
     /// A sample has come: the robot need not send the latest ones again.
@@ -196,24 +197,20 @@ impl Link {
         self.state == RelayLinkState::Up
     }
 
-    /// State of the link.
-    pub fn state(&self) -> RelayLinkState {
-        self.state
-    }
-
-    /// Since when the state holds.
-    pub fn since(&self) -> MonotonicNs {
-        self.since
-    }
-
-    /// When the robot was heard last.
-    pub fn last_heard(&self) -> Option<MonotonicNs> {
-        self.last_heard
-    }
-
-    /// How often the link went down.
-    pub fn outages(&self) -> u32 {
-        self.outages
+    /// Writes how the link is, and what the robot's clock shows, into what is published.
+    pub fn fill(&self, row: &mut RelayLink, now: MonotonicNs) {
+        row.since_ns = self.since.0;
+        row.last_heard_ns = self.last_heard.unwrap_or_default().0;
+        row.state = self.shown_state().code();
+        row.outages = self.outages;
+        row.clock_resets = u32::try_from(self.clock.resets()).unwrap_or(u32::MAX);
+        if let Some(estimate) = self.clock.estimate(now) {
+            row.clock_offset_ns = estimate.offset_ns;
+            row.clock_uncertainty_s = estimate.uncertainty_ns as f64 * 1e-9;
+            row.round_trip_s = estimate.round_trip_ns as f64 * 1e-9;
+            row.clock_drift_ppb = i32::try_from(estimate.drift_ppb).unwrap_or_default();
+            row.clock_valid = 1;
+        }
     }
 
     /// What the robot's clock shows.
@@ -223,14 +220,14 @@ impl Link {
 
     /// Whether the robot's relay lets this station command, as it said in its last answer.
     pub fn may_command(&self) -> bool {
-        self.session != 0
+        self.session != NOT_PERMITTED
     }
 
     /// Why the robot's relay takes no requests from this station, as it said in its last answer; [`Reason::None`] when it takes
     /// them, and before the first answer.
     pub fn refusal(&self) -> Reason {
         match (self.robot_life, self.session) {
-            (Some(_), 0) => Reason::RelayNotPermitted,
+            (Some(_), NOT_PERMITTED) => Reason::RelayNotPermitted,
             (Some(_), NO_PLACE) => Reason::RelayTooManyStations,
             _ => Reason::None,
         }
@@ -272,7 +269,7 @@ mod tests {
         }
     }
 
-    fn answered(link: &mut Link, now: u64, robot_life: u64, services: u16) -> News {
+    fn answered(link: &mut Link, now: u64, robot_life: u64, services: u16) -> Update {
         let ping = link.ping(at(now), 0).expect("it is due");
         link.take(&pong(robot_life, &ping, services), at(now + 10), 0)
     }
@@ -280,13 +277,13 @@ mod tests {
     #[test]
     fn the_first_answer_brings_the_link_up_and_silence_takes_it_down() {
         let mut link = link();
-        assert_eq!(link.state(), RelayLinkState::Connecting);
-        let news = answered(&mut link, 0, 1, 0);
-        assert!(news.is_up && news.is_another_life && link.is_up());
+        assert_eq!(link.state, RelayLinkState::Connecting);
+        let update = answered(&mut link, 0, 1, 0);
+        assert!(update.is_up && update.is_other_life && link.is_up());
         assert!(link.ping(at(100), 0).is_none());
         assert!(!link.pass(at(2009)));
         assert!(link.pass(at(2010)) && !link.is_up());
-        assert_eq!((link.outages(), link.deadline()), (1, at(2010)));
+        assert_eq!((link.outages, link.deadline()), (1, at(2010)));
         assert!(answered(&mut link, 2010, 1, 0).is_up);
         assert!(!answered(&mut link, 2600, 1, 0).is_up, "it is up already");
     }
@@ -345,7 +342,7 @@ mod tests {
         assert_eq!(link.take_part(&part(9, 1)), Some(service.clone()));
         link.note_complete();
         assert_eq!(link.shown_state(), RelayLinkState::Up);
-        assert!(answered(&mut link, 2000, 10, 1).is_another_life);
+        assert!(answered(&mut link, 2000, 10, 1).is_other_life);
         assert_eq!(link.take_part(&part(9, 0)), None, "that was another life");
         assert_eq!(link.question(at(2100)), Some((10, question(0))));
     }
@@ -369,7 +366,7 @@ mod tests {
             station_life: LIFE + 1,
             ..pong(1, &ping, 0)
         };
-        assert_eq!(link.take(&other, at(1), 0), News::default());
-        assert_eq!(link.state(), RelayLinkState::Connecting);
+        assert_eq!(link.take(&other, at(1), 0), Update::default());
+        assert_eq!(link.state, RelayLinkState::Connecting);
     }
 }

@@ -2,18 +2,19 @@
 //!
 //! A mirror outlives the robot's relay: the next life of it describes the same service again, and consumers notice nothing.
 
+use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
+use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::is_key;
-use ipc_types::{Ipc, MonotonicNs, PortSet, Ticket};
+use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, PortSet, Ticket};
 
-use super::catalog::MAX_SERVICES;
-use super::mirror::{Mirror, Requests};
 use crate::budget::Budget;
-use crate::clock::Clock;
-use crate::description::Service;
+use crate::clock::{Clock, RemoteNs};
+use crate::description::{MAX_SERVICES, Service};
 use crate::message::SampleHeader;
-use crate::request::RequestFields;
-use crate::telemetry::Counts;
+use crate::names::service_id;
+use crate::request::{RequestFields, word};
+use crate::telemetry::{Counts, SampleReceiver};
 
 /// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
 const MAX_OPEN: usize = 256;
@@ -23,6 +24,33 @@ const OPENINGS: (u64, u64) = (2, 256);
 
 /// Longest key that a message repeats, characters.
 const MAX_QUOTED: usize = 64;
+
+/// One service of a robot on this machine.
+struct Mirror {
+    service: Service,
+    port: Port,
+}
+
+enum Port {
+    Topic(Box<Topic>),
+    Requests(Box<Requests>),
+}
+
+/// A topic of the robot on this machine.
+struct Topic {
+    publisher: DynamicPublisher,
+    /// Offsets of the moments in a sample.
+    moments: Vec<usize>,
+    receiver: SampleReceiver,
+}
+
+/// A request service of the robot on this machine.
+struct Requests {
+    server: DynamicServer,
+    fields: RequestFields,
+    /// What the service is called in orders.
+    id: u64,
+}
 
 /// A request of a client on this machine that has no final report yet.
 struct Open {
@@ -38,8 +66,6 @@ pub struct Taken {
     pub handle: u64,
     /// Which service of the robot.
     pub service: u64,
-    /// Path of the request; 0 when it has none.
-    pub path_id: u64,
     /// What its struct has of what a relay reads and writes.
     pub fields: RequestFields,
     /// The request.
@@ -88,7 +114,7 @@ impl Mirrors {
     }
 
     fn try_to_provide(&mut self, service: Service, ipc: &Ipc, is_first: bool) {
-        if self.list.iter().any(|mirror| *mirror.service() == service) {
+        if self.list.iter().any(|mirror| mirror.service == service) {
             return;
         }
         // Each machine has the relay's own topics itself. The robot's relay describes none of them.
@@ -96,7 +122,7 @@ impl Mirrors {
         let others = self
             .list
             .iter()
-            .filter(|mirror| mirror.service().key != service.key);
+            .filter(|mirror| mirror.service.key != service.key);
         if is_none || others.count() >= usize::from(MAX_SERVICES) {
             return self.refuse(&service);
         }
@@ -104,15 +130,18 @@ impl Mirrors {
             return self.postpone(service);
         }
         // Its struct has changed: consumers find the new one in a new generation.
-        self.list
-            .retain(|mirror| mirror.service().key != service.key);
-        match Mirror::open(&service, ipc) {
-            Ok(mirror) => {
-                if let Err(error) = self.ports.add(mirror.descriptor()) {
+        self.list.retain(|mirror| mirror.service.key != service.key);
+        match Port::open(&service, ipc) {
+            Ok(port) => {
+                let descriptor = match &port {
+                    Port::Topic(topic) => topic.publisher.descriptor(),
+                    Port::Requests(requests) => requests.server.descriptor(),
+                };
+                if let Err(error) = self.ports.add(descriptor) {
                     tracing::debug!(%error, "a port is looked at with every wake alone");
                 }
                 tracing::info!(key = service.key, robot = %ipc.robot(), "provided here");
-                self.list.push(mirror);
+                self.list.push(Mirror { service, port });
             }
             Err(error) => {
                 if is_first && !self.pending.contains(&service) {
@@ -161,49 +190,25 @@ impl Mirrors {
         now: MonotonicNs,
     ) -> bool {
         let mut mirrors = self.list.iter_mut();
-        mirrors
-            .find(|mirror| mirror.service().key == key)
-            .and_then(Mirror::topic)
-            .is_some_and(|topic| topic.publish(header, message, clock, now))
+        match mirrors.find(|mirror| mirror.service.key == key) {
+            Some(Mirror {
+                port: Port::Topic(topic),
+                ..
+            }) => topic.publish(header, message, clock, now),
+            _ => false,
+        }
     }
 
     /// Gives late joiners the latest samples, and hands on what clients have sent and given up.
     pub fn serve(&mut self, mut take: impl FnMut(Taken), mut gone: impl FnMut(u64)) {
+        let (open, next_handle) = (&mut self.open, &mut self.next_handle);
         for mirror in &mut self.list {
-            if let Some(topic) = mirror.topic() {
-                topic.tend();
+            match &mut mirror.port {
+                Port::Topic(topic) => topic.publisher.tend(),
+                Port::Requests(requests) => {
+                    requests.serve(open, next_handle, &mut take, &mut gone);
+                }
             }
-            let Some(requests) = mirror.requests() else {
-                continue;
-            };
-            let (open, next_handle) = (&mut self.open, &mut self.next_handle);
-            let service = requests.id();
-            requests.vanished(|ticket| {
-                let is_it = |entry: &Open| entry.service == service && entry.ticket == ticket;
-                if let Some(index) = open.iter().position(is_it) {
-                    gone(open.remove(index).handle);
-                }
-            });
-            requests.drain(|arrived| {
-                if open.len() == MAX_OPEN {
-                    return false;
-                }
-                let handle = *next_handle;
-                *next_handle += 1;
-                open.push(Open {
-                    handle,
-                    service,
-                    ticket: arrived.ticket,
-                });
-                take(Taken {
-                    handle,
-                    service,
-                    path_id: arrived.path_id,
-                    fields: arrived.fields,
-                    bytes: arrived.bytes.to_vec(),
-                });
-                true
-            });
         }
     }
 
@@ -218,15 +223,146 @@ impl Mirrors {
         if report.is_final() {
             self.open.remove(index);
         }
-        let mut all = self.list.iter_mut().filter_map(Mirror::requests);
-        if let Some(requests) = all.find(|requests: &&mut Requests| requests.id() == service) {
-            requests.report(ticket, report);
+        for mirror in &mut self.list {
+            match &mut mirror.port {
+                Port::Requests(requests) if requests.id == service => {
+                    return requests.report(ticket, report);
+                }
+                _ => {}
+            }
         }
     }
 
     /// What was counted of all topics.
     pub fn counts(&self) -> Counts {
-        let counts = self.list.iter().map(Mirror::counts);
+        let counts = self.list.iter().filter_map(|mirror| match &mirror.port {
+            Port::Topic(topic) => Some(topic.receiver.counts()),
+            Port::Requests(_) => None,
+        });
         counts.fold(Counts::default(), Counts::plus)
     }
+}
+
+impl Port {
+    /// Provides the service here. It fails if another process provides it, or its schema is none.
+    fn open(service: &Service, ipc: &Ipc) -> Result<Port, DynamicError> {
+        if service.takes_requests {
+            let server = DynamicServer::open(ipc, &service.key, &service.schema)?;
+            let schema = server.schema();
+            return Ok(Port::Requests(Box::new(Requests {
+                fields: RequestFields::of(schema),
+                id: service_id(&service.key, schema),
+                server,
+            })));
+        }
+        let publisher = DynamicPublisher::open(ipc, &service.key, &service.schema)?;
+        Ok(Port::Topic(Box::new(Topic {
+            moments: publisher.schema().moments(),
+            publisher,
+            receiver: SampleReceiver::default(),
+        })))
+    }
+}
+
+impl Topic {
+    /// Publishes a message, which is a sample with its CDR header, if it is newer than all before. Says whether it was.
+    fn publish(
+        &mut self,
+        header: &SampleHeader,
+        message: &[u8],
+        clock: &Clock,
+        now: MonotonicNs,
+    ) -> bool {
+        let Some(sample) = message.strip_prefix(&CDR_HEADER) else {
+            return false;
+        };
+        if sample.len() != self.publisher.schema().size() || !self.receiver.take(header) {
+            return false;
+        }
+        let moments = &self.moments;
+        let published = self.publisher.publish(|bytes| {
+            bytes.copy_from_slice(sample);
+            translate(bytes, moments, clock, now);
+        });
+        if let Err(error) = published {
+            tracing::debug!(%error, "a sample was not published");
+        }
+        true
+    }
+}
+
+impl Requests {
+    /// Hands on the requests that have come, and those whose clients have given them up. One for which there is no room is refused.
+    fn serve(
+        &mut self,
+        open: &mut Vec<Open>,
+        next_handle: &mut u64,
+        take: &mut impl FnMut(Taken),
+        gone: &mut impl FnMut(u64),
+    ) {
+        let (service, fields) = (self.id, self.fields);
+        self.server.vanished(|ticket, _| {
+            let is_it = |entry: &Open| entry.service == service && entry.ticket == ticket;
+            if let Some(index) = open.iter().position(is_it) {
+                gone(open.remove(index).handle);
+            }
+        });
+        let mut refused = Vec::new();
+        let drained = self.server.drain(|ticket, bytes| {
+            if open.len() == MAX_OPEN {
+                return refused.push(ticket);
+            }
+            let handle = *next_handle;
+            *next_handle += 1;
+            open.push(Open {
+                handle,
+                service,
+                ticket,
+            });
+            take(Taken {
+                handle,
+                service,
+                fields,
+                bytes: bytes.to_vec(),
+            });
+        });
+        if let Err(error) = drained {
+            tracing::debug!(%error, "requests cannot be taken");
+        }
+        let report = RequestReport::new(Stage::Refused, Reason::TooManyRequests);
+        for ticket in refused {
+            self.report(ticket, &report);
+        }
+    }
+
+    /// Answers a client.
+    fn report(&mut self, ticket: Ticket, report: &RequestReport) {
+        if let Err(error) = self.server.report(ticket, report) {
+            tracing::debug!(%error, "a report did not reach its client");
+        }
+    }
+}
+
+/// Turns the robot's moments into those of this machine's clock. What is not younger than the sample can be is as old as it: no
+/// moment lies in the future. 0 stands for never and stays.
+fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: MonotonicNs) {
+    for offset in moments {
+        let Some(remote) = word(sample, *offset).filter(|remote| *remote > 0) else {
+            continue;
+        };
+        // Without an estimate nothing is published: the link is up only with one.
+        let local = clock
+            .to_local(RemoteNs(remote))
+            .unwrap_or_default()
+            .min(now);
+        if let Some(bytes) = sample.get_mut(*offset..*offset + 8) {
+            bytes.copy_from_slice(&local.0.max(1).to_le_bytes());
+        }
+    }
+}
+
+/// The same of a report.
+pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: MonotonicNs) {
+    let local = clock.to_local(RemoteNs(report.reported_ns)).unwrap_or(now);
+    report.reported_ns = local.min(now).0;
 }

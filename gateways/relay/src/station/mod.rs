@@ -6,8 +6,6 @@
 
 pub mod catalog;
 pub mod link;
-mod link_topics;
-mod mirror;
 mod mirrors;
 pub mod moments;
 mod remote;
@@ -19,8 +17,8 @@ use ipc_types::{Domain, Ipc, MonotonicNs, PortSet, RobotId, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
-use crate::config::{Config, RemoteRobot};
-use crate::network::{Network, Side};
+use crate::config::{Config, RemoteRobot, Side};
+use crate::network::Network;
 pub use link::Link;
 pub use mirrors::Mirrors;
 use remote::Remote;

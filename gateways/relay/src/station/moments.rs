@@ -28,7 +28,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// When something was issued by the robot's clock. Nothing when that is not known, or not within four seconds.
+    /// When something was issued by the robot's clock. `None` if that is not known, or not within four seconds.
     pub fn issued(&mut self, at: MonotonicNs, clock: &Clock, now: MonotonicNs) -> Option<Issued> {
         if self.resets != clock.resets() {
             self.translated.clear();

@@ -9,21 +9,18 @@ use ipc_types::{Ipc, MonotonicNs, WaitError};
 
 use super::catalog::Question;
 use super::link::Link;
-use super::link_topics::LinkTopics;
-use super::mirror::translate_report;
-use super::mirrors::{Mirrors, Taken};
+use super::mirrors::{Mirrors, Taken, translate_report};
 use super::moments::{Moments, earliest};
 use crate::Failure;
 use crate::config::{Config, RemoteRobot};
 use crate::description::Part;
-use crate::message::{
-    Ask, Command, MAX_TELL_BYTES, NoMessage, Pong, SampleHeader, Tell, decode, encode,
-};
+use crate::message::{Ask, MAX_TELL_BYTES, Pong, SampleHeader, Tell, Unreadable, decode, encode};
 use crate::names;
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
-use crate::orders::message::request_id;
+use crate::orders::message::{NOT_PERMITTED, request_id};
 use crate::orders::station::{Config as OrderConfig, Origin, Output, Request, Station};
 use crate::orders::verdict::Verdict;
+use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 
 /// Samples that may wait: 5 s of ten topics at 50 a second, and not more bytes than a machine can spare for each robot. The longest
@@ -60,7 +57,7 @@ pub struct Remote {
     endpoints: String,
     tells: Inbox,
     samples: Inbox,
-    topics: LinkTopics,
+    topics: OwnTopics<RelayLink>,
     counts: Counts,
     ipc: Ipc,
 }
@@ -73,7 +70,7 @@ struct Counts {
     orders_sent: u64,
     orders_repeated: u64,
     orders_unknown: u64,
-    unreadable: u64,
+    unreadable: Unreadable,
 }
 
 impl Remote {
@@ -101,7 +98,7 @@ impl Remote {
                 .join(" "),
             tells: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
             samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
-            topics: LinkTopics::open(&ipc)?,
+            topics: OwnTopics::open(&ipc)?,
             counts: Counts::default(),
             robot,
             ipc,
@@ -166,9 +163,9 @@ impl Remote {
         let (link, mirrors, counts) = (&mut self.link, &mut self.mirrors, &mut self.counts);
         self.samples.drain(|incoming| {
             counts.bytes_received += (incoming.payload.len() + incoming.attachment.len()) as u64;
-            let Ok(header) = decode::<SampleHeader>(incoming.attachment) else {
-                counts.unreadable += 1;
-                return;
+            let header = match decode::<SampleHeader>(incoming.attachment) {
+                Ok(header) => header,
+                Err(error) => return counts.unreadable.note(incoming.key, &error),
             };
             // A sample of another life of the robot's relay waits for its first answer, which may have another clock.
             if !link.is_up() || link.robot_life() != Some(header.robot_life) {
@@ -188,18 +185,14 @@ impl Remote {
             counts.bytes_received += incoming.payload.len() as u64;
             match decode::<Tell>(incoming.payload) {
                 Ok(tell) => tells.push((tell, incoming.at)),
-                Err(error) => note_unreadable(counts, &error),
+                Err(error) => counts.unreadable.note(incoming.key, &error),
             }
         });
         for (tell, at) in tells {
             match tell {
                 Tell::Pong(pong) => self.take_pong(&pong, at, out),
                 Tell::Part(part) => self.take_part(&part),
-                Tell::Answer(answer) => {
-                    if let Some(answer) = answer.answer() {
-                        self.orders.answer(&answer, at, out);
-                    }
-                }
+                Tell::Answer(answer) => self.orders.answer(&answer, at, out),
                 Tell::UnknownSession(session) => self.orders.unknown_session(session),
             }
         }
@@ -207,18 +200,18 @@ impl Remote {
 
     fn take_pong(&mut self, pong: &Pong, at: MonotonicNs, out: &mut Vec<Output>) {
         let former_refusal = self.refusal();
-        let news = self.link.take(pong, at, suspended_ns());
+        let update = self.link.take(pong, at, suspended_ns());
         if self.refusal() != former_refusal {
             self.topics.hasten(at);
         }
-        if pong.session != 0 {
+        if pong.session != NOT_PERMITTED {
             self.orders.session(pong.session, at, out);
         }
         if let Some(estimate) = self.link.clock().estimate(at) {
             self.orders
                 .round_trip(Duration::from_nanos(estimate.round_trip_ns));
         }
-        if news.is_up {
+        if update.is_up {
             tracing::info!(robot = %self.robot.number, "the link to the robot is up");
             if self.robot.command && !self.link.may_command() {
                 tracing::warn!(
@@ -263,8 +256,8 @@ impl Remote {
             let is_up = self.link.is_up() && expires.is_some();
             let request = Request {
                 handle: request.handle,
-                path_id: request.path_id,
-                topic: request.service,
+                path_id: request.fields.path_id(&request.bytes),
+                service: request.service,
                 expires: expires.unwrap_or_default(),
                 bytes: request.bytes,
             };
@@ -274,7 +267,7 @@ impl Remote {
     }
 
     /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the earliest moment
-    /// that this can be. Nothing when the robot's clock is not known.
+    /// that this can be. `None` if the robot's clock is not known.
     fn translate(&mut self, request: &mut Taken, now: MonotonicNs) -> Option<MonotonicNs> {
         let (clock, fields) = (self.link.clock(), request.fields);
         let (issued, begin_by) = (
@@ -302,7 +295,7 @@ impl Remote {
         for output in out {
             match output {
                 Output::Send(order) => {
-                    let message = encode(&Command::from(order));
+                    let message = encode(order);
                     self.counts.bytes_sent += message.len() as u64;
                     self.counts.orders_repeated += u64::from(order.is_repeat);
                     network.send(&names::order(self.robot.number, &self.station), message);
@@ -327,17 +320,15 @@ impl Remote {
     fn publish(&mut self, now: MonotonicNs) {
         self.mirrors.retry(&self.ipc);
         let row = self.row(now);
-        self.topics.publish(self.link.is_up(), row, now);
+        self.topics
+            .publish(self.link.is_up(), now, |sample| *sample = row);
     }
 
     /// How the link is, as it is published.
     fn row(&self, now: MonotonicNs) -> RelayLink {
         let samples = self.mirrors.counts();
-        let clock = self.link.clock();
         let mut row = RelayLink {
             published_ns: now.0,
-            since_ns: self.link.since().0,
-            last_heard_ns: self.link.last_heard().unwrap_or_default().0,
             samples_received: samples.received,
             samples_lost_on_air: samples.lost_on_air,
             samples_lost_in_relay: samples.lost_in_relay,
@@ -347,45 +338,28 @@ impl Remote {
             orders_sent: self.counts.orders_sent,
             orders_repeated: self.counts.orders_repeated,
             orders_unknown: self.counts.orders_unknown,
-            state: self.link.shown_state().code(),
             robot: self.robot.number.get(),
-            clock_resets: u32::try_from(clock.resets()).unwrap_or(u32::MAX),
-            outages: self.link.outages(),
             orders_open: self.orders.open() as u32,
             refusal: self.refusal().code(),
             link: ascii_bytes(&self.endpoints),
             station: ascii_bytes(&self.station),
             ..RelayLink::default()
         };
-        if let Some(estimate) = clock.estimate(now) {
-            row.clock_offset_ns = estimate.offset_ns;
-            row.clock_uncertainty_s = estimate.uncertainty_ns as f64 * 1e-9;
-            row.round_trip_s = estimate.round_trip_ns as f64 * 1e-9;
-            row.clock_drift_ppb = i32::try_from(estimate.drift_ppb).unwrap_or_default();
-            row.clock_valid = 1;
-        }
+        self.link.fill(&mut row, now);
         row
     }
 }
 
-/// What a client is told whose station may not command.
+/// The report for a client whose station may not command.
 fn refusal(request: &Taken, now: MonotonicNs) -> Output {
     let id = request_id(&request.bytes);
     let report = RequestReport {
-        path_id: request.path_id,
+        path_id: request.fields.path_id(&request.bytes),
         ..Verdict::NotPermitted.report(id, now)
     };
     Output::Report {
         handle: request.handle,
         report,
         origin: Origin::Station,
-    }
-}
-
-/// Once, and then each time that their number has doubled.
-fn note_unreadable(counts: &mut Counts, error: &NoMessage) {
-    counts.unreadable += 1;
-    if counts.unreadable.is_power_of_two() {
-        tracing::warn!(%error, count = counts.unreadable, "messages that are none have come");
     }
 }

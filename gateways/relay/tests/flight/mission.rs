@@ -1,18 +1,23 @@
-//! A whole mission, typed at the station.
+//! What works at a station: a whole mission, two robots through a router, and topics of any schema.
 
 use std::collections::HashSet;
+use std::path::Path;
 use std::sync::mpsc::{self, Sender, TryRecvError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use ipc_types::code::RelayLinkState;
+use ipc_types::code::{ModuleStatus, RelayLinkState};
+use ipc_types::dynamic::{self, schema_of};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
-use ipc_types::{Schema, Topic};
+use ipc_types::schema::MAX_TEXT_LEN;
+use ipc_types::{DynamicPublisher, DynamicSubscriber, RobotId, Schema, Topic};
+use ril_tests::Process;
+use ril_tests::chain::beside_or_skip;
 use ril_tests::process::Signal;
 
+use super::rig::{RELAY, Rig};
 use crate::bridge_log::BridgeLog;
-use crate::machine::{Machine, says};
-use crate::rig::Rig;
+use crate::machine::{Crew, Machine, end, free_endpoint, says};
 
 /// How long a collector waits before it looks whether it is to end.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
@@ -28,7 +33,7 @@ impl<T: Topic + Copy + Send + 'static> Collector<T> {
         let (end, is_over) = mpsc::channel();
         let domain = machine.domain.clone();
         let thread = thread::spawn(move || {
-            let ipc = ipc_types::Ipc::join(&domain, ipc_types::RobotId::DEFAULT, "test").unwrap();
+            let ipc = ipc_types::Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
             let mut port = ipc.subscriber::<T>().unwrap();
             let mut samples = Vec::new();
             while is_over.try_recv() == Err(TryRecvError::Empty) {
@@ -164,4 +169,149 @@ fn a_program_that_comes_late_gets_the_latest_sample_at_once() {
     relay.signal(Signal::CONT);
     rig.station.await_link(1);
     rig.end();
+}
+
+/// What is started.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Part {
+    Router,
+    Robots,
+    Station,
+}
+
+/// Starts a star in this order, and flies both robots one after the other.
+fn fly_a_star(order: [Part; 3]) {
+    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+        return;
+    };
+    let endpoint = free_endpoint();
+    let through = "[network]\nthrough = \"router\"\n[robot]\nlisten = []\n";
+    let machines = [1_u32, 2].map(|number| {
+        let machine = Machine::new(&ril, "star");
+        machine.write("relay.toml", through);
+        let crew = Crew::start(&machine, number);
+        (machine, number, crew)
+    });
+    let station = Machine::new(&ril, "star");
+    station.write(
+        "relay.toml",
+        &format!("{through}[station]\nrobots = [{{ number = 1 }}, {{ number = 2 }}]\n"),
+    );
+    let mut relays: Vec<Process> = Vec::new();
+    for part in order {
+        match part {
+            Part::Router => {
+                relays.push(station.start_ready(&format!("relay router --listen {endpoint}")));
+            }
+            Part::Robots => {
+                for (machine, number, _) in &machines {
+                    // It is ready when it has reached the router.
+                    relays.push(machine.start(&format!(
+                        "relay robot --robot {number} --connect {endpoint} --may-command gcs"
+                    )));
+                }
+            }
+            Part::Station => relays.push(
+                // And so is this one.
+                station.start(&format!("relay station --name gcs --connect {endpoint}")),
+            ),
+        }
+    }
+    station.await_link(1);
+    station.await_link(2);
+    // Only the robot that is meant starts.
+    station.run("start --robot 2", 0);
+    let is_running = |state: &ModuleState| state.status == ModuleStatus::Running.code();
+    station
+        .subscribe::<ModuleState>(2)
+        .until("robot 2 runs", is_running);
+    assert!(!is_running(&station.subscribe::<ModuleState>(1).next()));
+    for number in [2, 1] {
+        station.run(
+            &format!("start --robot {number}"),
+            if number == 2 { 5 } else { 0 },
+        );
+        station.run(&format!("takeoff --robot {number} --altitude 5"), 0);
+        station.run(&format!("land --robot {number}"), 0);
+    }
+    relays.into_iter().rev().for_each(|relay| {
+        end(relay);
+    });
+    for (_machine, _, crew) in machines {
+        crew.end();
+    }
+}
+
+#[test]
+fn a_star_works_when_the_router_comes_first() {
+    fly_a_star([Part::Router, Part::Robots, Part::Station]);
+}
+
+#[test]
+fn a_star_works_when_the_router_comes_last() {
+    fly_a_star([Part::Station, Part::Robots, Part::Router]);
+}
+
+const KEY: &str = "stranger/all";
+
+/// How long a sample is waited for until the next one is published.
+const REPEAT_PERIOD: Duration = Duration::from_millis(200);
+
+/// A schema of the greatest length: many fields, and a comment that fills it up. Its samples have some 9 KB.
+fn longest_schema() -> String {
+    let mut text = "# Layout: stranger.All.v1\n\nuint64 sequence\nuint64 epoch_ns\n".to_owned();
+    for number in 0..9000 {
+        text += &format!("uint8 field_{number}\n");
+    }
+    text += "# ";
+    text += &"x".repeat(MAX_TEXT_LEN - text.len() - 1);
+    text + "\n"
+}
+
+#[test]
+fn a_stranger_s_topic_with_the_longest_schema_is_relayed() {
+    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+        return;
+    };
+    let text = longest_schema();
+    assert_eq!(text.len(), MAX_TEXT_LEN);
+    let robot = Machine::new(&ril, "the longest schema");
+    let station = Machine::new(&ril, "the longest schema");
+    let ipc = robot.domain.join("stranger");
+    let mut publisher = DynamicPublisher::open(&ipc, KEY, &text).expect("a topic");
+    let endpoint = free_endpoint();
+    let robot_relay = robot.start_ready(&format!("relay robot --listen {endpoint}"));
+    let station_relay =
+        station.start_ready(&format!("relay station --name gcs --connect {endpoint}"));
+    let here = station.domain.join_as(RobotId::DEFAULT, "test");
+    // The link is shown as up when all services of the robot are here.
+    station
+        .subscribe::<RelayLink>(1)
+        .until("the link is up", |link| {
+            link.state == RelayLinkState::Up.code()
+        });
+    let schema = schema_of(&here, KEY).expect("it is provided here");
+    assert_eq!(schema, *publisher.schema());
+    let facts = dynamic::topics(&here);
+    assert!(
+        facts.iter().any(|facts| facts.text == text),
+        "to the letter"
+    );
+    let mut subscriber = DynamicSubscriber::open(&here, KEY, &schema).expect("a subscriber");
+    let last = schema.size() - 1;
+    // The test's watchdog ends it when none arrives.
+    for value in (1..=u8::MAX).cycle() {
+        publisher
+            .publish(|sample| sample[last] = value)
+            .expect("a sample");
+        subscriber.wait(REPEAT_PERIOD).expect("a wait");
+        let mut received = None;
+        let drained = subscriber.drain(|sample| received = Some(sample[last]));
+        drained.expect("samples");
+        if received == Some(value) {
+            break;
+        }
+    }
+    end(station_relay);
+    end(robot_relay);
 }

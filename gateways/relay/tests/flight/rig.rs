@@ -15,11 +15,11 @@ pub const RELAY: &str = env!("CARGO_BIN_EXE_ril-relay");
 /// Robot 1 with its crew and its relay, and a station that may command it. The machines come last, because they look
 /// whether anything is left.
 pub struct Rig {
-    /// Nothing after the end.
+    /// `None` after the end.
     pub crew: Option<Crew>,
-    /// Nothing while it is killed, and after the end.
+    /// `None` while it is killed, and after the end.
     pub robot_relay: Option<Process>,
-    /// Nothing while it is killed, and after the end.
+    /// `None` while it is killed, and after the end.
     pub station_relay: Option<Process>,
     pub robot: Machine,
     pub station: Machine,
@@ -28,7 +28,7 @@ pub struct Rig {
 
 impl Rig {
     /// Starts everything, and returns when the station shows the robot. `relay_toml` is the configuration of the robot's relay.
-    /// Nothing when there is no `ril`: the test is skipped, and says so.
+    /// `None` if there is no `ril`: the test is skipped, and says so.
     #[track_caller]
     pub fn start(name: &str, relay_toml: &str) -> Option<Rig> {
         let ril = beside_or_skip(Path::new(RELAY))?;

@@ -15,9 +15,9 @@ use serde_json::Value;
 use zenoh::Wait;
 use zenoh::sample::{Sample, SampleKind};
 
-use crate::python::python_or_skip;
-use crate::samples::{self, samples};
-use crate::{check_topics, folder_with_packages, free_port};
+use super::python::python_or_skip;
+use super::samples::{self, samples};
+use super::{check_topics, folder_with_packages, free_port};
 
 ipc_types::shared_struct! {
     /// A topic of a module, with a name that a standard message has too.
@@ -225,12 +225,10 @@ fn samples_arrive_as_they_were_published_with_the_unix_time_of_their_publishing(
         .declare_subscriber("0/hero1/**")
         .wait()
         .expect("a subscriber");
-    let mut session = Session::new(0, "a").expect("an id");
+    let mut session = Session::new(0, "a");
     let ros_node = session.node(RobotId::DEFAULT);
     let schema = Schema::of::<HeroTelemetry>();
-    let own = session
-        .publish(&ros_node, "hero_telemetry", &schema, Qos::SENSOR_DATA)
-        .expect("a key");
+    let own = session.publish(&ros_node, "hero_telemetry", &schema, Qos::SENSOR_DATA);
     let fix = session.publish_standard(&ros_node, StandardMessage::NavSatFix);
     let mut last_sequence = 0;
     let mut fixes = 0;

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{MovementData, SharedStruct};
-use relay::message::{Ask, Command, MAX_BYTES, Ping, Tell, decode, encode};
+use relay::message::{Ask, MAX_BYTES, Ping, Tell, decode, encode};
 use relay::orders::message::Order;
 use serde_json::json;
 use zenoh::Wait;
@@ -128,16 +128,13 @@ impl Stranger {
                 session,
                 number: 1,
                 floor: 1,
-                topic: movement(),
+                service: movement(),
                 expires: MonotonicNs(u64::MAX),
                 is_repeat: false,
                 is_given_up: false,
                 request: MovementData::take_off(4711, 99.0).bytes().to_vec(),
             };
-            self.put(
-                &format!("hero/1/order/{name}"),
-                &encode(&Command::from(&order)),
-            );
+            self.put(&format!("hero/1/order/{name}"), &encode(&order));
         }
     }
 }
@@ -242,13 +239,13 @@ impl Flood {
             session,
             number,
             floor: 1,
-            topic: movement(),
+            service: movement(),
             expires: MonotonicNs(u64::MAX),
             is_repeat: false,
             is_given_up: false,
             request: MovementData::take_off(1, 10.0).bytes().to_vec(),
         };
-        let orders = [1, 0, u64::MAX].map(|number| encode(&Command::from(&order(number))));
+        let orders = [1, 0, u64::MAX].map(|number| encode(&order(number)));
         Flood::new(stranger, move |count| {
             (
                 key("order/gcs"),

@@ -6,18 +6,17 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{MAX_STATIONS, RequestReport};
 use relay::description::Part;
-use relay::message::{AnswerBytes, Ask, Command, Ping, Pong, SampleHeader, Tell, decode, encode};
-use relay::orders::WINDOW;
-use relay::orders::message::{Answer, NO_PLACE, Order};
+use relay::message::{Ask, Ping, Pong, SampleHeader, Tell, decode, encode};
+use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
-    Config as RobotConfig, NotSent, ORPHANS, Output, Repeat, Robot, SESSIONS, Traits,
+    Config as RobotConfig, NotSent, ORPHANS, Output, Robot, SESSIONS, Traits,
 };
 use relay::orders::station::{Config as StationConfig, OPEN_ORDERS, Request, Station};
 use relay::robot::admission::Admission;
-use relay::robot::stations::{Lives, Stations};
+use relay::robot::stations::Stations;
 use relay::station::link::Link;
 use relay::station::moments::Moments;
-use relay::telemetry::Inlet;
+use relay::telemetry::SampleReceiver;
 
 /// When a script begins.
 const BEGIN: MonotonicNs = MonotonicNs(1_000_000_000_000);
@@ -25,27 +24,22 @@ const BEGIN: MonotonicNs = MonotonicNs(1_000_000_000_000);
 /// What the stations of a script are called; of the first two the first may command.
 const NAMES: [&str; 5] = ["gcs", "viewer", "x", "*", "hero/1"];
 
-/// Reads the bytes as each kind of message. What is one is the same when it was written and read again.
+/// Reads the bytes as each kind of message. What is one has the same bytes when it was written and read again.
 pub fn messages(data: &[u8]) {
-    fn one<T>(data: &[u8])
-    where
-        T: serde::de::DeserializeOwned + serde::Serialize + PartialEq + std::fmt::Debug,
-    {
+    fn one<T: serde::de::DeserializeOwned + serde::Serialize>(data: &[u8]) {
         if let Ok(message) = decode::<T>(data) {
-            let again = decode::<T>(&encode(&message)).expect("it was one");
-            assert_eq!(again, message);
+            let bytes = encode(&message);
+            let again = decode::<T>(&bytes).expect("it was one");
+            assert_eq!(encode(&again), bytes);
         }
     }
     let with_version = [&[relay::message::VERSION][..], data].concat();
     for data in [data, &with_version] {
         one::<Ask>(data);
-        one::<Command>(data);
+        one::<Order>(data);
         one::<Tell>(data);
         one::<Part>(data);
         one::<SampleHeader>(data);
-        if let Ok(Tell::Answer(answer)) = decode(data) {
-            let _ = answer.answer();
-        }
         if let Ok(Tell::Part(part)) = decode::<Tell>(data) {
             let _ = ipc_types::Schema::parse(&String::from_utf8_lossy(&part.bytes));
         }
@@ -112,7 +106,7 @@ impl<'a> Script<'a> {
             session: session.unwrap_or(3),
             number: self.number(),
             floor: self.number(),
-            topic: self.number() % 3,
+            service: self.number() % 3,
             expires: MonotonicNs(BEGIN.0.saturating_add(self.number())),
             is_repeat: self.byte().is_multiple_of(2),
             is_given_up: self.byte().is_multiple_of(4),
@@ -124,7 +118,6 @@ impl<'a> Script<'a> {
 /// What the robot's side knows.
 struct RobotSide {
     admission: Admission,
-    lives: Lives,
     stations: Stations,
     orders: Robot,
     sessions: Vec<u64>,
@@ -140,10 +133,10 @@ impl RobotSide {
         let _ = self
             .stations
             .hear(name, ping.station_life, may_command, now);
-        if may_command && self.lives.admit(ping.station_life, name, now) {
+        if may_command {
             let life = ping.station_life;
-            let session = self.orders.session_for(life, now, &mut self.out);
-            if session == NO_PLACE {
+            let session = self.orders.session_for(life, name, now, &mut self.out);
+            if session <= NO_PLACE {
                 return;
             }
             self.sessions.retain(|other| *other != session);
@@ -155,11 +148,8 @@ impl RobotSide {
     fn order(&mut self, key: &str, order: &Order, now: MonotonicNs) {
         if self.admission.orders(key, now).is_some() {
             let traits = Traits {
-                repeat: match order.topic {
-                    0 => Repeat::None,
-                    _ => Repeat::Field,
-                },
-                ends_movement: order.topic > 1,
+                is_repeatable: order.service > 0,
+                ends_movement: order.service > 1,
             };
             self.orders.order(order, traits, now, &mut self.out);
         }
@@ -173,7 +163,6 @@ pub fn robot_side(data: &[u8]) {
     let (ask, order) = ("hero/1/ask/", "hero/1/order/");
     let mut side = RobotSide {
         admission: Admission::new(ask.to_owned(), order.to_owned(), &names[..1], &names),
-        lives: Lives::default(),
         stations: Stations::new(Duration::from_millis(2500)),
         orders: Robot::new(
             RobotConfig {
@@ -197,8 +186,8 @@ pub fn robot_side(data: &[u8]) {
                 }
             }
             2 => {
-                if let Ok(message) = decode::<Command>(script.bytes()) {
-                    side.order(&format!("{order}{name}"), &Order::from(message), now);
+                if let Ok(message) = decode::<Order>(script.bytes()) {
+                    side.order(&format!("{order}{name}"), &message, now);
                 }
             }
             3 => {
@@ -248,7 +237,8 @@ pub fn station_side(data: &[u8]) {
     let mut orders = Station::new(StationConfig {
         give_up: Duration::from_secs(60),
     });
-    let (mut inlet, mut out, mut handle, mut now) = (Inlet::default(), Vec::new(), 0, BEGIN);
+    let (mut receiver, mut out, mut handle, mut now) =
+        (SampleReceiver::default(), Vec::new(), 0, BEGIN);
     let mut moments = Moments::default();
     while !script.data.is_empty() {
         let action = script.byte();
@@ -269,12 +259,12 @@ pub fn station_side(data: &[u8]) {
                 session: script.number(),
                 services: script.number() as u16,
             })),
-            3 => Some(Tell::Answer(AnswerBytes::new(&Answer {
+            3 => Some(Tell::Answer(Answer {
                 session: script.number(),
                 number: script.number(),
                 serial: script.number() as u32,
                 report: script.report(),
-            }))),
+            })),
             4 if action >= 128 => Some(Tell::Part(Part {
                 robot_life: link.robot_life().unwrap_or_default(),
                 index: script.byte().into(),
@@ -292,8 +282,8 @@ pub fn station_side(data: &[u8]) {
                     left_out: script.number(),
                     lost: script.number(),
                 };
-                let _ = inlet.take(&header);
-                let _ = inlet.counts();
+                let _ = receiver.take(&header);
+                let _ = receiver.counts();
                 None
             }
             6 => {
@@ -301,7 +291,7 @@ pub fn station_side(data: &[u8]) {
                 let request = Request {
                     handle,
                     path_id: script.number(),
-                    topic: script.number() % 3,
+                    service: script.number() % 3,
                     expires: MonotonicNs(script.number()),
                     bytes: script.number().to_le_bytes().to_vec(),
                 };
@@ -329,11 +319,7 @@ pub fn station_side(data: &[u8]) {
                     assert!(service.schema.len() <= 3 * ipc_types::schema::MAX_TEXT_LEN);
                 }
             }
-            Some(Tell::Answer(answer)) => {
-                if let Some(answer) = answer.answer() {
-                    orders.answer(&answer, now, &mut out);
-                }
-            }
+            Some(Tell::Answer(answer)) => orders.answer(&answer, now, &mut out),
             Some(Tell::UnknownSession(session)) => orders.unknown_session(session),
             None => {}
         }

@@ -1,8 +1,5 @@
 //! [`Robot`]: the robot side's memory of orders. See the [states](super).
 
-mod io;
-pub mod places;
-mod record;
 mod records;
 mod sessions;
 
@@ -15,15 +12,12 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::message::{Order, UnknownSession, request_id};
+use super::message::{Order, request_id};
 use super::verdict::Verdict;
-pub use io::{NotSent, Output, Repeat, Traits};
-pub use places::SESSIONS;
-use record::{Record, State};
-pub use records::ORPHANS;
-use records::{Known, Records};
-pub use sessions::OrderCounts;
+use records::{Known, Record, Records, State};
+pub use records::{NotSent, ORPHANS, Output, Traits};
 use sessions::Sessions;
+pub use sessions::{LIFE_KEPT, OrderCounts, SESSIONS};
 
 /// How long the robot side waits before it passes a request on again that could not be sent.
 const SEND_AGAIN: Duration = Duration::from_millis(100);
@@ -38,7 +32,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(500);
 /// Settings of the robot side.
 #[derive(Clone, Copy, Debug)]
 pub struct Config {
-    /// A station with an open order that was silent for so long is reported as lost. None: never.
+    /// A station with an open order that was silent for so long is reported as lost; never if `None`.
     pub link_loss: Option<Duration>,
     /// How long the robot side asks for the end of a request that a former life of the robot side had passed on. Longer than
     /// any movement takes.
@@ -56,7 +50,7 @@ impl Default for Config {
 
 /// The robot side of all stations' orders.
 ///
-/// Its memory is bounded: [`SESSIONS`] · [`WINDOW`](super::WINDOW) + [`ORPHANS`] orders.
+/// Its memory is bounded: [`SESSIONS`] · [`WINDOW`](super::message::WINDOW) + [`ORPHANS`] orders.
 #[derive(Clone, Debug)]
 pub struct Robot {
     config: Config,
@@ -74,12 +68,19 @@ impl Robot {
         }
     }
 
-    /// The session of this life of a station; call it for every clock message of the station, and send the session back with
-    /// the answer. It is [`NO_PLACE`](super::message::NO_PLACE) when all [`SESSIONS`] are those of stations that are active: a session
-    /// of an [active](places) station is never forgotten for another one. A station that is forgotten with open orders cannot be
-    /// watched any more: it counts as lost.
-    pub fn session_for(&mut self, station: u64, now: MonotonicNs, out: &mut Vec<Output>) -> u64 {
-        let (token, forgotten) = self.sessions.hear(station, now);
+    /// The session of this life of the station `name`; call it for every clock message of a station that may command, and send the
+    /// session back with the answer. It is [`NO_PLACE`](super::message::NO_PLACE) if all [`SESSIONS`] are those of stations that are
+    /// active: the session of a station whose last clock message came within [`LIFE_KEPT`] is never forgotten for another one. It is
+    /// [`NOT_PERMITTED`](super::message::NOT_PERMITTED) if another station has shown this life. A station that is forgotten with open
+    /// orders cannot be watched any more: it counts as lost.
+    pub fn session_for(
+        &mut self,
+        station: u64,
+        name: &str,
+        now: MonotonicNs,
+        out: &mut Vec<Output>,
+    ) -> u64 {
+        let (token, forgotten) = self.sessions.hear(station, name, now);
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
             let is_news = limit.and_then(|limit| session.lost_at(limit)).is_some();
@@ -105,9 +106,7 @@ impl Robot {
         out: &mut Vec<Output>,
     ) {
         let Some(session) = self.sessions.of(order.session) else {
-            out.push(Output::UnknownSession(UnknownSession {
-                session: order.session,
-            }));
+            out.push(Output::UnknownSession(order.session));
             return;
         };
         session.hear(now);
@@ -129,7 +128,7 @@ impl Robot {
             }
             new => {
                 let verdict = match new {
-                    Known::No => judge(order, traits.repeat, now),
+                    Known::No => judge(order, traits, now),
                     _ if order.is_repeat => Some(Verdict::NotRemembered),
                     _ => Some(Verdict::Busy),
                 };
@@ -154,12 +153,12 @@ impl Robot {
     /// A report about a request has come from its server, or from the client's port.
     pub fn report(
         &mut self,
-        topic: u64,
+        service: u64,
         report: &RequestReport,
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) {
-        let Some(index) = self.records.passed_on(topic, report.request_id) else {
+        let Some(index) = self.records.passed_on(service, report.request_id) else {
             return;
         };
         let still_open = self.config.still_open;
@@ -181,13 +180,13 @@ impl Robot {
     /// A request that [`Output::Send`] is about was not sent.
     pub fn not_sent(
         &mut self,
-        topic: u64,
+        service: u64,
         request_id: u64,
         why: NotSent,
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) {
-        let Some(index) = self.records.passed_on(topic, request_id) else {
+        let Some(index) = self.records.passed_on(service, request_id) else {
             return;
         };
         let record = &mut self.records[index];
@@ -247,7 +246,12 @@ impl Robot {
         retries.chain(losses).min()
     }
 
-    /// What became of the orders of this life of a station; nothing when it has no session.
+    /// What the station of this life is called. `None` if it has no session.
+    pub fn name_of(&self, station: u64) -> Option<&str> {
+        self.sessions.name_of(station)
+    }
+
+    /// What became of the orders of this life of a station. `None` if it has no session.
     pub fn counts_of(&self, station: u64) -> Option<OrderCounts> {
         let session = self.sessions.of_station(station)?;
         Some(OrderCounts {
@@ -277,7 +281,7 @@ impl Robot {
         record.go_on(now);
         if let State::PassedOn(passage) = &record.state {
             out.push(Output::Send {
-                topic: record.topic,
+                service: record.service,
                 request_id: record.request_id,
                 is_repeat: passage.is_repeat,
                 request: passage.request.clone(),
@@ -317,15 +321,15 @@ impl Robot {
     }
 }
 
-/// What the relay itself says about an order that it sees for the first time. None: the server is asked.
-fn judge(order: &Order, repeat: Repeat, now: MonotonicNs) -> Option<Verdict> {
+/// What the relay itself says about an order that it sees for the first time. `None` if the server is asked.
+fn judge(order: &Order, traits: Traits, now: MonotonicNs) -> Option<Verdict> {
     if request_id(&order.request) == 0 {
         Some(Verdict::InvalidRequest)
     } else if order.is_given_up {
         Some(Verdict::GivenUp)
     } else if order.is_repeat {
         // It may have been executed: that it is too late now says nothing.
-        (repeat == Repeat::None).then_some(Verdict::NotRemembered)
+        (!traits.is_repeatable).then_some(Verdict::NotRemembered)
     } else {
         (order.expires < now).then(|| Verdict::Expired(now.since(order.expires)))
     }

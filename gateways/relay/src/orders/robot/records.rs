@@ -1,14 +1,215 @@
-//! The orders that the robot side remembers.
+//! The orders that the robot side remembers, and what has to be done about them.
 
 use std::ops::{Index, IndexMut};
+use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use ipc_types::payload::RequestReport;
 
-use super::io::Output;
-use super::record::{Passage, Record, State};
 use super::sessions::Sessions;
-use crate::orders::message::{Order, request_id};
+use crate::orders::message::{Answer, Order, request_id};
 use crate::orders::verdict::Verdict;
+
+/// What is to be known of a request before it is handed on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traits {
+    /// It has a field `repeat`, so that its server can be asked again without executing it. One without that field is not passed
+    /// on again if it may have been executed.
+    pub is_repeatable: bool,
+    /// It ends a movement, or makes the robot do nothing: a hold, a landing, a stop. It waits for no order before it.
+    pub ends_movement: bool,
+}
+
+/// Why a request could not be sent to its server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotSent {
+    /// No process serves it.
+    NoServer,
+    /// The server, or this process's client port, has no room for one more request, or the port failed.
+    Full,
+}
+
+/// What the robot side has to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Output {
+    /// Send a request to its server on the robot. If that fails, `Robot::not_sent` has to be called.
+    Send {
+        /// Which service.
+        service: u64,
+        /// Id of the request.
+        request_id: u64,
+        /// Set the request's field `repeat` to 1. Otherwise the request is sent as it is.
+        is_repeat: bool,
+        /// The request.
+        request: Vec<u8>,
+    },
+    /// Drop the pending request.
+    GiveUp {
+        /// Which service.
+        service: u64,
+        /// Id of the request.
+        request_id: u64,
+    },
+    /// Send this to a station.
+    Answer {
+        /// Life of the station.
+        station: u64,
+        /// The message.
+        answer: Answer,
+    },
+    /// Tell the sender of the order that its session is not known. Only `Robot::order` puts this out.
+    UnknownSession(u64),
+    /// A station with an open order has been silent for the configured time. Once for each silence.
+    LinkLost {
+        /// Life of the station.
+        station: u64,
+    },
+}
+
+/// An order, and what is known about it.
+#[derive(Clone, Debug)]
+pub(super) struct Record {
+    /// Life of the station that ordered it.
+    pub(super) station: u64,
+    /// The session that it is answered in. `None` if that session is forgotten, and the request goes on without a station.
+    pub(super) session: Option<u64>,
+    pub(super) number: u64,
+    pub(super) service: u64,
+    pub(super) request_id: u64,
+    pub(super) state: State,
+    reports: Reports,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum State {
+    /// It waits for the orders before it.
+    Early(Passage),
+    /// The server has it, as far as is known.
+    PassedOn(Passage),
+    /// It is passed on again at this time.
+    Waiting(Passage, MonotonicNs),
+    /// It has its final report.
+    Ended,
+}
+
+/// What is needed to pass an order on to its server.
+#[derive(Clone, Debug)]
+pub(super) struct Passage {
+    pub(super) request: Vec<u8>,
+    pub(super) is_repeat: bool,
+    pub(super) expires: MonotonicNs,
+    /// When the robot side got the order.
+    pub(super) since: MonotonicNs,
+    /// Since when the server has taken no request.
+    pub(super) unsent_since: Option<MonotonicNs>,
+}
+
+impl Passage {
+    /// How long the server has taken no request, this attempt included.
+    pub(super) fn unsent_for(&mut self, now: MonotonicNs) -> Duration {
+        now.since(*self.unsent_since.get_or_insert(now))
+    }
+}
+
+/// The first and the newest report about an order; what came between them is overtaken.
+#[derive(Clone, Copy, Debug, Default)]
+struct Reports {
+    first: RequestReport,
+    newest: RequestReport,
+    /// Number of the newest one; 0 when there is none.
+    serial: u32,
+}
+
+impl Record {
+    pub(super) fn is_open(&self) -> bool {
+        !matches!(self.state, State::Ended)
+    }
+
+    /// Whether it was passed on, or has ended without.
+    pub(super) fn has_begun(&self) -> bool {
+        !matches!(self.state, State::Early(_))
+    }
+
+    /// Whether it is to be passed on for the first time, and its server does not take it now.
+    pub(super) fn is_held_up(&self) -> bool {
+        matches!(&self.state, State::Waiting(passage, _) if !passage.is_repeat)
+    }
+
+    /// When it is passed on again, if it waits for that.
+    pub(super) fn waits_until(&self) -> Option<MonotonicNs> {
+        match self.state {
+            State::Waiting(_, at) => Some(at),
+            _ => None,
+        }
+    }
+
+    /// Remembers a report, unless the order has ended.
+    pub(super) fn note(&mut self, report: &RequestReport) {
+        if !self.is_open() {
+            return;
+        }
+        self.reports.serial = self.reports.serial.saturating_add(1);
+        self.reports.newest = *report;
+        if self.reports.serial == 1 {
+            self.reports.first = *report;
+        }
+        if report.is_final() {
+            self.state = State::Ended;
+        }
+    }
+
+    /// The newest report, or that there is none. `None` if there is no session to answer in.
+    pub(super) fn newest(&self) -> Option<Answer> {
+        self.answer(self.reports.serial, &self.reports.newest)
+    }
+
+    /// The first report, if it is another one than the newest.
+    pub(super) fn first(&self) -> Option<Answer> {
+        (self.reports.serial > 1)
+            .then(|| self.answer(1, &self.reports.first))
+            .flatten()
+    }
+
+    /// Passes the order on again at `until`.
+    pub(super) fn wait(&mut self, until: MonotonicNs) {
+        if let State::PassedOn(passage) = &self.state {
+            self.state = State::Waiting(passage.clone(), until);
+        }
+    }
+
+    /// It waits no longer: it is passed on, or has ended, because it is too late.
+    pub(super) fn go_on(&mut self, now: MonotonicNs) {
+        let (State::Early(passage) | State::Waiting(passage, _)) = &self.state else {
+            return;
+        };
+        if !passage.is_repeat && passage.expires < now {
+            let late = now.since(passage.expires);
+            self.note(&Verdict::Expired(late).report(self.request_id, now));
+        } else {
+            self.state = State::PassedOn(passage.clone());
+        }
+    }
+
+    /// What gives the request up at its server.
+    pub(super) fn give_up(&self) -> Output {
+        Output::GiveUp {
+            service: self.service,
+            request_id: self.request_id,
+        }
+    }
+
+    fn answer(&self, serial: u32, report: &RequestReport) -> Option<Answer> {
+        Some(Answer {
+            session: self.session?,
+            number: self.number,
+            serial,
+            report: RequestReport {
+                request_id: self.request_id,
+                ..*report
+            },
+        })
+    }
+}
 
 /// Requests that go on although their session is forgotten: as many as eight services can have open for one client. Above that
 /// the oldest is given up at its server.
@@ -65,7 +266,7 @@ impl Records {
             return Known::Yes(index);
         }
         let same = records().filter(|(_, record)| {
-            record.station == station && record.topic == order.topic && record.request_id == id
+            record.station == station && record.service == order.service && record.request_id == id
         });
         if let Some((index, record)) = same.max_by_key(|(_, record)| record.number) {
             if record.number > order.number {
@@ -92,27 +293,32 @@ impl Records {
         verdict: Option<Verdict>,
         now: MonotonicNs,
     ) -> usize {
-        let passage = Passage {
-            request: order.request.clone(),
-            is_repeat: order.is_repeat,
-            expires: order.expires,
-            since: now,
-            unsent_since: None,
+        let mut record = Record {
+            station,
+            session: Some(order.session),
+            number: order.number,
+            service: order.service,
+            request_id: request_id(&order.request),
+            state: State::Early(Passage {
+                request: order.request.clone(),
+                is_repeat: order.is_repeat,
+                expires: order.expires,
+                since: now,
+                unsent_since: None,
+            }),
+            reports: Reports::default(),
         };
-        let id = request_id(&order.request);
-        let owner = (station, order.session);
-        let mut record = Record::new(owner, order.number, order.topic, id, passage);
         if let Some(verdict) = verdict {
-            record.note(&verdict.report(id, now));
+            record.note(&verdict.report(record.request_id, now));
         }
         self.records.push(record);
         self.records.len() - 1
     }
 
     /// The order of this request that was passed on.
-    pub(super) fn passed_on(&self, topic: u64, request_id: u64) -> Option<usize> {
+    pub(super) fn passed_on(&self, service: u64, request_id: u64) -> Option<usize> {
         self.records.iter().position(|record| {
-            record.topic == topic
+            record.service == service
                 && record.request_id == request_id
                 && matches!(record.state, State::PassedOn(_))
         })
@@ -128,7 +334,7 @@ impl Records {
         self.lowest(|early| {
             let is_before = |other: &&Record| {
                 other.session == early.session
-                    && other.topic == early.topic
+                    && other.service == early.service
                     && other.number < early.number
             };
             !early.has_begun()

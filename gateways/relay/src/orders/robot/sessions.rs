@@ -1,13 +1,23 @@
-//! The stations that the robot side remembers.
+//! The stations that the robot side remembers: at most [`SESSIONS`] lives of stations, each with a session.
+//!
+//! A life that is *active*, because a clock message of it came within [`LIFE_KEPT`], keeps its session whatever others come; the
+//! next life gets none. Of those that are not active the one that was silent longest goes for a new one.
 
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::places::{Heard, Places};
-use crate::orders::WINDOW;
-use crate::orders::message::NO_PLACE;
+use crate::orders::message::{NO_PLACE, NOT_PERMITTED, WINDOW};
 use crate::orders::verdict::Verdict;
+
+/// Lives of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
+/// the time that an outage takes. One more has to wait, and its requests are refused.
+pub const SESSIONS: usize = 8;
+
+/// For how long a life counts as active after its last clock message: as long as `link_loss_s` by default, so that a station keeps
+/// its session through an outage that is none to the movement that it has ordered. A relay that ends and begins anew every two
+/// seconds leaves five lives behind that others wait for.
+pub const LIFE_KEPT: Duration = Duration::from_secs(10);
 
 /// What became of the orders of one session.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,12 +46,16 @@ pub(super) struct Session {
     pub(super) token: u64,
     /// Life of the station.
     pub(super) station: u64,
+    /// What the station is called that has shown this life first.
+    name: String,
     /// Orders with a lower number are settled at the station.
     pub(super) floor: u64,
     /// Which orders from the floor on were here: bit 0 is the floor's. It has [`WINDOW`] bits.
     seen: u128,
     /// What became of its orders; those that are open are counted where they are remembered.
     pub(super) counts: OrderCounts,
+    /// When its last clock message came.
+    pinged: MonotonicNs,
     /// When any message of it came.
     heard: MonotonicNs,
     /// That it is silent was reported.
@@ -50,16 +64,16 @@ pub(super) struct Session {
 
 const _: () = assert!(WINDOW == u128::BITS as u64);
 
-/// The sessions, of which there are at most [`SESSIONS`](super::SESSIONS).
+/// The sessions, of which there are at most [`SESSIONS`].
 #[derive(Clone, Debug)]
 pub(super) struct Sessions {
-    sessions: Places<Session>,
+    sessions: Vec<Session>,
     /// State of the generator of tokens.
     random: u64,
 }
 
 impl Session {
-    /// When the station has been silent for `link_loss`. None when that was reported.
+    /// When the station has been silent for `link_loss`. `None` if that was reported.
     pub(super) fn lost_at(&self, link_loss: Duration) -> Option<MonotonicNs> {
         (!self.is_reported).then(|| self.heard + link_loss)
     }
@@ -98,7 +112,7 @@ impl Session {
 impl Sessions {
     pub(super) fn new(seed: u64) -> Sessions {
         Sessions {
-            sessions: Places::default(),
+            sessions: Vec::with_capacity(SESSIONS),
             random: seed,
         }
     }
@@ -116,7 +130,15 @@ impl Sessions {
     }
 
     pub(super) fn of_station(&self, station: u64) -> Option<&Session> {
-        self.sessions.of(station)
+        self.sessions
+            .iter()
+            .find(|session| session.station == station)
+    }
+
+    /// What the station of this life is called.
+    pub(super) fn name_of(&self, station: u64) -> Option<&str> {
+        self.of_station(station)
+            .map(|session| session.name.as_str())
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &Session> {
@@ -127,34 +149,51 @@ impl Sessions {
         self.sessions.iter_mut()
     }
 
-    /// A clock message of this life of a station has come: the token of its session, and the session that was forgotten for it.
-    /// Without a place for it, the token is [`NO_PLACE`].
-    pub(super) fn hear(&mut self, station: u64, now: MonotonicNs) -> (u64, Option<Session>) {
-        match self.sessions.hear(station, now) {
-            Heard::NoPlace => (NO_PLACE, None),
-            Heard::Known => {
-                let mut sessions = self.sessions.iter_mut();
-                let session = sessions.find(|session| session.station == station);
-                let token = session.map(|session| {
-                    session.hear(now);
-                    session.token
-                });
-                (token.unwrap_or(NO_PLACE), None)
+    /// A clock message of this life of the station `name` has come: the token of its session, and the session that was forgotten for
+    /// it. The token is [`NO_PLACE`] if all sessions are those of active lives, and [`NOT_PERMITTED`] if the life is another station's.
+    pub(super) fn hear(
+        &mut self,
+        station: u64,
+        name: &str,
+        now: MonotonicNs,
+    ) -> (u64, Option<Session>) {
+        let mut sessions = self.sessions.iter_mut();
+        if let Some(session) = sessions.find(|session| session.station == station) {
+            if session.name != name {
+                return (NOT_PERMITTED, None);
             }
-            Heard::New => {
-                let token = self.fresh_token();
-                let session = Session {
-                    token,
-                    station,
-                    floor: 0,
-                    seen: 0,
-                    counts: OrderCounts::default(),
-                    heard: now,
-                    is_reported: false,
-                };
-                (token, self.sessions.take(station, now, session))
-            }
+            session.pinged = session.pinged.max(now);
+            session.hear(now);
+            return (session.token, None);
         }
+        let mut forgotten = None;
+        if self.sessions.len() == SESSIONS {
+            let Some(index) = self.silent_longest(now) else {
+                return (NO_PLACE, None);
+            };
+            forgotten = Some(self.sessions.swap_remove(index));
+        }
+        let token = self.fresh_token();
+        self.sessions.push(Session {
+            token,
+            station,
+            name: name.to_owned(),
+            floor: 0,
+            seen: 0,
+            counts: OrderCounts::default(),
+            pinged: now,
+            heard: now,
+            is_reported: false,
+        });
+        (token, forgotten)
+    }
+
+    /// The session whose life was silent longest of those that are not active.
+    fn silent_longest(&self, now: MonotonicNs) -> Option<usize> {
+        let sessions = self.sessions.iter().enumerate();
+        let silent = sessions.filter(|(_, session)| now.since(session.pinged) >= LIFE_KEPT);
+        let longest = silent.min_by_key(|(_, session)| session.pinged);
+        longest.map(|(index, _)| index)
     }
 
     /// The next number of SplitMix64 that can be a token. Random enough to tell sessions apart; it keeps no attacker out.

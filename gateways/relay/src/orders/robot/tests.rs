@@ -1,7 +1,5 @@
-use super::places::LIFE_KEPT;
 use super::*;
-use crate::orders::WINDOW;
-use crate::orders::message::{Answer, NO_PLACE};
+use crate::orders::message::{Answer, NO_PLACE, NOT_PERMITTED, WINDOW};
 
 const MOVEMENT: u64 = 0;
 const MS: u64 = 1_000_000;
@@ -25,7 +23,7 @@ impl Rig {
 
     fn with(config: Config) -> Rig {
         let mut robot = Robot::new(config, 1);
-        let session = robot.session_for(STATION, MonotonicNs(SECOND), &mut Vec::new());
+        let session = robot.session_for(STATION, "gcs", MonotonicNs(SECOND), &mut Vec::new());
         Rig {
             robot,
             session,
@@ -40,7 +38,7 @@ impl Rig {
             session: self.session,
             number,
             floor: 1,
-            topic: MOVEMENT,
+            service: MOVEMENT,
             expires: MonotonicNs(self.now + SECOND),
             is_repeat: false,
             is_given_up: false,
@@ -49,12 +47,12 @@ impl Rig {
     }
 
     fn order(&mut self, order: &Order) -> Vec<Output> {
-        self.order_of(order, Repeat::Field)
+        self.order_of(order, true)
     }
 
-    fn order_of(&mut self, order: &Order, repeat: Repeat) -> Vec<Output> {
+    fn order_of(&mut self, order: &Order, is_repeatable: bool) -> Vec<Output> {
         let traits = Traits {
-            repeat,
+            is_repeatable,
             ends_movement: false,
         };
         self.order_with(order, traits)
@@ -91,7 +89,7 @@ impl Rig {
 
     fn hear(&mut self, station: u64) -> u64 {
         let now = MonotonicNs(self.now);
-        self.robot.session_for(station, now, &mut self.out)
+        self.robot.session_for(station, "gcs", now, &mut self.out)
     }
 }
 
@@ -181,7 +179,7 @@ fn orders_are_passed_on_in_the_order_of_their_numbers() {
 fn what_ends_a_movement_waits_for_no_order_before_it() {
     let mut rig = Rig::new();
     let hold = Traits {
-        repeat: Repeat::Field,
+        is_repeatable: true,
         ends_movement: true,
     };
     let out = rig.order_with(&rig.new_order(2), hold);
@@ -207,7 +205,7 @@ fn an_order_waits_while_its_server_does_not_take_the_one_before_it() {
     rig.not_sent(101, NotSent::Full);
     assert_eq!(sent(&rig.order(&rig.new_order(2))), []);
     let other = Order {
-        topic: MOVEMENT + 1,
+        service: MOVEMENT + 1,
         ..rig.new_order(3)
     };
     assert_eq!(sent(&rig.order(&other)), [(103, false)], "another server");
@@ -240,8 +238,7 @@ fn an_order_of_an_unknown_session_is_never_passed_on() {
     let mut rig = Rig::new();
     let mut order = rig.new_order(1);
     order.session ^= 1;
-    let session = order.session;
-    let unknown = Output::UnknownSession(UnknownSession { session });
+    let unknown = Output::UnknownSession(order.session);
     assert_eq!(rig.order(&order), [unknown]);
 }
 
@@ -299,7 +296,7 @@ fn an_unknown_repetition_asks_the_server_or_is_unknown_however_late_it_comes() {
         is_repeat: true,
         ..rig.new_order(2)
     };
-    let out = rig.order_of(&order, Repeat::None);
+    let out = rig.order_of(&order, false);
     let unknown = answered(2, 1, Stage::Unknown, Reason::NotRemembered);
     assert_eq!((answers(&out), sent(&out)), (vec![unknown], vec![]));
 }
@@ -457,7 +454,7 @@ fn an_order_that_ends_while_it_moves_keeps_its_end() {
         is_repeat: true,
         ..order
     };
-    let out = rig.order_of(&moved, Repeat::None);
+    let out = rig.order_of(&moved, false);
     let done = answered(70, 1, Stage::Done, Reason::None);
     assert_eq!((sent(&out), answers(&out)), (vec![], vec![done]));
 }
@@ -500,9 +497,9 @@ fn an_active_session_is_never_forgotten_for_a_new_one() {
     let order = rig.new_order(1);
     rig.order(&order);
     let others: Vec<u64> = (200..207).map(|station| rig.hear(station)).collect();
-    for _ in 0..100 {
+    for round in 0..100 {
         rig.now += 500 * MS;
-        assert_eq!(rig.hear(300), NO_PLACE, "the ninth");
+        assert_eq!(rig.hear(300 + round), NO_PLACE, "the ninth");
         assert_eq!(rig.hear(STATION), rig.session);
         for (station, session) in (200..207).zip(&others) {
             assert_eq!(rig.hear(station), *session);
@@ -536,8 +533,11 @@ fn the_station_that_was_silent_longest_is_forgotten_and_its_open_requests_go_on(
         rig.now += MS;
         rig.hear(station);
     }
-    rig.now += LIFE_KEPT.as_nanos() as u64 - 7 * MS;
-    rig.hear(300);
+    rig.now += LIFE_KEPT.as_nanos() as u64 - 7 * MS - 1;
+    assert_eq!(rig.hear(300), NO_PLACE);
+    rig.now += 1;
+    assert!(rig.hear(300) > NO_PLACE);
+    assert_eq!(rig.robot.name_of(STATION), None);
     assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
     rig.now += LIFE_KEPT.as_nanos() as u64;
     let again = Order {
@@ -631,9 +631,9 @@ fn a_silent_station_with_an_open_order_is_lost_once() {
 fn sessions_of_two_lives_of_the_robot_side_differ() {
     let out = &mut Vec::new();
     let mut robots = [1, 2].map(|seed| Robot::new(Config::default(), seed));
-    let tokens = [0, 1].map(|index| robots[index].session_for(STATION, MonotonicNs(1), out));
+    let tokens = [0, 1].map(|index| robots[index].session_for(STATION, "gcs", MonotonicNs(1), out));
     assert_ne!(tokens[0], tokens[1]);
-    let again = robots[0].session_for(STATION, MonotonicNs(2), out);
+    let again = robots[0].session_for(STATION, "gcs", MonotonicNs(2), out);
     assert_eq!(again, tokens[0]);
 }
 
@@ -668,4 +668,14 @@ fn a_repetition_waits_longer_for_room_at_the_server() {
     let out = rig.not_sent(101, NotSent::Full);
     let unknown = answered(1, 1, Stage::Unknown, Reason::StillOpen);
     assert_eq!(answers(&out), [unknown]);
+}
+
+#[test]
+fn a_life_is_the_station_s_that_has_shown_it_first() {
+    let mut rig = Rig::new();
+    let now = MonotonicNs(rig.now);
+    let other = (rig.robot).session_for(STATION, "other", now, &mut rig.out);
+    assert_eq!(other, NOT_PERMITTED);
+    assert_eq!(rig.robot.name_of(STATION), Some("gcs"));
+    assert_eq!(rig.hear(STATION), rig.session);
 }

@@ -1,4 +1,4 @@
-//! One order in the memory of the station.
+//! What a client asks for, and the order that a station makes of it.
 
 use std::time::Duration;
 
@@ -6,17 +6,32 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
 use ipc_types::payload::RequestReport;
 
-use super::request::Request;
 use crate::orders::message::Order;
 
 /// How often an order is asked for that the robot has answered, and the longest pause between two rounds.
 pub(super) const ASK_PERIOD: Duration = Duration::from_secs(1);
 
+/// A request of a client.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Request {
+    /// By what the caller knows the request; different from all that are open.
+    pub handle: u64,
+    /// Path of the request, which every report repeats; 0 if it has none.
+    pub path_id: u64,
+    /// Which request service of the robot.
+    pub service: u64,
+    /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*; the caller takes the earliest
+    /// time that the deadline can be in that clock.
+    pub expires: MonotonicNs,
+    /// The request as its service has it.
+    pub bytes: Vec<u8>,
+}
+
 /// Who waits for the reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Client {
     Waits,
-    /// It went away, or was told that the outcome is unknown.
+    /// It went away, or has the report that the outcome is unknown.
     Gone,
 }
 
@@ -68,7 +83,7 @@ impl Entry {
         }
     }
 
-    /// When the robot has been silent about this order for `give_up`. None if no client waits.
+    /// When the robot has been silent about this order for `give_up`. `None` if no client waits.
     pub(super) fn lost_at(&self, give_up: Duration) -> Option<MonotonicNs> {
         (self.client == Client::Waits).then(|| self.last_answer + give_up)
     }
@@ -79,7 +94,7 @@ impl Entry {
             session,
             number: self.number,
             floor,
-            topic: self.request.topic,
+            service: self.request.service,
             expires: self.request.expires,
             is_repeat: self.is_repeat,
             is_given_up: self.client == Client::Gone,

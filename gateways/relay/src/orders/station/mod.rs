@@ -9,7 +9,6 @@
 //! side recognizes it by session and request id. The floor passes the former number when the robot side has answered the new one.
 
 mod entry;
-mod request;
 
 #[cfg(test)]
 mod tests;
@@ -20,11 +19,10 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::RequestReport;
 
-use super::WINDOW;
-use super::message::{Answer, NO_PLACE, Order, request_id};
+use super::message::{Answer, NO_PLACE, Order, WINDOW, request_id};
 use super::verdict::Verdict;
+pub use entry::Request;
 use entry::{ASK_PERIOD, Client, Entry};
-pub use request::Request;
 
 /// Orders that a station has open at the same time: eight requests of one client to each of four services. One more is refused:
 /// too-many-requests.
@@ -43,7 +41,7 @@ const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
 /// Settings of the station.
 #[derive(Clone, Copy, Debug)]
 pub struct Config {
-    /// The client of an order that the robot has not answered for so long is told that the outcome is unknown. An outage shorter
+    /// After so long without an answer of the robot, the client gets the report that the outcome is unknown. An outage shorter
     /// than this ends with the true report.
     pub give_up: Duration,
 }

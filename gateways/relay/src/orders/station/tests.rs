@@ -43,7 +43,7 @@ impl Rig {
         let request = Request {
             handle,
             path_id: 5,
-            topic: 3,
+            service: 3,
             expires: MonotonicNs(9),
             bytes: (100 + handle).to_le_bytes().to_vec(),
         };
@@ -115,7 +115,7 @@ fn a_request_is_ordered_at_once_and_its_reports_are_handed_on() {
         session: SESSION,
         number: 1,
         floor: 1,
-        topic: 3,
+        service: 3,
         expires: MonotonicNs(9),
         is_repeat: false,
         is_given_up: false,
@@ -199,7 +199,7 @@ fn an_open_id_is_busy_and_no_id_is_invalid() {
     let request = Request {
         handle: 8,
         path_id: 0,
-        topic: 0,
+        service: 0,
         expires: MonotonicNs(0),
         bytes: vec![0; 16],
     };
@@ -249,7 +249,11 @@ fn after_a_minute_of_silence_the_outcome_is_unknown_and_the_order_given_up() {
     assert_eq!(reports(&rig.tick_after(600 * SECOND)), [], "once");
     assert_eq!(rig.answer(1, 2, Some(Stage::Progress)), []);
     assert_eq!(rig.station.open(), 1);
-    assert_eq!(rig.answer(1, 3, Some(Stage::Done)), [], "it was told");
+    assert_eq!(
+        rig.answer(1, 3, Some(Stage::Done)),
+        [],
+        "it has its final report"
+    );
     assert_eq!(rig.station.open(), 0);
 }
 

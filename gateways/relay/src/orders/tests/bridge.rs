@@ -8,7 +8,7 @@ use ipc_types::payload::RequestReport;
 use super::random::Random;
 use super::{MS, SECOND};
 use crate::orders::message::{Order, request_id};
-use crate::orders::robot::{NotSent, Repeat, Traits};
+use crate::orders::robot::{NotSent, Traits};
 
 /// Final reports that are remembered, as the bridge does.
 const REMEMBERED: usize = 256;
@@ -16,14 +16,11 @@ const REMEMBERED: usize = 256;
 const OUTSTANDING: usize = 8;
 
 /// Services: 0 is the bridge's `movement`, 1 its `module_control`, 2 a module's own, which forgets requests whose client is gone.
-pub(super) const TOPICS: u64 = 3;
+pub(super) const SERVICES: u64 = 3;
 
 pub(super) fn traits_of(order: &Order) -> Traits {
     Traits {
-        repeat: match order.topic {
-            0 => Repeat::Field,
-            _ => Repeat::None,
-        },
+        is_repeatable: order.service == 0,
         ends_movement: Kind::of(&order.request) == Kind::Quick,
     }
 }
@@ -67,7 +64,7 @@ impl Kind {
 }
 
 struct Open {
-    topic: u64,
+    service: u64,
     /// The robot side that asked still waits.
     is_attached: bool,
     progress_left: u64,
@@ -116,14 +113,14 @@ impl Bridge {
         for (id, open) in std::mem::take(&mut self.open) {
             if open.is_attached {
                 let gone = report(id, Stage::Unknown, Reason::BridgeGone);
-                self.reports.push((open.topic, gone));
+                self.reports.push((open.service, gone));
             }
         }
     }
 
     pub(super) fn send(
         &mut self,
-        topic: u64,
+        service: u64,
         request: &[u8],
         is_repeat: bool,
         now: u64,
@@ -132,7 +129,7 @@ impl Bridge {
         if !self.is_up {
             return Err(NotSent::NoServer);
         }
-        let of_client = |open: &&Open| open.topic == topic && open.is_attached;
+        let of_client = |open: &&Open| open.service == service && open.is_attached;
         if self.open.values().filter(of_client).count() >= OUTSTANDING {
             return Err(NotSent::Full);
         }
@@ -142,20 +139,20 @@ impl Bridge {
             .iter()
             .rfind(|report| report.request_id == id);
         if let Some(known) = known {
-            self.reports.push((topic, *known));
+            self.reports.push((service, *known));
         } else if self.open.contains_key(&id) {
             self.reports
-                .push((topic, report(id, Stage::Refused, Reason::StillOpen)));
+                .push((service, report(id, Stage::Refused, Reason::StillOpen)));
         } else if is_repeat {
             let unknown = report(id, Stage::Unknown, Reason::NotRemembered);
-            self.reports.push((topic, unknown));
+            self.reports.push((service, unknown));
         } else {
-            self.execute(topic, request, now, random);
+            self.execute(service, request, now, random);
         }
         Ok(())
     }
 
-    fn execute(&mut self, topic: u64, request: &[u8], now: u64, random: &mut Random) {
+    fn execute(&mut self, service: u64, request: &[u8], now: u64, random: &mut Random) {
         let id = request_id(request);
         let kind = Kind::of(request);
         let refusal = match kind {
@@ -164,19 +161,19 @@ impl Bridge {
             _ => None,
         };
         if let Some(reason) = refusal {
-            self.end(topic, id, Stage::Refused, reason, true);
+            self.end(service, id, Stage::Refused, reason, true);
             return;
         }
         *self.executions.entry(id).or_default() += 1;
         if kind == Kind::Quick {
-            self.end(topic, id, Stage::Done, Reason::None, true);
+            self.end(service, id, Stage::Done, Reason::None, true);
             return;
         }
         self.reports
-            .push((topic, report(id, Stage::Accepted, Reason::None)));
+            .push((service, report(id, Stage::Accepted, Reason::None)));
         let is_movement = kind == Kind::Movement;
         let open = Open {
-            topic,
+            service,
             is_attached: true,
             progress_left: if is_movement { 1 + random.below(10) } else { 0 },
             is_movement,
@@ -194,12 +191,12 @@ impl Bridge {
         let Some(open) = self.open.get_mut(&id) else {
             return;
         };
-        let (topic, is_attached) = (open.topic, open.is_attached);
+        let (service, is_attached) = (open.service, open.is_attached);
         if open.progress_left > 0 {
             open.progress_left -= 1;
             if is_attached {
                 self.reports
-                    .push((topic, report(id, Stage::Progress, Reason::None)));
+                    .push((service, report(id, Stage::Progress, Reason::None)));
             }
             self.later(id, step.at + SECOND);
             return;
@@ -211,7 +208,7 @@ impl Bridge {
         } else {
             (Stage::Done, Reason::None)
         };
-        self.end(topic, id, stage, reason, is_attached);
+        self.end(service, id, stage, reason, is_attached);
     }
 
     /// The robot side drops the pending request of this id, or of all.
@@ -219,11 +216,11 @@ impl Bridge {
         self.open.retain(|id, open| {
             let is_meant = which.is_none_or(|which| which == *id);
             open.is_attached &= !is_meant;
-            !is_meant || open.topic != 2
+            !is_meant || open.service != 2
         });
     }
 
-    fn end(&mut self, topic: u64, id: u64, stage: Stage, reason: Reason, is_attached: bool) {
+    fn end(&mut self, service: u64, id: u64, stage: Stage, reason: Reason, is_attached: bool) {
         let report = report(id, stage, reason);
         self.ends.insert(id, (stage.code(), reason.code()));
         if self.completed.len() == REMEMBERED {
@@ -231,7 +228,7 @@ impl Bridge {
         }
         self.completed.push_back(report);
         if is_attached {
-            self.reports.push((topic, report));
+            self.reports.push((service, report));
         }
     }
 

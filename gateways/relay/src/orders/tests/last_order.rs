@@ -3,15 +3,16 @@
 
 use std::collections::BTreeMap;
 
+use bridge::flight::issue_order::{Issued, Mark};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
 use super::random::Random;
-use super::{MS, SECOND};
+use super::{MS, SECOND, count};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
-use crate::orders::message::{Answer, Order, UnknownSession, request_id};
-use crate::orders::robot::{self, Repeat, Robot, Traits};
+use crate::orders::message::{Answer, Order, request_id};
+use crate::orders::robot::{self, Robot, Traits};
 use crate::orders::station::{self, Station};
 use crate::station::moments::{Moments, earliest};
 
@@ -36,18 +37,10 @@ const BEGIN_BY: std::ops::Range<usize> = 25..33;
 struct Case {
     is_hold: bool,
     truth: u64,
-    /// When it was issued as the bridge has read it, in true time, if it came in time.
-    read: Option<(u64, u64)>,
+    /// When it was issued as the bridge has read it, if it came in time.
+    read: Option<Issued>,
     is_done: bool,
     is_superseded: bool,
-}
-
-/// The bridge's mark, as `docs/ipc.md` section 4 has it.
-#[derive(Default)]
-struct Mark {
-    origin: u32,
-    same: u64,
-    other: u64,
 }
 
 #[derive(Default)]
@@ -69,14 +62,14 @@ enum Up {
 enum Down {
     Pong(u64, u64, u64),
     Answer(Answer),
-    UnknownSession(UnknownSession),
+    UnknownSession(u64),
 }
 
 enum Event {
     ToRobot(usize, Up),
     ToStation(usize, Down),
     Ping(usize),
-    /// Somebody has decided: 0 is the program on the robot, the others are stations.
+    /// An order is issued: 0 is the program on the robot, the others are stations.
     Decide(usize),
     /// The order has come to the relay of its station, or to the bridge.
     Ordered(usize, Vec<u8>),
@@ -121,23 +114,6 @@ fn word(bytes: &[u8], range: std::ops::Range<usize>) -> u64 {
     let mut word = [0; 8];
     word[..range.len()].copy_from_slice(&bytes[range]);
     u64::from_le_bytes(word)
-}
-
-impl Mark {
-    fn floor(&self, origin: u32) -> u64 {
-        match origin == self.origin {
-            true => self.same,
-            false => self.other,
-        }
-    }
-
-    fn take(&mut self, origin: u32, issued: u64, latest: u64) {
-        *self = Mark {
-            origin,
-            same: self.floor(origin).max(issued),
-            other: self.other.max(latest),
-        };
-    }
 }
 
 impl Sky {
@@ -230,11 +206,9 @@ impl Sky {
         // A hold that came late holds all the same. Else the last order was not surely the last one.
         if !self.cases[doing].is_hold {
             assert!(case.is_superseded, "the order {last} was not carried out");
-            let (low, _) = case.read.expect("it came");
-            let is_near = |other: &Case| {
-                let latest = other.read.map_or(0, |(_, latest)| latest);
-                other.is_done && low < latest
-            };
+            let low = case.read.expect("it came").at;
+            let is_near =
+                |other: &Case| other.is_done && other.read.is_some_and(|read| low < read.latest);
             assert!(self.cases.iter().any(is_near), "{last} was surely the last");
         }
         false
@@ -322,7 +296,7 @@ impl Sky {
         let request = station::Request {
             handle: request_id(&bytes),
             path_id: 0,
-            topic: 0,
+            service: 0,
             expires: begin_by,
             bytes,
         };
@@ -336,17 +310,17 @@ impl Sky {
         let mut down = None;
         self.with_robot(|robot, now, out| match up {
             Up::Ping(sent) => {
-                let session = robot.session_for(slot as u64 + 1, now, out);
+                let session = robot.session_for(slot as u64 + 1, "gcs", now, out);
                 down = Some(Down::Pong(session, *sent, received));
             }
             Up::Order(order) => {
                 let traits = Traits {
-                    repeat: Repeat::Field,
+                    is_repeatable: true,
                     ends_movement: order.request[HOLD] == 1,
                 };
                 robot.order(order, traits, now, out);
-                if let [robot::Output::UnknownSession(unknown)] = out[..] {
-                    down = Some(Down::UnknownSession(unknown));
+                if let [robot::Output::UnknownSession(session)] = out[..] {
+                    down = Some(Down::UnknownSession(session));
                 }
             }
         });
@@ -371,7 +345,7 @@ impl Sky {
         self.with_station(slot, |station, now, out| match down {
             Down::Pong(session, ..) => station.session(*session, now, out),
             Down::Answer(answer) => station.answer(answer, now, out),
-            Down::UnknownSession(unknown) => station.unknown_session(unknown.session),
+            Down::UnknownSession(session) => station.unknown_session(*session),
         });
     }
 
@@ -442,18 +416,22 @@ impl Sky {
 
     /// As the bridge does with an order.
     fn carry_out(&mut self, index: usize, bytes: &[u8]) -> Reason {
-        let (issued, origin) = (word(bytes, ISSUED), word(bytes, ORIGIN) as u32);
-        let latest = issued + word(bytes, WITHIN);
+        let at = MonotonicNs(word(bytes, ISSUED));
+        let issued = Issued {
+            origin: word(bytes, ORIGIN) as u32,
+            at,
+            latest: MonotonicNs(at.0 + word(bytes, WITHIN)),
+        };
         if word(bytes, BEGIN_BY) < robot_clock(self.now).0 {
             return Reason::TooLate;
         }
         let truth = self.cases[index].truth;
-        let is_true = issued <= robot_clock(truth).0 && robot_clock(truth).0 <= latest;
+        let is_true = issued.at <= robot_clock(truth) && robot_clock(truth) <= issued.latest;
         assert!(is_true, "when {index} was issued");
         let case = &mut self.cases[index];
-        case.read = Some((issued, latest));
+        case.read = Some(issued);
         if !case.is_hold {
-            if issued < self.bridge.mark.floor(origin) {
+            if self.bridge.mark.supersedes(&issued) {
                 case.is_superseded = true;
                 return Reason::Superseded;
             }
@@ -462,7 +440,7 @@ impl Sky {
             assert!(!self.cases.iter().any(later), "{index} began after another");
         }
         self.cases[index].is_done = true;
-        self.bridge.mark.take(origin, issued, latest);
+        self.bridge.mark.take(&issued);
         self.bridge.doing = Some(index);
         Reason::None
     }
@@ -484,8 +462,7 @@ impl Sky {
 
 #[test]
 fn at_the_end_the_helicopter_does_what_was_ordered_last() {
-    let sequences = std::env::var("RELAY_LAST_ORDER_SEQUENCES")
-        .map_or(2_000, |count| count.parse().expect("a number of sequences"));
+    let sequences = count("RELAY_LAST_ORDER_SEQUENCES", 2_000);
     let mut exact = 0;
     for seed in 0..sequences {
         exact += u64::from(Sky::new(seed).run());

@@ -50,35 +50,27 @@ fn random_faults(random: &mut Random) -> Faults {
     faults
 }
 
-fn hard(seeds: std::ops::Range<u64>, requests: u64) -> Counts {
-    let mut counts = Counts::default();
-    for seed in seeds {
-        counts += World::new(seed, 3, HARD).run(requests);
-    }
-    println!("{counts:?}");
-    counts
+/// The number in this variable of the environment, for the long form of a test.
+pub(super) fn count(variable: &str, short: u64) -> u64 {
+    std::env::var(variable).map_or(short, |count| count.parse().expect("a number"))
 }
 
 #[test]
 fn ten_thousand_requests_through_loss_outages_and_restarts_have_one_final_report_each() {
-    let counts = hard(0..5, 2_000);
-    assert_eq!(counts.requests, 10_000);
-    assert!(counts.done > 5_000, "most of them are done: {counts:?}");
-    assert!(counts.unknown < 2_000, "few are unknown: {counts:?}");
-}
-
-#[test]
-#[ignore = "a million requests take minutes"]
-fn a_million_requests_through_loss_outages_and_restarts_have_one_final_report_each() {
-    hard(100..200, 10_000);
+    let mut counts = Counts::default();
+    for seed in 0..count("RELAY_ORDERS_RUNS", 5) {
+        counts += World::new(seed, 3, HARD).run(2_000);
+    }
+    println!("{counts:?}");
+    let requests = counts.requests;
+    assert!(counts.done > requests / 2, "most are done: {counts:?}");
+    assert!(counts.unknown < requests / 5, "few are unknown: {counts:?}");
 }
 
 #[test]
 fn random_faults_of_all_kinds_break_no_rule() {
-    let worlds = std::env::var("RELAY_ORDERS_WORLDS")
-        .map_or(40, |worlds| worlds.parse().expect("a number of worlds"));
     let mut counts = Counts::default();
-    for seed in 0..worlds {
+    for seed in 0..count("RELAY_ORDERS_WORLDS", 40) {
         let mut random = Random::new(1_000 + seed);
         let faults = random_faults(&mut random);
         let stations = 1 + random.below(5) as usize;

@@ -5,12 +5,11 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::bridge::{Bridge, Kind, Step, TOPICS, traits_of};
+use super::bridge::{Bridge, Kind, SERVICES, Step, traits_of};
 use super::cases::{Cases, Counts};
 use super::random::Random;
 use super::{MS, SECOND};
-use crate::orders::WINDOW;
-use crate::orders::message::{Answer, Order, UnknownSession};
+use crate::orders::message::{Answer, Order, WINDOW};
 use crate::orders::robot::{self, ORPHANS, Robot, SESSIONS};
 use crate::orders::station::{self, OPEN_ORDERS, Station};
 
@@ -71,7 +70,7 @@ enum Up {
 enum Down {
     Pong(u64),
     Answer(Answer),
-    UnknownSession(UnknownSession),
+    UnknownSession(u64),
 }
 
 struct Slot {
@@ -238,9 +237,9 @@ impl World {
                     self.with_station(slot, |station, _, out| station.give_up(id, out));
                 }
             }
-            Event::Report(life, topic, report) => {
+            Event::Report(life, service, report) => {
                 if life == self.robot_life {
-                    self.with_robot(|robot, now, out| robot.report(topic, &report, now, out));
+                    self.with_robot(|robot, now, out| robot.report(service, &report, now, out));
                 }
             }
             Event::Step(step) => {
@@ -311,7 +310,7 @@ impl World {
         let request = station::Request {
             handle: id,
             path_id: id + 1,
-            topic: self.random.below(TOPICS),
+            service: self.random.below(SERVICES),
             expires: robot_clock(expires),
             bytes,
         };
@@ -333,11 +332,11 @@ impl World {
         }
         let mut down = None;
         self.with_robot(|robot, now, out| match message {
-            Up::Ping => down = Some(Down::Pong(robot.session_for(life, now, out))),
+            Up::Ping => down = Some(Down::Pong(robot.session_for(life, "gcs", now, out))),
             Up::Order(order) => {
                 robot.order(order, traits_of(order), now, out);
-                if let [robot::Output::UnknownSession(unknown)] = out[..] {
-                    down = Some(Down::UnknownSession(unknown));
+                if let [robot::Output::UnknownSession(session)] = out[..] {
+                    down = Some(Down::UnknownSession(session));
                 }
             }
         });
@@ -354,7 +353,7 @@ impl World {
         self.with_station(slot, |station, now, out| match message {
             Down::Pong(session) => station.session(*session, now, out),
             Down::Answer(answer) => station.answer(answer, now, out),
-            Down::UnknownSession(unknown) => station.unknown_session(unknown.session),
+            Down::UnknownSession(session) => station.unknown_session(*session),
         });
     }
 
@@ -407,7 +406,7 @@ impl World {
     ) {
         match output {
             robot::Output::Send {
-                topic,
+                service,
                 request_id,
                 is_repeat,
                 request,
@@ -417,13 +416,13 @@ impl World {
                 let random = &mut self.random;
                 let sent = self
                     .bridge
-                    .send(topic, &request, is_repeat, self.now, random);
+                    .send(service, &request, is_repeat, self.now, random);
                 if self.bridge.executions.len() > before {
                     self.cases.executed(request_id, self.now);
                 }
                 self.drain_bridge(MS);
                 if let Err(why) = sent {
-                    robot.not_sent(topic, request_id, why, robot_clock(self.now), out);
+                    robot.not_sent(service, request_id, why, robot_clock(self.now), out);
                 }
             }
             robot::Output::GiveUp { request_id, .. } => self.bridge.client_gone(Some(request_id)),
@@ -441,8 +440,8 @@ impl World {
 
     fn drain_bridge(&mut self, delay: u64) {
         let life = self.robot_life;
-        for (topic, report) in std::mem::take(&mut self.bridge.reports) {
-            self.at(self.now + delay, Event::Report(life, topic, report));
+        for (service, report) in std::mem::take(&mut self.bridge.reports) {
+            self.at(self.now + delay, Event::Report(life, service, report));
         }
         for step in std::mem::take(&mut self.bridge.steps) {
             self.at(step.at, Event::Step(step));

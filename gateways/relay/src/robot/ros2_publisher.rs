@@ -1,4 +1,4 @@
-//! [`Ros2Outlet`]: the robot's topics for ROS 2, over the network.
+//! [`Ros2Publisher`]: the robot's topics for ROS 2, over the network.
 //!
 //! [`Topics`] decides what there is. Samples go out over a publication as soon as the network has declared it.
 
@@ -6,33 +6,24 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::{MonotonicNs, RobotId, Schema};
 
-use crate::Failure;
 use crate::config::{Priority, Ros2Config};
 use crate::network::{Declaration, Network, Outbox, Token};
 use crate::ros2::{ATTACHMENT_LEN, Publication, Session, Topics, UnixOffset, Way};
 
 /// The robot's topics for ROS 2.
-pub struct Ros2Outlet {
+pub struct Ros2Publisher {
     topics: Topics<Outbox>,
     /// Last: it outlives the publications.
     _node: Token,
 }
 
-impl Ros2Outlet {
-    /// Becomes a node of ROS 2; nothing when that is not configured.
-    ///
-    /// # Errors
-    ///
-    /// When the network has an id that ROS 2 cannot have.
-    pub fn open(
-        network: &Network,
-        config: &Ros2Config,
-        robot: RobotId,
-    ) -> Result<Option<Ros2Outlet>, Failure> {
+impl Ros2Publisher {
+    /// Becomes a node of ROS 2. `None` if that is not configured.
+    pub fn open(network: &Network, config: &Ros2Config, robot: RobotId) -> Option<Ros2Publisher> {
         if !config.enabled {
-            return Ok(None);
+            return None;
         }
-        let session = Session::new(config.domain_id, &network.id())?;
+        let session = Session::new(config.domain_id, &network.id());
         let topics = Topics::new(session, robot, config.standard_messages);
         let node = network.token(topics.node().token().to_owned());
         tracing::info!(
@@ -40,28 +31,23 @@ impl Ros2Outlet {
             namespace = topics.node().namespace(),
             "a node of ROS 2"
         );
-        Ok(Some(Ros2Outlet {
+        Some(Ros2Publisher {
             topics,
             _node: node,
-        }))
+        })
     }
 
     /// The relay carries a topic from now on.
     pub fn add(&mut self, network: &Network, key: &str, schema: &Schema, priority: Priority) {
-        let added = self.topics.add(key, schema, |publication| {
+        let left_out = self.topics.add(key, schema, |publication| {
             network.outbox(declaration(publication, priority))
         });
-        match added {
-            Ok(change) => {
-                if let Some(standard) = change.left_out {
-                    tracing::warn!(
-                        key,
-                        "{} is not published for ROS 2, because a topic of the robot has its name",
-                        standard.type_name()
-                    );
-                }
-            }
-            Err(error) => tracing::warn!(key, %error, "a topic is not published for ROS 2"),
+        if let Some(standard) = left_out {
+            tracing::warn!(
+                key,
+                "{} is not published for ROS 2, because a topic of the robot has its name",
+                standard.type_name()
+            );
         }
     }
 

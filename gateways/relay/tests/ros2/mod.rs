@@ -18,7 +18,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 
 use ipc_types::{RobotId, Schema};
-use relay::ros2::{Session, StandardMessage, attachment, own_schemas, type_hash, write_packages};
+use relay::ros2::{Session, StandardMessage, add_packages, attachment, own_schemas, type_hash};
 use ril_tests::languages::run;
 use ril_tests::stranger::STRANGER;
 use serde_json::{Value, json};
@@ -102,9 +102,7 @@ fn check_topics(python: &Path, endpoint: &str, samples: &[Sample], folder: &Path
 
 /// What `publish.py` is to publish: every token, and one sample of each topic again and again.
 fn publisher_plan(endpoint: &str, samples: &[Sample]) -> Value {
-    let node = Session::new(0, ZENOH_ID)
-        .expect("a Zenoh id")
-        .node(RobotId::DEFAULT);
+    let node = Session::new(0, ZENOH_ID).node(RobotId::DEFAULT);
     let publications = samples.iter().map(|sample| &sample.publication);
     let tokens: Vec<String> = [node.token()]
         .into_iter()
@@ -162,7 +160,7 @@ fn free_port() -> u16 {
 /// A new folder with the packages of `schemas`.
 fn folder_with_packages(schemas: &[Schema]) -> tempfile::TempDir {
     let mut files = BTreeMap::new();
-    write_packages(schemas, &mut files).expect("no two types of one name");
+    add_packages(schemas, &mut files).expect("no two types of one name");
     let folder = tempfile::tempdir().expect("a folder");
     for (path, text) in files {
         let path = folder.path().join(path);

@@ -1,6 +1,6 @@
-//! [`Endpoint`]: an address of the network as relay.toml and the command line have it, `protocol/host:port?options#options`.
-//!
-//! The options are Zenoh's, which reads them itself.
+//! Names and addresses, as relay.toml and the command line have them: the name of a station or of a certificate, which is a part of
+//! keys and is shown to operators, and an [`Endpoint`] of the network, `protocol/host:port?options#options`. The options are
+//! Zenoh's, which reads them itself.
 
 use std::net::IpAddr;
 
@@ -18,12 +18,30 @@ const MAX_LEN: usize = 255;
 /// Longest name of a host in DNS, bytes.
 const MAX_HOST: usize = 253;
 
+/// Longest name of a station, bytes: it is shown in a field of 32 that ends with a zero.
+pub const MAX_NAME: usize = 31;
+
+/// Whether this can be the name of a station.
+///
+/// # Errors
+///
+/// What is wrong with it.
+pub fn check_name(name: &str) -> Result<(), String> {
+    let is_letter = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';
+    if name.is_empty() || name.len() > MAX_NAME || !name.bytes().all(is_letter) {
+        return Err(format!(
+            "`{name}` is no name of a station: use 1 to {MAX_NAME} letters, digits, - and _"
+        ));
+    }
+    Ok(())
+}
+
 /// An endpoint, taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Endpoint<'a> {
     /// A name or an address; one of IPv6 without brackets.
     host: &'a str,
-    /// Nothing when the host is a name.
+    /// `None` if the host is a name.
     address: Option<IpAddr>,
     is_encrypted: bool,
 }

@@ -1,4 +1,4 @@
-//! The offsets and drifts that all exchanges so far leave possible.
+//! [`Feasible`]: the offsets and drifts that all exchanges so far leave possible.
 
 use ipc_types::MonotonicNs;
 
@@ -10,20 +10,20 @@ use super::window::Window;
 
 /// What is possible at one moment of the local clock. The truth lies in both ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Belief {
+pub(super) struct Feasible {
     at_ns: i128,
     offset_ns: Range,
     /// Without the jitter.
     drift_ppb: Range,
 }
 
-impl Belief {
+impl Feasible {
     /// All that one plausible exchange shows, at the moment at which its reply was received.
-    pub fn from_exchange(exchange: &Exchange) -> Belief {
+    pub fn from_exchange(exchange: &Exchange) -> Feasible {
         let (ceiling, floor) = (exchange.ceiling(), exchange.floor());
         let drift_ppb = Range::ANY_DRIFT;
         let rise_ns = greatest_rise_ns(drift_ppb.high, floor.at_ns - ceiling.at_ns);
-        Belief {
+        Feasible {
             at_ns: floor.at_ns,
             offset_ns: Range {
                 low: floor.offset_ns,
@@ -35,7 +35,7 @@ impl Belief {
 
     /// What remains possible after a further exchange; `window` has the bounds of those before. `None` if nothing does:
     /// the offset has jumped.
-    pub fn with(&self, exchange: &Exchange, window: &Window) -> Option<Belief> {
+    pub fn with(&self, exchange: &Exchange, window: &Window) -> Option<Feasible> {
         let received_ns = i128::from(exchange.received.0);
         let at_ns = self.at_ns.max(received_ns);
         let predicted = self.moved_to_ns(at_ns);
@@ -56,7 +56,7 @@ impl Belief {
                 high: ceiling.offset_ns + rise_ns,
             })?;
         }
-        Some(Belief {
+        Some(Feasible {
             at_ns,
             offset_ns,
             drift_ppb,
@@ -64,11 +64,11 @@ impl Belief {
     }
 
     /// What is possible at `moment`, earlier or later.
-    pub fn moved_to(&self, moment: MonotonicNs) -> Belief {
+    pub fn moved_to(&self, moment: MonotonicNs) -> Feasible {
         self.moved_to_ns(i128::from(moment.0))
     }
 
-    fn moved_to_ns(&self, at_ns: i128) -> Belief {
+    fn moved_to_ns(&self, at_ns: i128) -> Feasible {
         let duration_ns = (at_ns - self.at_ns).abs();
         let rise_ns = greatest_rise_ns(self.drift_ppb.high, duration_ns);
         let fall_ns = greatest_rise_ns(-self.drift_ppb.low, duration_ns);
@@ -79,7 +79,7 @@ impl Belief {
         };
         let change_ppb = greatest_drift_change_ppb(2 * duration_ns);
         let any = Range::ANY_DRIFT;
-        Belief {
+        Feasible {
             at_ns,
             offset_ns: Range {
                 low: self.offset_ns.low - down_ns,

@@ -2,14 +2,6 @@
 //!
 //! `ril` is found beside the relay's program, where `cargo test --workspace` builds it, or by `RIL_BINARY`.
 
-mod bridge_log;
-mod cut;
-mod kills;
-mod link_loss;
-mod machine;
+mod faults;
 mod mission;
-mod refusals;
 mod rig;
-mod robots;
-mod schemas;
-mod stall;

@@ -1,0 +1,424 @@
+//! What goes wrong between a station and its robot, and what is refused: every request ends once, nothing is executed twice, and
+//! the robot does what it was configured for.
+
+use std::io;
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Functionality, RelayLinkState};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
+use ril_tests::Process;
+use ril_tests::chain::beside_or_skip;
+use ril_tests::process::{Finished, Signal};
+
+use super::rig::{RELAY, Rig};
+use crate::bridge_log::BridgeLog;
+use crate::machine::{Crew, Machine, end, free_endpoint, says};
+
+/// Exit code of a verb whose outcome is not known.
+const OUTCOME_UNKNOWN: i32 = 7;
+
+/// How often the verb said how its request ended: `done` is data, any other end an error.
+fn finals(finished: &Finished) -> usize {
+    // Every other end is the error that the verb ends with.
+    let ends = ["goto: done", "error: goto "];
+    let is_final = |line: &&String| ends.iter().any(|end| line.starts_with(end));
+    let lines = finished.stdout.iter().chain(&finished.stderr);
+    lines.filter(is_final).count()
+}
+
+#[test]
+fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_end() {
+    let Some(mut rig) = Rig::start("robot relay", "") else {
+        return;
+    };
+    let [latitude, longitude, altitude] = rig.take_off();
+    let mut consumer = rig.station.subscribe::<HeroTelemetry>(1);
+    let before = consumer.next();
+    let generations = consumer.port.generations();
+    let mut path = rig.station.start(&format!(
+        "goto {},{longitude},{altitude}",
+        latitude + 0.0005
+    ));
+    path.wait_for_text("accepted");
+    rig.kill_robot_relay();
+    rig.start_robot_relay();
+    let flown = path.wait_exit();
+    assert_eq!(flown.code(), Some(0), "{flown:#?}");
+    assert_eq!(finals(&flown), 1, "{flown:#?}");
+    // The same publisher at the station, with newer samples.
+    let after = consumer.until("newer samples", |sample| {
+        sample.source_sequence > before.source_sequence + 10
+    });
+    assert_eq!(after.epoch_ns, before.epoch_ns);
+    assert_eq!(consumer.port.generations(), generations);
+    rig.station.run("land", 0);
+    let [bridge, _] = rig.end();
+    assert_eq!(BridgeLog::of([&bridge]).executed_twice(), Vec::<u64>::new());
+}
+
+#[test]
+fn a_station_relay_that_is_killed_in_mid_path_leaves_an_outcome_that_is_unknown_and_the_path_goes_on()
+ {
+    let Some(mut rig) = Rig::start("station relay", "") else {
+        return;
+    };
+    rig.take_off();
+    let mut path = rig.far_away();
+    rig.kill_station_relay();
+    let ended = path.wait_exit();
+    assert_eq!(ended.code(), Some(OUTCOME_UNKNOWN), "{ended:#?}");
+    assert_eq!(finals(&ended), 1, "{ended:#?}");
+    rig.start_station_relay();
+    let state = rig.station.subscribe::<ModuleState>(1).next();
+    assert_eq!(
+        state.functionality,
+        Functionality::FollowingPath.code(),
+        "the robot flies on"
+    );
+    rig.station.run("hold", 0);
+    rig.station.run("land", 0);
+    let [bridge, _] = rig.end();
+    let log = BridgeLog::of([&bridge]);
+    assert_eq!(log.begun("goto"), 1, "{:#?}", log.lines);
+    assert_eq!(log.executed_twice(), Vec::<u64>::new());
+}
+
+#[test]
+fn a_bridge_that_is_killed_in_mid_path_ends_the_request_as_unknown_and_the_next_bridge_is_there_at_once()
+ {
+    let Some(mut rig) = Rig::start("bridge", "") else {
+        return;
+    };
+    rig.take_off();
+    let mut links = rig.station.subscribe::<RelayLink>(1);
+    let mut consumer = rig.station.subscribe::<HeroTelemetry>(1);
+    let before = consumer.next();
+    let mut path = rig.far_away();
+    let former = rig
+        .crew
+        .as_mut()
+        .expect("it runs")
+        .restart_bridge(&rig.robot);
+    let ended = path.wait_exit();
+    assert_eq!(ended.code(), Some(OUTCOME_UNKNOWN), "{ended:#?}");
+    assert_eq!(finals(&ended), 1, "{ended:#?}");
+    assert!(says(&ended.stderr, "bridge-gone"), "{ended:#?}");
+    consumer.until("samples of the next bridge", |sample| {
+        sample.source_epoch_ns != before.source_epoch_ns
+    });
+    rig.station.await_link(1);
+    rig.station.run("start", 0);
+    rig.station.run("land", 0);
+    // It was never the relays' link that was down.
+    let link = links.next();
+    assert_eq!(
+        (link.state, link.outages),
+        (RelayLinkState::Up.code(), 0),
+        "{link:#?}"
+    );
+    let [bridge, _] = rig.end();
+    let log = BridgeLog::of([&former, &bridge]);
+    assert_eq!(log.begun("goto"), 1, "{:#?}", log.lines);
+    assert_eq!(log.executed_twice(), Vec::<u64>::new());
+}
+
+fn configuration(link_loss: &str) -> String {
+    format!("[commands]\nlink_loss = \"{link_loss}\"\nlink_loss_s = 1\n")
+}
+
+#[test]
+fn a_robot_that_is_to_hold_ends_its_path_when_the_station_is_lost() {
+    let Some(mut rig) = Rig::start("hold", &configuration("hold")) else {
+        return;
+    };
+    rig.take_off();
+    let _path = rig.far_away();
+    let mut states = rig.robot.subscribe::<ModuleState>(1);
+    let flying = states.next();
+    assert_eq!(flying.functionality, Functionality::FollowingPath.code());
+    rig.kill_station_relay();
+    let relay = rig.robot_relay.as_mut().expect("it runs");
+    relay.wait_for_text("the movement is ended");
+    let held = states.until("the path is ended", |state| {
+        state.functionality != Functionality::FollowingPath.code()
+    });
+    assert_ne!(
+        held.functionality,
+        Functionality::Landing.code(),
+        "{held:#?}"
+    );
+    // Another life of the station commands again.
+    rig.start_station_relay();
+    rig.station.run("land", 0);
+    rig.end();
+}
+
+#[test]
+fn a_robot_that_is_to_land_lands_when_the_station_is_lost() {
+    let Some(mut rig) = Rig::start("land", &configuration("land")) else {
+        return;
+    };
+    rig.take_off();
+    let _path = rig.far_away();
+    let mut telemetry = rig.robot.subscribe::<HeroTelemetry>(1);
+    assert!(telemetry.next().is_flying());
+    rig.kill_station_relay();
+    let relay = rig.robot_relay.as_mut().expect("it runs");
+    relay.wait_for_text("the movement is ended");
+    telemetry.until("the robot has landed", |sample| !sample.is_flying());
+    rig.start_station_relay();
+    rig.end();
+}
+
+/// How often the link is cut.
+const CUTS: usize = 3;
+
+/// A cable for TCP that can be cut. It ends with the test.
+struct Cable {
+    endpoint: String,
+    ends: Arc<Mutex<Ends>>,
+}
+
+#[derive(Default)]
+struct Ends {
+    is_cut: bool,
+    open: Vec<TcpStream>,
+}
+
+impl Cable {
+    /// From an endpoint of its own to this one.
+    fn to(endpoint: &str) -> Cable {
+        let far = address(endpoint).to_owned();
+        let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
+        let near = listener.local_addr().expect("an address");
+        let ends = Arc::new(Mutex::new(Ends::default()));
+        let shared = Arc::clone(&ends);
+        thread::spawn(move || {
+            for near in listener.incoming().flatten() {
+                let mut ends = shared.lock().expect("no panic while it is held");
+                if ends.is_cut {
+                    continue;
+                }
+                let Ok(far) = TcpStream::connect(&far) else {
+                    continue;
+                };
+                carry(&near, &far);
+                carry(&far, &near);
+                ends.open.extend([near, far]);
+            }
+        });
+        Cable {
+            endpoint: format!("tcp/{near}"),
+            ends,
+        }
+    }
+
+    /// Ends all connections, and takes no other. What was under way is lost.
+    fn cut(&self) {
+        let mut ends = self.ends.lock().expect("no panic while it is held");
+        ends.is_cut = true;
+        for end in ends.open.drain(..) {
+            let _ = end.shutdown(Shutdown::Both);
+        }
+    }
+
+    /// Takes connections again.
+    fn join(&self) {
+        self.ends.lock().expect("no panic while it is held").is_cut = false;
+    }
+}
+
+fn address(endpoint: &str) -> &str {
+    endpoint.strip_prefix("tcp/").expect("an endpoint of TCP")
+}
+
+/// Carries what comes from one end to the other, until either is closed.
+fn carry(from: &TcpStream, to: &TcpStream) {
+    let clones = (from.try_clone(), to.try_clone());
+    let (Ok(mut from), Ok(mut to)) = clones else {
+        return;
+    };
+    thread::spawn(move || {
+        let _ = io::copy(&mut from, &mut to);
+        let _ = to.shutdown(Shutdown::Both);
+    });
+}
+
+#[test]
+fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_comes_back() {
+    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+        return;
+    };
+    let (robot, station) = (Machine::new(&ril, "cut"), Machine::new(&ril, "cut"));
+    // A request that comes while the link is cut is not refused: the station does not know yet that it is down.
+    station.write("relay.toml", "[network]\nsilent_after_ms = 60000\n");
+    let crew = Crew::start(&robot, 1);
+    let endpoint = free_endpoint();
+    let robot_relay = robot.start_ready(&format!(
+        "relay robot --listen {endpoint} --may-command gcs"
+    ));
+    let cable = Cable::to(&endpoint);
+    let station_relay = station.start_ready(&format!(
+        "relay station --name gcs --connect {}",
+        cable.endpoint
+    ));
+    station.await_link(1);
+    station.run("start", 0);
+    station.run("takeoff --altitude 5", 0);
+    let place = station.subscribe::<DspTelemetry>(1).next().geographic;
+    let far = format!(
+        "goto {},{},{}",
+        place.latitude_deg + 0.02,
+        place.longitude_deg,
+        place.altitude_m
+    );
+    let mut links = station.subscribe::<RelayLink>(1);
+    let mut states = robot.subscribe::<ModuleState>(1);
+    for _ in 0..CUTS {
+        let sent = links.next().orders_sent;
+        cable.cut();
+        let mut path = station.start(&far);
+        links.until("the path is ordered", |link| link.orders_sent > sent);
+        let mut hold = station.start("hold");
+        links.until("the hold is ordered", |link| link.orders_sent > sent + 1);
+        cable.join();
+        let held = hold.wait_exit();
+        assert_eq!(held.code(), Some(0), "{held:#?}");
+        let ended = path.wait_exit();
+        assert_ne!(ended.code(), Some(0), "{ended:#?}");
+        let state = states.next();
+        let is_flown = state.functionality == Functionality::FollowingPath.code();
+        assert!(!is_flown, "after the hold: {ended:#?}\n{state:#?}");
+    }
+    station.run("land", 0);
+    end(station_relay);
+    end(robot_relay);
+    crew.end();
+}
+
+/// How long samples are watched after the robot's relay has given up the station that stands still: beyond the lease of its link,
+/// when the link is closed.
+const WATCHED: Duration = Duration::from_secs(6);
+
+/// A link whose closing waits until everything is sent holds up Zenoh's thread for ten seconds. A machine that is busy or stalls
+/// holds up everything, but not for so long.
+const HELD_UP: Duration = Duration::from_secs(8);
+
+#[test]
+fn a_station_that_stands_still_does_not_hold_up_another_one() {
+    let Some(mut rig) = Rig::start("stall", "") else {
+        return;
+    };
+    let ril = beside_or_skip(Path::new(RELAY)).expect("it was there");
+    let other = Machine::new(&ril, "stall");
+    let relay = other.start(&format!(
+        "relay station --name watcher --connect {}",
+        rig.endpoint()
+    ));
+    other.await_link(1);
+    relay.signal(Signal::STOP);
+    let robot_relay = rig.robot_relay.as_mut().expect("it runs");
+    robot_relay.wait_for_text("a station is heard no more");
+
+    let mut telemetry = rig.station.subscribe::<HeroTelemetry>(1);
+    telemetry.next();
+    let begin = MonotonicNs::now();
+    let mut before = begin;
+    let mut longest = Duration::ZERO;
+    while before.since(begin) < WATCHED {
+        telemetry.next();
+        let now = MonotonicNs::now();
+        longest = longest.max(now.since(before));
+        before = now;
+    }
+    assert!(longest < HELD_UP, "nothing came for {longest:?}");
+    relay.signal(Signal::CONT);
+    end(relay);
+    rig.end();
+}
+
+/// Exit code of a verb that was refused.
+const REFUSED: i32 = 5;
+
+/// Ends with exit code 1 and these words.
+#[track_caller]
+fn assert_ends_with(mut process: Process, words: &str) {
+    let ended = process.wait_exit();
+    assert_eq!(ended.code(), Some(1), "{ended:#?}");
+    assert!(says(&ended.stderr, words), "{ended:#?}");
+}
+
+#[test]
+fn a_station_that_may_not_command_sees_everything_and_is_told_who_may() {
+    let Some(mut rig) = Rig::start("may not command", "") else {
+        return;
+    };
+    let ril = beside_or_skip(Path::new(RELAY)).expect("it was there");
+    let other = Machine::new(&ril, "may not command");
+    let mut relay = other.start(&format!(
+        "relay station --name other --connect {}",
+        rig.endpoint()
+    ));
+    relay.wait_for_text("this station may not command");
+    other.await_link(1);
+    other.run("status", 0);
+    let refused = other.run("takeoff --altitude 5", REFUSED);
+    assert!(says(&refused.stderr, "relay-not-permitted"), "{refused:#?}");
+    // The robot's own log names it, too.
+    let log = end(relay);
+    assert!(says(&log.stderr, "commands.stations"), "{log:#?}");
+    // Nothing of it came to the bridge.
+    let state = rig.robot.subscribe::<ModuleState>(1).next();
+    assert_eq!(state.refused.requests, 0);
+    rig.end();
+}
+
+#[test]
+fn a_second_relay_of_a_robot_or_a_station_ends_at_once_and_says_why() {
+    let Some(mut rig) = Rig::start("second relay", "") else {
+        return;
+    };
+    let elsewhere = free_endpoint();
+    let second = rig
+        .robot
+        .start(&format!("relay robot --listen {elsewhere}"));
+    assert_ends_with(second, "relay/state");
+    let second = rig.station.start(&format!(
+        "relay station --name second --connect {}",
+        rig.endpoint()
+    ));
+    assert_ends_with(second, "relay/state");
+    rig.station.run("relay status", 0);
+    rig.end();
+}
+
+#[test]
+fn a_robot_whose_number_is_taken_on_the_station_waits_for_its_place() {
+    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+        return;
+    };
+    let robot = Machine::new(&ril, "number is taken");
+    let station = Machine::new(&ril, "number is taken");
+    let (crew, here) = (Crew::start(&robot, 1), Crew::start(&station, 1));
+    let endpoint = free_endpoint();
+    let robot_relay = robot.start_ready(&format!(
+        "relay robot --listen {endpoint} --may-command gcs"
+    ));
+    let mut relay = station.start_ready(&format!("relay station --name gcs --connect {endpoint}"));
+    relay.wait_for_text("cannot be provided here");
+    let local = station.subscribe::<ModuleState>(1).next();
+    here.end();
+    let mut states = station.subscribe::<ModuleState>(1);
+    states.until("the robot's state", |state| {
+        state.epoch_ns != local.epoch_ns
+    });
+    station.run("start", 0);
+    end(relay);
+    end(robot_relay);
+    crew.end();
+}
