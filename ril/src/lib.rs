@@ -7,6 +7,7 @@
 //! * [`commands`]: the operator's commands, thin shells around pure values;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
+//! * [`finding`]: what doctor, preflight, the demonstration and alarms find;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * `habit`: what was called otherwise in earlier versions;
 //! * [`live`]: a block of lines that a terminal shows anew;
@@ -47,6 +48,7 @@ pub mod completion;
 pub mod config;
 pub mod demo;
 pub mod fields;
+pub mod finding;
 mod habit;
 pub mod live;
 pub mod log;

@@ -49,7 +49,7 @@ pub struct Process {
     child: Child,
     pidfd: OwnedFd,
     output: PathBuf,
-    /// Its exit code once it was waited for; nothing inside when a signal killed it.
+    /// Its exit code once it was waited for; `None` inside if a signal killed it.
     ended: Option<Option<i32>>,
 }
 
@@ -72,11 +72,6 @@ impl Spawner<'_> {
         self.folder.join(format!("{name}.toml"))
     }
 
-    /// Writes the configuration of the process `name`.
-    pub fn configure(&self, name: &str, config: &str) -> io::Result<()> {
-        fs::write(self.config_file(name), config)
-    }
-
     /// Starts the process `name` by `ril run` with its configuration. It says on [`Readiness`] when it is ready.
     pub fn start(&self, name: &'static str, args: &[&str]) -> io::Result<Process> {
         let mut command = Command::new(std::env::current_exe()?);
@@ -95,6 +90,15 @@ impl Spawner<'_> {
             command.arg(format!("--{name}")).arg(self.config_file(name));
         }
         self.spawn("record", command)
+    }
+
+    /// Gives the operator's command `ril WORDS`, in the folder, where no configuration of the user's is. It is patient: a machine may
+    /// stall.
+    pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<Process> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(words).args(["--timeout", "60s", "--deadline", "0s"]);
+        command.current_dir(self.folder);
+        self.spawn(name, command)
     }
 
     fn spawn(&self, name: &'static str, mut command: Command) -> io::Result<Process> {
@@ -126,7 +130,7 @@ impl Spawner<'_> {
 }
 
 impl Process {
-    /// Its name, as behind `ril run`; that of the recorder as behind `ril`.
+    /// Its name, as behind `ril run`; that of the recorder and of the operator's commands as behind `ril`.
     pub fn name(&self) -> &'static str {
         self.name
     }
@@ -141,7 +145,7 @@ impl Process {
         self.ended.is_some()
     }
 
-    /// Ends it with SIGTERM, by force if it takes too long; its exit code, nothing if it had to be killed.
+    /// Ends it with SIGTERM, by force if it takes too long; its exit code, `None` if it had to be killed.
     pub fn end(&mut self) -> Option<i32> {
         if !self.has_ended() {
             let _ = pidfd_send_signal(&self.pidfd, Signal::TERM);

@@ -5,38 +5,36 @@
 //! left running and nothing of it is left in shared memory. Its folder is removed, unless the operator chose it or the
 //! demonstration failed.
 //!
-//! * `mission`: what the operator asks; `watch`: what a consumer sees; `verdict`: what is checked. All pure.
-//! * `children`: the processes; `screen`: what is shown meanwhile; `stage`: the one wait that joins them; `flight`: from their
-//!   start to their end; `result`: what is printed then.
+//! * `flight`: the script of commands, from the start of the processes to their end, and the one wait; `children`: the processes;
+//! * `seen`: what a consumer sees; `checks`: the judgement. Both pure;
+//! * `screen`: what is shown meanwhile, and the result.
 
+mod checks;
 mod children;
 mod flight;
-mod mission;
-mod result;
 mod screen;
-mod stage;
-mod verdict;
-mod watch;
+mod seen;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Domain, RobotId, Topic};
-use recording::read::{self, Bytes};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
+use serde::Deserialize;
 use status::log::file_name::{FileKind, recognize};
 
 use crate::cli::exit_codes::EXIT_CODES;
-use crate::log::check::FileCheck;
+use crate::finding::{Severity, count_of};
 use crate::record::names::topic_of;
+use checks::{Evidence, RecordEvidence};
 pub use children::end_with_parent;
-use flight::fly;
-use result::{Kept, tell};
-use screen::Screen;
-use verdict::{Evidence, RecordEvidence};
+use flight::{SCRIPT, fly};
+use screen::{Kept, Screen, print_result};
 
 /// Options of `ril demo`.
 #[derive(clap::Args, Clone, Debug)]
@@ -97,29 +95,33 @@ fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<
     let domain = Domain::isolated();
     let mut screen = Screen::new(args.json);
     let robot = RobotId::from(args.robot);
-    let flown = fly(robot, args.speed, &domain, folder, termination, &mut screen);
-    screen.end().map_err(Failure::output)?;
+    let flown = fly(&domain, robot, folder, args.speed, termination, &mut screen);
+    screen.end()?;
     // Every process and port is gone by now, also after an error.
     domain.remove_if_dead().map_err(Failure::internal)?;
     let flight = flown?;
     let log = find_log(folder, FileKind::Tsv);
     let record = find_log(folder, FileKind::Mcap);
-    let checks = verdict::judge(&Evidence {
-        outcomes: flight.mission.outcomes(),
-        watch: &flight.watch,
-        counts: flight.counts,
+    let checks = checks::judge(&Evidence {
+        orders: SCRIPT.len(),
+        orders_done: flight.orders_done,
+        order_failed: flight.order_failed.as_deref(),
+        seen: &flight.seen,
         log_rows: log.as_deref().and_then(rows),
         record: record.as_deref().and_then(|file| recorded(file, robot)),
         exits: &flight.exits,
         residue: domain.residue().len(),
     });
-    let kept = args.folder.is_some().then_some(Kept {
-        folder,
-        log: log.as_deref(),
-        record: record.as_deref(),
-    });
-    tell(&flight, &checks, kept, args.json).map_err(Failure::output)?;
-    match checks.iter().filter(|check| !check.passed).count() {
+    let kept = match args.folder {
+        Some(_) => Kept {
+            folder: Some(folder),
+            log: log.as_deref(),
+            record: record.as_deref(),
+        },
+        None => Kept::default(),
+    };
+    print_result(&flight, &checks, kept, args.json)?;
+    match count_of(&checks, Severity::Error) {
         0 => Ok(()),
         failed => Err(Failure::internal(format!(
             "{failed} of {} checks failed",
@@ -165,22 +167,44 @@ fn rows(log: &Path) -> Option<u64> {
     u64::try_from(text.lines().count()).ok()?.checked_sub(1)
 }
 
-/// What the flight record of the robot has.
+/// What the demonstration needs of `ril log check --json`.
+#[derive(Deserialize)]
+struct LogCheck {
+    complete: bool,
+    unexplained: u64,
+    topics: BTreeMap<String, RecordedTopic>,
+    events: Vec<RecordingEvent>,
+}
+
+#[derive(Deserialize)]
+struct RecordedTopic {
+    messages: u64,
+}
+
+#[derive(Deserialize)]
+struct RecordingEvent {
+    kind: String,
+    topic: String,
+    count: u64,
+}
+
+/// What `ril log check` says of the flight record of the robot.
 fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
-    let bytes = Bytes::open(file).ok()?;
-    let check = FileCheck::new(file.display().to_string(), read::check(&bytes));
-    let messages = |key: &str| {
-        let topic = check.topics.get(&topic_of(robot, key));
-        topic.map_or(0, |topic| topic.messages)
-    };
+    let mut command = Command::new(std::env::current_exe().ok()?);
+    command.args(["log", "check", "--json"]).arg(file);
+    let output = command.output().ok()?.stdout;
+    // A failure is an object of its own behind it.
+    let mut objects = serde_json::Deserializer::from_slice(&output).into_iter();
+    let check: LogCheck = objects.next()?.ok()?;
     let keys = [DspTelemetry::KEY, HeroTelemetry::KEY, ModuleState::KEY];
     let topics = keys.map(|key| topic_of(robot, key));
-    let [dsp, hero, states] = keys.map(messages);
+    let events = check.events.iter().filter(|event| {
+        ["gap", "loss", "late"].contains(&event.kind.as_str()) && topics.contains(&event.topic)
+    });
+    let messages = |topic: &String| check.topics.get(topic).map_or(0, |topic| topic.messages);
     Some(RecordEvidence {
-        is_in_order: check.is_in_order(),
-        dsp,
-        hero,
-        states,
-        told: check.told(&topics),
+        is_in_order: check.complete && check.unexplained == 0,
+        messages: [&topics[0], &topics[1], &topics[2]].map(messages),
+        reported_missing: events.map(|event| event.count).sum(),
     })
 }

@@ -1,23 +1,33 @@
-//! What the demonstration shows while it runs: a live block on a terminal, plain lines elsewhere, nothing for JSON.
+//! What the demonstration shows: while it runs a live block on a terminal, plain lines elsewhere, nothing for JSON; then the result.
 
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ipc_types::MonotonicNs;
+use runtime::exit::Failure;
+use serde::Serialize;
 
-use super::mission::{Mission, Outcome};
-use super::watch::{Counts, Watch};
+use super::flight::Flight;
+use super::seen::Seen;
+use crate::commands::json_line;
+use crate::finding::{Finding, Severity};
 use crate::live::{Block, Size};
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 
+/// Width of the names of the checks, and a space.
+const HEADING: usize = 33;
+
 /// Where and how to show.
 #[derive(Debug)]
-pub struct Screen {
+pub(super) struct Screen {
     kind: Kind,
     drawn: Option<Instant>,
     live: Block,
+    /// The operator's command that is under way.
+    pub order: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,66 +49,49 @@ impl Screen {
             kind,
             drawn: None,
             live: Block::default(),
+            order: None,
         }
     }
 
     /// One line that stays.
-    pub fn say(&mut self, line: &str) -> io::Result<()> {
+    pub fn line(&mut self, line: &str) -> Result<(), Failure> {
         if self.kind == Kind::Silent {
             return Ok(());
         }
-        self.live.clear(&mut io::stdout())?;
-        writeln!(io::stdout(), "{line}")
-    }
-
-    /// An order has ended.
-    pub fn outcome(&mut self, outcome: &Outcome, since: Duration) -> io::Result<()> {
-        let name = outcome.order.name();
-        self.say(&format!(
-            "{:6.2} s  {name}: {}",
-            since.as_secs_f64(),
-            outcome.stage
-        ))
+        let mut out = io::stdout().lock();
+        let shown = self.live.clear(&mut out);
+        shown
+            .and_then(|()| writeln!(out, "{line}"))
+            .map_err(Failure::output)
     }
 
     /// Draws the live block, not more often than the eye can follow.
-    pub fn draw(
-        &mut self,
-        mission: Option<&Mission>,
-        watch: &Watch,
-        counts: &Counts,
-    ) -> io::Result<()> {
-        let recent = self
+    pub fn draw(&mut self, seen: &Seen) -> Result<(), Failure> {
+        let is_recent = self
             .drawn
             .is_some_and(|drawn| drawn.elapsed() < REDRAW_PERIOD);
-        if self.kind != Kind::Live || recent {
+        if self.kind != Kind::Live || is_recent {
             return Ok(());
         }
-        let block = block(mission, watch, counts, MonotonicNs::now());
-        self.live
-            .show(&mut io::stdout().lock(), Size::of(io::stdout()), &block)?;
+        let phase = self.order.as_deref().unwrap_or("starting");
+        let block = block(phase, seen, MonotonicNs::now());
         self.drawn = Some(Instant::now());
-        Ok(())
+        self.live
+            .show(&mut io::stdout().lock(), Size::of(io::stdout()), &block)
+            .map_err(Failure::output)
     }
 
     /// Takes the live block away.
-    pub fn end(&mut self) -> io::Result<()> {
-        self.live.clear(&mut io::stdout())?;
-        io::stdout().flush()
+    pub fn end(&mut self) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        let cleared = self.live.clear(&mut out);
+        cleared.and_then(|()| out.flush()).map_err(Failure::output)
     }
 }
 
-fn block(
-    mission: Option<&Mission>,
-    watch: &Watch,
-    counts: &Counts,
-    now: MonotonicNs,
-) -> Vec<String> {
-    let phase = mission
-        .and_then(Mission::current)
-        .map_or_else(|| "starting".to_owned(), |order| order.name());
+fn block(phase: &str, seen: &Seen, now: MonotonicNs) -> Vec<String> {
     let mut lines = vec![format!("  phase     {phase}")];
-    if let Some(hero) = watch.last_hero() {
+    if let Some(hero) = &seen.hero {
         let g = &hero.geodetic;
         lines.push(format!(
             "  position  {:.7}° {:.7}°, {:.2} m, {:.1} m/s over ground",
@@ -108,7 +101,7 @@ fn block(
             hero.velocity.ground_speed_mps,
         ));
     }
-    if let Some(state) = watch.last_state() {
+    if let Some(state) = &seen.state {
         let movement = &state.movement;
         let to_go = match movement.distance_to_go() {
             Some(distance_m) => format!(
@@ -128,11 +121,101 @@ fn block(
             state.link.messages_received
         ));
     }
+    let (dsp, hero) = (seen.counts.dsp, seen.counts.hero);
     lines.push(format!(
         "  samples   {} raw, {} robot, {} lost",
-        counts.dsp.received,
-        counts.hero.received,
-        counts.dsp.lost + counts.hero.lost
+        dsp.received,
+        hero.received,
+        dsp.lost + hero.lost
     ));
     lines
+}
+
+/// What stays when the demonstration is over.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Kept<'a> {
+    /// The folder that the operator chose.
+    pub folder: Option<&'a Path>,
+    /// The log of the flight in it.
+    pub log: Option<&'a Path>,
+    /// The record of the flight in it.
+    pub record: Option<&'a Path>,
+}
+
+/// The demonstration's result as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    schema: &'static str,
+    passed: bool,
+    flight_s: f64,
+    telemetry_age_ms_p50: Option<f64>,
+    telemetry_age_ms_p99: Option<f64>,
+    checks: Vec<CheckObject<'a>>,
+    log: Option<&'a Path>,
+    record: Option<&'a Path>,
+    folder: Option<&'a Path>,
+}
+
+#[derive(Serialize)]
+struct CheckObject<'a> {
+    name: &'a str,
+    passed: bool,
+    detail: &'a str,
+}
+
+/// Prints the result on standard output: in lines for people, or as one JSON object.
+pub(super) fn print_result(
+    flight: &Flight,
+    checks: &[Finding],
+    kept: Kept<'_>,
+    json: bool,
+) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    let (flight_s, p50, p99) = (
+        flight.took.as_secs_f64(),
+        flight.seen.age_ms(50),
+        flight.seen.age_ms(99),
+    );
+    let has_passed = |check: &Finding| check.severity == Severity::Note;
+    let passed = checks.iter().all(has_passed);
+    if json {
+        let checks = checks.iter().map(|check| CheckObject {
+            name: check.id,
+            passed: has_passed(check),
+            detail: &check.text,
+        });
+        let report = Report {
+            schema: "ril.Demo.v1",
+            passed,
+            flight_s,
+            telemetry_age_ms_p50: p50,
+            telemetry_age_ms_p99: p99,
+            checks: checks.collect(),
+            log: kept.log,
+            record: kept.record,
+            folder: kept.folder,
+        };
+        return json_line(&mut out, &report);
+    }
+    let mut text = "\n".to_owned();
+    for check in checks {
+        text += &check.lines(check.id, HEADING, usize::MAX);
+    }
+    text += &format!("\nflight    {flight_s:.1} s\n");
+    if let (Some(p50), Some(p99)) = (p50, p99) {
+        text += &format!(
+            "age       {p50:.3} ms median, {p99:.3} ms 99th percentile: serial byte to this consumer\n"
+        );
+    }
+    for (title, file) in [("log", kept.log), ("record", kept.record)] {
+        text += &match file {
+            Some(file) => format!("{title:9} {}\n", file.display()),
+            None => format!("{title:9} removed; --folder FOLDER keeps it\n"),
+        };
+    }
+    text += match passed {
+        true => "all checks passed\n",
+        false => "not all checks passed\n",
+    };
+    out.write_all(text.as_bytes()).map_err(Failure::output)
 }
