@@ -34,7 +34,7 @@ pub struct Finding {
     pub text: String,
     /// What would be in order; `None` if the text says it.
     pub limit: Option<String>,
-    /// What to do; a warning and an error have it.
+    /// What to do; `None` if nothing, or if the text says it.
     pub next_step: Option<String>,
 }
 
@@ -142,7 +142,9 @@ impl Finding {
         // Of something that is in order, a limit in words repeats the text.
         let is_number = |limit: &&String| limit.bytes().any(|byte| byte.is_ascii_digit());
         let limit = self.limit.as_ref();
-        if let Some(limit) = limit.filter(|limit| self.severity > Severity::Note || is_number(limit)) {
+        if let Some(limit) =
+            limit.filter(|limit| self.severity > Severity::Note || is_number(limit))
+        {
             text += &format!("; limit: {limit}");
         }
         let head = format!("{mark:<5} {heading:<width$}");
@@ -167,7 +169,8 @@ mod tests {
 
     #[test]
     fn a_finding_is_a_line_and_what_to_do_another_one() {
-        let battery = || Finding::error("battery", "22.0 V", "charge it").with_limit("at least 24 V");
+        let battery =
+            || Finding::error("battery", "22.0 V", "charge it").with_limit("at least 24 V");
         for (finding, expected) in [
             (
                 battery(),
@@ -189,7 +192,10 @@ mod tests {
                 Finding::unchecked("fuel", "no sample").may_be_unchecked(),
                 "warn  fuel     not checked: no sample\n               → look at it yourself\n",
             ),
-            (battery().may_be_unchecked(), &battery().lines("battery", 9, 80)),
+            (
+                battery().may_be_unchecked(),
+                &battery().lines("battery", 9, 80),
+            ),
         ] {
             assert_eq!(finding.lines(finding.id, 9, 80), expected);
         }

@@ -60,7 +60,11 @@ const OF_SAMPLES: [&str; 4] = [
 fn has_passed(finished: &Finished) -> bool {
     let lines = || finished.stdout.iter();
     let mut failed = lines().filter_map(|line| line.strip_prefix("FAIL "));
-    let is_of_samples = |line: &str| OF_SAMPLES.iter().any(|check| line.trim_start().starts_with(check));
+    let is_of_samples = |line: &str| {
+        OF_SAMPLES
+            .iter()
+            .any(|check| line.trim_start().starts_with(check))
+    };
     assert!(failed.all(is_of_samples), "{finished:#?}");
     assert!(
         lines().filter(|line| line.starts_with("ok ")).count() >= 10 - OF_SAMPLES.len(),

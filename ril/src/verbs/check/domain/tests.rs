@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use super::super::super::facts::Trouble;
-use super::super::Severity::{self, Error, Note, Warning};
+use super::super::facts::Trouble;
 use super::*;
+use crate::finding::Severity::{self, Error, Note, Warning};
 
 /// Of a user that is not this one.
 const STRANGER: u32 = u32::MAX - 7;
@@ -85,10 +85,8 @@ fn without_provider(robot: RobotFacts) -> RobotFacts {
     }
 }
 
-/// What is said of shared memory; of services more is said elsewhere.
 fn findings(domain: &DomainFacts) -> Vec<Finding> {
-    let mut findings = diagnose(domain, 1);
-    findings.retain(|finding| finding.subject == Subject::Domain);
+    let findings = diagnose(domain);
     for finding in &findings {
         assert!(
             finding.severity == Note || finding.next_step.is_some(),
@@ -241,7 +239,10 @@ fn what_is_not_the_domain_s_is_no_trouble() {
     });
     assert_eq!(ids(&kept), ["root-right", "strangers"]);
     let text = &findings(&kept)[1].text;
-    assert!(text.starts_with("2 things in /dev/shm/lab "), "{text}");
+    assert!(
+        text.starts_with("2 foreign files in /dev/shm/lab "),
+        "{text}"
+    );
     assert_eq!(troubles(&kept), []);
 }
 

@@ -3,11 +3,9 @@
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;
 
-use super::super::facts::LinkFacts;
-use super::finding::{About, Finding, Subject};
+use super::facts::LinkFacts;
 use crate::commands::relay_report::LinkReport;
-
-const ABOUT: About = About(Subject::Relay);
+use crate::finding::Finding;
 
 /// Part of the samples lost on the air from which on the link is too weak for what goes over it.
 const MAX_LOSS: f64 = 0.01;
@@ -24,7 +22,7 @@ pub(super) fn diagnose(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
         Err(trouble) => {
             let text = format!("looking at the link of the relay of robot {robot} {trouble}");
             let next_step = "look again; if it stays so, restart the relay";
-            return vec![ABOUT.warning("relay-unclear", text, next_step)];
+            return vec![Finding::warning("relay-unclear", text, next_step)];
         }
     };
     let report = LinkReport::new(link, facts.now);
@@ -45,13 +43,13 @@ pub(super) fn diagnose(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
         return troubles;
     }
     let text = format!("robot {robot} is {}", report.in_short());
-    vec![ABOUT.note("relay-right", text)]
+    vec![Finding::note("relay-right", text)]
 }
 
 fn silent(robot: u32, what: String) -> Finding {
     let text = format!("the relay of robot {robot} is running and {what}");
     let next_step = "is it stopped, or is the machine overloaded? If it stays so, restart it";
-    ABOUT.error("relay-silent", text, next_step)
+    Finding::error("relay-silent", text, next_step)
 }
 
 fn not_up(link: &RelayLink, report: &LinkReport, robot: u32) -> Option<Finding> {
@@ -64,7 +62,7 @@ fn not_up(link: &RelayLink, report: &LinkReport, robot: u32) -> Option<Finding> 
     };
     let text = format!("{text}: {}", report.in_short());
     let next_step = "is the relay on the robot's machine running, and its endpoint right? `ping` shows whether the network is there";
-    Some(ABOUT.error("relay-link-down", text, next_step))
+    Some(Finding::error("relay-link-down", text, next_step))
 }
 
 fn lossy(link: &RelayLink, robot: u32) -> Option<Finding> {
@@ -78,7 +76,7 @@ fn lossy(link: &RelayLink, robot: u32) -> Option<Finding> {
     );
     let next_step =
         "lower the rates of topics in the relay's configuration, or improve the radio link";
-    Some(ABOUT.warning("relay-link-lossy", text, next_step))
+    Some(Finding::warning("relay-link-lossy", text, next_step))
 }
 
 fn untrue(link: &RelayLink, robot: u32) -> Option<Finding> {
@@ -93,7 +91,7 @@ fn untrue(link: &RelayLink, robot: u32) -> Option<Finding> {
         None => format!("how true the ages of samples of robot {robot} are is not known"),
     };
     let next_step = "look again in some seconds; if it stays so, the link is slow or uneven: `ril relay status` shows its round trip";
-    Some(ABOUT.warning("relay-clock-uncertain", text, next_step))
+    Some(Finding::warning("relay-clock-uncertain", text, next_step))
 }
 
 fn reset(link: &RelayLink, robot: u32) -> Option<Finding> {
@@ -106,7 +104,7 @@ fn reset(link: &RelayLink, robot: u32) -> Option<Finding> {
     );
     let next_step =
         "find out why if that was not meant; a restart of the relay here begins the count anew";
-    Some(ABOUT.warning("relay-clock-reset", text, next_step))
+    Some(Finding::warning("relay-clock-reset", text, next_step))
 }
 
 #[cfg(test)]
@@ -114,9 +112,9 @@ mod tests {
     use ipc_types::MonotonicNs;
     use ipc_types::payload::ascii_bytes;
 
-    use super::super::super::facts::{Look, Trouble};
-    use super::super::finding::Severity::{self, Error, Note, Warning};
+    use super::super::facts::{Look, Trouble};
     use super::*;
+    use crate::finding::Severity::{self, Error, Note, Warning};
 
     const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

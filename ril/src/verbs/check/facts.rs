@@ -1,13 +1,14 @@
-//! What the doctor goes by: plain values, gathered by `gather` and judged by
-//! [`findings`](super::findings). Nothing here looks at anything by itself.
+//! What the checks go by: plain values, which `gather` looks up and [`diagnosis`](super::diagnosis) and the preflight judge. Nothing here
+//! looks at anything by itself.
 
 use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use bridge::BridgeConfig;
 use bridge::shell::serial::holders::Holders;
 use ipc_types::inspect::{Entry, Inspection};
-use ipc_types::payload::RelayLink;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{MonotonicNs, Provider, Repair, RobotId, ServiceId};
 use runtime::duration::Shown;
 
@@ -33,9 +34,9 @@ impl fmt::Display for Trouble {
     }
 }
 
-/// Everything that the doctor knows.
+/// What the doctor knows of the machine.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Facts {
+pub struct MachineFacts {
     /// The robot.
     pub robot: u32,
     /// Its shared memory, or why the environment names none.
@@ -44,11 +45,11 @@ pub struct Facts {
     pub free_memory: Look<FreeMemory>,
     /// Configuration files.
     pub files: Vec<FileFacts>,
-    /// The bridge's serial port; nothing when the configuration that names it cannot be read.
+    /// The bridge's serial port; `None` if the configuration that names it cannot be read.
     pub port: Option<PortFacts>,
-    /// The relay's link to the robot; nothing when no process provides one here.
+    /// The relay's link to the robot; `None` if no process provides one here.
     pub relay: Option<LinkFacts>,
-    /// What was repaired; nothing when that was not asked for.
+    /// What was repaired; `None` if that was not asked for.
     pub repair: Option<Look<Repair>>,
 }
 
@@ -96,7 +97,7 @@ pub enum Namespace {
 /// The link of the relay that provides the robot's services here.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinkFacts {
-    /// What the relay says of it; nothing when it says nothing.
+    /// What the relay says of it; `None` if it says nothing.
     pub link: Look<Option<RelayLink>>,
     /// When that was looked at.
     pub now: MonotonicNs,
@@ -107,14 +108,14 @@ pub struct LinkFacts {
 pub struct FreeMemory {
     /// Bytes.
     pub bytes: u64,
-    /// Inodes: each file, folder, segment and socket takes one. Nothing when their number is not limited.
+    /// Inodes: each file, folder, segment and socket takes one. `None` if their number is not limited.
     pub inodes: Option<u64>,
 }
 
 /// A configuration file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileFacts {
-    /// Whose, such as `bridge`; nothing stands for the operator's commands.
+    /// Whose, such as `bridge`; `None` stands for the operator's commands.
     pub command: Option<&'static str>,
     /// Which.
     pub path: PathBuf,
@@ -153,7 +154,7 @@ pub enum Device {
     Missing,
     /// A device that can be a serial port.
     Terminal {
-        /// Nothing when this user may open it, else what helps.
+        /// `None` if this user may open it, else what helps.
         forbidden: Option<String>,
     },
     /// Something else, in words.
@@ -167,4 +168,73 @@ pub struct PortHolders {
     pub of_port: Holders,
     /// The terminals that the live bridge has open.
     pub by_bridge: Vec<PathBuf>,
+}
+
+/// Everything that the preflight knows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facts {
+    /// The robot.
+    pub robot: u32,
+    /// When the samples were looked at.
+    pub now: MonotonicNs,
+    /// What `ril doctor` knows of the machine.
+    pub machine: MachineFacts,
+    /// The newest samples.
+    pub live: Live,
+    /// The bridge's configuration as it stands in the file here; `None` if there is none, or it is wrong.
+    pub bridge: Option<BridgeConfig>,
+    /// Where status writes its logs.
+    pub logs: Logs,
+    /// The wall clock.
+    pub clock: Clock,
+}
+
+/// The newest sample of each topic; `None` if none came in time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Live {
+    /// State of bridge, link, DSP and safety rules.
+    pub state: Option<ModuleState>,
+    /// Raw telemetry.
+    pub dsp: Option<DspTelemetry>,
+    /// Telemetry in SI units.
+    pub hero: Option<HeroTelemetry>,
+    /// Whether the bridge answered a request that moves nothing, or why not; `None` if there is no bridge to ask.
+    pub answer: Option<Result<(), String>>,
+    /// Whether the samples come from another machine.
+    pub is_relayed: bool,
+}
+
+/// Where status writes its logs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Logs {
+    /// The configuration of status is wrong, which the check of the configuration reports.
+    Unknown,
+    /// No configuration file of status is here, so nothing is known of its logs.
+    NoFile,
+    /// The logs of the configuration, which may be none.
+    Configured(Vec<LogPlace>),
+}
+
+/// A log's folder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogPlace {
+    /// The folder.
+    pub directory: PathBuf,
+    /// Room that the log leaves to other programs, bytes.
+    pub min_free_bytes: u64,
+    /// What is free where the folder is, or will be, bytes; or why that is not known.
+    pub free_bytes: Result<u64, String>,
+    /// Whether this user may write there.
+    pub is_writable: bool,
+}
+
+/// The wall clock, s since 1970.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clock {
+    /// What it shows.
+    pub unix_s: u64,
+    /// The newest moment that must have been: when the file of this program was written.
+    pub not_before_unix_s: u64,
+    /// Whether the system's time service says that the clock is synchronized.
+    pub is_synchronized: bool,
 }

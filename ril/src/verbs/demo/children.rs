@@ -96,7 +96,9 @@ impl Spawner<'_> {
     /// stall.
     pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<Process> {
         let mut command = Command::new(std::env::current_exe()?);
-        command.args(words).args(["--timeout", "60s", "--deadline", "0s"]);
+        command
+            .args(words)
+            .args(["--timeout", "60s", "--deadline", "0s"]);
         command.current_dir(self.folder);
         self.spawn(name, command)
     }

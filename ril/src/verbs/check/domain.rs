@@ -5,14 +5,11 @@ use std::collections::BTreeSet;
 use ipc_types::RobotId;
 use ipc_types::inspect::{Entry, Inspection, Life, Member, RobotFacts};
 
-use super::super::facts::DomainFacts;
-use super::finding::{About, Finding, Subject};
-use super::services;
+use super::facts::DomainFacts;
 use crate::commands::process_of;
 use crate::commands::robot::as_user;
+use crate::finding::Finding;
 use crate::words::count;
-
-const DOMAIN: About = About(Subject::Domain);
 
 /// What to do about what is certainly dead.
 const REPAIR: &str =
@@ -21,20 +18,19 @@ const REPAIR: &str =
 /// Most processes that a line names, and most users that have a domain: more would hide what matters.
 const MAX_NAMED: usize = 8;
 
-/// What the domain's state means for `robot`.
-pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
-    let place = domain.root.display();
-    let mut findings = Vec::new();
+/// What the domain's state means.
+pub(super) fn diagnose(domain: &DomainFacts) -> Vec<Finding> {
     match &domain.inspection {
-        Ok(inspection) => findings.extend(inspected(inspection, domain)),
-        Err(trouble) => findings.push(DOMAIN.error(
+        Ok(inspection) => inspected(inspection, domain),
+        Err(trouble) => vec![Finding::error(
             "domain-unclear",
-            format!("looking at the domain in {place} {trouble}"),
+            format!(
+                "looking at the domain in {} {trouble}",
+                domain.root.display()
+            ),
             "look again; if it stays so, land first, then restart the processes of the domain",
-        )),
+        )],
     }
-    findings.extend(services::diagnose(domain, robot));
-    findings
 }
 
 fn inspected(inspection: &Inspection, domain: &DomainFacts) -> Vec<Finding> {
@@ -49,7 +45,7 @@ fn inspected(inspection: &Inspection, domain: &DomainFacts) -> Vec<Finding> {
         let things = count(inspection.leftovers, "thing");
         let text = format!("{things} half removed, perhaps by processes that were killed");
         let next_step = format!("look again, a process may be removing it; {REPAIR}");
-        findings.push(DOMAIN.warning("leftovers", text, next_step));
+        findings.push(Finding::warning("leftovers", text, next_step));
     }
     // Beside robots and leftovers they cannot be distinguished from what belongs to the domain.
     let entries = match inspection.robots.is_empty() && inspection.leftovers == 0 {
@@ -57,10 +53,11 @@ fn inspected(inspection: &Inspection, domain: &DomainFacts) -> Vec<Finding> {
         false => 0,
     };
     if entries > 0 {
-        let strangers = count(entries, "thing");
+        let foreign = count(entries, "foreign file");
         let place = domain.root.display();
-        let text = format!("{strangers} in {place} that the domain does not know stay there");
-        findings.push(DOMAIN.note("strangers", text));
+        let were = if entries == 1 { "was" } else { "were" };
+        let text = format!("{foreign} in {place} {were} left alone");
+        findings.push(Finding::note("strangers", text));
     }
     if !inspection.robots.iter().any(|robot| robot.is_live) {
         let others = domain.others.iter();
@@ -75,35 +72,40 @@ fn root(root: Option<&Entry>, domain: &DomainFacts) -> Finding {
     let path = domain.root.display();
     let Some(root) = root else {
         let text = format!("the domain is empty: no process is there, and {path} does not exist");
-        return DOMAIN.note("domain-empty", text);
+        return Finding::note("domain-empty", text);
     };
     let mode = root.mode;
     let next_step = format!("look who put what into it, then `chmod 700 {path}`");
     if !root.is_folder {
-        DOMAIN.error(
+        Finding::error(
             "root-not-a-folder",
             format!("{path} is not a folder: no process starts"),
             "remove it, or choose another domain with RIL_IPC_ROOT",
         )
     } else if !root.is_ours() {
         let uid = root.uid;
-        DOMAIN.error(
+        Finding::error(
             "root-of-another-user",
-            format!("{path} belongs to user {uid}, whose robots may live there: no process of this user starts"),
-            format!("{}; else choose another domain with RIL_IPC_ROOT", as_user(uid)),
+            format!(
+                "{path} belongs to user {uid}, whose robots may live there: no process of this user starts"
+            ),
+            format!(
+                "{}; else choose another domain with RIL_IPC_ROOT",
+                as_user(uid)
+            ),
         )
     } else if root.others_may_write() {
         let text = format!("others may write to {path} (mode {mode:03o}): no process starts");
-        DOMAIN.error("root-open", text, next_step)
+        Finding::error("root-open", text, next_step)
     } else if mode & 0o077 != 0 {
         let text = format!("others may look into {path} (mode {mode:03o})");
-        DOMAIN.warning("root-readable", text, next_step)
+        Finding::warning("root-readable", text, next_step)
     } else if mode & 0o700 != 0o700 {
         let text = format!("its owner may not use {path} (mode {mode:03o}): no process starts");
-        DOMAIN.error("root-closed", text, format!("`chmod 700 {path}`"))
+        Finding::error("root-closed", text, format!("`chmod 700 {path}`"))
     } else {
         let text = format!("{path} belongs to this user alone (mode {mode:03o})");
-        DOMAIN.note("root-right", text)
+        Finding::note("root-right", text)
     }
 }
 
@@ -116,7 +118,7 @@ fn alive(robot: &RobotFacts, domain: &DomainFacts) -> Vec<Finding> {
         [] => format!("processes of robot {id} live; they wait for one that provides something"),
         live => format!("alive in robot {id}: {}", processes(live)),
     };
-    let mut findings = vec![DOMAIN.note("processes", text)];
+    let mut findings = vec![Finding::note("processes", text)];
     findings.extend(stopped(&live, &domain.stopped));
     let unclear = members(robot, Life::Unclear);
     if !unclear.is_empty() {
@@ -128,15 +130,15 @@ fn alive(robot: &RobotFacts, domain: &DomainFacts) -> Vec<Finding> {
             "look again, they may be starting or ending; if it stays so, restart {}: it begins with new memory",
             commands(&unclear, id)
         );
-        findings.push(DOMAIN.warning("nodes-unclear", text, next_step));
+        findings.push(Finding::warning("nodes-unclear", text, next_step));
     }
     findings.extend(dead(robot));
     if robot.former > 0 {
         let former = count(robot.former, "generation");
         let text = format!(
-            "robot {id} has {former} of shared memory without a provider: the last process in it removes it, or the next provider"
+            "robot {id} has {former} of leftover shared memory: it is cleaned up automatically"
         );
-        findings.push(DOMAIN.note("former-generations", text));
+        findings.push(Finding::note("former-generations", text));
     }
     findings
 }
@@ -157,7 +159,7 @@ fn stopped(live: &[&Member], stopped: &[u32]) -> Vec<Finding> {
         .map(|(pid, name)| {
             let text = format!("{name} (process {pid}) is stopped: it lives, but does nothing");
             let next_step = format!("`kill -CONT {pid}` lets it go on; `kill -KILL {pid}` ends it");
-            DOMAIN.error("process-stopped", text, next_step)
+            Finding::error("process-stopped", text, next_step)
         })
         .collect()
 }
@@ -174,13 +176,13 @@ fn dead(robot: &RobotFacts) -> Vec<Finding> {
             "left by dead processes of robot {id}: {}; the provider removes it within two seconds",
             processes(&passing)
         );
-        findings.push(DOMAIN.note("dead-nodes", text));
+        findings.push(Finding::note("dead-nodes", text));
     }
     if !left.is_empty() {
         let text = format!("left by dead processes of robot {id}: {}", processes(&left));
         // A repair leaves a generation alone in which a live process is, too.
         let next_step = format!("start {} again: it removes that, too", commands(&left, id));
-        findings.push(DOMAIN.warning("dead-nodes", text, next_step));
+        findings.push(Finding::warning("dead-nodes", text, next_step));
     }
     findings
 }
@@ -196,16 +198,14 @@ fn residue(robot: &RobotFacts) -> Finding {
     if !members.is_empty() {
         text += &format!(" with {}", processes(&members));
     }
-    DOMAIN.warning("residue", text, REPAIR)
+    Finding::warning("residue", text, REPAIR)
 }
 
 /// Another user's domain.
 fn other(root: &Entry) -> Finding {
     let (uid, path) = (root.uid, root.path.display());
     let text = format!("no robot is alive for this user; user {uid} has a domain at {path}");
-    DOMAIN
-        .note("domain-of-another-user", text)
-        .with_next_step(as_user(uid))
+    Finding::note("domain-of-another-user", text).with_next_step(as_user(uid))
 }
 
 /// `bridge (process 7), ril (process 9)`; a process that is a member of several services once.

@@ -2,15 +2,15 @@
 
 use status::log::clock::Utc;
 
-use super::check::{Check, Verdict};
+use super::diagnosis::{Subject, diagnose};
 use super::facts::{Facts, LogPlace, Logs};
 use super::limits::Limits;
-use crate::commands::doctor::findings::{Finding, Severity, Subject, diagnose};
+use crate::finding::{Finding, Severity};
 
 const MIB: u64 = 1 << 20;
 
 /// The checks of the machine.
-pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
+pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
     let findings = diagnose(&facts.machine);
     let mut checks = vec![clock(facts)];
     // Of a robot on another machine, status writes its logs there.
@@ -30,41 +30,35 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
     checks
 }
 
-/// The doctor's findings about one subject as one check; nothing when there is none.
-fn of_findings(id: &'static str, subject: Subject, findings: &[Finding]) -> Option<Check> {
-    let about: Vec<&Finding> = findings
-        .iter()
-        .filter(|one| one.subject == subject)
-        .collect();
+/// The doctor's findings about one subject as one check; `None` if there is none.
+fn of_findings(
+    id: &'static str,
+    subject: Subject,
+    findings: &[(Subject, Finding)],
+) -> Option<Finding> {
+    let about = findings.iter().filter(|(of, _)| *of == subject);
+    let about: Vec<&Finding> = about.map(|(_, finding)| finding).collect();
     let worst = about.iter().map(|one| one.severity).max()?;
     let mut worst_ones = about.iter().filter(|one| one.severity == worst);
     let first = worst_ones.next()?;
     let more = worst_ones.count();
-    let verdict = match worst {
-        Severity::Note => {
-            // Of several notes none matters more than another: the number says that all was looked at.
-            let value = match about.len() {
-                1 => first.text.clone(),
-                number => format!("{number} things looked at, no trouble"),
-            };
-            return Some(Check::pass(id, value));
+    let text = match (worst, more) {
+        (_, 0) => first.text.clone(),
+        // Of several notes none matters more than another: the number says that all was looked at.
+        (Severity::Note, more) => format!("{} things looked at, no trouble", more + 1),
+        (_, more) => format!("{}; and {more} more: `ril doctor`", first.text),
+    };
+    let finding = Finding::new(worst, id, text);
+    Some(match worst {
+        Severity::Note => finding,
+        Severity::Warning | Severity::Error => {
+            let next_step = first.next_step.clone();
+            finding.with_next_step(next_step.unwrap_or_else(|| "`ril doctor` says more".to_owned()))
         }
-        Severity::Warning => Verdict::Warn,
-        Severity::Error => Verdict::Fail,
-    };
-    let value = match more {
-        0 => first.text.clone(),
-        more => format!("{}; and {more} more: `ril doctor`", first.text),
-    };
-    let next_step = first.next_step.clone();
-    Some(Check {
-        verdict: Some(verdict),
-        next_step: next_step.or_else(|| Some("`ril doctor` says more".to_owned())),
-        ..Check::pass(id, value)
     })
 }
 
-fn clock(facts: &Facts) -> Check {
+fn clock(facts: &Facts) -> Finding {
     const ID: &str = "clock";
     let clock = facts.clock;
     let shown = |unix_s| {
@@ -80,57 +74,57 @@ fn clock(facts: &Facts) -> Check {
     };
     let now = shown(clock.unix_s);
     let check = if clock.unix_s < clock.not_before_unix_s {
-        Check::warn(
+        Finding::warning(
             ID,
             format!("{now} is before this program was installed"),
             "set the clock (`timedatectl`): logs get wrong names and times",
         )
     } else if clock.is_synchronized {
-        Check::pass(ID, format!("{now}, synchronized"))
+        Finding::note(ID, format!("{now}, synchronized"))
     } else {
-        Check::pass(
+        Finding::note(
             ID,
             format!("{now}; whether it is synchronized is not known"),
         )
     };
-    check.limit(format!("after {}", shown(clock.not_before_unix_s)))
+    check.with_limit(format!("after {}", shown(clock.not_before_unix_s)))
 }
 
-fn log_room(facts: &Facts, limits: &Limits) -> Check {
+fn log_room(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "log-room";
     let logs = match &facts.logs {
-        Logs::Unknown => return Check::impossible(ID, "the configuration of status is wrong"),
+        Logs::Unknown => return Finding::unchecked(ID, "the configuration of status is wrong"),
         Logs::NoFile => {
-            return Check::warn(
+            return Finding::warning(
                 ID,
                 "no status.toml is here, and without one status writes no log",
                 "name the file of status with --status, or add a `[[log]]` to status.toml",
             )
-            .limit("at least 1 log");
+            .with_limit("at least 1 log");
         }
         Logs::Configured(logs) if logs.is_empty() => {
-            return Check::warn(
+            return Finding::warning(
                 ID,
                 "status.toml has no log: nothing of the flight is written",
                 "add a `[[log]]` with groups to status.toml and restart status",
             )
-            .limit("at least 1 log");
+            .with_limit("at least 1 log");
         }
         Logs::Configured(logs) => logs,
     };
     // Logs in one folder share its room: the worst of them stands for all.
     let checks = logs.iter().map(|log| of_log(ID, log, logs, limits));
-    let worst = checks.max_by_key(|check| check.verdict);
-    worst.unwrap_or_else(|| Check::impossible(ID, "no log"))
+    let worst = checks.max_by_key(|check| check.severity);
+    worst.unwrap_or_else(|| Finding::unchecked(ID, "no log"))
 }
 
-fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &Limits) -> Check {
+fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &Limits) -> Finding {
     let place = log.directory.display();
     let free = match &log.free_bytes {
         Ok(free) => *free,
         Err(reason) => {
             let next_step = "look at the disk that `directory` of status.toml names";
-            return Check::fail(
+            return Finding::error(
                 id,
                 format!("{place} cannot be looked at: {reason}"),
                 next_step,
@@ -138,7 +132,7 @@ fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &Limits) -
         }
     };
     if !log.is_writable {
-        return Check::fail(
+        return Finding::error(
             id,
             format!("{place} may not be written by this user"),
             "give status's user permission, or change `directory` in status.toml",
@@ -150,13 +144,13 @@ fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &Limits) -
     let value = format!("{} MiB free in {place}", free / MIB);
     let next_step = "make room, or lower `min_free_mib` in status.toml";
     let check = if free < least {
-        Check::fail(id, format!("{value}: the log pauses"), next_step)
+        Finding::error(id, format!("{value}: the log pauses"), next_step)
     } else if free < wanted {
-        Check::warn(id, value, next_step)
+        Finding::warning(id, value, next_step)
     } else {
-        Check::pass(id, value)
+        Finding::note(id, value)
     };
-    check.limit(format!(
+    check.with_limit(format!(
         "at least {} MiB (fail below {} MiB)",
         wanted / MIB,
         least / MIB

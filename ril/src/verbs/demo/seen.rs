@@ -33,7 +33,8 @@ pub(super) struct Seen {
     pub ever_flew: bool,
     /// What the subscribers counted.
     pub counts: Counts,
-    ages_us: Vec<u32>,
+    /// Ages of the robot's telemetry at this consumer, from the serial byte to here, µs.
+    pub ages_us: Vec<u32>,
 }
 
 /// What the subscribers counted.
@@ -90,8 +91,7 @@ impl Seen {
             .waypoints
             .get(self.approaches_m.len().saturating_sub(1))
         {
-            let distance_m =
-                ground_m(waypoint, here).hypot(waypoint.altitude_m - here.altitude_m);
+            let distance_m = ground_m(waypoint, here).hypot(waypoint.altitude_m - here.altitude_m);
             let Some(nearest_m) = self.approaches_m.last_mut() else {
                 self.approaches_m.push(distance_m);
                 return;
@@ -159,7 +159,10 @@ mod tests {
                 seen.hero(&sample, MonotonicNs(1000));
             }
         }
-        seen.approaches_m.iter().map(|metres| metres.round()).collect()
+        seen.approaches_m
+            .iter()
+            .map(|metres| metres.round())
+            .collect()
     }
 
     #[test]

@@ -2,10 +2,8 @@
 
 use bridge::shell::serial::holders::{Hold, Holder};
 
-use super::super::facts::{Device, Look, PortFacts, PortHolders};
-use super::finding::{About, Finding, Severity, Subject};
-
-const ABOUT: About = About(Subject::Serial);
+use super::facts::{Device, Look, PortFacts, PortHolders};
+use crate::finding::{Finding, Severity};
 
 /// What is to be said of the port, when `bridge` is the process of the live bridge.
 pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
@@ -16,24 +14,24 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
         return elsewhere;
     }
     let finding = match &port.device {
-        Err(trouble) => ABOUT.error(
+        Err(trouble) => Finding::error(
             "port-unclear",
             format!("looking at {path} {trouble}"),
             "look what stands in its place",
         ),
-        Ok(Device::Missing) => ABOUT.error(
+        Ok(Device::Missing) => Finding::error(
             "port-missing",
             format!("{path} does not exist"),
             "is the cable plugged in, and is `serial.port` right? The bridge waits for it and opens it by itself",
         ),
-        Ok(Device::Other(what)) => ABOUT.error(
+        Ok(Device::Other(what)) => Finding::error(
             "port-not-a-terminal",
             format!("{path} is {what}, not a serial port"),
             "name a terminal device in `serial.port`, such as /dev/ttyUSB0",
         ),
         Ok(Device::Terminal {
             forbidden: Some(hint),
-        }) => ABOUT.error(
+        }) => Finding::error(
             "port-forbidden",
             format!("{path} may not be opened by this user"),
             hint.clone(),
@@ -64,8 +62,7 @@ pub(super) fn of_a_bridge_elsewhere(finding: Finding) -> Finding {
         "{}; the live bridge runs in another PID namespace or on another machine, where that may be different",
         finding.text
     );
-    ABOUT
-        .note(finding.id, text)
+    Finding::note(finding.id, text)
         .with_next_step("to look at the bridge's port, run `ril doctor` there")
 }
 
@@ -86,7 +83,7 @@ fn elsewhere(port: &PortFacts, holders: &PortHolders, bridge: Option<u32>) -> Op
         theirs.join(", "),
         port.path.display()
     );
-    let finding = ABOUT.note("port-of-another-configuration", text);
+    let finding = Finding::note("port-of-another-configuration", text);
     Some(finding.with_next_step(
         "to look at its port, name it with --port, or its configuration with --bridge",
     ))
@@ -99,7 +96,7 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
         Ok(holders) => holders,
         Err(trouble) => {
             let text = format!("{path} can be opened; looking who has it open {trouble}");
-            return ABOUT.note("port-right", text);
+            return Finding::note("port-right", text);
         }
     };
     let processes = &holders.of_port.processes;
@@ -114,7 +111,7 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
         )
         .collect();
     if !strangers.is_empty() {
-        return ABOUT.error(
+        return Finding::error(
             "port-in-use",
             format!("{path} {}", strangers.join(", ")),
             "end what uses it, or name another port in `serial.port`: the bridge leaves a port alone that another process uses, and opens it when it is free",
@@ -131,7 +128,7 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
     if processes.is_empty() && holders.of_port.hidden > 0 {
         text += "; whether another user has it open cannot be known";
     }
-    ABOUT.note("port-right", text)
+    Finding::note("port-right", text)
 }
 
 /// What a process does with the port that the live bridge does not like; nothing when it may.
@@ -153,7 +150,7 @@ fn named(holder: &Holder) -> String {
 mod tests {
     use bridge::shell::serial::holders::Holders;
 
-    use super::super::super::facts::Trouble;
+    use super::super::facts::Trouble;
     use super::*;
 
     const BRIDGE: Option<u32> = Some(7);

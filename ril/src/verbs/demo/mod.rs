@@ -120,7 +120,7 @@ fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<
         },
         None => Kept::default(),
     };
-    print_result(&flight, &checks, kept, args.json)?;
+    print_result(&flight.seen, flight.took, &checks, kept, args.json)?;
     match count_of(&checks, Severity::Error) {
         0 => Ok(()),
         failed => Err(Failure::internal(format!(
@@ -204,7 +204,7 @@ fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
     let messages = |topic: &String| check.topics.get(topic).map_or(0, |topic| topic.messages);
     Some(RecordEvidence {
         is_in_order: check.complete && check.unexplained == 0,
-        messages: [&topics[0], &topics[1], &topics[2]].map(messages),
+        messages: topics.each_ref().map(messages),
         reported_missing: events.map(|event| event.count).sum(),
     })
 }

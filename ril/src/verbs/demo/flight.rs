@@ -10,9 +10,7 @@ use std::time::{Duration, Instant};
 use dsp_protocol::Waypoint;
 use ipc_types::code::LinkState;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{
-    Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter,
-};
+use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter};
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
@@ -100,7 +98,9 @@ pub(super) fn fly(
     let port = folder.join("dsp");
     let port_name = port.to_string_lossy();
     let speed = speed.to_string();
-    screen.line("starting the simulator, status, the recorder and the bridge as processes of their own")?;
+    screen.line(
+        "starting the simulator, status, the recorder and the bridge as processes of their own",
+    )?;
     for (name, config) in [
         ("sim", ""),
         ("status", &*status_config(folder)),
@@ -116,12 +116,18 @@ pub(super) fn fly(
     stage.await_ready("record", spawner.start_recorder())?;
     stage.await_ready("bridge", spawner.start("bridge", &["--port", &port_name]))?;
     stage.wait_until(screen, |stage| {
-        let link = stage.seen.state.as_ref().and_then(|state| state.link.state());
+        let link = stage
+            .seen
+            .state
+            .as_ref()
+            .and_then(|state| state.link.state());
         stage.seen.home.is_some() && link == Some(LinkState::Up)
     })?;
 
     let Some(home) = stage.seen.home else {
-        return Err(Failure::internal("no telemetry has shown where the helicopter stands"));
+        return Err(Failure::internal(
+            "no telemetry has shown where the helicopter stands",
+        ));
     };
     let paths = waypoints_of(&home);
     for ((file, _), path) in PATHS.iter().zip(&paths) {
@@ -138,7 +144,10 @@ pub(super) fn fly(
     for (name, words) in SCRIPT {
         let command = format!("ril {}", words.join(" "));
         screen.order = Some(command.clone());
-        screen.line(&format!("{:6.2} s  {command}", began.elapsed().as_secs_f64()))?;
+        screen.line(&format!(
+            "{:6.2} s  {command}",
+            began.elapsed().as_secs_f64()
+        ))?;
         let (code, said) = stage.order(screen, spawner.order(name, words))?;
         let end = said.lines().last().unwrap_or_default();
         screen.line(&format!("{:6.2} s  {end}", began.elapsed().as_secs_f64()))?;

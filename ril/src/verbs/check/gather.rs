@@ -10,7 +10,7 @@ use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, Terminal};
@@ -23,23 +23,25 @@ use runtime::config::load;
 use runtime::exit::Failure;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
+use status::log::config::LogConfig;
 
+use super::MachineArgs;
 use super::facts::{
-    Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, Look, Namespace, PortFacts,
-    PortHolders, Provided, Trouble,
+    Clock, Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
+    Look, MachineFacts, Namespace, PortFacts, PortHolders, Provided, Trouble,
 };
-use crate::cli::DoctorArgs;
+use super::services::bridge_pid;
 
 /// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
 /// is still waited for.
-pub(super) const LOOK_PATIENCE: Duration = Duration::from_secs(5);
+const LOOK_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
-const LINK_PATIENCE: Duration = Duration::from_secs(2);
+const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is given
 /// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
-const REPAIR_PATIENCE: Duration = Duration::from_secs(15);
+const REPAIR_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// The directory that shows processes and what they have open.
 const PROC: &str = "/proc";
@@ -47,11 +49,14 @@ const PROC: &str = "/proc";
 /// Where shared memory lies.
 const SHARED_MEMORY: &str = "/dev/shm";
 
+/// What the time service of systemd makes when the clock is synchronized.
+const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
+
 /// A look that goes on in the background.
-pub(super) struct Looking<T>(Receiver<T>);
+struct Looking<T>(Receiver<T>);
 
 impl<T: Send + 'static> Looking<T> {
-    pub(super) fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
+    fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
         let (sender, receiver) = mpsc::sync_channel(1);
         // When there is no thread the sender is gone at once, and `end` says so. A look that is given up keeps its
         // thread; it ends with the process.
@@ -62,7 +67,7 @@ impl<T: Send + 'static> Looking<T> {
     }
 
     /// What it found by the time that `timeout` is over, counted from `began`.
-    pub(super) fn end(self, began: Instant, timeout: Duration) -> Look<T> {
+    fn end(self, began: Instant, timeout: Duration) -> Look<T> {
         let left = timeout.saturating_sub(began.elapsed());
         self.0.recv_timeout(left).map_err(|error| match error {
             RecvTimeoutError::Timeout => Trouble::TookTooLong(timeout),
@@ -71,17 +76,75 @@ impl<T: Send + 'static> Looking<T> {
     }
 }
 
+/// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration.
+pub(super) fn machine(
+    args: &MachineArgs,
+    sim: Option<&Path>,
+    is_to_repair: bool,
+) -> (MachineFacts, Option<BridgeConfig>) {
+    let (files, bridge) = files(args, sim);
+    let robot = RobotId::from(args.common.robot);
+    let place = Domain::from_environment();
+    let repair = match &place {
+        Ok(place) if is_to_repair => Some(repair(place)),
+        _ => None,
+    };
+    let domain = match &place {
+        Ok(place) => Ok(domain(place)),
+        Err(error) => Err(error.to_string()),
+    };
+    // Where no provider can be found, that is a finding of its own.
+    let is_readable = domain.as_ref().is_ok_and(|facts| facts.providers.is_ok());
+    let relay = match place {
+        Ok(place) if is_readable => relay(&place, robot),
+        _ => None,
+    };
+    let bridge_process = domain
+        .as_ref()
+        .ok()
+        .and_then(|domain| bridge_pid(domain, robot.get()));
+    let facts = MachineFacts {
+        robot: robot.get(),
+        domain,
+        relay,
+        free_memory: memory(),
+        port: chosen_port(args, &files, bridge.as_ref(), bridge_process),
+        files,
+        repair,
+    };
+    (facts, bridge)
+}
+
+/// The serial port that the command line names, or else the bridge's configuration, if either does.
+fn chosen_port(
+    args: &MachineArgs,
+    files: &[FileFacts],
+    bridge: Option<&BridgeConfig>,
+    process: Option<u32>,
+) -> Option<PortFacts> {
+    let (path, is_chosen) = match (&args.port, bridge) {
+        (Some(path), _) => (path, true),
+        (None, Some(config)) => {
+            let is_default = config.serial.port == BridgeConfig::default().serial.port;
+            let has_file = files.iter().any(|file| {
+                file.command == Some("bridge") && file.content == Ok(FileContent::Right)
+            });
+            (&config.serial.port, has_file || !is_default)
+        }
+        (None, None) => return None,
+    };
+    Some(port(path.clone(), is_chosen, process))
+}
+
 /// Looks at the domain, at the providers in it, and at the domains of other users.
-pub(super) fn domain(domain: &Domain) -> DomainFacts {
+pub(crate) fn domain(domain: &Domain) -> DomainFacts {
     let began = Instant::now();
     let (inspected, asked) = (domain.clone(), domain.clone());
     let inspection = Looking::start(move || inspected.inspect());
     let providers = Looking::start(move || providers(&asked));
     let others = Looking::start(Domain::others);
-    let inspection = inspection.end(began, LOOK_PATIENCE);
-    let providers = providers
-        .end(began, LOOK_PATIENCE)
-        .and_then(|result| result);
+    let inspection = inspection.end(began, LOOK_TIMEOUT);
+    let providers = providers.end(began, LOOK_TIMEOUT).and_then(|result| result);
     let stopped = match (&inspection, &providers) {
         (Ok(inspection), Ok(providers)) => stopped(domain.root(), inspection, providers),
         _ => Vec::new(),
@@ -92,18 +155,18 @@ pub(super) fn domain(domain: &Domain) -> DomainFacts {
         providers,
         stopped,
         // They are only a hint; what keeps this look from its end is reported for the memory.
-        others: others.end(began, LOOK_PATIENCE).unwrap_or_default(),
+        others: others.end(began, LOOK_TIMEOUT).unwrap_or_default(),
     }
 }
 
-/// Looks at the relay's link to `robot`; nothing when no process provides one here.
+/// Looks at the relay's link to `robot`; `None` if no process provides one here.
 ///
 /// The state of a link is in the samples of the relay alone, so this look takes part in the shared memory for a moment.
-pub(super) fn relay(domain: &Domain, robot: RobotId) -> Option<LinkFacts> {
+fn relay(domain: &Domain, robot: RobotId) -> Option<LinkFacts> {
     let began = Instant::now();
     let asked = domain.clone();
     let looking = Looking::start(move || latest_link(&asked, robot).map_err(failed));
-    let link = match looking.end(began, LOOK_PATIENCE).and_then(|result| result) {
+    let link = match looking.end(began, LOOK_TIMEOUT).and_then(|result| result) {
         Ok(None) => return None,
         Ok(Some(link)) => Ok(link),
         Err(trouble) => Err(trouble),
@@ -114,7 +177,7 @@ pub(super) fn relay(domain: &Domain, robot: RobotId) -> Option<LinkFacts> {
     })
 }
 
-/// What the relay says of its link now: the outer nothing when there is no relay, the inner one when it says nothing.
+/// What the relay says of its link now: the outer `None` if there is no relay, the inner one if it says nothing.
 fn latest_link(
     domain: &Domain,
     robot: RobotId,
@@ -124,7 +187,7 @@ fn latest_link(
     }
     let ipc = Ipc::join(domain, robot, "ril")?;
     let mut links: Subscriber<RelayLink> = ipc.subscriber()?;
-    let give_up = Instant::now() + LINK_PATIENCE;
+    let give_up = Instant::now() + LINK_TIMEOUT;
     loop {
         if let Some(link) = links.latest()? {
             return Ok(Some(Some(link)));
@@ -138,18 +201,18 @@ fn latest_link(
 }
 
 /// Removes what is certainly dead.
-pub(super) fn repair(domain: &Domain) -> Look<Repair> {
+fn repair(domain: &Domain) -> Look<Repair> {
     let domain = domain.clone();
     let repair = Looking::start(move || domain.repair().map_err(failed));
     repair
-        .end(Instant::now(), REPAIR_PATIENCE)
+        .end(Instant::now(), REPAIR_TIMEOUT)
         .and_then(|result| result)
 }
 
 /// What is free in `/dev/shm`.
-pub(super) fn memory() -> Look<FreeMemory> {
+fn memory() -> Look<FreeMemory> {
     Looking::start(|| free_memory().map_err(failed))
-        .end(Instant::now(), LOOK_PATIENCE)
+        .end(Instant::now(), LOOK_TIMEOUT)
         .and_then(|result| result)
 }
 
@@ -163,13 +226,16 @@ fn free_memory() -> io::Result<FreeMemory> {
 }
 
 /// Reads the configuration of each process with the process's own code. Says also what the bridge's is, if it is right.
-pub(super) fn files(args: &DoctorArgs) -> (Vec<FileFacts>, Option<BridgeConfig>) {
+pub(super) fn files(
+    args: &MachineArgs,
+    sim: Option<&Path>,
+) -> (Vec<FileFacts>, Option<BridgeConfig>) {
     use crate::config as ril;
     let began = Instant::now();
-    let bridge = Source::new(&args.bridge, bridge::cli::DEFAULT_CONFIG_FILE);
-    let status = Source::new(&args.status, status::config::DEFAULT_FILE);
-    let sim = Source::new(&args.sim, dsp_sim::config::DEFAULT_FILE);
-    let own = Source::new(&args.common.config, ril::DEFAULT_FILE);
+    let bridge = Source::new(args.bridge.as_deref(), bridge::cli::DEFAULT_CONFIG_FILE);
+    let status = Source::new(args.status.as_deref(), status::config::DEFAULT_FILE);
+    let sim = Source::new(sim, dsp_sim::config::DEFAULT_FILE);
+    let own = Source::new(args.common.config.as_deref(), ril::DEFAULT_FILE);
     let reading = bridge.start::<BridgeConfig>();
     let others = [
         (
@@ -184,13 +250,13 @@ pub(super) fn files(args: &DoctorArgs) -> (Vec<FileFacts>, Option<BridgeConfig>)
         ),
         (None, &own, own.start_check::<ril::Config>()),
     ];
-    let (content, config) = match reading.end(began, LOOK_PATIENCE) {
+    let (content, config) = match reading.end(began, LOOK_TIMEOUT) {
         Ok((content, config)) => (Ok(content), config),
         Err(trouble) => (Err(trouble), None),
     };
     let mut files = vec![bridge.facts(Some("bridge"), content)];
     for (command, source, check) in others {
-        files.push(source.facts(command, check.end(began, LOOK_PATIENCE)));
+        files.push(source.facts(command, check.end(began, LOOK_TIMEOUT)));
     }
     (files, config)
 }
@@ -202,9 +268,9 @@ struct Source {
 }
 
 impl Source {
-    fn new(explicit: &Option<PathBuf>, default: &'static str) -> Source {
+    fn new(explicit: Option<&Path>, default: &'static str) -> Source {
         Source {
-            explicit: explicit.clone(),
+            explicit: explicit.map(Path::to_owned),
             default,
         }
     }
@@ -247,7 +313,7 @@ fn read<T: DeserializeOwned + Default>(
 }
 
 /// Looks at a serial port, chosen or the default, and at the processes that have terminals open, `bridge` among them.
-pub(super) fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
+fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
     let began = Instant::now();
     let (looked_at, held) = (path.clone(), path.clone());
     let device = Looking::start(move || device(&looked_at).map_err(failed));
@@ -255,8 +321,8 @@ pub(super) fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortF
     PortFacts {
         path,
         is_chosen,
-        device: device.end(began, LOOK_PATIENCE).and_then(|result| result),
-        holders: holders.end(began, LOOK_PATIENCE).and_then(|result| result),
+        device: device.end(began, LOOK_TIMEOUT).and_then(|result| result),
+        holders: holders.end(began, LOOK_TIMEOUT).and_then(|result| result),
     }
 }
 
@@ -415,6 +481,61 @@ fn failed(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Trouble
     Trouble::Failed(Failure::internal(error).chain().join(": "))
 }
 
+/// The folders of the logs in the configuration of status; `folder` is where its process began, `None` if that is not known.
+pub(super) fn logs(explicit: Option<PathBuf>, folder: Option<PathBuf>) -> Logs {
+    let looked = Looking::start(move || {
+        let default = Path::new(status::config::DEFAULT_FILE);
+        let loaded = load::<status::config::Config>(explicit.as_deref(), default).ok()?;
+        let logs = loaded.value.log.into_iter();
+        let logs = logs.filter(|log| !log.groups.is_empty());
+        Some(logs.map(|log| log_place(&log, folder.as_deref())).collect())
+    });
+    looked
+        .end(Instant::now(), LOOK_TIMEOUT)
+        .ok()
+        .flatten()
+        .map_or(Logs::Unknown, Logs::Configured)
+}
+
+fn log_place(log: &LogConfig, folder: Option<&Path>) -> LogPlace {
+    // Where the link to the process's folder cannot be read, the folder is taken for this one.
+    let folder = folder.and_then(|folder| fs::read_link(folder).ok());
+    let directory = match &folder {
+        Some(folder) => folder.join(&log.directory),
+        None => log.directory.clone(),
+    };
+    // A folder that is not there yet is made in the nearest one that is.
+    let parents = directory.ancestors();
+    let mut parents = parents.map(|path| match path.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => path,
+    });
+    let present = parents.find(|path| path.exists()).unwrap_or(Path::new("."));
+    let free = rustix::fs::statvfs(present);
+    LogPlace {
+        min_free_bytes: log.limits().min_free_bytes,
+        free_bytes: free
+            .map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize))
+            .map_err(|error| error.to_string()),
+        is_writable: rustix::fs::access(present, Access::WRITE_OK | Access::EXEC_OK).is_ok(),
+        directory,
+    }
+}
+
+pub(super) fn clock() -> Clock {
+    let unix_s = |time: SystemTime| {
+        time.duration_since(UNIX_EPOCH)
+            .map_or(0, |time| time.as_secs())
+    };
+    let program = std::env::current_exe().and_then(fs::metadata);
+    let written = program.and_then(|metadata| metadata.modified());
+    Clock {
+        unix_s: unix_s(SystemTime::now()),
+        not_before_unix_s: written.map_or(0, unix_s),
+        is_synchronized: Path::new(SYNCHRONIZED).exists(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -428,7 +549,7 @@ mod tests {
         assert_eq!(look.end(Instant::now(), timeout), given_up);
         drop(keeps_it_waiting);
         let look = Looking::start(|| 7);
-        assert_eq!(look.end(Instant::now(), LOOK_PATIENCE), Ok(7));
+        assert_eq!(look.end(Instant::now(), LOOK_TIMEOUT), Ok(7));
     }
 
     #[test]

@@ -4,10 +4,9 @@ use ipc_types::code::{LinkState, ModuleStatus};
 use ipc_types::payload::{LastMinute, ModuleState};
 use ipc_types::{Module, MonotonicNs, RelayModule};
 
-use super::check::Check;
-use super::facts::Facts;
+use super::facts::{Facts, Provided};
 use super::limits::Limits;
-use crate::commands::doctor::facts::Provided;
+use crate::finding::Finding;
 use crate::messages::details::dsp_error;
 use crate::words::count;
 
@@ -16,7 +15,7 @@ use crate::words::count;
 const LEAST_MESSAGES: u64 = 1000;
 
 /// The checks of processes, link and data.
-pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
+pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
     vec![
         process(facts, "bridge"),
         process(facts, "status"),
@@ -32,7 +31,7 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
 }
 
 /// Whether a live process provides what `command` should.
-fn process(facts: &Facts, command: &'static str) -> Check {
+fn process(facts: &Facts, command: &'static str) -> Finding {
     let robot = facts.robot;
     let start = format!("start it: `ril run {command} --robot {robot}`");
     let providers = facts
@@ -42,44 +41,44 @@ fn process(facts: &Facts, command: &'static str) -> Check {
         .map(|domain| &domain.providers);
     let providers = match providers {
         Ok(Ok(providers)) => providers,
-        _ => return Check::impossible(command, "the shared memory cannot be read"),
+        _ => return Finding::unchecked(command, "the shared memory cannot be read"),
     };
     let of_command =
         |one: &&Provided| one.robot.get() == robot && one.service.provider() == command;
     match providers.iter().find(of_command) {
-        None => Check::fail(command, "not running", start),
-        Some(one) if one.by.process == RelayModule::NAME => Check::pass(
+        None => Finding::error(command, "not running", start),
+        Some(one) if one.by.process == RelayModule::NAME => Finding::note(
             command,
             format!("relayed from another machine (process {})", one.by.pid),
         ),
-        Some(one) => Check::pass(command, format!("running (process {})", one.by.pid)),
+        Some(one) => Finding::note(command, format!("running (process {})", one.by.pid)),
     }
-    .limit("running")
+    .with_limit("running")
 }
 
 /// Whether an order would be answered.
-fn orders(facts: &Facts) -> Check {
+fn orders(facts: &Facts) -> Finding {
     const ID: &str = "orders";
     match &facts.live.answer {
-        None => Check::impossible(ID, "no process takes orders"),
-        Some(Ok(())) => Check::pass(ID, "the bridge answers"),
-        Some(Err(reason)) => Check::fail(
+        None => Finding::unchecked(ID, "no process takes orders"),
+        Some(Ok(())) => Finding::note(ID, "the bridge answers"),
+        Some(Err(reason)) => Finding::error(
             ID,
             reason.clone(),
             "an order would get no answer: end consumers, or raise the bridge's limit of descriptors (`LimitNOFILE=`, `ulimit -n`); \
              `ril doctor` says whether the bridge is stopped",
         ),
     }
-    .limit("an answer")
+    .with_limit("an answer")
 }
 
 /// The newest state of the bridge, or the check that cannot be made without it.
-fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a ModuleState, Check> {
+pub(super) fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a ModuleState, Finding> {
     let state = facts.live.state.as_ref();
-    state.ok_or_else(|| Check::impossible(id, "no state came from the bridge"))
+    state.ok_or_else(|| Finding::unchecked(id, "no state came from the bridge"))
 }
 
-fn link(facts: &Facts) -> Check {
+fn link(facts: &Facts) -> Finding {
     const ID: &str = "dsp-link";
     let state = match state(facts, ID) {
         Ok(state) => state,
@@ -88,33 +87,33 @@ fn link(facts: &Facts) -> Check {
     let since = MonotonicNs(state.link.state_since_ns);
     let since = age_s(since, facts.now).map_or(String::new(), |age| format!(" for {age:.1} s"));
     match state.link.state() {
-        Some(LinkState::Up) => Check::pass(ID, format!("up{since}")),
-        Some(LinkState::Gone) => Check::fail(
+        Some(LinkState::Up) => Finding::note(ID, format!("up{since}")),
+        Some(LinkState::Gone) => Finding::error(
             ID,
             format!("gone{since}: the bridge has no serial port"),
             "look at cable, power and `serial.port`; `ril doctor` looks at the port",
         ),
-        Some(LinkState::Connecting) => Check::fail(
+        Some(LinkState::Connecting) => Finding::error(
             ID,
             format!("connecting{since}: the DSP does not answer"),
             "switch the DSP on; compare `baud_rate` and `profile` with the DSP's",
         ),
-        Some(LinkState::Silent) => Check::fail(
+        Some(LinkState::Silent) => Finding::error(
             ID,
             format!("silent{since}: no message comes from the DSP"),
             "wait some seconds; if it stays so, look at cable and power",
         ),
-        None => Check::fail(
+        None => Finding::error(
             ID,
             format!("in a state with the unknown number {}", state.link.state),
             "use `ril` of the bridge's version",
         ),
     }
-    .limit("up")
+    .with_limit("up")
 }
 
 /// What the line lost in the last minute: an outage before that is over.
-fn losses(facts: &Facts, limits: &Limits) -> Check {
+fn losses(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "link-losses";
     let state = match state(facts, ID) {
         Ok(state) => state,
@@ -136,19 +135,19 @@ fn losses(facts: &Facts, limits: &Limits) -> Check {
     let next_step = "look at cable, ground and `baud_rate`; `ril status` has the counters";
     let threshold = limits.link_loss_percent;
     let check = if percent > threshold.fail || commands_failed > 0 {
-        Check::fail(ID, value, next_step)
+        Finding::error(ID, value, next_step)
     } else if percent > threshold.warn {
-        Check::warn(ID, value, next_step)
+        Finding::warning(ID, value, next_step)
     } else {
-        Check::pass(ID, value)
+        Finding::note(ID, value)
     };
-    check.limit(format!(
+    check.with_limit(format!(
         "at most {} % (fail above {} %), none failed",
         threshold.warn, threshold.fail
     ))
 }
 
-fn dsp_errors(facts: &Facts) -> Check {
+fn dsp_errors(facts: &Facts) -> Finding {
     const ID: &str = "dsp-errors";
     let state = match state(facts, ID) {
         Ok(state) => state,
@@ -156,8 +155,8 @@ fn dsp_errors(facts: &Facts) -> Check {
     };
     let errors = &state.dsp_errors;
     let check = match errors.total {
-        0 => Check::pass(ID, "none since the bridge began"),
-        total => Check::warn(
+        0 => Finding::note(ID, "none since the bridge began"),
+        total => Finding::warning(
             ID,
             format!(
                 "{} since the bridge began, last {}",
@@ -167,14 +166,14 @@ fn dsp_errors(facts: &Facts) -> Check {
             "find the cause; `ril status` counts them by code",
         ),
     };
-    check.limit("none")
+    check.with_limit("none")
 }
 
 /// Whether what the DSP sends is of the present.
-fn telemetry(facts: &Facts, limits: &Limits) -> Check {
+fn telemetry(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "telemetry";
     if facts.live.state.is_none() && facts.live.dsp.is_none() {
-        return Check::impossible(ID, "no state came from the bridge");
+        return Finding::unchecked(ID, "no state came from the bridge");
     }
     let received = facts
         .live
@@ -186,10 +185,10 @@ fn telemetry(facts: &Facts, limits: &Limits) -> Check {
 }
 
 /// Whether status translates what the DSP sends.
-fn robot_telemetry(facts: &Facts, limits: &Limits) -> Check {
+fn robot_telemetry(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "robot-telemetry";
     if facts.live.dsp.is_none() && facts.live.hero.is_none() {
-        return Check::impossible(ID, "no raw telemetry came");
+        return Finding::unchecked(ID, "no raw telemetry came");
     }
     let received = facts
         .live
@@ -206,39 +205,39 @@ fn fresh(
     now: MonotonicNs,
     limits: &Limits,
     next_step: &str,
-) -> Check {
+) -> Finding {
     let age = received.map(|received| age_s(received, now));
     let check = match age {
-        None => Check::fail(id, "no sample came", next_step),
-        Some(None) => Check::fail(id, "the newest sample has a time of the future", next_step),
-        Some(Some(age)) if age > limits.max_age_s => Check::fail(
+        None => Finding::error(id, "no sample came", next_step),
+        Some(None) => Finding::error(id, "the newest sample is dated in the future", next_step),
+        Some(Some(age)) if age > limits.max_age_s => Finding::error(
             id,
             format!("the newest sample is {age:.3} s old"),
             next_step,
         ),
-        Some(Some(age)) => Check::pass(id, format!("{age:.3} s old")),
+        Some(Some(age)) => Finding::note(id, format!("{age:.3} s old")),
     };
-    check.limit(format!("at most {} s old", limits.max_age_s))
+    check.with_limit(format!("at most {} s old", limits.max_age_s))
 }
 
 /// Whether the module takes a start.
-fn module(facts: &Facts) -> Check {
+fn module(facts: &Facts) -> Finding {
     const ID: &str = "module";
     let state = match state(facts, ID) {
         Ok(state) => state,
         Err(check) => return check,
     };
     match ModuleStatus::from_code(state.status) {
-        Some(ModuleStatus::WaitingDataToStart) => Check::pass(ID, "not started yet"),
-        Some(ModuleStatus::Running) => Check::pass(ID, "started"),
-        Some(ModuleStatus::Ended) if state.is_blocked() => Check::pass(ID, "stopped"),
-        Some(ModuleStatus::Ended) => Check::pass(ID, "started"),
-        Some(ModuleStatus::Aborted) => Check::warn(
+        Some(ModuleStatus::WaitingDataToStart) => Finding::note(ID, "not started yet"),
+        Some(ModuleStatus::Running) => Finding::note(ID, "started"),
+        Some(ModuleStatus::Ended) if state.is_blocked() => Finding::note(ID, "stopped"),
+        Some(ModuleStatus::Ended) => Finding::note(ID, "started"),
+        Some(ModuleStatus::Aborted) => Finding::warning(
             ID,
             format!("aborted: {}", state.imi_error()),
             "find the cause in the bridge's log, then `ril start`",
         ),
-        None => Check::warn(
+        None => Finding::warning(
             ID,
             format!("in a state with the unknown number {}", state.status),
             "use `ril` of the bridge's version",
@@ -247,27 +246,27 @@ fn module(facts: &Facts) -> Check {
 }
 
 /// What stops the helicopter when the bridge is gone.
-fn without_bridge(facts: &Facts) -> Check {
+fn without_bridge(facts: &Facts) -> Finding {
     const ID: &str = "dsp-timeout";
     let state = match state(facts, ID) {
         Ok(state) => state,
         Err(check) => return check,
     };
     if state.link.state() != Some(LinkState::Up) {
-        return Check::impossible(ID, "the DSP was not asked: the link is not up");
+        return Finding::unchecked(ID, "the DSP was not asked: the link is not up");
     }
     let check = match state.link.pc_timeout_supported {
-        1 => Check::pass(ID, "the DSP stops the helicopter when the bridge is gone"),
-        _ => Check::warn(
+        1 => Finding::note(ID, "the DSP stops the helicopter when the bridge is gone"),
+        _ => Finding::warning(
             ID,
             "the DSP flies on to the end of its path when the bridge is gone",
             "fly short paths, or set `link.pc_timeout_ms` on a DSP that has port 10004",
         ),
     };
-    check.limit("the DSP stops by itself")
+    check.with_limit("the DSP stops by itself")
 }
 
-/// Seconds from `time` to `now`; nothing for a time of the future.
+/// Seconds from `time` to `now`; `None` if it lies in the future.
 pub(super) fn age_s(time: MonotonicNs, now: MonotonicNs) -> Option<f64> {
     (time <= now).then(|| now.since(time).as_secs_f64())
 }

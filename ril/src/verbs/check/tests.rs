@@ -4,12 +4,13 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::SERVICES;
 use ipc_types::{MonotonicNs, Provider, RobotId};
 
-use super::check::{Check, Verdict, worst};
-use super::facts::{Clock, Facts, Live, LogPlace, Logs};
-use super::judge;
+use super::facts::{
+    Clock, DomainFacts, Facts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts,
+    Namespace, Provided,
+};
 use super::limits::Limits;
-use super::report::Report;
-use crate::commands::doctor::facts as doctor;
+use super::preflight::{Report, judge, worst};
+use crate::finding::{Finding, Severity};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -17,7 +18,7 @@ const MIB: u64 = 1 << 20;
 
 /// A robot that is ready to take off.
 fn ready() -> Facts {
-    let provided = |spec: &ipc_types::service::ServiceSpec| doctor::Provided {
+    let provided = |spec: &ipc_types::service::ServiceSpec| Provided {
         robot: RobotId::DEFAULT,
         service: spec.id,
         by: Provider {
@@ -27,8 +28,8 @@ fn ready() -> Facts {
             pid_namespace: 4,
             time_namespace: 5,
         },
-        pids: doctor::Namespace::Ours,
-        clock: doctor::Namespace::Ours,
+        pids: Namespace::Ours,
+        clock: Namespace::Ours,
     };
     let bridge = runtime::config::parse::<BridgeConfig>(
         "[safety]\nbattery_v = { land = 22.0 }\nfuel_percent = { land = 10 }\n\
@@ -38,16 +39,16 @@ fn ready() -> Facts {
     Facts {
         robot: 1,
         now: NOW,
-        machine: doctor::Facts {
+        machine: MachineFacts {
             robot: 1,
-            domain: Ok(doctor::DomainFacts {
+            domain: Ok(DomainFacts {
                 root: "/dev/shm/lab".into(),
                 inspection: Ok(ipc_types::inspect::Inspection::default()),
                 providers: Ok(SERVICES.iter().map(provided).collect()),
                 stopped: Vec::new(),
                 others: Vec::new(),
             }),
-            free_memory: Ok(doctor::FreeMemory {
+            free_memory: Ok(FreeMemory {
                 bytes: 1000 * MIB,
                 inodes: None,
             }),
@@ -114,15 +115,20 @@ fn log() -> LogPlace {
     }
 }
 
+/// How severe a check is; `None` if it could not be made.
+fn made(check: &Finding) -> Option<Severity> {
+    check.is_checked.then_some(check.severity)
+}
+
 /// The check `id` after `change`, and that every other check stays as it is with a ready robot, but those in `others`.
 #[track_caller]
-fn after(id: &str, others: &[&str], change: impl FnOnce(&mut Facts)) -> Check {
+fn after(id: &str, others: &[&str], change: impl FnOnce(&mut Facts)) -> Finding {
     let mut facts = ready();
     let before = judge(&facts, &Limits::default());
     change(&mut facts);
     let checks = judge(&facts, &Limits::default());
     for check in &checks {
-        let is_trouble = check.verdict.is_some_and(|verdict| verdict > Verdict::Pass);
+        let is_trouble = check.is_checked && check.severity > Severity::Note;
         assert!(!is_trouble || check.next_step.is_some(), "{check:?}");
         let unchanged = before.iter().find(|one| one.id == check.id);
         if check.id != id && !others.contains(&check.id) {
@@ -138,10 +144,10 @@ fn after(id: &str, others: &[&str], change: impl FnOnce(&mut Facts)) -> Check {
 #[test]
 fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
     let checks = judge(&ready(), &Limits::default());
-    assert_eq!(worst(&checks), Verdict::Pass, "{checks:#?}");
+    assert_eq!(worst(&checks), Severity::Note, "{checks:#?}");
     let unmade: Vec<&str> = checks
         .iter()
-        .filter(|check| !check.checked)
+        .filter(|check| !check.is_checked)
         .map(|check| check.id)
         .collect();
     assert!(unmade.is_empty(), "{unmade:?}");
@@ -149,28 +155,28 @@ fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
 
 #[test]
 fn each_trouble_is_found_by_its_own_check() {
-    use Verdict::{Fail, Pass, Warn};
+    use Severity::{Error, Note, Warning};
     type Change = fn(&mut Facts);
-    let cases: &[(&str, Change, Option<Verdict>, &str)] = &[
+    let cases: &[(&str, Change, Option<Severity>, &str)] = &[
         (
             "dsp-errors",
             |facts| {
                 let errors = &mut facts.live.state.as_mut().unwrap().dsp_errors;
                 (errors.total, errors.last_code) = (1, 30);
             },
-            Some(Warn),
+            Some(Warning),
             "1 error since the bridge began, last dsp-error-30",
         ),
         (
             "link-losses",
             |facts| facts.live.state.as_mut().unwrap().last_minute.rejected = 30,
-            Some(Warn),
+            Some(Warning),
             "0.30 % of 10030 messages of the last 64 s rejected",
         ),
         (
             "link-losses",
             |facts| facts.live.state.as_mut().unwrap().last_minute.rejected = 300,
-            Some(Fail),
+            Some(Error),
             "2.91 %",
         ),
         (
@@ -184,7 +190,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     .last_minute
                     .commands_failed = 1
             },
-            Some(Fail),
+            Some(Error),
             "0 commands repeated and 1 failed",
         ),
         (
@@ -193,7 +199,7 @@ fn each_trouble_is_found_by_its_own_check() {
                 let minute = &mut facts.live.state.as_mut().unwrap().last_minute;
                 (minute.messages, minute.rejected) = (20, 1);
             },
-            Some(Pass),
+            Some(Note),
             "0.10 %",
         ),
         (
@@ -203,25 +209,25 @@ fn each_trouble_is_found_by_its_own_check() {
                 let state = facts.live.state.as_mut().unwrap();
                 (state.link.commands_failed, state.refused.checksum) = (3, 5_000);
             },
-            Some(Pass),
+            Some(Note),
             "0.00 % of 10000 messages of the last 64 s rejected, 0 commands repeated and 0 failed",
         ),
         (
             "telemetry",
             |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 - 1_500_000_000,
-            Some(Fail),
+            Some(Error),
             "1.500 s old",
         ),
         (
             "telemetry",
             |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 + 1,
-            Some(Fail),
-            "time of the future",
+            Some(Error),
+            "dated in the future",
         ),
         (
             "robot-telemetry",
             |facts| facts.live.hero = None,
-            Some(Fail),
+            Some(Error),
             "no sample came",
         ),
         (
@@ -230,19 +236,19 @@ fn each_trouble_is_found_by_its_own_check() {
                 let state = facts.live.state.as_mut().unwrap();
                 (state.status, state.imi_error) = (ModuleStatus::Aborted.code(), 102);
             },
-            Some(Warn),
+            Some(Warning),
             "aborted: movement-timeout",
         ),
         (
             "dsp-timeout",
             |facts| facts.live.state.as_mut().unwrap().link.pc_timeout_supported = 0,
-            Some(Warn),
+            Some(Warning),
             "flies on",
         ),
         (
             "ground",
             |facts| facts.live.dsp.as_mut().unwrap().flying = 1,
-            Some(Warn),
+            Some(Warning),
             "flying",
         ),
         (
@@ -250,7 +256,7 @@ fn each_trouble_is_found_by_its_own_check() {
             |facts| {
                 facts.live.state.as_mut().unwrap().safety.pilot_switch = PilotSwitch::Manual.code()
             },
-            Some(Fail),
+            Some(Error),
             "manual",
         ),
         (
@@ -262,7 +268,7 @@ fn each_trouble_is_found_by_its_own_check() {
         (
             "orders",
             |facts| facts.live.answer = Some(Err("the bridge did not answer".to_owned())),
-            Some(Fail),
+            Some(Error),
             "did not answer",
         ),
         (
@@ -280,37 +286,37 @@ fn each_trouble_is_found_by_its_own_check() {
         (
             "gps-fix",
             |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 1,
-            Some(Warn),
+            Some(Warning),
             "quality 1 (GPS)",
         ),
         (
             "gps-fix",
             |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 0,
-            Some(Fail),
+            Some(Error),
             "quality 0 (no fix)",
         ),
         (
             "battery",
             |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 23_900,
-            Some(Warn),
+            Some(Warning),
             "23.9 V",
         ),
         (
             "battery",
             |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_900,
-            Some(Fail),
+            Some(Error),
             "22.9 V",
         ),
         (
             "fuel",
             |facts| facts.live.dsp.as_mut().unwrap().supply.fuel_percent = 24,
-            Some(Fail),
+            Some(Error),
             "24.0 %",
         ),
         (
             "fence",
             |facts| facts.live.state.as_mut().unwrap().safety.fence_areas = 0,
-            Some(Warn),
+            Some(Warning),
             "0 areas in force, 1 area in bridge.toml",
         ),
         (
@@ -323,7 +329,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     4.2,
                 );
             },
-            Some(Fail),
+            Some(Error),
             "fence-ceiling broken by 4.2 m; the bridge's action: refuse",
         ),
         (
@@ -333,31 +339,31 @@ fn each_trouble_is_found_by_its_own_check() {
                 (safety.rule, safety.action, safety.amount) =
                     (SafetyRule::Battery.code(), SafetyAction::Warn.code(), 0.2);
             },
-            Some(Warn),
+            Some(Warning),
             "battery broken by 0.2 V",
         ),
         (
             "supply-rules",
             |facts| facts.bridge.as_mut().unwrap().safety.battery_v = Default::default(),
-            Some(Warn),
+            Some(Warning),
             "for battery_v",
         ),
         (
             "clock",
             |facts| facts.clock.unix_s = 0,
-            Some(Warn),
+            Some(Warning),
             "1970-01-01T00:00:00Z is before",
         ),
         (
             "log-room",
             |facts| facts.logs = Logs::NoFile,
-            Some(Warn),
+            Some(Warning),
             "no status.toml is here",
         ),
         (
             "log-room",
             |facts| facts.logs = Logs::Configured(Vec::new()),
-            Some(Warn),
+            Some(Warning),
             "has no log",
         ),
         (
@@ -368,7 +374,7 @@ fn each_trouble_is_found_by_its_own_check() {
                     ..log()
                 }])
             },
-            Some(Warn),
+            Some(Warning),
             "319 MiB free",
         ),
         (
@@ -379,13 +385,13 @@ fn each_trouble_is_found_by_its_own_check() {
                     ..log()
                 }])
             },
-            Some(Fail),
+            Some(Error),
             "the log pauses",
         ),
         (
             "log-room",
             |facts| facts.logs = Logs::Configured(vec![log(), log()]),
-            Some(Warn),
+            Some(Warning),
             "320 MiB free",
         ),
         (
@@ -396,22 +402,22 @@ fn each_trouble_is_found_by_its_own_check() {
                     ..log()
                 }])
             },
-            Some(Fail),
+            Some(Error),
             "may not be written",
         ),
         (
             "shared-memory",
             |facts| {
-                facts.machine.free_memory = Ok(doctor::FreeMemory {
+                facts.machine.free_memory = Ok(FreeMemory {
                     bytes: 5 * MIB,
                     inodes: None,
                 });
             },
-            Some(Warn),
+            Some(Warning),
             "nearly full",
         ),
     ];
-    for (id, change, verdict, expected) in cases {
+    for (id, change, severity, expected) in cases {
         // Values of telemetry that is not of the present are not judged.
         let others: &[&str] = match *id {
             "telemetry" => &["ground", "home", "gps-fix", "battery", "fuel"],
@@ -419,8 +425,8 @@ fn each_trouble_is_found_by_its_own_check() {
             _ => &[],
         };
         let check = after(id, others, change);
-        assert_eq!(check.verdict, *verdict, "{check:?}");
-        assert!(check.value.contains(expected), "{expected}: {check:?}");
+        assert_eq!(made(&check), *severity, "{check:?}");
+        assert!(check.text.contains(expected), "{expected}: {check:?}");
     }
 }
 
@@ -434,8 +440,8 @@ fn the_link_is_told_by_its_state() {
         let check = after("dsp-link", &["dsp-timeout"], |facts| {
             facts.live.state.as_mut().unwrap().link.state = state.code();
         });
-        assert_eq!(check.verdict, Some(Verdict::Fail));
-        assert!(check.value.starts_with(expected), "{check:?}");
+        assert_eq!(made(&check), Some(Severity::Error));
+        assert!(check.text.starts_with(expected), "{check:?}");
     }
 }
 
@@ -445,7 +451,7 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
     facts.live.dsp.as_mut().unwrap().valid_groups = 0;
     let unmade = ["home", "gps-fix", "battery", "fuel"];
     let report = Report::new(1, judge(&facts, &Limits::default()));
-    assert_eq!(report.verdict(), Verdict::Fail);
+    assert_eq!(report.worst(), Severity::Error);
     let expected = "0 failed, 0 warnings, 20 passed, 4 not checked: home, gps-fix, battery, fuel";
     assert_eq!(report.summary(), expected);
     let text = report.text(usize::MAX);
@@ -464,15 +470,18 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
         ..Limits::default()
     };
     let checks = judge(&facts, &limits);
-    assert_eq!(worst(&checks), Verdict::Warn);
+    assert_eq!(worst(&checks), Severity::Warning);
     for check in checks.iter().filter(|check| unmade.contains(&check.id)) {
-        assert_eq!((check.verdict, check.checked), (Some(Verdict::Warn), false));
+        assert_eq!(
+            (check.severity, check.is_checked),
+            (Severity::Warning, false)
+        );
         assert!(check.next_step.is_some(), "{check:?}");
     }
     // One that can be made is judged as ever.
     facts = ready();
     facts.live.dsp.as_mut().unwrap().supply.battery_mv = 20_000;
-    assert_eq!(worst(&judge(&facts, &limits)), Verdict::Fail);
+    assert_eq!(worst(&judge(&facts, &limits)), Severity::Error);
 }
 
 /// Processes that live and say nothing, such as a bridge that is stopped.
@@ -484,10 +493,10 @@ fn a_robot_of_which_nothing_could_be_checked_is_not_ready() {
     assert!(
         !checks
             .iter()
-            .any(|check| check.verdict == Some(Verdict::Fail))
+            .any(|check| made(check) == Some(Severity::Error))
     );
     let report = Report::new(1, checks);
-    assert_eq!(report.verdict(), Verdict::Fail);
+    assert_eq!(report.worst(), Severity::Error);
     let summary = report.summary();
     assert!(
         summary.contains(" not checked: orders, dsp-link, link-losses"),
@@ -505,7 +514,7 @@ fn without_a_bridge_the_processes_fail_and_the_rest_says_why_it_was_not_checked(
     let checks = judge(&facts, &Limits::default());
     let failed: Vec<&str> = checks
         .iter()
-        .filter(|check| check.verdict == Some(Verdict::Fail))
+        .filter(|check| made(check) == Some(Severity::Error))
         .map(|check| check.id)
         .collect();
     assert_eq!(failed, ["bridge", "status"]);
@@ -514,9 +523,9 @@ fn without_a_bridge_the_processes_fail_and_the_rest_says_why_it_was_not_checked(
         bridge.next_step.as_deref(),
         Some("start it: `ril run bridge --robot 1`")
     );
-    let unmade = checks.iter().filter(|check| !check.checked);
+    let unmade = checks.iter().filter(|check| !check.is_checked);
     for check in unmade.clone() {
-        assert_eq!(check.verdict, None, "{check:?}");
+        assert_eq!(made(check), None, "{check:?}");
     }
     assert!(unmade.count() > 10);
 }
@@ -536,7 +545,7 @@ fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
                 provided.by.process = "relay".to_owned();
             }
         }
-        facts.machine.relay = Some(doctor::LinkFacts {
+        facts.machine.relay = Some(LinkFacts {
             link: Ok(Some(link)),
             now: NOW,
         });
@@ -549,21 +558,21 @@ fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
         ..Default::default()
     };
     let checks = relayed(link);
-    let of = |checks: &[Check], id: &str| {
+    let of = |checks: &[Finding], id: &str| {
         let check = checks.iter().find(|check| check.id == id);
         check.cloned().expect("a check of this name")
     };
-    assert_eq!(of(&checks, "relay-link").verdict, Some(Verdict::Pass));
+    assert_eq!(made(&of(&checks, "relay-link")), Some(Severity::Note));
     assert!(checks.iter().all(|check| check.id != "log-room"));
     assert_eq!(
-        of(&checks, "bridge").value,
+        of(&checks, "bridge").text,
         "relayed from another machine (process 7)"
     );
     let checks = relayed(ipc_types::payload::RelayLink {
         state: ipc_types::code::RelayLinkState::Down.code(),
         ..link
     });
-    assert_eq!(of(&checks, "relay-link").verdict, Some(Verdict::Fail));
+    assert_eq!(made(&of(&checks, "relay-link")), Some(Severity::Error));
     let here = judge(&ready(), &Limits::default());
     assert!(here.iter().all(|check| check.id != "relay-link"));
 }
@@ -574,12 +583,12 @@ fn limits_are_those_of_the_configuration() {
     let config = runtime::config::parse::<crate::config::Config>(config, "ril.toml").unwrap();
     let checks = judge(&ready(), &config.preflight);
     let of = |id| checks.iter().find(|check| check.id == id).unwrap();
-    assert_eq!(of("battery").verdict, Some(Verdict::Fail));
+    assert_eq!(made(of("battery")), Some(Severity::Error));
     assert_eq!(
         of("battery").limit.as_deref(),
         Some("at least 26 V (fail below 25.5 V)")
     );
-    assert_eq!(of("gps-fix").verdict, Some(Verdict::Fail));
+    assert_eq!(made(of("gps-fix")), Some(Severity::Error));
 }
 
 #[test]
@@ -588,7 +597,7 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_000;
     facts.live.state.as_mut().unwrap().safety.pilot_switch = 0;
     let report = Report::new(1, judge(&facts, &Limits::default()));
-    assert_eq!(report.verdict(), Verdict::Fail);
+    assert_eq!(report.worst(), Severity::Error);
     let text = report.text(80);
     assert!(
         text.lines().all(|line| line.chars().count() <= 80),

@@ -1,20 +1,20 @@
 //! The helicopter and the rules it flies by: switch, position, GPS, battery, fuel, geofence.
 
 use ipc_types::code::{PilotSwitch, SafetyAction, SafetyRule};
-use ipc_types::payload::{DspTelemetry, ModuleState};
+use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
-use super::check::Check;
 use super::facts::Facts;
 use super::limits::{Limits, Threshold};
-use super::robot::age_s;
+use super::robot::{age_s, state};
+use crate::finding::Finding;
 use crate::messages::details::amount;
 
 /// What to do about a group that the DSP does not send.
 const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";
 
 /// The checks of the helicopter and its rules.
-pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Check> {
+pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
     vec![
         ground(facts, limits),
         switch(facts),
@@ -34,87 +34,85 @@ fn sample<'a>(
     limits: &Limits,
     id: &'static str,
     group: Option<TelemetryGroup>,
-) -> Result<&'a DspTelemetry, Check> {
+) -> Result<&'a DspTelemetry, Finding> {
     let Some(dsp) = &facts.live.dsp else {
-        return Err(Check::impossible(id, "no telemetry came"));
+        return Err(Finding::unchecked(id, "no telemetry came"));
     };
     let age = age_s(MonotonicNs(dsp.received_ns), facts.now);
     if age.is_none_or(|age| age > limits.max_age_s) {
-        return Err(Check::impossible(id, "the telemetry is not of the present"));
+        return Err(Finding::unchecked(
+            id,
+            "the telemetry is not of the present",
+        ));
     }
     match group {
         Some(group) if !dsp.valid(group) => {
             let why = format!("the DSP sends no plausible group `{}`", group.name());
-            Err(Check::impossible(id, why).next_step(ADD_GROUP))
+            Err(Finding::unchecked(id, why).with_next_step(ADD_GROUP))
         }
         _ => Ok(dsp),
     }
 }
 
-fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a ModuleState, Check> {
-    let state = facts.live.state.as_ref();
-    state.ok_or_else(|| Check::impossible(id, "no state came from the bridge"))
-}
-
-fn ground(facts: &Facts, limits: &Limits) -> Check {
+fn ground(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "ground";
     let check = match sample(facts, limits, ID, None) {
         Err(check) => return check,
-        Ok(dsp) if dsp.flying == 0 => Check::pass(ID, "on the ground"),
-        Ok(_) => Check::warn(ID, "flying", "these checks are for before the take-off"),
+        Ok(dsp) if dsp.flying == 0 => Finding::note(ID, "on the ground"),
+        Ok(_) => Finding::warning(ID, "flying", "these checks are for before the take-off"),
     };
-    check.limit("on the ground")
+    check.with_limit("on the ground")
 }
 
-fn switch(facts: &Facts) -> Check {
+fn switch(facts: &Facts) -> Finding {
     const ID: &str = "mode-switch";
     let state = match state(facts, ID) {
         Ok(state) => state,
         Err(check) => return check,
     };
     let check = match PilotSwitch::from_code(state.safety.pilot_switch) {
-        Some(PilotSwitch::Auto) => Check::pass(ID, "auto"),
-        Some(PilotSwitch::Manual) => Check::fail(
+        Some(PilotSwitch::Auto) => Finding::note(ID, "auto"),
+        Some(PilotSwitch::Manual) => Finding::error(
             ID,
             "manual: the pilot flies",
             "set the pilot's switch to auto; the bridge refuses movements until then",
         ),
-        Some(PilotSwitch::Unknown) | None => Check::impossible(
+        Some(PilotSwitch::Unknown) | None => Finding::unchecked(
             ID,
             "the DSP does not send the switch, or what it sent is old",
         )
-        .next_step(
+        .with_next_step(
             "look at the pilot's transmitter; add `supply` to `status.groups` of bridge.toml",
         ),
     };
-    check.limit("auto")
+    check.with_limit("auto")
 }
 
 /// Where the helicopter stands: without it no take-off and no path is taken.
-fn home(facts: &Facts, limits: &Limits) -> Check {
+fn home(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "home";
     let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::Geographic)) {
         Ok(dsp) => dsp,
         Err(check) => return check,
     };
     if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
-        return Check::impossible(
+        return Finding::unchecked(
             ID,
             "the GPS has no fix, and without one a position means nothing",
         );
     }
     let place = &dsp.geographic;
-    Check::pass(
+    Finding::note(
         ID,
         format!(
             "{:.6}, {:.6}, altitude {:.1} m",
             place.latitude_deg, place.longitude_deg, place.altitude_m
         ),
     )
-    .limit("a position")
+    .with_limit("a position")
 }
 
-fn gps_fix(facts: &Facts, limits: &Limits) -> Check {
+fn gps_fix(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "gps-fix";
     let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality)) {
         Ok(dsp) => dsp,
@@ -123,18 +121,18 @@ fn gps_fix(facts: &Facts, limits: &Limits) -> Check {
     let quality = u32::from(dsp.gps_quality);
     let value = format!("quality {quality} ({})", fix_name(quality));
     let check = if limits.gps_quality_pass.contains(&quality) {
-        Check::pass(ID, value)
+        Finding::note(ID, value)
     } else if limits.gps_quality_warn.contains(&quality) {
         let next_step = "wait for a better fix, or widen `[arrival]` of bridge.toml: positions may be metres wrong";
-        Check::warn(ID, value, next_step)
+        Finding::warning(ID, value, next_step)
     } else {
-        Check::fail(
+        Finding::error(
             ID,
             value,
             "wait for a fix with a free view of the sky; look at the antenna",
         )
     };
-    check.limit(format!(
+    check.with_limit(format!(
         "quality {} (warn with {})",
         list(&limits.gps_quality_pass),
         list(&limits.gps_quality_warn)
@@ -165,7 +163,7 @@ fn list(numbers: &[u32]) -> String {
     }
 }
 
-fn battery(facts: &Facts, limits: &Limits) -> Check {
+fn battery(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "battery";
     match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
         Ok(dsp) => {
@@ -182,7 +180,7 @@ fn battery(facts: &Facts, limits: &Limits) -> Check {
     }
 }
 
-fn fuel(facts: &Facts, limits: &Limits) -> Check {
+fn fuel(facts: &Facts, limits: &Limits) -> Finding {
     const ID: &str = "fuel";
     match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
         Ok(dsp) => {
@@ -200,22 +198,22 @@ fn at_least(
     unit: &str,
     threshold: Threshold,
     next_step: &str,
-) -> Check {
+) -> Finding {
     let text = format!("{value:.1} {unit}");
     let check = if value < threshold.fail {
-        Check::fail(id, text, next_step)
+        Finding::error(id, text, next_step)
     } else if value < threshold.warn {
-        Check::warn(id, text, next_step)
+        Finding::warning(id, text, next_step)
     } else {
-        Check::pass(id, text)
+        Finding::note(id, text)
     };
-    check.limit(format!(
+    check.with_limit(format!(
         "at least {} {unit} (fail below {} {unit})",
         threshold.warn, threshold.fail
     ))
 }
 
-fn fence(facts: &Facts) -> Check {
+fn fence(facts: &Facts) -> Finding {
     const ID: &str = "fence";
     let state = match state(facts, ID) {
         Ok(state) => state,
@@ -228,7 +226,7 @@ fn fence(facts: &Facts) -> Check {
         number => format!("{number} areas"),
     };
     let check = match in_file {
-        Some(file) if file.areas() != in_force => Check::warn(
+        Some(file) if file.areas() != in_force => Finding::warning(
             ID,
             format!(
                 "{} in force, {} in bridge.toml here",
@@ -238,20 +236,20 @@ fn fence(facts: &Facts) -> Check {
             "`ril fence reload`; or name the bridge's file with --bridge",
         ),
         Some(file) if in_force == 0 && !file.is_empty() => {
-            Check::pass(ID, "no areas; bridge.toml here limits the altitude")
+            Finding::note(ID, "no areas; bridge.toml here limits the altitude")
         }
-        _ if in_force == 0 => Check::warn(
+        _ if in_force == 0 => Finding::warning(
             ID,
             "no areas: the helicopter may fly anywhere",
             "add `[[fence.area]]` to bridge.toml, then `ril fence reload`",
         ),
-        _ => Check::pass(ID, format!("{} in force", areas(in_force))),
+        _ => Finding::note(ID, format!("{} in force", areas(in_force))),
     };
-    check.limit("as in bridge.toml, at least 1 area")
+    check.with_limit("as in bridge.toml, at least 1 area")
 }
 
 /// Whether a safety rule is broken now.
-fn safety_rules(facts: &Facts) -> Check {
+fn safety_rules(facts: &Facts) -> Finding {
     const ID: &str = "safety-rules";
     let state = match state(facts, ID) {
         Ok(state) => state,
@@ -259,7 +257,7 @@ fn safety_rules(facts: &Facts) -> Check {
     };
     let safety = &state.safety;
     if safety.rule == 0 {
-        return Check::pass(ID, "none broken").limit("none broken");
+        return Finding::note(ID, "none broken").with_limit("none broken");
     }
     let rule = SafetyRule::from_code(safety.rule);
     let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
@@ -273,18 +271,18 @@ fn safety_rules(facts: &Facts) -> Check {
     let value = format!("{name} broken{by}; the bridge's action: {does}");
     let next_step = "remove the cause; docs/safety.md says what each rule does";
     let check = match action {
-        Some(SafetyAction::Warn) => Check::warn(ID, value, next_step),
-        _ => Check::fail(ID, value, next_step),
+        Some(SafetyAction::Warn) => Finding::warning(ID, value, next_step),
+        _ => Finding::error(ID, value, next_step),
     };
-    check.limit("none broken")
+    check.with_limit("none broken")
 }
 
 /// Whether the bridge watches battery and fuel in flight.
-fn supply_rules(facts: &Facts) -> Check {
+fn supply_rules(facts: &Facts) -> Finding {
     const ID: &str = "supply-rules";
     let Some(config) = &facts.bridge else {
         let why = "no bridge.toml that can be read is here";
-        return Check::impossible(ID, why).next_step("name the bridge's file with --bridge");
+        return Finding::unchecked(ID, why).with_next_step("name the bridge's file with --bridge");
     };
     let unwatched: Vec<&str> = [
         ("battery_v", &config.safety.battery_v),
@@ -295,12 +293,12 @@ fn supply_rules(facts: &Facts) -> Check {
     .map(|(name, _)| name)
     .collect();
     let check = match unwatched.as_slice() {
-        [] => Check::pass(ID, "battery and fuel are watched in flight"),
-        names => Check::warn(
+        [] => Finding::note(ID, "battery and fuel are watched in flight"),
+        names => Finding::warning(
             ID,
             format!("no limits in bridge.toml for {}", names.join(" and ")),
             "set them in `[safety]` of bridge.toml, then restart the bridge",
         ),
     };
-    check.limit("battery and fuel watched")
+    check.with_limit("battery and fuel watched")
 }

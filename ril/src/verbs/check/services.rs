@@ -3,17 +3,15 @@
 use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};
 
-use super::super::facts::{DomainFacts, Namespace, Provided};
-use super::finding::{About, Finding, Subject};
-
-const SERVICES_OF_ROBOT: About = About(Subject::Services);
+use super::facts::{DomainFacts, Namespace, Provided};
+use crate::finding::Finding;
 
 /// What the providers of `robot` mean.
 pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
     let providers = match &domain.providers {
         Ok(providers) => providers,
         Err(trouble) => {
-            return vec![SERVICES_OF_ROBOT.error(
+            return vec![Finding::error(
                 "services-unclear",
                 format!("looking for the providers of the domain's services {trouble}"),
                 format!(
@@ -39,7 +37,6 @@ pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
 
 /// What of the services that `command` provides is there. One process must provide them all.
 fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
-    const ABOUT: About = SERVICES_OF_ROBOT;
     let keys = |wanted: bool| -> String {
         let of_command = SERVICES.iter().filter(|spec| spec.id.provider() == command);
         let keys: Vec<&str> = of_command
@@ -60,16 +57,16 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
                 "{name} provides {} of robot {robot} from another machine",
                 keys(true)
             );
-            ABOUT.note("service-relayed", text)
+            Finding::note("service-relayed", text)
         }
         [] => {
             let text = format!("no {command} of robot {robot} is running");
-            let finding = ABOUT.note("service-absent", text);
+            let finding = Finding::note("service-absent", text);
             finding.with_next_step(format!("`ril run {command} --robot {robot}` starts one"))
         }
         [name] if absent.is_empty() => {
             let text = format!("{name} provides {} of robot {robot}", keys(true));
-            ABOUT.note("service-right", text)
+            Finding::note("service-right", text)
         }
         [name] => {
             let text = format!(
@@ -77,27 +74,26 @@ fn one_process(command: &str, provided: &[&Provided], robot: u32) -> Finding {
                 keys(true)
             );
             let next_step = "look again: it may just be starting; if it stays so, restart it";
-            ABOUT.warning("service-incomplete", text, next_step)
+            Finding::warning("service-incomplete", text, next_step)
         }
         names => {
             let names = names.join(", ");
             let text =
                 format!("what one {command} of robot {robot} should provide is divided: {names}");
-            ABOUT.warning("service-divided", text, "keep one of them running")
+            Finding::warning("service-divided", text, "keep one of them running")
         }
     }
 }
 
 /// What cannot be known of a process in other namespaces, and what goes wrong there.
 fn namespaces(process: &Provided) -> Vec<Finding> {
-    const ABOUT: About = SERVICES_OF_ROBOT;
     let mut findings = Vec::new();
     let name = named(process);
     if process.pids == Namespace::Other {
         let text = format!(
             "{name} runs where processes have other numbers, such as in a container: whether it is stopped, and what it has open, cannot be told from here"
         );
-        let finding = ABOUT.note("other-pid-namespace", text);
+        let finding = Finding::note("other-pid-namespace", text);
         findings.push(finding.with_next_step("to know that, run `ril doctor` there"));
     }
     if process.clock == Namespace::Other {
@@ -105,7 +101,7 @@ fn namespaces(process: &Provided) -> Vec<Finding> {
             "{name} runs in another time namespace: where clocks differ, the ages of its data that commands show here are wrong"
         );
         let next_step = "run all processes of the robot in one time namespace: without `unshare --time`, and in containers without clock offsets";
-        findings.push(ABOUT.warning("other-time-namespace", text, next_step));
+        findings.push(Finding::warning("other-time-namespace", text, next_step));
     }
     findings
 }
@@ -157,9 +153,9 @@ fn is_here(provided: &Provided) -> bool {
 mod tests {
     use ipc_types::{Provider, RobotId, ServiceId};
 
-    use super::super::super::facts::Trouble;
-    use super::super::finding::Severity::{self, Error, Note, Warning};
+    use super::super::facts::Trouble;
     use super::*;
+    use crate::finding::Severity::{self, Error, Note, Warning};
 
     fn provided(service: ServiceId, process: &str, pid: u32) -> Provided {
         Provided {

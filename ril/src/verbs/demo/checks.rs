@@ -120,9 +120,10 @@ fn states(seen: &Seen) -> Finding {
     let mut expected = EXPECTED_STATES.iter();
     let mut states = seen.states.iter();
     let in_order = states.all(|state| expected.any(|next| next == state));
-    let movements = seen.states.iter().filter(|(_, functionality)| {
-        matches!(functionality, TakingOff | FollowingPath | Landing)
-    });
+    let movements = seen
+        .states
+        .iter()
+        .filter(|(_, functionality)| matches!(functionality, TakingOff | FollowingPath | Landing));
     let movements = movements.count();
     let ended = seen.states.last() == EXPECTED_STATES.last();
     check(
@@ -241,8 +242,8 @@ mod tests {
     use ipc_types::payload::{HeroTelemetry, ModuleState};
     use ipc_types::{Losses, MonotonicNs, TelemetryGroup};
 
+    use super::super::flight::waypoints_of;
     use super::*;
-    use crate::demo::flight::waypoints_of;
     use crate::finding::Severity;
 
     const HOME: Waypoint = Waypoint {

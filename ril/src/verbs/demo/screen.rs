@@ -8,7 +8,6 @@ use ipc_types::MonotonicNs;
 use runtime::exit::Failure;
 use serde::Serialize;
 
-use super::flight::Flight;
 use super::seen::Seen;
 use crate::commands::json_line;
 use crate::finding::{Finding, Severity};
@@ -165,17 +164,14 @@ struct CheckObject<'a> {
 
 /// Prints the result on standard output: in lines for people, or as one JSON object.
 pub(super) fn print_result(
-    flight: &Flight,
+    seen: &Seen,
+    flight: Duration,
     checks: &[Finding],
     kept: Kept<'_>,
     json: bool,
 ) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    let (flight_s, p50, p99) = (
-        flight.took.as_secs_f64(),
-        flight.seen.age_ms(50),
-        flight.seen.age_ms(99),
-    );
+    let (flight_s, p50, p99) = (flight.as_secs_f64(), seen.age_ms(50), seen.age_ms(99));
     let has_passed = |check: &Finding| check.severity == Severity::Note;
     let passed = checks.iter().all(has_passed);
     if json {
