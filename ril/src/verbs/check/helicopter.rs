@@ -6,7 +6,7 @@ use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use super::facts::Facts;
 use super::limits::{Limits, Threshold};
-use super::robot::{age_s, state};
+use super::robot::{Checked, age_s, either, state};
 use crate::finding::Finding;
 use crate::messages::details::amount;
 
@@ -15,7 +15,7 @@ const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and res
 
 /// The checks of the helicopter and its rules.
 pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
-    vec![
+    let mut checks: Vec<Finding> = [
         ground(facts, limits),
         switch(facts),
         home(facts, limits),
@@ -24,8 +24,11 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
         fuel(facts, limits),
         fence(facts),
         safety_rules(facts),
-        supply_rules(facts),
     ]
+    .map(either)
+    .into();
+    checks.push(supply_rules(facts));
+    checks
 }
 
 /// A sample of the present that has `group`, or the check that cannot be made without it.
@@ -54,22 +57,18 @@ fn sample<'a>(
     }
 }
 
-fn ground(facts: &Facts, limits: &Limits) -> Finding {
+fn ground(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "ground";
-    let check = match sample(facts, limits, ID, None) {
-        Err(check) => return check,
-        Ok(dsp) if dsp.flying == 0 => Finding::note(ID, "on the ground"),
-        Ok(_) => Finding::warning(ID, "flying", "these checks are for before the take-off"),
+    let check = match sample(facts, limits, ID, None)?.flying {
+        0 => Finding::note(ID, "on the ground"),
+        _ => Finding::warning(ID, "flying", "these checks are for before the take-off"),
     };
-    check.with_limit("on the ground")
+    Ok(check.with_limit("on the ground"))
 }
 
-fn switch(facts: &Facts) -> Finding {
+fn switch(facts: &Facts) -> Checked {
     const ID: &str = "mode-switch";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     let check = match PilotSwitch::from_code(state.safety.pilot_switch) {
         Some(PilotSwitch::Auto) => Finding::note(ID, "auto"),
         Some(PilotSwitch::Manual) => Finding::error(
@@ -85,39 +84,28 @@ fn switch(facts: &Facts) -> Finding {
             "look at the pilot's transmitter; add `supply` to `status.groups` of bridge.toml",
         ),
     };
-    check.with_limit("auto")
+    Ok(check.with_limit("auto"))
 }
 
 /// Where the helicopter stands: without it no take-off and no path is taken.
-fn home(facts: &Facts, limits: &Limits) -> Finding {
+fn home(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "home";
-    let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::Geographic)) {
-        Ok(dsp) => dsp,
-        Err(check) => return check,
-    };
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Geographic))?;
     if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
-        return Finding::unchecked(
-            ID,
-            "the GPS has no fix, and without one a position means nothing",
-        );
+        let why = "the GPS has no fix, and without one a position means nothing";
+        return Err(Finding::unchecked(ID, why));
     }
     let place = &dsp.geographic;
-    Finding::note(
-        ID,
-        format!(
-            "{:.6}, {:.6}, altitude {:.1} m",
-            place.latitude_deg, place.longitude_deg, place.altitude_m
-        ),
-    )
-    .with_limit("a position")
+    let text = format!(
+        "{:.6}, {:.6}, altitude {:.1} m",
+        place.latitude_deg, place.longitude_deg, place.altitude_m
+    );
+    Ok(Finding::note(ID, text).with_limit("a position"))
 }
 
-fn gps_fix(facts: &Facts, limits: &Limits) -> Finding {
+fn gps_fix(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "gps-fix";
-    let dsp = match sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality)) {
-        Ok(dsp) => dsp,
-        Err(check) => return check,
-    };
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality))?;
     let quality = u32::from(dsp.gps_quality);
     let value = format!("quality {quality} ({})", fix_name(quality));
     let check = if limits.gps_quality_pass.contains(&quality) {
@@ -132,11 +120,11 @@ fn gps_fix(facts: &Facts, limits: &Limits) -> Finding {
             "wait for a fix with a free view of the sky; look at the antenna",
         )
     };
-    check.with_limit(format!(
+    Ok(check.with_limit(format!(
         "quality {} (warn with {})",
         list(&limits.gps_quality_pass),
         list(&limits.gps_quality_warn)
-    ))
+    )))
 }
 
 /// The NMEA name of a fix quality.
@@ -163,32 +151,19 @@ fn list(numbers: &[u32]) -> String {
     }
 }
 
-fn battery(facts: &Facts, limits: &Limits) -> Finding {
+fn battery(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "battery";
-    match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
-        Ok(dsp) => {
-            let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
-            at_least(
-                ID,
-                volts,
-                "V",
-                limits.battery_v,
-                "charge or replace the battery",
-            )
-        }
-        Err(check) => check,
-    }
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
+    let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
+    let next_step = "charge or replace the battery";
+    Ok(at_least(ID, volts, "V", limits.battery_v, next_step))
 }
 
-fn fuel(facts: &Facts, limits: &Limits) -> Finding {
+fn fuel(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "fuel";
-    match sample(facts, limits, ID, Some(TelemetryGroup::Supply)) {
-        Ok(dsp) => {
-            let percent = f64::from(dsp.supply.fuel_percent);
-            at_least(ID, percent, "%", limits.fuel_percent, "refuel")
-        }
-        Err(check) => check,
-    }
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
+    let percent = f64::from(dsp.supply.fuel_percent);
+    Ok(at_least(ID, percent, "%", limits.fuel_percent, "refuel"))
 }
 
 /// A value that should not be below its limits.
@@ -213,12 +188,9 @@ fn at_least(
     ))
 }
 
-fn fence(facts: &Facts) -> Finding {
+fn fence(facts: &Facts) -> Checked {
     const ID: &str = "fence";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     let in_force = state.safety.fence_areas as usize;
     let in_file = facts.bridge.as_ref().map(|config| &config.fence);
     let areas = |number: usize| match number {
@@ -245,19 +217,16 @@ fn fence(facts: &Facts) -> Finding {
         ),
         _ => Finding::note(ID, format!("{} in force", areas(in_force))),
     };
-    check.with_limit("as in bridge.toml, at least 1 area")
+    Ok(check.with_limit("as in bridge.toml, at least 1 area"))
 }
 
 /// Whether a safety rule is broken now.
-fn safety_rules(facts: &Facts) -> Finding {
+fn safety_rules(facts: &Facts) -> Checked {
     const ID: &str = "safety-rules";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     let safety = &state.safety;
     if safety.rule == 0 {
-        return Finding::note(ID, "none broken").with_limit("none broken");
+        return Ok(Finding::note(ID, "none broken").with_limit("none broken"));
     }
     let rule = SafetyRule::from_code(safety.rule);
     let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
@@ -274,7 +243,7 @@ fn safety_rules(facts: &Facts) -> Finding {
         Some(SafetyAction::Warn) => Finding::warning(ID, value, next_step),
         _ => Finding::error(ID, value, next_step),
     };
-    check.with_limit("none broken")
+    Ok(check.with_limit("none broken"))
 }
 
 /// Whether the bridge watches battery and fuel in flight.

@@ -14,19 +14,26 @@ use crate::words::count;
 /// 20 s of status messages.
 const LEAST_MESSAGES: u64 = 1000;
 
+/// A check, or why it could not be made.
+pub(super) type Checked = Result<Finding, Finding>;
+
+pub(super) fn either(check: Checked) -> Finding {
+    check.unwrap_or_else(|unmade| unmade)
+}
+
 /// The checks of processes, link and data.
 pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
     vec![
         process(facts, "bridge"),
         process(facts, "status"),
         orders(facts),
-        link(facts),
-        losses(facts, limits),
-        dsp_errors(facts),
+        either(link(facts)),
+        either(losses(facts, limits)),
+        either(dsp_errors(facts)),
         telemetry(facts, limits),
         robot_telemetry(facts, limits),
-        module(facts),
-        without_bridge(facts),
+        either(module(facts)),
+        either(without_bridge(facts)),
     ]
 }
 
@@ -78,15 +85,12 @@ pub(super) fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a Module
     state.ok_or_else(|| Finding::unchecked(id, "no state came from the bridge"))
 }
 
-fn link(facts: &Facts) -> Finding {
+fn link(facts: &Facts) -> Checked {
     const ID: &str = "dsp-link";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     let since = MonotonicNs(state.link.state_since_ns);
     let since = age_s(since, facts.now).map_or(String::new(), |age| format!(" for {age:.1} s"));
-    match state.link.state() {
+    Ok(match state.link.state() {
         Some(LinkState::Up) => Finding::note(ID, format!("up{since}")),
         Some(LinkState::Gone) => Finding::error(
             ID,
@@ -109,16 +113,13 @@ fn link(facts: &Facts) -> Finding {
             "use `ril` of the bridge's version",
         ),
     }
-    .with_limit("up")
+    .with_limit("up"))
 }
 
 /// What the line lost in the last minute: an outage before that is over.
-fn losses(facts: &Facts, limits: &Limits) -> Finding {
+fn losses(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "link-losses";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     let LastMinute {
         duration_s,
         messages,
@@ -141,18 +142,15 @@ fn losses(facts: &Facts, limits: &Limits) -> Finding {
     } else {
         Finding::note(ID, value)
     };
-    check.with_limit(format!(
+    Ok(check.with_limit(format!(
         "at most {} % (fail above {} %), none failed",
         threshold.warn, threshold.fail
-    ))
+    )))
 }
 
-fn dsp_errors(facts: &Facts) -> Finding {
+fn dsp_errors(facts: &Facts) -> Checked {
     const ID: &str = "dsp-errors";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     let errors = &state.dsp_errors;
     let check = match errors.total {
         0 => Finding::note(ID, "none since the bridge began"),
@@ -166,7 +164,7 @@ fn dsp_errors(facts: &Facts) -> Finding {
             "find the cause; `ril status` counts them by code",
         ),
     };
-    check.with_limit("none")
+    Ok(check.with_limit("none"))
 }
 
 /// Whether what the DSP sends is of the present.
@@ -221,13 +219,10 @@ fn fresh(
 }
 
 /// Whether the module takes a start.
-fn module(facts: &Facts) -> Finding {
+fn module(facts: &Facts) -> Checked {
     const ID: &str = "module";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
-    match ModuleStatus::from_code(state.status) {
+    let state = state(facts, ID)?;
+    Ok(match ModuleStatus::from_code(state.status) {
         Some(ModuleStatus::WaitingDataToStart) => Finding::note(ID, "not started yet"),
         Some(ModuleStatus::Running) => Finding::note(ID, "started"),
         Some(ModuleStatus::Ended) if state.is_blocked() => Finding::note(ID, "stopped"),
@@ -242,18 +237,18 @@ fn module(facts: &Facts) -> Finding {
             format!("in a state with the unknown number {}", state.status),
             "use `ril` of the bridge's version",
         ),
-    }
+    })
 }
 
 /// What stops the helicopter when the bridge is gone.
-fn without_bridge(facts: &Facts) -> Finding {
+fn without_bridge(facts: &Facts) -> Checked {
     const ID: &str = "dsp-timeout";
-    let state = match state(facts, ID) {
-        Ok(state) => state,
-        Err(check) => return check,
-    };
+    let state = state(facts, ID)?;
     if state.link.state() != Some(LinkState::Up) {
-        return Finding::unchecked(ID, "the DSP was not asked: the link is not up");
+        return Err(Finding::unchecked(
+            ID,
+            "the DSP was not asked: the link is not up",
+        ));
     }
     let check = match state.link.pc_timeout_supported {
         1 => Finding::note(ID, "the DSP stops the helicopter when the bridge is gone"),
@@ -263,7 +258,7 @@ fn without_bridge(facts: &Facts) -> Finding {
             "fly short paths, or set `link.pc_timeout_ms` on a DSP that has port 10004",
         ),
     };
-    check.with_limit("the DSP stops by itself")
+    Ok(check.with_limit("the DSP stops by itself"))
 }
 
 /// Seconds from `time` to `now`; `None` if it lies in the future.

@@ -3,14 +3,11 @@
 use ipc_types::code::{Functionality, ModuleStatus};
 
 use super::seen::{Counts, Seen};
-use crate::finding::Finding;
+use crate::finding::{Finding, Severity};
 
 /// How near a consumer must have seen the helicopter to each waypoint, m: the acceptance radius that the DSP is given
 /// (1 m), and what the noise of a simulated GPS and the time between two samples add.
 const TOLERANCE_M: f64 = 1.5;
-
-/// What to do about a check that failed.
-const NEXT_STEP: &str = "read what the processes said: it is in the folder of the demonstration";
 
 /// Everything that is judged.
 pub(super) struct Evidence<'a> {
@@ -87,10 +84,11 @@ pub(super) fn judge(evidence: &Evidence<'_>) -> Vec<Finding> {
 }
 
 fn check(id: &'static str, passed: bool, figures: String) -> Finding {
-    match passed {
-        true => Finding::note(id, figures),
-        false => Finding::error(id, figures, NEXT_STEP),
-    }
+    let severity = match passed {
+        true => Severity::Note,
+        false => Severity::Error,
+    };
+    Finding::new(severity, id, figures)
 }
 
 fn orders(evidence: &Evidence<'_>) -> Finding {
@@ -244,7 +242,6 @@ mod tests {
 
     use super::super::flight::waypoints_of;
     use super::*;
-    use crate::finding::Severity;
 
     const HOME: Waypoint = Waypoint {
         latitude_deg: 37.0,

@@ -149,7 +149,7 @@ pub(super) fn fly(
             began.elapsed().as_secs_f64()
         ))?;
         let (code, said) = stage.order(screen, spawner.order(name, words))?;
-        let end = said.lines().last().unwrap_or_default();
+        let end = said.lines().last().unwrap_or("it ended without a word");
         screen.line(&format!("{:6.2} s  {end}", began.elapsed().as_secs_f64()))?;
         if code != Some(0) {
             order_failed = Some(format!("`{command}`: {end}"));
@@ -272,15 +272,16 @@ impl<'a> Stage<'a> {
             self.ready += self.readiness.drain();
             self.drain()?;
             screen.draw(&self.seen)?;
-            if done(self) {
-                return Ok(());
-            }
+            // First of all: a signal to the process group may have ended a command that had no group of its own yet.
             if self.termination.requested() {
                 let text = "interrupted; nothing is left running";
                 return Err(match self.termination.signal() {
                     Some(signal) => Failure::interrupted(signal, text),
                     None => Failure::internal(text),
                 });
+            }
+            if done(self) {
+                return Ok(());
             }
             let mut processes = self.processes.iter_mut();
             if let Some(process) = processes.find_map(|one| one.has_ended().then_some(one)) {

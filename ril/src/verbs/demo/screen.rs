@@ -17,7 +17,7 @@ use crate::live::{Block, Size};
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 
 /// Width of the names of the checks, and a space.
-const HEADING: usize = 33;
+const HEADING: usize = 34;
 
 /// Where and how to show.
 #[derive(Debug)]
