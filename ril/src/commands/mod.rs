@@ -4,7 +4,7 @@ mod chart;
 pub(crate) mod conversation;
 pub mod echo;
 pub mod exchange;
-mod json;
+pub(crate) mod json;
 pub(crate) mod latest;
 pub mod log;
 pub mod measure;

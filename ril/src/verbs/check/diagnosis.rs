@@ -3,7 +3,7 @@
 //! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
 //! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
 //!
-//! Here are memory, configuration and repair; [`domain`], [`services`], [`serial`] and [`relay_link`] have the others.
+//! Here are memory, configuration and repair; `domain`, `services`, `serial` and `relay_link` have the others.
 
 use ipc_types::Repair;
 use runtime::exit::ExitCode;

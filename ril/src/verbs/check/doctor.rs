@@ -4,43 +4,17 @@
 //! link, and no other port is opened. Each look times out.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
 
-use clap::Args;
 use runtime::exit::{ExitCode, Failure};
 use serde::{Serialize, Serializer};
 
+use super::args::DoctorArgs;
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
-use super::{HEADING, MachineArgs, gather, width};
-use crate::cli::exit_codes::EXIT_CODES;
+use super::{HEADING, gather, width};
 use crate::commands::json_line;
 use crate::finding::{Finding, Severity};
 use crate::words::count;
-
-/// `ril doctor`
-///
-/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link. The serial port is not opened in
-/// any case.
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct DoctorArgs {
-    /// What is looked at.
-    #[command(flatten)]
-    pub machine: MachineArgs,
-
-    /// Configuration of the simulator [default: dsp-sim.toml, if it is there]
-    #[arg(long, value_name = "FILE")]
-    pub sim: Option<PathBuf>,
-
-    /// Remove what dead processes left, then examine
-    #[arg(long)]
-    pub repair: bool,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
-}
 
 /// `ril doctor`
 ///

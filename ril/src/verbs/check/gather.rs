@@ -25,7 +25,7 @@ use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
-use super::MachineArgs;
+use super::args::MachineArgs;
 use super::facts::{
     Clock, Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
     Look, MachineFacts, Namespace, PortFacts, PortHolders, Provided, Trouble,

@@ -7,18 +7,16 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, ParameterRequest};
 use ipc_types::{MonotonicNs, Request, Source, Topic, fresh_request_id};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 use serde::{Serialize, Serializer};
 
+use super::args::{MachineArgs, PreflightArgs};
 use super::facts::{Facts, FileContent, FileFacts, Live, Logs, Namespace};
 use super::limits::Limits;
-use super::{HEADING, MachineArgs, gather, helicopter, machine, robot, width};
-use crate::cli::exit_codes::EXIT_CODES;
-use crate::cli::value::duration;
+use super::{HEADING, gather, helicopter, machine, robot, width};
 use crate::commands::conversation::{Conversation, Format};
 use crate::commands::exchange::Until;
 use crate::commands::latest::Latest;
@@ -31,32 +29,6 @@ use crate::words::{count, wrap};
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.
 const START_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// What the checks are judged by, for the end of the help.
-const NOTES: &str = "\
-It changes nothing. `[preflight]` of ril.toml has the limits. The exit code is 0
-when no check failed, and 8 when one did.";
-
-/// `ril preflight`
-#[derive(Args, Clone, Debug)]
-#[command(after_help = format!("{NOTES}\n\n{EXIT_CODES}"))]
-pub struct PreflightArgs {
-    /// What is looked at.
-    #[command(flatten)]
-    pub machine: MachineArgs,
-
-    /// End with exit code 8 also when there are only warnings
-    #[arg(long)]
-    pub strict: bool,
-
-    /// How long to wait for samples, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
-}
 
 /// `ril preflight`
 ///

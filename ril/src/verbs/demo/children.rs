@@ -92,7 +92,7 @@ impl Spawner<'_> {
         self.spawn("record", command)
     }
 
-    /// Gives the operator's command `ril WORDS`, in the folder, where no configuration of the user's is. It is patient: a machine may
+    /// Gives a command of the operator, in the folder, where no configuration of the user's is. It is patient: a machine may
     /// stall.
     pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<Process> {
         let mut command = Command::new(std::env::current_exe()?);

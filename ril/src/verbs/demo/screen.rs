@@ -9,7 +9,7 @@ use runtime::exit::Failure;
 use serde::Serialize;
 
 use super::seen::Seen;
-use crate::commands::json_line;
+use crate::commands::json::json_line;
 use crate::finding::{Finding, Severity};
 use crate::live::{Block, Size};
 
