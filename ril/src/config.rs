@@ -7,7 +7,7 @@ use std::time::Duration;
 use runtime::config::{Deserializer, in_range};
 use serde::Deserialize;
 
-use crate::preflight::limits::Limits;
+use crate::verbs::check::limits::Limits;
 
 /// The file that is read when none is named; it may be absent.
 pub const DEFAULT_FILE: &str = "ril.toml";

@@ -6,18 +6,18 @@
 //! * [`changes`]: what changes from one state of the bridge to the next, in words;
 //! * [`commands`]: the operator's commands, thin shells around pure values;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
-//! * [`demo`]: a whole simulated mission with one command;
+//! * [`finding`]: what doctor, preflight, the demonstration and alarms find;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
 //! * `habit`: what was called otherwise in earlier versions;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
-//! * [`preflight`]: whether a robot is ready to take off;
 //! * [`record`](mod@record): what a flight record is made of;
 //! * [`log`]: logs of flights, read and summed up;
 //! * [`wait`]: conditions of a robot that a script waits for;
 //! * [`replay`]: keys and requests of a flight that is played;
 //! * [`robots`]: the robots of a user, as a table;
+//! * [`verbs`]: doctor, preflight and the demonstration;
 //! * [`pilot`]: what a pilot asks first, of the newest telemetry;
 //! * [`watch`]: what `ril watch` knows and shows;
 //! * [`words`]: numbers, times and paragraphs as people read them.
@@ -45,18 +45,18 @@ pub mod cli;
 pub mod commands;
 pub mod completion;
 pub mod config;
-pub mod demo;
 pub mod fields;
+pub mod finding;
 mod habit;
 pub mod live;
 pub mod log;
 pub mod measure;
 pub mod messages;
 pub mod pilot;
-pub mod preflight;
 pub mod record;
 pub mod replay;
 pub mod robots;
+pub mod verbs;
 pub mod wait;
 pub mod watch;
 pub mod words;
@@ -66,9 +66,11 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
-use commands::{doctor, echo, param, plan, relay, request, state, topic};
+use commands::{echo, param, plan, relay, request, state, topic};
 use messages::ErrorObject;
 use runtime::exit::{self, Failure};
+use verbs::check::{doctor, preflight};
+use verbs::demo;
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -151,7 +153,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
-        Command::Preflight(args) => commands::preflight::preflight(&args),
+        Command::Preflight(args) => preflight::preflight(&args),
         Command::Wait(args) => commands::wait::wait(&args),
         Command::Record(args) => commands::record::record(&args),
         Command::Log(args) => commands::log::log(&args, choice),

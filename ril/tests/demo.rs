@@ -59,8 +59,12 @@ const OF_SAMPLES: [&str; 4] = [
 #[track_caller]
 fn has_passed(finished: &Finished) -> bool {
     let lines = || finished.stdout.iter();
-    let mut failed = lines().filter_map(|line| line.strip_prefix("FAILED "));
-    let is_of_samples = |line: &str| OF_SAMPLES.iter().any(|check| line.starts_with(check));
+    let mut failed = lines().filter_map(|line| line.strip_prefix("FAIL "));
+    let is_of_samples = |line: &str| {
+        OF_SAMPLES
+            .iter()
+            .any(|check| line.trim_start().starts_with(check))
+    };
     assert!(failed.all(is_of_samples), "{finished:#?}");
     assert!(
         lines().filter(|line| line.starts_with("ok ")).count() >= 10 - OF_SAMPLES.len(),
@@ -123,8 +127,8 @@ fn a_signal_at_any_moment_leaves_nothing() {
     for (moment, signal) in [
         ("starting the simulator", Signal::INT),
         ("start: done", Signal::INT),
-        ("take off to", Signal::TERM),
-        ("fly 4 waypoints", Signal::INT),
+        ("ril takeoff 5m", Signal::TERM),
+        ("ril goto --file square.txt", Signal::INT),
     ] {
         let rig = Rig::new();
         let mut demo = start(&rig, "--speed 5");
@@ -173,7 +177,7 @@ fn its_processes_do_not_outlive_it_even_when_it_is_killed() {
     let rig = Rig::new();
     let mut demo = start(&rig, "--speed 5");
     let pid = demo.id();
-    demo.wait_for_text("take off to");
+    demo.wait_for_text("ril takeoff 5m");
     let children: Vec<_> = children_by_mark(&format!("hx{pid:x}-"))
         .into_iter()
         .map(|child| {
@@ -181,7 +185,8 @@ fn its_processes_do_not_outlive_it_even_when_it_is_killed() {
             pidfd_open(child, PidfdFlags::empty()).unwrap()
         })
         .collect();
-    assert_eq!(children.len(), 4);
+    // The command of the operator may have begun already.
+    assert!([4, 5].contains(&children.len()), "{}", children.len());
     demo.signal(Signal::KILL);
     demo.wait_exit();
     for child in &children {

@@ -10,7 +10,6 @@ mod global;
 mod length;
 mod log;
 mod plan;
-mod preflight;
 mod record;
 mod relay;
 mod replay;
@@ -20,12 +19,11 @@ mod shell;
 #[cfg(test)]
 mod tests;
 mod topic;
-mod value;
+pub(crate) mod value;
 mod wait;
 mod watch;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -34,7 +32,8 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
-use crate::demo;
+use crate::verbs::check::args::{DoctorArgs, PreflightArgs};
+use crate::verbs::demo;
 use exit_codes::EXIT_CODES;
 pub use global::{GlobalArgs, wants_json};
 pub use length::{Height, Target, waypoints};
@@ -46,7 +45,6 @@ pub use plan::{
     HomeArg, PlanArgs, PlanCheckArgs, PlanCommand, PlanFileArgs, PlanFlyArgs, PlanLookArgs,
     PlanShowArgs, ReferenceName,
 };
-pub use preflight::PreflightArgs;
 pub use record::RecordArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use replay::ReplayArgs;
@@ -273,40 +271,4 @@ pub struct StateArgs {
     /// Go on until a signal: on a terminal show all anew in its place, elsewhere print a line at every change
     #[arg(long)]
     pub watch: bool,
-}
-
-/// `ril doctor`
-///
-/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link. The serial port is not opened in
-/// any case.
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct DoctorArgs {
-    /// What every process takes; the configuration is that of the operator's commands.
-    #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// Configuration of the bridge [default: bridge.toml, if it is there]
-    #[arg(long, value_name = "FILE")]
-    pub bridge: Option<PathBuf>,
-
-    /// Configuration of status [default: status.toml, if it is there]
-    #[arg(long, value_name = "FILE")]
-    pub status: Option<PathBuf>,
-
-    /// Configuration of the simulator [default: dsp-sim.toml, if it is there]
-    #[arg(long, value_name = "FILE")]
-    pub sim: Option<PathBuf>,
-
-    /// Serial port, instead of `serial.port` of the bridge's configuration
-    #[arg(long, value_name = "PATH", env = "RIL_PORT")]
-    pub port: Option<PathBuf>,
-
-    /// Remove what dead processes left, then examine
-    #[arg(long)]
-    pub repair: bool,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
 }

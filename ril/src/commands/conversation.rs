@@ -18,7 +18,7 @@ fn is_failure(report: &RequestReport) -> bool {
 
 /// How reports are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Format {
+pub(crate) enum Format {
     /// Not at all: the command needs the answer itself.
     Silent,
     /// As lines for people.
@@ -37,7 +37,7 @@ impl Format {
 }
 
 /// Something that a command looks at while it follows a request.
-pub(super) trait Companion {
+pub(crate) trait Companion {
     /// What wakes it.
     fn source(&mut self) -> &mut dyn Source;
 
@@ -50,7 +50,7 @@ pub(super) trait Companion {
 }
 
 /// A command's conversations with the bridge over one service.
-pub(super) struct Conversation<'a, R: Request> {
+pub(crate) struct Conversation<'a, R: Request> {
     verb: Verb,
     timeout: Duration,
     key: &'static str,

@@ -16,12 +16,13 @@ use super::conversation::{Conversation, Format};
 use super::exchange::Until;
 use super::position::ground_altitude_m;
 use super::robot::refuse_to_guess;
-use super::{Session, configuration, preflight};
+use super::{Session, configuration};
 use crate::cli::{
     self, ControlArgs, FenceCommand, GotoArgs, Height, LandArgs, RequestArgs, RobotChoice,
     TakeoffArgs, Target,
 };
 use crate::messages::Verb;
+use crate::verbs::check::preflight;
 
 /// Longest file of waypoints: more than twenty times the bytes of the longest path that the bridge takes.
 const MAX_FILE_BYTES: u64 = 1024 * 1024;

@@ -81,7 +81,7 @@ fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String
 }
 
 /// The way to the robots of another user. RIL_IPC_ROOT does not lead there: no process enters the folder of another user.
-pub(super) fn as_user(uid: u32) -> String {
+pub(crate) fn as_user(uid: u32) -> String {
     format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`")
 }
 

@@ -16,12 +16,13 @@ use ipc_types::{
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
-use super::doctor::facts::{DomainFacts, Provided};
 use super::latest::Latest;
 use super::sample_age::{STALE_AFTER, age_ms, named};
-use super::{configuration, doctor, json_line, robot};
+use super::{configuration, json_line, robot};
 use crate::cli::RobotsArgs;
 use crate::robots::{Robot, SCHEMA, Table};
+use crate::verbs::check::facts::{DomainFacts, Provided};
+use crate::verbs::check::gather;
 
 /// `ril robots`
 ///
@@ -34,7 +35,7 @@ pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
     };
     let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-    let facts = doctor::domain_facts(&domain);
+    let facts = gather::domain(&domain);
     let unreadable = |trouble| {
         let text = format!(
             "looking at {} {trouble}; `ril doctor` says more",

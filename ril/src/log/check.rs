@@ -129,16 +129,6 @@ impl FileCheck {
     pub fn is_in_order(&self) -> bool {
         self.complete && self.unexplained == 0
     }
-
-    /// How many messages of these topics the record says that it does not have.
-    pub fn told(&self, topics: &[String]) -> u64 {
-        let kinds = [EventKind::Gap, EventKind::Loss, EventKind::Late].map(EventKind::name);
-        let events = self.events.iter();
-        events
-            .filter(|event| kinds.contains(&event.kind) && topics.contains(&event.topic))
-            .map(|event| event.count)
-            .sum()
-    }
 }
 
 /// How many missing messages of each topic the record has events about.

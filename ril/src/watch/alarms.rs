@@ -6,6 +6,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use super::journal::Weight;
+use crate::finding::Finding;
 
 /// An alarm that is over for less than this and comes back is the same one: it is not told again. Several seconds, so that a link
 /// which loses every other message does not fill the journal.
@@ -14,55 +15,28 @@ pub const SETTLE: Duration = Duration::from_secs(5);
 /// Most alarms at a time: there are fewer kinds, but for DSP errors, of which there are 65,536. Further ones are not shown.
 const MAX_ALARMS: usize = 32;
 
-/// What an alarm is about. Amounts are not part of it: they change while it lasts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    /// The bridge's process is gone.
-    BridgeGone,
-    /// The bridge lives and says nothing.
-    BridgeSilent,
-    /// The link to the DSP is not up.
-    DspLink,
-    /// The relay's link to the robot is not up.
-    RelayLink,
-    /// Telemetry is old.
-    Telemetry,
-    /// A rule of flight safety is violated, by its number.
-    Safety(u32),
-    /// No GPS fix in flight.
-    NoFix,
-    /// The DSP reported an error with this code.
-    DspError(u32),
-    /// The module was blocked by an error with this number.
-    Blocked(u32),
-    /// The process status is gone.
-    StatusGone,
-}
-
-/// What is wrong at the moment.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// What it is about.
-    pub kind: Kind,
-    /// Warning or alarm.
-    pub weight: Weight,
-    /// In words.
-    pub text: String,
-}
-
 /// An alarm that lasts, or was over a short while ago.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alarm {
-    /// What it is about.
-    pub kind: Kind,
-    /// Warning or alarm.
-    pub weight: Weight,
-    /// In words, with the present amount.
-    pub text: String,
+    /// What is wrong, with the present amount. Name and number make it this alarm; the amount changes while it lasts.
+    pub finding: Finding,
     /// When it began.
     pub since: MonotonicNs,
-    /// Since when it is over, if it is.
+    /// Since when it is over; `None` if it lasts.
     ended: Option<MonotonicNs>,
+    /// Its place among the findings: what matters more is found first.
+    rank: usize,
+}
+
+impl Alarm {
+    /// How much it matters.
+    pub fn weight(&self) -> Weight {
+        self.finding.severity.into()
+    }
+
+    fn is_about(&self, finding: &Finding) -> bool {
+        (self.finding.id, self.finding.number) == (finding.id, finding.number)
+    }
 }
 
 /// What is to be told.
@@ -85,7 +59,7 @@ impl Alarms {
     pub fn update(&mut self, findings: Vec<Finding>, now: MonotonicNs) -> Vec<Change> {
         let mut changes = Vec::new();
         for alarm in &mut self.alarms {
-            let lasts = findings.iter().any(|finding| finding.kind == alarm.kind);
+            let lasts = findings.iter().any(|finding| alarm.is_about(finding));
             match (lasts, alarm.ended) {
                 (true, _) => alarm.ended = None,
                 (false, None) => alarm.ended = Some(now),
@@ -99,24 +73,17 @@ impl Alarms {
             }
             !is_over
         });
-        for finding in findings {
+        for (rank, finding) in findings.into_iter().enumerate() {
             let is_full = self.alarms.len() >= MAX_ALARMS;
-            let known = self
-                .alarms
-                .iter_mut()
-                .find(|alarm| alarm.kind == finding.kind);
-            match known {
-                Some(alarm) => {
-                    alarm.text = finding.text;
-                    alarm.weight = finding.weight;
-                }
+            let mut alarms = self.alarms.iter_mut();
+            match alarms.find(|alarm| alarm.is_about(&finding)) {
+                Some(alarm) => (alarm.finding, alarm.rank) = (finding, rank),
                 None if !is_full => {
                     let alarm = Alarm {
-                        kind: finding.kind,
-                        weight: finding.weight,
-                        text: finding.text,
+                        finding,
                         since: now,
                         ended: None,
+                        rank,
                     };
                     changes.push(Change::Began(alarm.clone()));
                     self.alarms.push(alarm);
@@ -126,9 +93,9 @@ impl Alarms {
         }
         self.alarms.sort_by_key(|alarm| {
             (
-                std::cmp::Reverse(alarm.weight),
+                std::cmp::Reverse(alarm.finding.severity),
                 alarm.ended.is_some(),
-                alarm.kind,
+                alarm.rank,
             )
         });
         changes
@@ -149,21 +116,18 @@ impl Alarms {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::finding::Severity;
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
     }
 
-    fn finding(kind: Kind, text: &str) -> Finding {
-        Finding {
-            kind,
-            weight: Weight::Alarm,
-            text: text.to_owned(),
-        }
+    fn finding(id: &'static str, text: &str) -> Finding {
+        Finding::new(Severity::Error, id, text)
     }
 
     fn link() -> Vec<Finding> {
-        vec![finding(Kind::DspLink, "silent")]
+        vec![finding("dsp-link", "silent")]
     }
 
     #[test]
@@ -176,7 +140,7 @@ mod tests {
         assert_eq!(alarms.lasting().count(), 0, "it is not shown any more");
         assert_eq!(alarms.next(), Some(at(5200)));
         let changes = alarms.update(vec![], at(5200));
-        assert!(matches!(&changes[..], [Change::Ended(alarm)] if alarm.kind == Kind::DspLink));
+        assert!(matches!(&changes[..], [Change::Ended(alarm)] if alarm.finding.id == "dsp-link"));
         assert_eq!(alarms.next(), None);
     }
 
@@ -194,31 +158,26 @@ mod tests {
     #[test]
     fn an_amount_that_changes_is_shown_and_is_no_other_alarm() {
         let mut alarms = Alarms::default();
-        let battery = |text| vec![finding(Kind::Safety(6), text)];
+        let battery = |text| vec![finding("safety", text).with_number(6)];
         alarms.update(battery("by 0.3 V"), at(0));
         assert!(alarms.update(battery("by 0.4 V"), at(1)).is_empty());
-        assert_eq!(alarms.lasting().next().unwrap().text, "by 0.4 V");
+        assert_eq!(alarms.lasting().next().unwrap().finding.text, "by 0.4 V");
     }
 
     #[test]
     fn the_worst_comes_first_and_a_flood_is_bounded() {
         let mut alarms = Alarms::default();
-        let mut flood: Vec<Finding> = (0..1000)
-            .map(|code| finding(Kind::DspError(code), ""))
+        let flood = (0..1000).map(|code| finding("dsp-error", "").with_number(code));
+        let status_gone = Finding::new(Severity::Warning, "status-gone", "");
+        let flood: Vec<Finding> = [status_gone, finding("bridge-gone", "")]
+            .into_iter()
+            .chain(flood)
             .collect();
-        flood.insert(
-            0,
-            Finding {
-                weight: Weight::Warning,
-                ..finding(Kind::StatusGone, "")
-            },
-        );
-        flood.insert(1, finding(Kind::BridgeGone, ""));
         assert_eq!(alarms.update(flood, at(0)).len(), MAX_ALARMS);
-        let kinds: Vec<Kind> = alarms.lasting().map(|alarm| alarm.kind).collect();
+        let ids: Vec<&str> = alarms.lasting().map(|alarm| alarm.finding.id).collect();
         assert_eq!(
-            (kinds[0], kinds[MAX_ALARMS - 1]),
-            (Kind::BridgeGone, Kind::StatusGone)
+            (ids[0], ids[MAX_ALARMS - 1]),
+            ("bridge-gone", "status-gone")
         );
     }
 }

@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 
 use ipc_types::MonotonicNs;
 
+use crate::finding::Severity;
+
 /// Lines that are kept: more than a tall terminal shows.
 pub const MAX_LINES: usize = 200;
 
@@ -28,6 +30,16 @@ impl Weight {
             Weight::Order => ">",
             Weight::Warning => "!",
             Weight::Alarm => "!!",
+        }
+    }
+}
+
+impl From<Severity> for Weight {
+    fn from(severity: Severity) -> Weight {
+        match severity {
+            Severity::Note => Weight::Note,
+            Severity::Warning => Weight::Warning,
+            Severity::Error => Weight::Alarm,
         }
     }
 }

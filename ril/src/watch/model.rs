@@ -189,8 +189,9 @@ impl Robot {
         for change in self.alarms.update(findings, now) {
             match change {
                 Change::Began(alarm) => {
-                    self.bells += u32::from(alarm.weight == Weight::Alarm);
-                    self.journal.add(now, alarm.weight, alarm.text);
+                    let weight = alarm.weight();
+                    self.bells += u32::from(weight == Weight::Alarm);
+                    self.journal.add(now, weight, alarm.finding.text);
                 }
                 Change::Ended(alarm) => {
                     let is_known = self.bridge_feed.at(now).is_fresh();
@@ -199,7 +200,7 @@ impl Robot {
                     } else {
                         "not known any more"
                     };
-                    let text = format!("{what}: {}", alarm.text);
+                    let text = format!("{what}: {}", alarm.finding.text);
                     self.journal.add(now, Weight::Note, text);
                 }
             }

@@ -3,7 +3,6 @@
 use ipc_types::code::{Functionality, RelayLinkState, SafetyAction, SafetyRule};
 
 use super::*;
-use crate::watch::alarms::Kind;
 use crate::watch::fixture::{at, fly, hero, on_path, state, translating};
 
 fn flown() -> Robot {
@@ -17,8 +16,11 @@ fn told(robot: &Robot) -> Vec<String> {
     lines.map(|line| line.text.clone()).collect()
 }
 
-fn alarms(robot: &Robot) -> Vec<Kind> {
-    robot.alarms().lasting().map(|alarm| alarm.kind).collect()
+fn alarms(robot: &Robot) -> Vec<(&'static str, u32)> {
+    let alarms = robot.alarms().lasting();
+    alarms
+        .map(|alarm| (alarm.finding.id, alarm.finding.number))
+        .collect()
 }
 
 #[test]
@@ -52,7 +54,7 @@ fn a_bridge_that_is_killed_is_one_alarm_and_one_bell_and_comes_back() {
     for ms in (20_500..30_000).step_by(250) {
         robot.judge(at(ms));
     }
-    assert_eq!(alarms(&robot), [Kind::BridgeGone]);
+    assert_eq!(alarms(&robot), [("bridge-gone", 0)]);
     assert_eq!(robot.take_bells(), 1);
     assert!(robot.process(Process::Bridge, at(30_000)).age().is_some());
     assert!(robot.telemetry_freshness(at(30_000)).age().is_some());
@@ -79,7 +81,7 @@ fn telemetry_that_stops_is_stale_after_a_second_although_nothing_comes() {
     let next = robot.next(at(21_000)).unwrap();
     assert_eq!(next, at(21_001));
     robot.judge(next);
-    assert_eq!(alarms(&robot), [Kind::Telemetry]);
+    assert_eq!(alarms(&robot), [("telemetry", 0)]);
 }
 
 #[test]
@@ -100,7 +102,7 @@ fn a_safety_rule_is_told_once_with_what_the_bridge_does() {
         .collect();
     assert_eq!(about, ["fence-ceiling by 4.2 m: hold"]);
     let shown = robot.alarms().lasting().next().unwrap();
-    assert_eq!(shown.text, "fence-ceiling by 5.1 m: hold");
+    assert_eq!(shown.finding.text, "fence-ceiling by 5.1 m: hold");
     assert_eq!(robot.take_bells(), 1);
 }
 
@@ -112,7 +114,7 @@ fn a_dsp_error_is_shown_for_a_while_and_stays_in_the_journal() {
     error.dsp_errors.last_code = 30;
     robot.state(&error, at(20_250));
     robot.judge(at(20_250));
-    assert_eq!(alarms(&robot), [Kind::DspError(30)]);
+    assert_eq!(alarms(&robot), [("dsp-error", 30)]);
     assert_eq!(robot.take_bells(), 0, "it ended nothing");
     let mut ms = 20_250;
     while ms < 31_000 {
@@ -156,14 +158,14 @@ fn a_relay_whose_link_is_down_is_the_cause_and_not_the_bridge() {
     };
     robot.relay(&link, at(25_000));
     robot.judge(at(25_000));
-    assert_eq!(alarms(&robot)[0], Kind::RelayLink);
-    assert!(!alarms(&robot).contains(&Kind::BridgeSilent));
+    assert_eq!(alarms(&robot)[0], ("relay-link", 0));
+    assert!(!alarms(&robot).contains(&("bridge-silent", 0)));
     link.state = RelayLinkState::Up.code();
     robot.relay(&link, at(25_000));
     robot.state(&on_path(1, 25_000), at(25_000));
     robot.hero(&hero(30.0, 25.0, 25_000), at(25_000));
     robot.judge(at(25_000));
-    assert!(!alarms(&robot).contains(&Kind::RelayLink));
+    assert!(!alarms(&robot).contains(&("relay-link", 0)));
 }
 
 #[test]
@@ -173,5 +175,5 @@ fn a_lost_fix_in_flight_is_an_alarm() {
     lost.gps_quality = 0;
     robot.hero(&lost, at(20_250));
     robot.judge(at(20_250));
-    assert_eq!(alarms(&robot), [Kind::NoFix]);
+    assert_eq!(alarms(&robot), [("no-fix", 0)]);
 }

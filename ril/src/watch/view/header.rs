@@ -69,7 +69,7 @@ pub(super) fn draw_alarm(robot: &Robot, clock: Clock, area: Rect, buffer: &mut B
         put(buffer, area, 1, "no alarm", OLD);
         return;
     };
-    let word = if worst.weight == Weight::Alarm {
+    let word = if worst.weight() == Weight::Alarm {
         "ALARM"
     } else {
         "WARNING"
@@ -79,8 +79,8 @@ pub(super) fn draw_alarm(robot: &Robot, clock: Clock, area: Rect, buffer: &mut B
         more => format!(", and {more} more"),
     };
     let since = clock.time_of_day(worst.since);
-    let text = format!(" {word}  {} (since {since}{more}) ", worst.text);
-    let style = style_of(worst.weight).add_modifier(Modifier::REVERSED);
+    let text = format!(" {word}  {} (since {since}{more}) ", worst.finding.text);
+    let style = style_of(worst.weight()).add_modifier(Modifier::REVERSED);
     put(buffer, area, 0, &text, style);
 }
 

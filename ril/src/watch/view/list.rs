@@ -54,13 +54,13 @@ pub(super) fn draw(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer) {
             put(buffer, cell(BATTERY, ALARM), 0, &text, style);
         }
         if let Some(worst) = robot.alarms().lasting().next() {
-            let text = format!("{} {}", worst.weight.mark(), worst.text);
+            let text = format!("{} {}", worst.weight().mark(), worst.finding.text);
             put(
                 buffer,
                 cell(ALARM, area.width + 1),
                 0,
                 &text,
-                style_of(worst.weight),
+                style_of(worst.weight()),
             );
         }
     }

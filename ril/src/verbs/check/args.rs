@@ -1,0 +1,80 @@
+//! The arguments of `ril doctor` and `ril preflight`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use runtime::args::CommonArgs;
+
+use crate::cli::exit_codes::EXIT_CODES;
+use crate::cli::value::duration;
+
+/// What the checks are judged by, for the end of the help.
+const NOTES: &str = "\
+It changes nothing. `[preflight]` of ril.toml has the limits. The exit code is 0
+when no check failed, and 8 when one did.";
+
+/// What both verbs look at.
+#[derive(Args, Clone, Debug)]
+pub struct MachineArgs {
+    /// What every process takes; the configuration is that of the operator's commands.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Configuration of the bridge [default: bridge.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub bridge: Option<PathBuf>,
+
+    /// Configuration of status [default: status.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub status: Option<PathBuf>,
+
+    /// Serial port, instead of `serial.port` of the bridge's configuration
+    #[arg(long, value_name = "PATH", env = "RIL_PORT")]
+    pub port: Option<PathBuf>,
+}
+
+/// `ril doctor`
+///
+/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link. The serial port is not opened in
+/// any case.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct DoctorArgs {
+    /// What is looked at.
+    #[command(flatten)]
+    pub machine: MachineArgs,
+
+    /// Configuration of the simulator [default: dsp-sim.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub sim: Option<PathBuf>,
+
+    /// Remove what dead processes left, then examine
+    #[arg(long)]
+    pub repair: bool,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril preflight`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = format!("{NOTES}\n\n{EXIT_CODES}"))]
+pub struct PreflightArgs {
+    /// What is looked at.
+    #[command(flatten)]
+    pub machine: MachineArgs,
+
+    /// End with exit code 8 also when there are only warnings
+    #[arg(long)]
+    pub strict: bool,
+
+    /// How long to wait for samples, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}

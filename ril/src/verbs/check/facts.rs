@@ -1,0 +1,240 @@
+//! What the checks go by: plain values, which `gather` looks up and [`diagnosis`](super::diagnosis) and the preflight judge. Nothing here
+//! looks at anything by itself.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bridge::BridgeConfig;
+use bridge::shell::serial::holders::Holders;
+use ipc_types::inspect::{Entry, Inspection};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
+use ipc_types::{MonotonicNs, Provider, Repair, RobotId, ServiceId};
+use runtime::duration::Shown;
+
+/// What a look found, or why it found nothing.
+pub type Look<T> = Result<T, Trouble>;
+
+/// Why a look found nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// It took longer than this and was given up: something stands in the way that keeps the looking process waiting.
+    TookTooLong(Duration),
+    /// It failed.
+    Failed(String),
+}
+
+impl fmt::Display for Trouble {
+    /// The end of a sentence that begins with what was looked at.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Trouble::TookTooLong(limit) => write!(f, "was given up after {}", Shown(*limit)),
+            Trouble::Failed(reason) => write!(f, "failed: {reason}"),
+        }
+    }
+}
+
+/// What the doctor knows of the machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MachineFacts {
+    /// The robot.
+    pub robot: u32,
+    /// Its shared memory, or why the environment names none.
+    pub domain: Result<DomainFacts, String>,
+    /// What is free in `/dev/shm`.
+    pub free_memory: Look<FreeMemory>,
+    /// Configuration files.
+    pub files: Vec<FileFacts>,
+    /// The bridge's serial port; `None` if the configuration that names it cannot be read.
+    pub port: Option<PortFacts>,
+    /// The relay's link to the robot; `None` if no process provides one here.
+    pub relay: Option<LinkFacts>,
+    /// What was repaired; `None` if that was not asked for.
+    pub repair: Option<Look<Repair>>,
+}
+
+/// Shared memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DomainFacts {
+    /// The folder of the domain.
+    pub root: PathBuf,
+    /// What is there.
+    pub inspection: Look<Inspection>,
+    /// The live providers of all robots of the domain.
+    pub providers: Look<Vec<Provided>>,
+    /// Live processes that do not run because they are stopped.
+    pub stopped: Vec<u32>,
+    /// The domains of other users in the usual place.
+    pub others: Vec<Entry>,
+}
+
+/// A service that a live process provides.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Provided {
+    /// Of which robot.
+    pub robot: RobotId,
+    /// Which service.
+    pub service: ServiceId,
+    /// The process.
+    pub by: Provider,
+    /// Its PID namespace: elsewhere than in this one its process id means nothing.
+    pub pids: Namespace,
+    /// Its time namespace: elsewhere than in this one its times mean other moments.
+    pub clock: Namespace,
+}
+
+/// The namespace of another process, beside the one of this process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Namespace {
+    /// The same.
+    Ours,
+    /// Another one.
+    Other,
+    /// The other process did not say.
+    Unknown,
+}
+
+/// The link of the relay that provides the robot's services here.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinkFacts {
+    /// What the relay says of it; `None` if it says nothing.
+    pub link: Look<Option<RelayLink>>,
+    /// When that was looked at.
+    pub now: MonotonicNs,
+}
+
+/// What is free in `/dev/shm`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FreeMemory {
+    /// Bytes.
+    pub bytes: u64,
+    /// Inodes: each file, folder, segment and socket takes one. `None` if their number is not limited.
+    pub inodes: Option<u64>,
+}
+
+/// A configuration file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileFacts {
+    /// Whose, such as `bridge`; `None` stands for the operator's commands.
+    pub command: Option<&'static str>,
+    /// Which.
+    pub path: PathBuf,
+    /// What is in it.
+    pub content: Look<FileContent>,
+}
+
+/// What is in a configuration file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FileContent {
+    /// There is no such file, and none is needed: the built-in defaults rule.
+    Absent,
+    /// A configuration.
+    Right,
+    /// Something that its process refuses, in that process's words.
+    Wrong(String),
+}
+
+/// The bridge's serial port.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PortFacts {
+    /// Where.
+    pub path: PathBuf,
+    /// Whether the operator chose it; else it is the built-in default, which may not be meant.
+    pub is_chosen: bool,
+    /// What is there.
+    pub device: Look<Device>,
+    /// The processes that use it.
+    pub holders: Look<PortHolders>,
+}
+
+/// What is in the place of a serial port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Device {
+    /// Nothing.
+    Missing,
+    /// A device that can be a serial port.
+    Terminal {
+        /// `None` if this user may open it, else what helps.
+        forbidden: Option<String>,
+    },
+    /// Something else, in words.
+    Other(&'static str),
+}
+
+/// The processes that have terminals.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PortHolders {
+    /// The processes that use the port.
+    pub of_port: Holders,
+    /// The terminals that the live bridge has open.
+    pub by_bridge: Vec<PathBuf>,
+}
+
+/// Everything that the preflight knows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facts {
+    /// The robot.
+    pub robot: u32,
+    /// When the samples were looked at.
+    pub now: MonotonicNs,
+    /// What `ril doctor` knows of the machine.
+    pub machine: MachineFacts,
+    /// The newest samples.
+    pub live: Live,
+    /// The bridge's configuration as it stands in the file here; `None` if there is none, or it is wrong.
+    pub bridge: Option<BridgeConfig>,
+    /// Where status writes its logs.
+    pub logs: Logs,
+    /// The wall clock.
+    pub clock: Clock,
+}
+
+/// The newest sample of each topic; `None` if none came in time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Live {
+    /// State of bridge, link, DSP and safety rules.
+    pub state: Option<ModuleState>,
+    /// Raw telemetry.
+    pub dsp: Option<DspTelemetry>,
+    /// Telemetry in SI units.
+    pub hero: Option<HeroTelemetry>,
+    /// Whether the bridge answered a request that moves nothing, or why not; `None` if there is no bridge to ask.
+    pub answer: Option<Result<(), String>>,
+    /// Whether the samples come from another machine.
+    pub is_relayed: bool,
+}
+
+/// Where status writes its logs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Logs {
+    /// The configuration of status is wrong, which the check of the configuration reports.
+    Unknown,
+    /// No configuration file of status is here, so nothing is known of its logs.
+    NoFile,
+    /// The logs of the configuration, which may be none.
+    Configured(Vec<LogPlace>),
+}
+
+/// A log's folder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogPlace {
+    /// The folder.
+    pub directory: PathBuf,
+    /// Room that the log leaves to other programs, bytes.
+    pub min_free_bytes: u64,
+    /// What is free where the folder is, or will be, bytes; or why that is not known.
+    pub free_bytes: Result<u64, String>,
+    /// Whether this user may write there.
+    pub is_writable: bool,
+}
+
+/// The wall clock, s since 1970.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clock {
+    /// What it shows.
+    pub unix_s: u64,
+    /// The newest moment that must have been: when the file of this program was written.
+    pub not_before_unix_s: u64,
+    /// Whether the system's time service says that the clock is synchronized.
+    pub is_synchronized: bool,
+}

@@ -1,0 +1,600 @@
+//! Gathers the facts: a thin shell around the file system and `/proc` that decides nothing.
+//!
+//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a
+//! file, such as a pipe or a file system that does not answer, may keep a process that opens it waiting without end. Nothing
+//! is opened that could notice it: the serial port is only looked at from outside.
+
+use std::fs;
+use std::io;
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use bridge::BridgeConfig;
+use bridge::shell::serial::holders::{Holders, Terminal};
+use bridge::shell::serial::permission_hint;
+use ipc_types::inspect::{Inspection, Life};
+use ipc_types::payload::RelayLink;
+use ipc_types::service::SERVICES;
+use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
+use runtime::config::load;
+use runtime::exit::Failure;
+use rustix::fs::Access;
+use serde::de::DeserializeOwned;
+use status::log::config::LogConfig;
+
+use super::args::MachineArgs;
+use super::facts::{
+    Clock, Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
+    Look, MachineFacts, Namespace, PortFacts, PortHolders, Provided, Trouble,
+};
+use super::services::bridge_pid;
+
+/// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
+/// is still waited for.
+const LOOK_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How long a sample of the relay's link is waited for, which is published once a second: twice that.
+const LINK_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is given
+/// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
+const REPAIR_TIMEOUT: Duration = Duration::from_secs(15);
+
+/// The directory that shows processes and what they have open.
+const PROC: &str = "/proc";
+
+/// Where shared memory lies.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// What the time service of systemd makes when the clock is synchronized.
+const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
+
+/// A look that goes on in the background.
+struct Looking<T>(Receiver<T>);
+
+impl<T: Send + 'static> Looking<T> {
+    fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
+        let (sender, receiver) = mpsc::sync_channel(1);
+        // When there is no thread the sender is gone at once, and `end` says so. A look that is given up keeps its
+        // thread; it ends with the process.
+        let _ = thread::Builder::new().spawn(move || {
+            let _ = sender.send(look());
+        });
+        Looking(receiver)
+    }
+
+    /// What it found by the time that `timeout` is over, counted from `began`.
+    fn end(self, began: Instant, timeout: Duration) -> Look<T> {
+        let left = timeout.saturating_sub(began.elapsed());
+        self.0.recv_timeout(left).map_err(|error| match error {
+            RecvTimeoutError::Timeout => Trouble::TookTooLong(timeout),
+            RecvTimeoutError::Disconnected => Trouble::Failed("it broke off".to_owned()),
+        })
+    }
+}
+
+/// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration.
+pub(super) fn machine(
+    args: &MachineArgs,
+    sim: Option<&Path>,
+    is_to_repair: bool,
+) -> (MachineFacts, Option<BridgeConfig>) {
+    let (files, bridge) = files(args, sim);
+    let robot = RobotId::from(args.common.robot);
+    let place = Domain::from_environment();
+    let repair = match &place {
+        Ok(place) if is_to_repair => Some(repair(place)),
+        _ => None,
+    };
+    let domain = match &place {
+        Ok(place) => Ok(domain(place)),
+        Err(error) => Err(error.to_string()),
+    };
+    // Where no provider can be found, that is a finding of its own.
+    let is_readable = domain.as_ref().is_ok_and(|facts| facts.providers.is_ok());
+    let relay = match place {
+        Ok(place) if is_readable => relay(&place, robot),
+        _ => None,
+    };
+    let bridge_process = domain
+        .as_ref()
+        .ok()
+        .and_then(|domain| bridge_pid(domain, robot.get()));
+    let facts = MachineFacts {
+        robot: robot.get(),
+        domain,
+        relay,
+        free_memory: memory(),
+        port: chosen_port(args, &files, bridge.as_ref(), bridge_process),
+        files,
+        repair,
+    };
+    (facts, bridge)
+}
+
+/// The serial port that the command line names, or else the bridge's configuration, if either does.
+fn chosen_port(
+    args: &MachineArgs,
+    files: &[FileFacts],
+    bridge: Option<&BridgeConfig>,
+    process: Option<u32>,
+) -> Option<PortFacts> {
+    let (path, is_chosen) = match (&args.port, bridge) {
+        (Some(path), _) => (path, true),
+        (None, Some(config)) => {
+            let is_default = config.serial.port == BridgeConfig::default().serial.port;
+            let has_file = files.iter().any(|file| {
+                file.command == Some("bridge") && file.content == Ok(FileContent::Right)
+            });
+            (&config.serial.port, has_file || !is_default)
+        }
+        (None, None) => return None,
+    };
+    Some(port(path.clone(), is_chosen, process))
+}
+
+/// Looks at the domain, at the providers in it, and at the domains of other users.
+pub(crate) fn domain(domain: &Domain) -> DomainFacts {
+    let began = Instant::now();
+    let (inspected, asked) = (domain.clone(), domain.clone());
+    let inspection = Looking::start(move || inspected.inspect());
+    let providers = Looking::start(move || providers(&asked));
+    let others = Looking::start(Domain::others);
+    let inspection = inspection.end(began, LOOK_TIMEOUT);
+    let providers = providers.end(began, LOOK_TIMEOUT).and_then(|result| result);
+    let stopped = match (&inspection, &providers) {
+        (Ok(inspection), Ok(providers)) => stopped(domain.root(), inspection, providers),
+        _ => Vec::new(),
+    };
+    DomainFacts {
+        root: domain.root().to_owned(),
+        inspection,
+        providers,
+        stopped,
+        // They are only a hint; what keeps this look from its end is reported for the memory.
+        others: others.end(began, LOOK_TIMEOUT).unwrap_or_default(),
+    }
+}
+
+/// Looks at the relay's link to `robot`; `None` if no process provides one here.
+///
+/// The state of a link is in the samples of the relay alone, so this look takes part in the shared memory for a moment.
+fn relay(domain: &Domain, robot: RobotId) -> Option<LinkFacts> {
+    let began = Instant::now();
+    let asked = domain.clone();
+    let looking = Looking::start(move || latest_link(&asked, robot).map_err(failed));
+    let link = match looking.end(began, LOOK_TIMEOUT).and_then(|result| result) {
+        Ok(None) => return None,
+        Ok(Some(link)) => Ok(link),
+        Err(trouble) => Err(trouble),
+    };
+    Some(LinkFacts {
+        link,
+        now: MonotonicNs::now(),
+    })
+}
+
+/// What the relay says of its link now: the outer `None` if there is no relay, the inner one if it says nothing.
+fn latest_link(
+    domain: &Domain,
+    robot: RobotId,
+) -> Result<Option<Option<RelayLink>>, Box<dyn std::error::Error + Send + Sync>> {
+    if !domain.robots(RelayLink::KEY)?.contains(&robot) {
+        return Ok(None);
+    }
+    let ipc = Ipc::join(domain, robot, "ril")?;
+    let mut links: Subscriber<RelayLink> = ipc.subscriber()?;
+    let give_up = Instant::now() + LINK_TIMEOUT;
+    loop {
+        if let Some(link) = links.latest()? {
+            return Ok(Some(Some(link)));
+        }
+        let left = give_up.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Ok(Some(None));
+        }
+        links.wait(left)?;
+    }
+}
+
+/// Removes what is certainly dead.
+fn repair(domain: &Domain) -> Look<Repair> {
+    let domain = domain.clone();
+    let repair = Looking::start(move || domain.repair().map_err(failed));
+    repair
+        .end(Instant::now(), REPAIR_TIMEOUT)
+        .and_then(|result| result)
+}
+
+/// What is free in `/dev/shm`.
+fn memory() -> Look<FreeMemory> {
+    Looking::start(|| free_memory().map_err(failed))
+        .end(Instant::now(), LOOK_TIMEOUT)
+        .and_then(|result| result)
+}
+
+fn free_memory() -> io::Result<FreeMemory> {
+    let status = rustix::fs::statvfs(SHARED_MEMORY)?;
+    Ok(FreeMemory {
+        bytes: status.f_bavail.saturating_mul(status.f_frsize),
+        // A file system without a limit of inodes has none in all.
+        inodes: (status.f_files > 0).then_some(status.f_favail),
+    })
+}
+
+/// Reads the configuration of each process with the process's own code. Says also what the bridge's is, if it is right.
+pub(super) fn files(
+    args: &MachineArgs,
+    sim: Option<&Path>,
+) -> (Vec<FileFacts>, Option<BridgeConfig>) {
+    use crate::config as ril;
+    let began = Instant::now();
+    let bridge = Source::new(args.bridge.as_deref(), bridge::cli::DEFAULT_CONFIG_FILE);
+    let status = Source::new(args.status.as_deref(), status::config::DEFAULT_FILE);
+    let sim = Source::new(sim, dsp_sim::config::DEFAULT_FILE);
+    let own = Source::new(args.common.config.as_deref(), ril::DEFAULT_FILE);
+    let reading = bridge.start::<BridgeConfig>();
+    let others = [
+        (
+            Some("status"),
+            &status,
+            status.start_check::<status::config::Config>(),
+        ),
+        (
+            Some("sim"),
+            &sim,
+            sim.start_check::<dsp_sim::config::Config>(),
+        ),
+        (None, &own, own.start_check::<ril::Config>()),
+    ];
+    let (content, config) = match reading.end(began, LOOK_TIMEOUT) {
+        Ok((content, config)) => (Ok(content), config),
+        Err(trouble) => (Err(trouble), None),
+    };
+    let mut files = vec![bridge.facts(Some("bridge"), content)];
+    for (command, source, check) in others {
+        files.push(source.facts(command, check.end(began, LOOK_TIMEOUT)));
+    }
+    (files, config)
+}
+
+/// Where a configuration comes from.
+struct Source {
+    explicit: Option<PathBuf>,
+    default: &'static str,
+}
+
+impl Source {
+    fn new(explicit: Option<&Path>, default: &'static str) -> Source {
+        Source {
+            explicit: explicit.map(Path::to_owned),
+            default,
+        }
+    }
+
+    fn start<T: DeserializeOwned + Default + Send + 'static>(
+        &self,
+    ) -> Looking<(FileContent, Option<T>)> {
+        let (explicit, default) = (self.explicit.clone(), self.default);
+        Looking::start(move || read(explicit.as_deref(), Path::new(default)))
+    }
+
+    fn start_check<T: DeserializeOwned + Default>(&self) -> Looking<FileContent> {
+        let (explicit, default) = (self.explicit.clone(), self.default);
+        Looking::start(move || read::<T>(explicit.as_deref(), Path::new(default)).0)
+    }
+
+    fn facts(&self, command: Option<&'static str>, content: Look<FileContent>) -> FileFacts {
+        let default = || PathBuf::from(self.default);
+        FileFacts {
+            command,
+            path: self.explicit.clone().unwrap_or_else(default),
+            content,
+        }
+    }
+}
+
+/// What is in a configuration file, and its value if that is right.
+fn read<T: DeserializeOwned + Default>(
+    explicit: Option<&Path>,
+    default: &Path,
+) -> (FileContent, Option<T>) {
+    match load::<T>(explicit, default) {
+        Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, Some(loaded.value)),
+        Ok(loaded) => (FileContent::Right, Some(loaded.value)),
+        Err(error) => {
+            let words = Failure::from(error).chain().join(": ");
+            (FileContent::Wrong(words), None)
+        }
+    }
+}
+
+/// Looks at a serial port, chosen or the default, and at the processes that have terminals open, `bridge` among them.
+fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
+    let began = Instant::now();
+    let (looked_at, held) = (path.clone(), path.clone());
+    let device = Looking::start(move || device(&looked_at).map_err(failed));
+    let holders = Looking::start(move || holders(&held, bridge).map_err(failed));
+    PortFacts {
+        path,
+        is_chosen,
+        device: device.end(began, LOOK_TIMEOUT).and_then(|result| result),
+        holders: holders.end(began, LOOK_TIMEOUT).and_then(|result| result),
+    }
+}
+
+/// What is at `path`, without opening it: that would raise the lines of a port, and an autopilot may restart on that.
+fn device(path: &Path) -> io::Result<Device> {
+    let metadata = match fs::metadata(path) {
+        Ok(metadata) => metadata,
+        Err(error) => {
+            return match error.kind() {
+                io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => Ok(Device::Missing),
+                _ => Err(error),
+            };
+        }
+    };
+    let kind = metadata.file_type();
+    if !kind.is_char_device() {
+        let what = if kind.is_dir() {
+            "a folder"
+        } else if kind.is_fifo() {
+            "a pipe"
+        } else if kind.is_file() {
+            "a file"
+        } else {
+            "something else"
+        };
+        return Ok(Device::Other(what));
+    }
+    if Terminal::new(path, &metadata).is_none() {
+        return Ok(Device::Other("another kind of device"));
+    }
+    let may_open = rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
+    Ok(Device::Terminal {
+        forbidden: (!may_open).then(|| permission_hint(path)),
+    })
+}
+
+/// The processes that use `port`, as the bridge sees them, and which terminals `bridge` has.
+fn holders(port: &Path, bridge: Option<u32>) -> io::Result<PortHolders> {
+    let terminal = fs::metadata(port)
+        .ok()
+        .and_then(|metadata| Terminal::new(port, &metadata));
+    let of_port = match terminal {
+        Some(terminal) => Holders::find(&terminal)?,
+        None => Holders::default(),
+    };
+    // Another user's bridge keeps its files to itself.
+    let open = bridge.and_then(|pid| open_files(&Path::new(PROC).join(pid.to_string())).ok());
+    Ok(PortHolders {
+        of_port,
+        by_bridge: terminals(&open.unwrap_or_default()),
+    })
+}
+
+/// Number and path of everything that a process has open.
+fn open_files(process: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
+    let entries = fs::read_dir(process.join("fd"))?.flatten();
+    let open = entries.filter_map(|entry| {
+        let number = entry.file_name().to_str()?.parse().ok()?;
+        Some((number, fs::read_link(entry.path()).ok()?))
+    });
+    Ok(open.collect())
+}
+
+/// The terminals among open files, but for the standard streams.
+fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
+    let is_terminal = |path: &Path| {
+        let name = path.as_os_str().as_encoded_bytes();
+        name.starts_with(b"/dev/pts/") || name.starts_with(b"/dev/tty")
+    };
+    let mut found: Vec<PathBuf> = open
+        .iter()
+        .filter(|(number, path)| *number > 2 && is_terminal(path))
+        .map(|(_, path)| path.clone())
+        .collect();
+    found.sort();
+    found.dedup();
+    found
+}
+
+/// The live providers of all robots.
+fn providers(domain: &Domain) -> Look<Vec<Provided>> {
+    let mut provided = Vec::new();
+    for spec in &SERVICES {
+        for robot in domain.robots(spec.contract.key).map_err(failed)? {
+            let Some(by) = domain.provider(robot, spec.contract.key).map_err(failed)? else {
+                continue;
+            };
+            provided.push(Provided {
+                robot,
+                service: spec.id,
+                pids: namespace(by.pid_namespace, by.shares_pids()),
+                clock: namespace(by.time_namespace, by.shares_clock()),
+                by,
+            });
+        }
+    }
+    Ok(provided)
+}
+
+fn namespace(number: u64, is_ours: bool) -> Namespace {
+    match (is_ours, number) {
+        (true, _) => Namespace::Ours,
+        (false, 0) => Namespace::Unknown,
+        (false, _) => Namespace::Other,
+    }
+}
+
+/// Live processes of the domain that are stopped.
+///
+/// A member does not say in which PID namespace its process id means something; its provider does, and where the provider
+/// is in another one, so are perhaps the others of its service. What is then left must have something of the domain open:
+/// the operator may kill it, and must not be led to a process that happens to have the same number.
+fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<u32> {
+    let mut pids = Vec::new();
+    for robot in &inspection.robots {
+        let is_elsewhere = |service: &str| {
+            providers.iter().any(|provided| {
+                provided.robot == robot.robot
+                    && provided.service.key() == service
+                    && provided.pids != Namespace::Ours
+            })
+        };
+        let members = robot.members.iter();
+        pids.extend(
+            members
+                .filter(|member| member.life == Life::Live && !is_elsewhere(&member.service))
+                .map(|member| member.pid),
+        );
+    }
+    pids.sort_unstable();
+    pids.dedup();
+    pids.retain(|pid| {
+        let process = Path::new(PROC).join(pid.to_string());
+        let stat = fs::read_to_string(process.join("stat"));
+        stat.is_ok_and(|stat| is_stopped(&stat)) && may_use(root, &process)
+    });
+    pids
+}
+
+/// Whether a process has something beneath `root` open. One that keeps its files to itself may have.
+fn may_use(root: &Path, process: &Path) -> bool {
+    match open_files(process) {
+        Ok(open) => open.iter().any(|(_, path)| path.starts_with(root)),
+        Err(_) => true,
+    }
+}
+
+/// Whether `/proc/PID/stat` tells of a process that is stopped or being traced.
+fn is_stopped(stat: &str) -> bool {
+    // The program's name, in parentheses, may have any character in it.
+    let state = stat.rsplit(')').next().unwrap_or_default().trim_start();
+    state.starts_with(['T', 't'])
+}
+
+fn failed(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Trouble {
+    Trouble::Failed(Failure::internal(error).chain().join(": "))
+}
+
+/// The folders of the logs in the configuration of status; `folder` is where its process began, `None` if that is not known.
+pub(super) fn logs(explicit: Option<PathBuf>, folder: Option<PathBuf>) -> Logs {
+    let looked = Looking::start(move || {
+        let default = Path::new(status::config::DEFAULT_FILE);
+        let loaded = load::<status::config::Config>(explicit.as_deref(), default).ok()?;
+        let logs = loaded.value.log.into_iter();
+        let logs = logs.filter(|log| !log.groups.is_empty());
+        Some(logs.map(|log| log_place(&log, folder.as_deref())).collect())
+    });
+    looked
+        .end(Instant::now(), LOOK_TIMEOUT)
+        .ok()
+        .flatten()
+        .map_or(Logs::Unknown, Logs::Configured)
+}
+
+fn log_place(log: &LogConfig, folder: Option<&Path>) -> LogPlace {
+    // Where the link to the process's folder cannot be read, the folder is taken for this one.
+    let folder = folder.and_then(|folder| fs::read_link(folder).ok());
+    let directory = match &folder {
+        Some(folder) => folder.join(&log.directory),
+        None => log.directory.clone(),
+    };
+    // A folder that is not there yet is made in the nearest one that is.
+    let parents = directory.ancestors();
+    let mut parents = parents.map(|path| match path.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => path,
+    });
+    let present = parents.find(|path| path.exists()).unwrap_or(Path::new("."));
+    let free = rustix::fs::statvfs(present);
+    LogPlace {
+        min_free_bytes: log.limits().min_free_bytes,
+        free_bytes: free
+            .map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize))
+            .map_err(|error| error.to_string()),
+        is_writable: rustix::fs::access(present, Access::WRITE_OK | Access::EXEC_OK).is_ok(),
+        directory,
+    }
+}
+
+pub(super) fn clock() -> Clock {
+    let unix_s = |time: SystemTime| {
+        time.duration_since(UNIX_EPOCH)
+            .map_or(0, |time| time.as_secs())
+    };
+    let program = std::env::current_exe().and_then(fs::metadata);
+    let written = program.and_then(|metadata| metadata.modified());
+    Clock {
+        unix_s: unix_s(SystemTime::now()),
+        not_before_unix_s: written.map_or(0, unix_s),
+        is_synchronized: Path::new(SYNCHRONIZED).exists(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_that_does_not_come_back_is_given_up() {
+        let (keeps_it_waiting, never) = mpsc::channel::<()>();
+        let timeout = Duration::from_millis(10);
+        let look = Looking::start(move || never.recv());
+        let given_up = Err(Trouble::TookTooLong(timeout));
+        assert_eq!(look.end(Instant::now(), timeout), given_up);
+        drop(keeps_it_waiting);
+        let look = Looking::start(|| 7);
+        assert_eq!(look.end(Instant::now(), LOOK_TIMEOUT), Ok(7));
+    }
+
+    #[test]
+    fn what_is_no_terminal_is_reported_without_opening_it() {
+        let folder = std::env::temp_dir();
+        let is = |path: &str| device(Path::new(path)).unwrap();
+        assert_eq!(is("/dev/no-such-port"), Device::Missing);
+        assert_eq!(is("/dev/null/port"), Device::Missing);
+        assert_eq!(is(folder.to_str().unwrap()), Device::Other("a folder"));
+        assert_eq!(is("/proc/self/stat"), Device::Other("a file"));
+        assert!(matches!(
+            is("/dev/null"),
+            Device::Other("another kind of device")
+        ));
+        let a_screen_of_any_process = is("/dev/tty");
+        assert_eq!(
+            a_screen_of_any_process,
+            Device::Other("another kind of device")
+        );
+    }
+
+    #[test]
+    fn the_state_of_a_process_is_read_behind_its_name() {
+        for (stat, expected) in [
+            ("7 (ril) T 1 7 7", true),
+            ("7 (ril) t 1 7 7", true),
+            ("7 (ril) S 1 7 7", false),
+            ("7 (a) T) R 1 7 7", false),
+            ("", false),
+        ] {
+            assert_eq!(is_stopped(stat), expected, "{stat}");
+        }
+    }
+
+    #[test]
+    fn the_terminals_of_a_process_are_those_beyond_its_standard_streams() {
+        let open = [
+            (0, "/dev/pts/1"),
+            (3, "/dev/ttyUSB0"),
+            (4, "/dev/ttyUSB0"),
+            (5, "socket:[7]"),
+            (6, "/dev/pts/9"),
+        ];
+        let open = open.map(|(number, path)| (number, PathBuf::from(path)));
+        let expected = ["/dev/pts/9", "/dev/ttyUSB0"].map(PathBuf::from);
+        assert_eq!(terminals(&open), expected);
+    }
+}

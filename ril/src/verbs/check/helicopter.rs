@@ -1,0 +1,273 @@
+//! The helicopter and the rules it flies by: switch, position, GPS, battery, fuel, geofence.
+
+use ipc_types::code::{PilotSwitch, SafetyAction, SafetyRule};
+use ipc_types::payload::DspTelemetry;
+use ipc_types::{MonotonicNs, TelemetryGroup};
+
+use super::facts::Facts;
+use super::limits::{Limits, Threshold};
+use super::robot::{Checked, age_s, either, state};
+use crate::finding::Finding;
+use crate::messages::details::amount;
+
+/// What to do about a group that the DSP does not send.
+const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";
+
+/// The checks of the helicopter and its rules.
+pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
+    let mut checks: Vec<Finding> = [
+        ground(facts, limits),
+        switch(facts),
+        home(facts, limits),
+        gps_fix(facts, limits),
+        battery(facts, limits),
+        fuel(facts, limits),
+        fence(facts),
+        safety_rules(facts),
+    ]
+    .map(either)
+    .into();
+    checks.push(supply_rules(facts));
+    checks
+}
+
+/// A sample of the present that has `group`, or the check that cannot be made without it.
+fn sample<'a>(
+    facts: &'a Facts,
+    limits: &Limits,
+    id: &'static str,
+    group: Option<TelemetryGroup>,
+) -> Result<&'a DspTelemetry, Finding> {
+    let Some(dsp) = &facts.live.dsp else {
+        return Err(Finding::unchecked(id, "no telemetry came"));
+    };
+    let age = age_s(MonotonicNs(dsp.received_ns), facts.now);
+    if age.is_none_or(|age| age > limits.max_age_s) {
+        return Err(Finding::unchecked(
+            id,
+            "the telemetry is not of the present",
+        ));
+    }
+    match group {
+        Some(group) if !dsp.valid(group) => {
+            let why = format!("the DSP sends no plausible group `{}`", group.name());
+            Err(Finding::unchecked(id, why).with_next_step(ADD_GROUP))
+        }
+        _ => Ok(dsp),
+    }
+}
+
+fn ground(facts: &Facts, limits: &Limits) -> Checked {
+    const ID: &str = "ground";
+    let check = match sample(facts, limits, ID, None)?.flying {
+        0 => Finding::note(ID, "on the ground"),
+        _ => Finding::warning(ID, "flying", "these checks are for before the take-off"),
+    };
+    Ok(check.with_limit("on the ground"))
+}
+
+fn switch(facts: &Facts) -> Checked {
+    const ID: &str = "mode-switch";
+    let state = state(facts, ID)?;
+    let check = match PilotSwitch::from_code(state.safety.pilot_switch) {
+        Some(PilotSwitch::Auto) => Finding::note(ID, "auto"),
+        Some(PilotSwitch::Manual) => Finding::error(
+            ID,
+            "manual: the pilot flies",
+            "set the pilot's switch to auto; the bridge refuses movements until then",
+        ),
+        Some(PilotSwitch::Unknown) | None => Finding::unchecked(
+            ID,
+            "the DSP does not send the switch, or what it sent is old",
+        )
+        .with_next_step(
+            "look at the pilot's transmitter; add `supply` to `status.groups` of bridge.toml",
+        ),
+    };
+    Ok(check.with_limit("auto"))
+}
+
+/// Where the helicopter stands: without it no take-off and no path is taken.
+fn home(facts: &Facts, limits: &Limits) -> Checked {
+    const ID: &str = "home";
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Geographic))?;
+    if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
+        let why = "the GPS has no fix, and without one a position means nothing";
+        return Err(Finding::unchecked(ID, why));
+    }
+    let place = &dsp.geographic;
+    let text = format!(
+        "{:.6}, {:.6}, altitude {:.1} m",
+        place.latitude_deg, place.longitude_deg, place.altitude_m
+    );
+    Ok(Finding::note(ID, text).with_limit("a position"))
+}
+
+fn gps_fix(facts: &Facts, limits: &Limits) -> Checked {
+    const ID: &str = "gps-fix";
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality))?;
+    let quality = u32::from(dsp.gps_quality);
+    let value = format!("quality {quality} ({})", fix_name(quality));
+    let check = if limits.gps_quality_pass.contains(&quality) {
+        Finding::note(ID, value)
+    } else if limits.gps_quality_warn.contains(&quality) {
+        let next_step = "wait for a better fix, or widen `[arrival]` of bridge.toml: positions may be metres wrong";
+        Finding::warning(ID, value, next_step)
+    } else {
+        Finding::error(
+            ID,
+            value,
+            "wait for a fix with a free view of the sky; look at the antenna",
+        )
+    };
+    Ok(check.with_limit(format!(
+        "quality {} (warn with {})",
+        list(&limits.gps_quality_pass),
+        list(&limits.gps_quality_warn)
+    )))
+}
+
+/// The NMEA name of a fix quality.
+fn fix_name(quality: u32) -> &'static str {
+    match quality {
+        0 => "no fix",
+        1 => "GPS",
+        2 => "differential GPS",
+        3 => "PPS",
+        4 => "RTK fixed",
+        5 => "RTK float",
+        6 => "dead reckoning",
+        7 => "entered by hand",
+        8 => "simulated",
+        _ => "unknown",
+    }
+}
+
+fn list(numbers: &[u32]) -> String {
+    let numbers: Vec<String> = numbers.iter().map(u32::to_string).collect();
+    match numbers.is_empty() {
+        true => "none".to_owned(),
+        false => numbers.join(", "),
+    }
+}
+
+fn battery(facts: &Facts, limits: &Limits) -> Checked {
+    const ID: &str = "battery";
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
+    let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
+    let next_step = "charge or replace the battery";
+    Ok(at_least(ID, volts, "V", limits.battery_v, next_step))
+}
+
+fn fuel(facts: &Facts, limits: &Limits) -> Checked {
+    const ID: &str = "fuel";
+    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
+    let percent = f64::from(dsp.supply.fuel_percent);
+    Ok(at_least(ID, percent, "%", limits.fuel_percent, "refuel"))
+}
+
+/// A value that should not be below its limits.
+fn at_least(
+    id: &'static str,
+    value: f64,
+    unit: &str,
+    threshold: Threshold,
+    next_step: &str,
+) -> Finding {
+    let text = format!("{value:.1} {unit}");
+    let check = if value < threshold.fail {
+        Finding::error(id, text, next_step)
+    } else if value < threshold.warn {
+        Finding::warning(id, text, next_step)
+    } else {
+        Finding::note(id, text)
+    };
+    check.with_limit(format!(
+        "at least {} {unit} (fail below {} {unit})",
+        threshold.warn, threshold.fail
+    ))
+}
+
+fn fence(facts: &Facts) -> Checked {
+    const ID: &str = "fence";
+    let state = state(facts, ID)?;
+    let in_force = state.safety.fence_areas as usize;
+    let in_file = facts.bridge.as_ref().map(|config| &config.fence);
+    let areas = |number: usize| match number {
+        1 => "1 area".to_owned(),
+        number => format!("{number} areas"),
+    };
+    let check = match in_file {
+        Some(file) if file.areas() != in_force => Finding::warning(
+            ID,
+            format!(
+                "{} in force, {} in bridge.toml here",
+                areas(in_force),
+                areas(file.areas())
+            ),
+            "`ril fence reload`; or name the bridge's file with --bridge",
+        ),
+        Some(file) if in_force == 0 && !file.is_empty() => {
+            Finding::note(ID, "no areas; bridge.toml here limits the altitude")
+        }
+        _ if in_force == 0 => Finding::warning(
+            ID,
+            "no areas: the helicopter may fly anywhere",
+            "add `[[fence.area]]` to bridge.toml, then `ril fence reload`",
+        ),
+        _ => Finding::note(ID, format!("{} in force", areas(in_force))),
+    };
+    Ok(check.with_limit("as in bridge.toml, at least 1 area"))
+}
+
+/// Whether a safety rule is broken now.
+fn safety_rules(facts: &Facts) -> Checked {
+    const ID: &str = "safety-rules";
+    let state = state(facts, ID)?;
+    let safety = &state.safety;
+    if safety.rule == 0 {
+        return Ok(Finding::note(ID, "none broken").with_limit("none broken"));
+    }
+    let rule = SafetyRule::from_code(safety.rule);
+    let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
+    let by = rule.and_then(|rule| amount(rule, safety.amount));
+    let by = by.map_or(String::new(), |by| format!(" {by}"));
+    let action = SafetyAction::from_code(safety.action);
+    let does = action.map_or_else(
+        || "does something unknown".to_owned(),
+        |action| action.to_string(),
+    );
+    let value = format!("{name} broken{by}; the bridge's action: {does}");
+    let next_step = "remove the cause; docs/safety.md says what each rule does";
+    let check = match action {
+        Some(SafetyAction::Warn) => Finding::warning(ID, value, next_step),
+        _ => Finding::error(ID, value, next_step),
+    };
+    Ok(check.with_limit("none broken"))
+}
+
+/// Whether the bridge watches battery and fuel in flight.
+fn supply_rules(facts: &Facts) -> Finding {
+    const ID: &str = "supply-rules";
+    let Some(config) = &facts.bridge else {
+        let why = "no bridge.toml that can be read is here";
+        return Finding::unchecked(ID, why).with_next_step("name the bridge's file with --bridge");
+    };
+    let unwatched: Vec<&str> = [
+        ("battery_v", &config.safety.battery_v),
+        ("fuel_percent", &config.safety.fuel_percent),
+    ]
+    .into_iter()
+    .filter(|(_, limits)| limits.steps().next().is_none())
+    .map(|(name, _)| name)
+    .collect();
+    let check = match unwatched.as_slice() {
+        [] => Finding::note(ID, "battery and fuel are watched in flight"),
+        names => Finding::warning(
+            ID,
+            format!("no limits in bridge.toml for {}", names.join(" and ")),
+            "set them in `[safety]` of bridge.toml, then restart the bridge",
+        ),
+    };
+    check.with_limit("battery and fuel watched")
+}

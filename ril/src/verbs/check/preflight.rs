@@ -1,0 +1,365 @@
+//! `ril preflight`: whether a robot is ready to take off, and what `ril start` says of that before it starts.
+//!
+//! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts give the same
+//! findings. [`limits`](super::limits) is `[preflight]` of `ril.toml`.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, ParameterRequest};
+use ipc_types::{MonotonicNs, Request, Source, Topic, fresh_request_id};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure};
+use serde::{Serialize, Serializer};
+
+use super::args::{MachineArgs, PreflightArgs};
+use super::facts::{Facts, FileContent, FileFacts, Live, Logs, Namespace};
+use super::limits::Limits;
+use super::{HEADING, gather, helicopter, machine, robot, width};
+use crate::commands::conversation::{Conversation, Format};
+use crate::commands::exchange::Until;
+use crate::commands::latest::Latest;
+use crate::commands::{Session, configuration, is_relayed, json_line};
+use crate::config::Config;
+use crate::finding::{Finding, Severity};
+use crate::messages::Verb;
+use crate::words::{count, wrap};
+
+/// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
+/// is missing.
+const START_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// `ril preflight`
+///
+/// # Errors
+///
+/// Code 8 when a check failed or could not be made, and with `--strict` when one warns.
+pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
+    let common = &args.machine.common;
+    let Some(config) = configuration(common)? else {
+        return Ok(());
+    };
+    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+    // A domain that cannot be joined is one of the findings.
+    let session = Session::join(common).ok();
+    let live = match &session {
+        Some(session) => Live {
+            answer: answer(session, timeout)?,
+            ..live(session, timeout)?
+        },
+        None => Live::default(),
+    };
+    let report = report(&args.machine, live, &config);
+    let mut out = io::stdout().lock();
+    if args.json {
+        json_line(&mut out, &report)?;
+    } else {
+        let text = report.text(width(&out));
+        out.write_all(text.as_bytes()).map_err(Failure::output)?;
+    }
+    let is_ready = match report.worst() {
+        Severity::Note => true,
+        Severity::Warning => !args.strict,
+        Severity::Error => false,
+    };
+    if is_ready {
+        return Ok(());
+    }
+    let text = format!("{}; each says what to do", report.summary());
+    Err(Failure::new(ExitCode::NotInOrder, text))
+}
+
+/// Says on standard error what is not in order, before a start that goes on whatever it is.
+pub(crate) fn warn(session: &Session, common: &CommonArgs, config: &Config) -> Result<(), Failure> {
+    // The start itself says that there is no bridge.
+    if !session.is_provided(ModuleState::KEY)? {
+        return Ok(());
+    }
+    let live = Live {
+        // The start is a request, too, and says by itself when it gets no answer.
+        answer: Some(Ok(())),
+        ..live(session, START_TIMEOUT)?
+    };
+    let machine = MachineArgs {
+        common: common.clone(),
+        bridge: None,
+        status: None,
+        port: None,
+    };
+    for line in report(&machine, live, config).warnings() {
+        tracing::warn!("{line}");
+    }
+    Ok(())
+}
+
+/// Looks at the machine and judges all.
+fn report(args: &MachineArgs, live: Live, config: &Config) -> Report {
+    // The samples were looked at just now; the looks at the machine may take seconds.
+    let now = MonotonicNs::now();
+    let (machine, bridge) = gather::machine(args, None, false);
+    let status_folder = machine.domain.as_ref().ok().and_then(|domain| {
+        let robot = machine.robot;
+        let providers = domain.providers.as_ref().ok()?;
+        let status = providers
+            .iter()
+            .find(|one| one.robot.get() == robot && one.service.provider() == "status")?;
+        (status.pids == Namespace::Ours)
+            .then(|| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)))
+    });
+    let facts = Facts {
+        robot: machine.robot,
+        now,
+        bridge: bridge.filter(|_| is_there(&machine.files, "bridge")),
+        logs: match is_there(&machine.files, "status") {
+            true => gather::logs(args.status.clone(), status_folder),
+            false => Logs::NoFile,
+        },
+        machine,
+        live,
+        clock: gather::clock(),
+    };
+    Report::new(facts.robot, judge(&facts, &config.preflight))
+}
+
+/// Whether the configuration file of `command` is there, right or wrong.
+fn is_there(files: &[FileFacts], command: &str) -> bool {
+    let mut files = files.iter();
+    files.any(|file| {
+        file.command == Some(command) && !matches!(file.content, Ok(FileContent::Absent))
+    })
+}
+
+/// Waits for the newest sample of each topic that is to be expected.
+fn live(session: &Session, timeout: Duration) -> Result<Live, Failure> {
+    let mut newest = Newest {
+        state: Latest::open(&session.ipc)?,
+        dsp: Latest::open(&session.ipc)?,
+        hero: Latest::open(&session.ipc)?,
+    };
+    let give_up = MonotonicNs::now() + timeout;
+    while !newest.is_complete(session)?
+        && MonotonicNs::now() < give_up
+        && !session.termination.requested()
+    {
+        session.wait(newest.ports(), Some(give_up))?;
+        newest.drain();
+    }
+    let provider = session.provider(ModuleState::KEY)?;
+    Ok(Live {
+        state: newest.state.sample,
+        dsp: newest.dsp.sample,
+        hero: newest.hero.sample,
+        answer: None,
+        is_relayed: provider.is_some_and(|provider| is_relayed(ModuleState::KEY, &provider)),
+    })
+}
+
+/// Asks the bridge for the description of its first port, which it gives without the DSP. It answers to that as it does to an
+/// order.
+fn answer(session: &Session, timeout: Duration) -> Result<Option<Result<(), String>>, Failure> {
+    if !session.is_provided(ParameterRequest::KEY)? {
+        return Ok(None);
+    }
+    let request = ParameterRequest::list(fresh_request_id(), 0);
+    let answer = Conversation::open(session, Verb::ListParameters, timeout)
+        .and_then(|mut bridge| bridge.hold(&[request], Until::Final, Format::Silent));
+    Ok(Some(
+        answer
+            .map(drop)
+            .map_err(|failure| failure.chain().join(": ")),
+    ))
+}
+
+struct Newest {
+    state: Latest<ModuleState>,
+    dsp: Latest<DspTelemetry>,
+    hero: Latest<HeroTelemetry>,
+}
+
+impl Newest {
+    fn ports(&mut self) -> [&mut dyn Source; 3] {
+        [
+            &mut self.state.port,
+            &mut self.dsp.port,
+            &mut self.hero.port,
+        ]
+    }
+
+    fn drain(&mut self) {
+        self.state.drain();
+        self.dsp.drain();
+        self.hero.drain();
+    }
+
+    /// Whether everything is there that can be expected: nothing without a bridge, telemetry when it has published some, the
+    /// robot's when there is a status.
+    fn is_complete(&self, session: &Session) -> Result<bool, Failure> {
+        let Some(state) = &self.state.sample else {
+            return Ok(!session.is_provided(ModuleState::KEY)?);
+        };
+        if state.link.telemetry_published == 0 {
+            return Ok(true);
+        }
+        Ok(self.dsp.sample.is_some()
+            && (self.hero.sample.is_some() || !session.is_provided(HeroTelemetry::KEY)?))
+    }
+}
+
+/// What the facts mean, in the order in which an operator sets things right: processes, link, helicopter, rules, machine.
+pub fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
+    let mut checks = robot::judge(facts, limits);
+    checks.extend(helicopter::judge(facts, limits));
+    checks.extend(machine::judge(facts, limits));
+    let does_without = |check: &Finding| limits.may_be_unchecked.iter().any(|id| id == check.id);
+    checks
+        .into_iter()
+        .map(|check| match does_without(&check) {
+            true => check.may_be_unchecked(),
+            false => check,
+        })
+        .collect()
+}
+
+/// What the preflight found, as text for people and as JSON for programs.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    schema: &'static str,
+    robot: u32,
+    verdict: &'static str,
+    failed: usize,
+    warned: usize,
+    passed: usize,
+    /// Checks that could not be made, whatever they count as.
+    unchecked: usize,
+    #[serde(serialize_with = "objects")]
+    checks: Vec<Finding>,
+}
+
+/// A check for programs.
+#[derive(Serialize)]
+struct CheckObject<'a> {
+    id: &'a str,
+    /// `None` if the check could not be made, and the operator does not do without it.
+    verdict: Option<&'static str>,
+    checked: bool,
+    value: &'a str,
+    limit: Option<&'a str>,
+    next_step: Option<&'a str>,
+}
+
+fn objects<S: Serializer>(checks: &[Finding], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(checks.iter().map(|check| CheckObject {
+        id: check.id,
+        verdict: (!is_unmade(check)).then(|| verdict(check.severity)),
+        checked: check.is_checked,
+        value: &check.text,
+        limit: check.limit.as_deref(),
+        next_step: check.next_step.as_deref(),
+    }))
+}
+
+fn verdict(severity: Severity) -> &'static str {
+    match severity {
+        Severity::Note => "pass",
+        Severity::Warning => "warn",
+        Severity::Error => "fail",
+    }
+}
+
+/// Whether the check could not be made, and the operator does not do without it.
+fn is_unmade(check: &Finding) -> bool {
+    !check.is_checked && check.severity == Severity::Error
+}
+
+fn has_failed(check: &Finding) -> bool {
+    check.is_checked && check.severity == Severity::Error
+}
+
+/// The worst of `checks`. What was not checked is not ready.
+pub fn worst(checks: &[Finding]) -> Severity {
+    let worst = checks.iter().map(|check| check.severity).max();
+    worst.unwrap_or(Severity::Error)
+}
+
+impl Report {
+    /// A report of `checks`.
+    pub fn new(robot: u32, checks: Vec<Finding>) -> Report {
+        let number = |is_counted: fn(&Finding) -> bool| {
+            checks.iter().filter(|check| is_counted(check)).count()
+        };
+        Report {
+            schema: "ril.Preflight.v1",
+            robot,
+            verdict: verdict(worst(&checks)),
+            failed: number(has_failed),
+            warned: number(|check| check.severity == Severity::Warning),
+            passed: number(|check| check.severity == Severity::Note),
+            unchecked: number(|check| !check.is_checked),
+            checks,
+        }
+    }
+
+    /// The worst of all.
+    pub fn worst(&self) -> Severity {
+        worst(&self.checks)
+    }
+
+    /// The names of the checks that are `wanted`, separated by commas.
+    fn ids(&self, wanted: fn(&Finding) -> bool) -> String {
+        let checks = self.checks.iter().filter(|check| wanted(check));
+        checks.map(|check| check.id).collect::<Vec<_>>().join(", ")
+    }
+
+    /// All of it in a few words.
+    pub fn summary(&self) -> String {
+        let warnings = count(self.warned, "warning");
+        let text = format!("{} failed, {warnings}, {} passed", self.failed, self.passed);
+        match self.unchecked {
+            0 => text,
+            number => {
+                let ids = self.ids(|check| !check.is_checked);
+                format!("{text}, {number} not checked: {ids}")
+            }
+        }
+    }
+
+    /// A line for each check, one for what to do where it did not pass, and a summary; no line is longer than `columns` if its words
+    /// allow it.
+    pub fn text(&self, columns: usize) -> String {
+        let mut text = format!("robot {}\n", self.robot);
+        for check in &self.checks {
+            text += &check.lines(check.id, HEADING, columns);
+        }
+        let readiness = match self.worst() {
+            Severity::Note => "ready to take off",
+            Severity::Warning => "ready to take off, with warnings",
+            Severity::Error => "NOT ready to take off",
+        };
+        text + &wrap(&format!("{readiness}: "), &self.summary(), columns)
+    }
+
+    /// What a command that starts something says of the checks on standard error: each failure, and the names of the warnings.
+    pub fn warnings(&self) -> Vec<String> {
+        let failed = self.checks.iter().filter(|check| has_failed(check));
+        let mut lines: Vec<String> = failed
+            .map(|check| format!("not ready to take off: {}: {}", check.id, check.text))
+            .collect();
+        for (text, ids) in [
+            ("not ready to take off, not checked", self.ids(is_unmade)),
+            (
+                "warnings",
+                self.ids(|check| check.severity == Severity::Warning),
+            ),
+        ] {
+            if !ids.is_empty() {
+                lines.push(format!("{text}: {ids}"));
+            }
+        }
+        // The last line says where to read on.
+        if let Some(last) = lines.last_mut() {
+            *last += "; `ril preflight` says what to do";
+        }
+        lines
+    }
+}

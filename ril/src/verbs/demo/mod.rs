@@ -1,0 +1,210 @@
+//! `ril demo`: the main job with no hardware and no configuration.
+//!
+//! It starts the simulator, status, the recorder and the bridge as processes in a shared-memory domain of their own, acts as the
+//! operator, and judges the flight by what a consumer saw in shared memory. Whatever happens, nothing that it started is
+//! left running and nothing of it is left in shared memory. Its folder is removed, unless the operator chose it or the
+//! demonstration failed.
+//!
+//! * `flight`: the script of commands, from the start of the processes to their end, and the one wait; `children`: the processes;
+//! * `seen`: what a consumer sees; `checks`: the judgement. Both pure;
+//! * `screen`: what is shown meanwhile, and the result.
+
+mod checks;
+mod children;
+mod flight;
+mod screen;
+mod seen;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{Domain, RobotId, Topic};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+use serde::Deserialize;
+use status::log::file_name::{FileKind, recognize};
+
+use crate::cli::exit_codes::EXIT_CODES;
+use crate::finding::{Severity, count_of};
+use crate::record::names::topic_of;
+use checks::{Evidence, RecordEvidence};
+pub use children::end_with_parent;
+use flight::{SCRIPT, fly};
+use screen::{Kept, Screen, print_result};
+
+/// Options of `ril demo`.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct Args {
+    /// Which robot to be: an integer greater than 0
+    #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
+    pub robot: NonZeroU32,
+
+    /// Print one JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+
+    /// Run the simulator's clock so many times faster
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
+    pub speed: f64,
+
+    /// Where log, record and the outputs of the processes go and stay; made if it is not there [default: a folder that is removed
+    /// at the end]
+    #[arg(long, value_name = "FOLDER")]
+    pub folder: Option<PathBuf>,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(speed) if (0.1..=20.0).contains(&speed) => Ok(speed),
+        _ => Err("the speed is a number from 0.1 to 20".to_owned()),
+    }
+}
+
+/// Runs the demonstration.
+///
+/// # Errors
+/// Exit code 1 when a check failed, a process could not be started or ended by itself; 4 when time ran out. A signal ends it by
+/// itself, once everything is cleaned up.
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let termination = Termination::install().map_err(Failure::internal)?;
+    let folder = folder(args)?;
+    let result = demonstrate(args, &folder, &termination);
+    match result {
+        // What the processes said shows the cause.
+        Err(failure) if failure.signal().is_none() && failure.code() != ExitCode::Ok => {
+            let next_step = format!("what the processes said is in {}", folder.display());
+            Err(failure.with_next_step(next_step))
+        }
+        result if args.folder.is_some() => result,
+        result => {
+            let removed = fs::remove_dir_all(&folder);
+            result?;
+            let text = || format!("the folder {} cannot be removed", folder.display());
+            removed.or_fail_with(ExitCode::Internal, text())
+        }
+    }
+}
+
+/// Flies, judges and prints, with everything but the folder cleaned up in any case.
+fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<(), Failure> {
+    let domain = Domain::isolated();
+    let mut screen = Screen::new(args.json);
+    let robot = RobotId::from(args.robot);
+    let flown = fly(&domain, robot, folder, args.speed, termination, &mut screen);
+    screen.end()?;
+    // Every process and port is gone by now, also after an error.
+    domain.remove_if_dead().map_err(Failure::internal)?;
+    let flight = flown?;
+    let log = find_log(folder, FileKind::Tsv);
+    let record = find_log(folder, FileKind::Mcap);
+    let checks = checks::judge(&Evidence {
+        orders: SCRIPT.len(),
+        orders_done: flight.orders_done,
+        order_failed: flight.order_failed.as_deref(),
+        seen: &flight.seen,
+        log_rows: log.as_deref().and_then(rows),
+        record: record.as_deref().and_then(|file| recorded(file, robot)),
+        exits: &flight.exits,
+        residue: domain.residue().len(),
+    });
+    let kept = match args.folder {
+        Some(_) => Kept {
+            folder: Some(folder),
+            log: log.as_deref(),
+            record: record.as_deref(),
+        },
+        None => Kept::default(),
+    };
+    print_result(&flight.seen, flight.took, &checks, kept, args.json)?;
+    match count_of(&checks, Severity::Error) {
+        0 => Ok(()),
+        failed => Err(Failure::internal(format!(
+            "{failed} of {} checks failed",
+            checks.len()
+        ))),
+    }
+}
+
+fn folder(args: &Args) -> Result<PathBuf, Failure> {
+    let folder = args
+        .folder
+        .clone()
+        .unwrap_or_else(|| std::env::temp_dir().join(format!("hero-demo-{}", std::process::id())));
+    fs::create_dir_all(&folder).or_fail_with(
+        ExitCode::Usage,
+        format!("the folder {} cannot be made", folder.display()),
+    )?;
+    folder.canonicalize().or_fail_with(
+        ExitCode::Usage,
+        format!("the folder {} cannot be used", folder.display()),
+    )
+}
+
+/// The newest log or record in the folder.
+fn find_log(folder: &Path, kind: FileKind) -> Option<PathBuf> {
+    fs::read_dir(folder)
+        .ok()?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| {
+            let name = path.file_name().and_then(|name| recognize(name.to_str()?));
+            name.is_some_and(|(series, _)| series.kind() == kind)
+        })
+        .max_by_key(|path| {
+            fs::metadata(path)
+                .and_then(|metadata| metadata.modified())
+                .ok()
+        })
+}
+
+/// Rows of a log without its first line.
+fn rows(log: &Path) -> Option<u64> {
+    let text = fs::read_to_string(log).ok()?;
+    u64::try_from(text.lines().count()).ok()?.checked_sub(1)
+}
+
+/// What the demonstration needs of `ril log check --json`.
+#[derive(Deserialize)]
+struct LogCheck {
+    complete: bool,
+    unexplained: u64,
+    topics: BTreeMap<String, RecordedTopic>,
+    events: Vec<RecordingEvent>,
+}
+
+#[derive(Deserialize)]
+struct RecordedTopic {
+    messages: u64,
+}
+
+#[derive(Deserialize)]
+struct RecordingEvent {
+    kind: String,
+    topic: String,
+    count: u64,
+}
+
+/// What `ril log check` says of the flight record of the robot.
+fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
+    let mut command = Command::new(std::env::current_exe().ok()?);
+    command.args(["log", "check", "--json"]).arg(file);
+    let output = command.output().ok()?.stdout;
+    // A failure is an object of its own behind it.
+    let mut objects = serde_json::Deserializer::from_slice(&output).into_iter();
+    let check: LogCheck = objects.next()?.ok()?;
+    let keys = [DspTelemetry::KEY, HeroTelemetry::KEY, ModuleState::KEY];
+    let topics = keys.map(|key| topic_of(robot, key));
+    let events = check.events.iter().filter(|event| {
+        ["gap", "loss", "late"].contains(&event.kind.as_str()) && topics.contains(&event.topic)
+    });
+    let messages = |topic: &String| check.topics.get(topic).map_or(0, |topic| topic.messages);
+    Some(RecordEvidence {
+        is_in_order: check.complete && check.unexplained == 0,
+        messages: topics.each_ref().map(messages),
+        reported_missing: events.map(|event| event.count).sum(),
+    })
+}

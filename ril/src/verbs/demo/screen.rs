@@ -1,0 +1,217 @@
+//! What the demonstration shows: while it runs a live block on a terminal, plain lines elsewhere, nothing for JSON; then the result.
+
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use ipc_types::MonotonicNs;
+use runtime::exit::Failure;
+use serde::Serialize;
+
+use super::seen::Seen;
+use crate::commands::json::json_line;
+use crate::finding::{Finding, Severity};
+use crate::live::{Block, Size};
+
+/// Shortest time between two drawings: what the eye can follow.
+const REDRAW_PERIOD: Duration = Duration::from_millis(100);
+
+/// Width of the names of the checks, and a space.
+const HEADING: usize = 34;
+
+/// Where and how to show.
+#[derive(Debug)]
+pub(super) struct Screen {
+    kind: Kind,
+    drawn: Option<Instant>,
+    live: Block,
+    /// The operator's command that is under way.
+    pub order: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Live,
+    Plain,
+    Silent,
+}
+
+impl Screen {
+    /// A screen on standard output; a silent one when the output is to be one JSON document.
+    pub fn new(json: bool) -> Screen {
+        let kind = match (json, io::stdout().is_terminal()) {
+            (true, _) => Kind::Silent,
+            (false, true) => Kind::Live,
+            (false, false) => Kind::Plain,
+        };
+        Screen {
+            kind,
+            drawn: None,
+            live: Block::default(),
+            order: None,
+        }
+    }
+
+    /// One line that stays.
+    pub fn line(&mut self, line: &str) -> Result<(), Failure> {
+        if self.kind == Kind::Silent {
+            return Ok(());
+        }
+        let mut out = io::stdout().lock();
+        let shown = self.live.clear(&mut out);
+        shown
+            .and_then(|()| writeln!(out, "{line}"))
+            .map_err(Failure::output)
+    }
+
+    /// Draws the live block, not more often than the eye can follow.
+    pub fn draw(&mut self, seen: &Seen) -> Result<(), Failure> {
+        let is_recent = self
+            .drawn
+            .is_some_and(|drawn| drawn.elapsed() < REDRAW_PERIOD);
+        if self.kind != Kind::Live || is_recent {
+            return Ok(());
+        }
+        let phase = self.order.as_deref().unwrap_or("starting");
+        let block = block(phase, seen, MonotonicNs::now());
+        self.drawn = Some(Instant::now());
+        self.live
+            .show(&mut io::stdout().lock(), Size::of(io::stdout()), &block)
+            .map_err(Failure::output)
+    }
+
+    /// Takes the live block away.
+    pub fn end(&mut self) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        let cleared = self.live.clear(&mut out);
+        cleared.and_then(|()| out.flush()).map_err(Failure::output)
+    }
+}
+
+fn block(phase: &str, seen: &Seen, now: MonotonicNs) -> Vec<String> {
+    let mut lines = vec![format!("  phase     {phase}")];
+    if let Some(hero) = &seen.hero {
+        let g = &hero.geodetic;
+        lines.push(format!(
+            "  position  {:.7}° {:.7}°, {:.2} m, {:.1} m/s over ground",
+            g.latitude_rad.to_degrees(),
+            g.longitude_rad.to_degrees(),
+            g.altitude_m,
+            hero.velocity.ground_speed_mps,
+        ));
+    }
+    if let Some(state) = &seen.state {
+        let movement = &state.movement;
+        let to_go = match movement.distance_to_go() {
+            Some(distance_m) => format!(
+                "{distance_m:.1} m to go, waypoint {} of {}",
+                movement.waypoints_reached, movement.waypoints_total
+            ),
+            None => "-".to_owned(),
+        };
+        let link = state.link.state().map_or("?", |link| link.name());
+        let age = state.link.last_message().map_or_else(
+            || "never".to_owned(),
+            |last| format!("{} ms ago", now.since(last).as_millis()),
+        );
+        lines.push(format!("  path      {to_go}"));
+        lines.push(format!(
+            "  link      {link}, last message {age}, {} received",
+            state.link.messages_received
+        ));
+    }
+    let (dsp, hero) = (seen.counts.dsp, seen.counts.hero);
+    lines.push(format!(
+        "  samples   {} raw, {} robot, {} lost",
+        dsp.received,
+        hero.received,
+        dsp.lost + hero.lost
+    ));
+    lines
+}
+
+/// What stays when the demonstration is over.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Kept<'a> {
+    /// The folder that the operator chose.
+    pub folder: Option<&'a Path>,
+    /// The log of the flight in it.
+    pub log: Option<&'a Path>,
+    /// The record of the flight in it.
+    pub record: Option<&'a Path>,
+}
+
+/// The demonstration's result as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    schema: &'static str,
+    passed: bool,
+    flight_s: f64,
+    telemetry_age_ms_p50: Option<f64>,
+    telemetry_age_ms_p99: Option<f64>,
+    checks: Vec<CheckObject<'a>>,
+    log: Option<&'a Path>,
+    record: Option<&'a Path>,
+    folder: Option<&'a Path>,
+}
+
+#[derive(Serialize)]
+struct CheckObject<'a> {
+    name: &'a str,
+    passed: bool,
+    detail: &'a str,
+}
+
+/// Prints the result on standard output: in lines for people, or as one JSON object.
+pub(super) fn print_result(
+    seen: &Seen,
+    flight: Duration,
+    checks: &[Finding],
+    kept: Kept<'_>,
+    json: bool,
+) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    let (flight_s, p50, p99) = (flight.as_secs_f64(), seen.age_ms(50), seen.age_ms(99));
+    let has_passed = |check: &Finding| check.severity == Severity::Note;
+    let passed = checks.iter().all(has_passed);
+    if json {
+        let checks = checks.iter().map(|check| CheckObject {
+            name: check.id,
+            passed: has_passed(check),
+            detail: &check.text,
+        });
+        let report = Report {
+            schema: "ril.Demo.v1",
+            passed,
+            flight_s,
+            telemetry_age_ms_p50: p50,
+            telemetry_age_ms_p99: p99,
+            checks: checks.collect(),
+            log: kept.log,
+            record: kept.record,
+            folder: kept.folder,
+        };
+        return json_line(&mut out, &report);
+    }
+    let mut text = "\n".to_owned();
+    for check in checks {
+        text += &check.lines(check.id, HEADING, usize::MAX);
+    }
+    text += &format!("\nflight    {flight_s:.1} s\n");
+    if let (Some(p50), Some(p99)) = (p50, p99) {
+        text += &format!(
+            "age       {p50:.3} ms median, {p99:.3} ms 99th percentile: serial byte to this consumer\n"
+        );
+    }
+    for (title, file) in [("log", kept.log), ("record", kept.record)] {
+        text += &match file {
+            Some(file) => format!("{title:9} {}\n", file.display()),
+            None => format!("{title:9} removed; --folder FOLDER keeps it\n"),
+        };
+    }
+    text += match passed {
+        true => "all checks passed\n",
+        false => "not all checks passed\n",
+    };
+    out.write_all(text.as_bytes()).map_err(Failure::output)
+}
