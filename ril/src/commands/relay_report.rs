@@ -8,13 +8,14 @@ mod text;
 
 use std::time::Duration;
 
-use ipc_types::code::{Reason, RelayLinkState};
+use ipc_types::code::Reason;
 use ipc_types::payload::{RelayLink, RelayStation, RelayStations};
 use ipc_types::{MonotonicNs, RobotId};
 use runtime::exit::ExitCode;
-use serde::Serialize;
+use serde::ser::{Serialize, Serializer};
 
 use super::sample_age::{Sample, age_ms, named};
+use crate::fields::{JsonLine, Tree};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Relay.v2";
@@ -23,94 +24,21 @@ pub const SCHEMA: &str = "ril.Relay.v2";
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
 
 /// Everything that `ril relay status` shows.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug)]
 pub struct RelayReport {
-    schema: &'static str,
-    robot: u32,
-    /// Whether the link is up, or on a robot's machine the link of at least one station.
-    up: bool,
-    /// The link to the robot; nothing on a robot's own machine.
+    robot: RobotId,
+    /// The link to the robot; `None` on a robot's own machine.
     link: Option<LinkReport>,
-    /// The stations that the robot is relayed to; nothing on a station's machine.
-    stations: Option<StationsReport>,
+    /// The stations that the robot is relayed to; `None` on a station's machine.
+    stations: Option<RelayStations>,
+    now: MonotonicNs,
 }
 
 /// The link of this machine to a robot on another one.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug)]
 pub struct LinkReport {
-    state: String,
-    /// Whether the relay says that the link is up, and has said so lately.
-    up: bool,
-    state_since_ms: Option<u64>,
-    /// Endpoint; nothing when it is not readable.
-    over: Option<String>,
-    station: Option<String>,
-    /// Number of the robot on its own machine.
-    robot_there: u32,
-    /// Why the robot's relay takes no requests from this station; nothing when it takes them.
-    refusal: Option<String>,
-    /// Nothing before the first message, and for a time of the future.
-    last_heard_age_ms: Option<u64>,
-    outages: u32,
-    /// Nothing before the first exchange of time stamps.
-    clock: Option<ClockReport>,
-    samples: SamplesReport,
-    bytes_received: u64,
-    bytes_sent: u64,
-    orders: OrdersReport,
-    sample: Sample,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct ClockReport {
-    /// The robot's monotonic clock minus this machine's.
-    offset_ns: i64,
-    /// Nothing when the relay gives no number that can be.
-    uncertainty_s: Option<f64>,
-    round_trip_s: Option<f64>,
-    drift_ppb: i32,
-    resets: u32,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct SamplesReport {
-    received: u64,
-    lost_on_air: u64,
-    /// Of those that the robot's relay sent; nothing when it sent none.
-    lost_on_air_percent: Option<f64>,
-    lost_in_relay: u64,
-    left_out: u64,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct OrdersReport {
-    sent: u64,
-    repeated: u64,
-    open: u32,
-    unknown: u64,
-}
-
-/// The stations that a robot is relayed to.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StationsReport {
-    stations: Vec<StationReport>,
-    sample: Sample,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct StationReport {
-    /// Nothing when it is not readable.
-    name: Option<String>,
-    up: bool,
-    since_ms: Option<u64>,
-    last_heard_age_ms: Option<u64>,
-    may_command: bool,
-    /// Why the relay takes no requests from the station; nothing when it takes them.
-    refusal: Option<String>,
-    orders_executed: u64,
-    orders_refused: u64,
-    orders_open: u32,
-    samples_sent: u64,
+    link: RelayLink,
+    now: MonotonicNs,
 }
 
 impl RelayReport {
@@ -121,22 +49,36 @@ impl RelayReport {
         stations: Option<&RelayStations>,
         now: MonotonicNs,
     ) -> RelayReport {
-        let link = link.map(|link| LinkReport::new(link, now));
-        let stations = stations.map(|stations| StationsReport::new(stations, now));
-        let is_up = link.as_ref().is_some_and(|link| link.up)
-            || stations.as_ref().is_some_and(StationsReport::is_any_up);
         RelayReport {
-            schema: SCHEMA,
-            robot: robot.get(),
-            up: is_up,
-            link,
-            stations,
+            robot,
+            link: link.map(|link| LinkReport::new(link, now)),
+            stations: stations.copied(),
+            now,
         }
+    }
+
+    /// Whether the link is up, or on a robot's machine the link of at least one station.
+    fn is_up(&self) -> bool {
+        let is_any_up = |stations: &RelayStations| {
+            !self.sample_of(stations).is_stale()
+                && stations.stations().iter().any(|station| station.is_up != 0)
+        };
+        self.link.as_ref().is_some_and(LinkReport::is_up)
+            || self.stations.as_ref().is_some_and(is_any_up)
+    }
+
+    fn sample_of(&self, stations: &RelayStations) -> Sample {
+        Sample::with_limit(
+            stations.sequence,
+            stations.published(),
+            self.now,
+            STALE_AFTER,
+        )
     }
 
     /// How the command ends.
     pub fn exit_code(&self) -> ExitCode {
-        match self.up {
+        match self.is_up() {
             true => ExitCode::Ok,
             false => ExitCode::LinkDown,
         }
@@ -144,14 +86,14 @@ impl RelayReport {
 
     /// Why the command ends with another code than 0, and what to do.
     pub fn trouble(&self) -> &'static str {
-        match (&self.link, &self.stations) {
-            (Some(link), _) if link.sample.is_stale() => {
+        match &self.link {
+            Some(link) if link.is_stale() => {
                 "the relay runs and says nothing: is it stopped, or is the machine overloaded?"
             }
-            (Some(_), _) => {
+            Some(_) => {
                 "the link to the robot is not up: is the relay on the robot's machine running, and is the network there?"
             }
-            _ => {
+            None => {
                 "no station is up: is the relay on a station's machine running, and is the network there?"
             }
         }
@@ -159,141 +101,140 @@ impl RelayReport {
 }
 
 impl LinkReport {
+    /// What `link` says at `now`.
+    pub fn new(link: &RelayLink, now: MonotonicNs) -> LinkReport {
+        LinkReport { link: *link, now }
+    }
+
+    fn sample(&self) -> Sample {
+        let link = &self.link;
+        Sample::with_limit(link.sequence, link.published(), self.now, STALE_AFTER)
+    }
+
     /// Whether the relay has said this too long ago to say how the link is now.
     pub fn is_stale(&self) -> bool {
-        self.sample.is_stale()
+        self.sample().is_stale()
     }
 
     /// Whether the relay says that the link is up, and has said so lately.
     pub fn is_up(&self) -> bool {
-        self.up
+        self.link.is_up() && !self.is_stale()
     }
 
-    /// What `link` says at `now`.
-    pub fn new(link: &RelayLink, now: MonotonicNs) -> LinkReport {
-        // Without `..`: a field that is added must be shown.
-        let RelayLink {
-            sequence,
-            epoch_ns: _,
-            published_ns,
-            since_ns,
-            last_heard_ns: _,
-            clock_offset_ns,
-            clock_uncertainty_s: _,
-            round_trip_s: _,
-            samples_received,
-            samples_lost_on_air,
-            samples_lost_in_relay,
-            samples_left_out,
-            bytes_received,
-            bytes_sent,
-            orders_sent,
-            orders_repeated,
-            orders_unknown,
-            state,
-            robot,
-            clock_drift_ppb,
-            clock_valid,
-            clock_resets,
-            outages,
-            orders_open,
-            refusal,
-            link: _,
-            station: _,
-        } = *link;
-        let sample = Sample::with_limit(sequence, MonotonicNs(published_ns), now, STALE_AFTER);
-        let since = (since_ns > 0).then_some(MonotonicNs(since_ns));
-        LinkReport {
-            state: named(RelayLinkState::from_code(state), state),
-            up: link.is_up() && !sample.is_stale(),
-            state_since_ms: since.and_then(|time| age_ms(time, now)),
-            over: link.link().map(str::to_owned),
-            station: link.station().map(str::to_owned),
-            robot_there: robot,
-            refusal: refusal_name(refusal),
-            last_heard_age_ms: link.last_heard().and_then(|time| age_ms(time, now)),
-            outages,
-            clock: (clock_valid != 0).then(|| ClockReport {
-                offset_ns: clock_offset_ns,
-                uncertainty_s: link.clock_uncertainty(),
-                round_trip_s: link.round_trip(),
-                drift_ppb: clock_drift_ppb,
-                resets: clock_resets,
-            }),
-            samples: SamplesReport {
-                received: samples_received,
-                lost_on_air: samples_lost_on_air,
-                lost_on_air_percent: link.lost_on_air().map(percent),
-                lost_in_relay: samples_lost_in_relay,
-                left_out: samples_left_out,
-            },
-            bytes_received,
-            bytes_sent,
-            orders: OrdersReport {
-                sent: orders_sent,
-                repeated: orders_repeated,
-                open: orders_open,
-                unknown: orders_unknown,
-            },
-            sample,
-        }
+    /// As part of a JSON object.
+    pub(super) fn tree(&self) -> Tree {
+        let link = &self.link;
+        let clock = Tree::nested([
+            ("offset_ns", link.clock_offset_ns.into()),
+            ("uncertainty_s", link.clock_uncertainty().into()),
+            ("round_trip_s", link.round_trip().into()),
+            ("drift_ppb", link.clock_drift_ppb.into()),
+            ("resets", link.clock_resets.into()),
+        ]);
+        let samples = Tree::nested([
+            ("received", link.samples_received.into()),
+            ("lost_on_air", link.samples_lost_on_air.into()),
+            ("lost_on_air_percent", lost_percent(link).into()),
+            ("lost_in_relay", link.samples_lost_in_relay.into()),
+            ("left_out", link.samples_left_out.into()),
+        ]);
+        let orders = Tree::nested([
+            ("sent", link.orders_sent.into()),
+            ("repeated", link.orders_repeated.into()),
+            ("open", link.orders_open.into()),
+            ("unknown", link.orders_unknown.into()),
+        ]);
+        Tree::nested([
+            ("state", named(link.state(), link.state).into()),
+            ("up", self.is_up().into()),
+            ("state_since_ms", since_ms(link.since_ns, self.now).into()),
+            ("over", link.link().into()),
+            ("station", link.station().into()),
+            ("robot_there", link.robot.into()),
+            ("refusal", refusal_name(link.refusal).into()),
+            (
+                "last_heard_age_ms",
+                heard_ms(link.last_heard(), self.now).into(),
+            ),
+            ("outages", link.outages.into()),
+            (
+                "clock",
+                if link.clock_valid != 0 {
+                    clock
+                } else {
+                    Tree::NULL
+                },
+            ),
+            ("samples", samples),
+            ("bytes_received", link.bytes_received.into()),
+            ("bytes_sent", link.bytes_sent.into()),
+            ("orders", orders),
+            ("sample", self.sample().tree()),
+        ])
     }
 }
 
-impl StationsReport {
-    fn new(stations: &RelayStations, now: MonotonicNs) -> StationsReport {
-        StationsReport {
-            stations: stations
-                .stations()
-                .iter()
-                .map(|station| StationReport::new(station, now))
-                .collect(),
-            sample: Sample::with_limit(stations.sequence, stations.published(), now, STALE_AFTER),
-        }
-    }
-
-    fn is_any_up(&self) -> bool {
-        !self.sample.is_stale() && self.stations.iter().any(|station| station.up)
-    }
-}
-
-impl StationReport {
-    fn new(station: &RelayStation, now: MonotonicNs) -> StationReport {
-        // Without `..`: a field that is added must be shown.
-        let RelayStation {
-            name: _,
-            last_heard_ns: _,
-            since_ns,
-            orders_executed,
-            orders_refused,
-            samples_sent,
-            may_command,
-            is_up,
-            orders_open,
-            refusal,
-        } = *station;
-        let since = (since_ns > 0).then_some(MonotonicNs(since_ns));
-        StationReport {
-            name: station.name().map(str::to_owned),
-            up: is_up != 0,
-            since_ms: since.and_then(|time| age_ms(time, now)),
-            last_heard_age_ms: station.last_heard().and_then(|time| age_ms(time, now)),
-            may_command: may_command != 0,
-            refusal: refusal_name(refusal),
-            orders_executed,
-            orders_refused,
-            orders_open,
-            samples_sent,
-        }
+impl Serialize for RelayReport {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let stations = self.stations.as_ref().map(|stations| {
+            let all = stations.stations().iter();
+            let all = all.map(|one| station(one, self.now)).collect();
+            Tree::nested([
+                ("stations", Tree::List(all)),
+                ("sample", self.sample_of(stations).tree()),
+            ])
+        });
+        let tree = &Tree::nested([
+            ("robot", self.robot.get().into()),
+            ("up", self.is_up().into()),
+            (
+                "link",
+                self.link.as_ref().map_or(Tree::NULL, LinkReport::tree),
+            ),
+            ("stations", stations.unwrap_or(Tree::NULL)),
+        ]);
+        let schema = SCHEMA;
+        JsonLine { schema, tree }.serialize(serializer)
     }
 }
 
-/// The name of the reason for which requests are not taken; nothing when they are.
+fn station(station: &RelayStation, now: MonotonicNs) -> Tree {
+    Tree::nested([
+        ("name", station.name().into()),
+        ("up", (station.is_up != 0).into()),
+        ("since_ms", since_ms(station.since_ns, now).into()),
+        (
+            "last_heard_age_ms",
+            heard_ms(station.last_heard(), now).into(),
+        ),
+        ("may_command", (station.may_command != 0).into()),
+        ("refusal", refusal_name(station.refusal).into()),
+        ("orders_executed", station.orders_executed.into()),
+        ("orders_refused", station.orders_refused.into()),
+        ("orders_open", station.orders_open.into()),
+        ("samples_sent", station.samples_sent.into()),
+    ])
+}
+
+/// ms since `since_ns`; `None` for 0, which stands for "never", and for a time in the future.
+fn since_ms(since_ns: u64, now: MonotonicNs) -> Option<u64> {
+    let since = (since_ns > 0).then_some(MonotonicNs(since_ns))?;
+    age_ms(since, now)
+}
+
+/// ms since the last message; `None` before the first, and for a time in the future.
+fn heard_ms(last: Option<MonotonicNs>, now: MonotonicNs) -> Option<u64> {
+    age_ms(last?, now)
+}
+
+/// The name of the reason for which requests are refused; `None` if they are taken.
 fn refusal_name(code: u32) -> Option<String> {
     (code != 0).then(|| named(Reason::from_code(code), code))
 }
 
-/// A part in percent, to the hundredth: more would be noise.
-fn percent(part: f64) -> f64 {
-    (part * 1e4).round() / 100.0
+/// The part of the robot's samples that was lost on the air, to the hundredth of a percent, because more would be noise; `None` if
+/// the robot's relay sent none.
+fn lost_percent(link: &RelayLink) -> Option<f64> {
+    let part = link.lost_on_air()?;
+    Some((part * 1e4).round() / 100.0)
 }

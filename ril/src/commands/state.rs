@@ -148,12 +148,12 @@ impl Newest {
         self.status.drain();
     }
 
-    fn samples(&self, session: &Session) -> Result<Samples<'_>, Failure> {
+    fn samples(&self, session: &Session) -> Result<Samples, Failure> {
         Ok(Samples {
-            state: self.state.sample.as_ref(),
-            dsp: self.dsp.sample.as_ref(),
-            hero: self.hero.sample.as_ref(),
-            status: self.status.sample.as_deref(),
+            state: self.state.sample,
+            dsp: self.dsp.sample,
+            hero: self.hero.sample,
+            status: self.status.sample.as_deref().copied(),
             has_bridge: session.is_provided(ModuleState::KEY)?,
             has_status: session.is_provided(StateOf::<StatusModule>::KEY)?,
         })
@@ -161,7 +161,7 @@ impl Newest {
 
     fn report(&self, session: &Session) -> Result<StateReport, Failure> {
         let now = MonotonicNs::now();
-        let report = StateReport::new(session.ipc.robot(), &self.samples(session)?, now);
+        let report = StateReport::new(session.ipc.robot(), self.samples(session)?, now);
         Ok(match self.relay.is_relayed() {
             true => report.relayed(self.relay.newest().map(|link| LinkReport::new(link, now))),
             false => report,

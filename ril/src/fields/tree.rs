@@ -20,6 +20,78 @@ pub enum Tree {
     List(Vec<Tree>),
 }
 
+impl<T: Into<Value>> From<T> for Tree {
+    fn from(value: T) -> Tree {
+        Tree::Plain(value.into())
+    }
+}
+
+/// Reports that are not only samples are put together of these.
+impl Tree {
+    /// Stands for what is not known.
+    pub const NULL: Tree = Tree::Plain(Value::Null);
+
+    /// An object with these fields.
+    pub fn nested<'a>(fields: impl IntoIterator<Item = (&'a str, Tree)>) -> Tree {
+        let fields = fields.into_iter();
+        Tree::Nested(fields.map(|(name, tree)| (name.to_owned(), tree)).collect())
+    }
+
+    /// Takes the field `name` out; null if there is none.
+    pub fn take(&mut self, name: &str) -> Tree {
+        self.field(name)
+            .map_or(Tree::NULL, |tree| std::mem::replace(tree, Tree::NULL))
+    }
+
+    /// The same with this value of the field `name`, which is added if there is none.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: impl Into<Tree>) -> Tree {
+        let value = value.into();
+        if let Some(field) = self.field(name) {
+            *field = value;
+        } else if let Tree::Nested(inner) = &mut self {
+            inner.push((name.to_owned(), value));
+        }
+        self
+    }
+
+    /// The same without the field `name`.
+    #[must_use]
+    pub fn without(mut self, name: &str) -> Tree {
+        if let Tree::Nested(inner) = &mut self {
+            inner.retain(|(field, _)| field != name);
+        }
+        self
+    }
+
+    /// The same with ages for times: `age_ms` of `last_message_ns` is `last_message_age_ms`, that of `since_ns` is `since_ms`.
+    #[must_use]
+    pub fn with_ages(mut self, age_ms: impl Fn(u64) -> Option<u64>) -> Tree {
+        if let Tree::Nested(inner) = &mut self {
+            for (name, tree) in inner {
+                let (Some(of), Tree::Plain(time)) = (name.strip_suffix("_ns"), &*tree) else {
+                    continue;
+                };
+                let age = time.as_u64().and_then(&age_ms);
+                let infix = if of.ends_with("since") { "" } else { "_age" };
+                *name = format!("{of}{infix}_ms");
+                *tree = age.into();
+            }
+        }
+        self
+    }
+
+    fn field(&mut self, name: &str) -> Option<&mut Tree> {
+        let Tree::Nested(inner) = self else {
+            return None;
+        };
+        let mut fields = inner.iter_mut();
+        fields
+            .find(|(field, _)| field == name)
+            .map(|(_, tree)| tree)
+    }
+}
+
 impl Tree {
     /// The chosen fields of `sample`.
     pub fn of<T: Shown>(sample: &T, selection: &Selection) -> Tree {

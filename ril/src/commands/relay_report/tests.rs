@@ -1,5 +1,6 @@
 //! What is shown of links and stations that are well, that are not, and of which nothing is known.
 
+use ipc_types::code::RelayLinkState;
 use ipc_types::payload::{MAX_STATIONS, ascii_bytes};
 use serde_json::{Value, json};
 

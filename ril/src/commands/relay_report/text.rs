@@ -3,9 +3,12 @@
 use std::fmt;
 use std::time::Duration;
 
+use ipc_types::MonotonicNs;
+use ipc_types::payload::{RelayLink, RelayStation};
 use runtime::duration::Shown;
 
-use super::{ClockReport, LinkReport, RelayReport, SamplesReport, StationReport};
+use super::super::sample_age::named;
+use super::{LinkReport, RelayReport, heard_ms, lost_percent, refusal_name, since_ms};
 use crate::words::count;
 
 /// Stands for a text of another process that is none.
@@ -18,13 +21,13 @@ impl fmt::Display for RelayReport {
             write!(f, "{link}")?;
         }
         if let Some(stations) = &self.stations {
-            if stations.stations.is_empty() {
+            if stations.stations().is_empty() {
                 writeln!(f, "station     none")?;
             }
-            for station in &stations.stations {
-                writeln!(f, "station     {station}")?;
+            for one in stations.stations() {
+                write_station(f, one, self.now)?;
             }
-            writeln!(f, "relay       {}", stations.sample)?;
+            writeln!(f, "relay       {}", self.sample_of(stations))?;
         }
         Ok(())
     }
@@ -33,142 +36,128 @@ impl fmt::Display for RelayReport {
 impl LinkReport {
     /// In a few words, for a report about something else.
     pub fn in_short(&self) -> String {
-        let clock = self.clock.as_ref();
-        let round_trip = match clock.and_then(|clock| clock.round_trip_s) {
+        let link = &self.link;
+        let round_trip = match link.round_trip() {
             Some(seconds) => format!("round trip {}", milliseconds(seconds)),
             None => "round trip unknown".to_owned(),
         };
-        let lost = match self.samples.lost_on_air_percent {
+        let lost = match lost_percent(link) {
             Some(percent) => format!("{percent:.2} % lost on the air"),
             None => "no samples yet".to_owned(),
         };
-        let stale = if self.sample.is_stale() {
-            ", STALE"
-        } else {
-            ""
-        };
         format!(
-            "relayed over {}, link {}, {round_trip}, {lost}{stale}",
-            self.over.as_deref().unwrap_or(UNREADABLE),
-            self.state
+            "relayed over {}, link {}, {round_trip}, {lost}{}",
+            link.link().unwrap_or(UNREADABLE),
+            named(link.state(), link.state),
+            if self.is_stale() { ", STALE" } else { "" }
         )
     }
 }
 
 impl fmt::Display for LinkReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "link        {}", self.state)?;
-        match self.state_since_ms {
+        let link = &self.link;
+        write!(f, "link        {}", named(link.state(), link.state))?;
+        match since_ms(link.since_ns, self.now) {
             Some(ms) => write!(f, " for {}", shown(ms))?,
             None => f.write_str(" since an unknown time")?,
         }
         writeln!(
             f,
             " over {}, last message {}; {}",
-            self.over.as_deref().unwrap_or(UNREADABLE),
-            ago(self.last_heard_age_ms),
-            count(self.outages, "outage")
+            link.link().unwrap_or(UNREADABLE),
+            ago(heard_ms(link.last_heard(), self.now)),
+            count(link.outages, "outage")
         )?;
         write!(
             f,
             "            robot {} on its own machine; this station is {}",
-            self.robot_there,
-            self.station.as_deref().unwrap_or(UNREADABLE)
+            link.robot,
+            link.station().unwrap_or(UNREADABLE)
         )?;
-        match &self.refusal {
+        match refusal_name(link.refusal) {
             Some(reason) => writeln!(f, ", and its requests are refused ({reason})")?,
             None => writeln!(f)?,
         }
-        match &self.clock {
-            Some(clock) => writeln!(f, "clock       {clock}")?,
-            None => writeln!(f, "clock       not compared with the robot's yet")?,
-        }
-        writeln!(f, "samples     {}", self.samples)?;
+        writeln!(f, "clock       {}", clock(link))?;
+        let percent = lost_percent(link);
+        writeln!(
+            f,
+            "samples     {} received, {} lost on the air{}, {} lost in the robot's relay, {} left out on purpose",
+            link.samples_received,
+            link.samples_lost_on_air,
+            percent.map_or_else(String::new, |percent| format!(" ({percent:.2} %)")),
+            link.samples_lost_in_relay,
+            link.samples_left_out
+        )?;
         writeln!(
             f,
             "bytes       {} received, {} sent",
-            self.bytes_received, self.bytes_sent
+            link.bytes_received, link.bytes_sent
         )?;
         writeln!(
             f,
             "orders      {} sent, {} repeated, {} open, {} of unknown outcome",
-            self.orders.sent,
-            count(self.orders.repeated, "message"),
-            self.orders.open,
-            self.orders.unknown
+            link.orders_sent,
+            count(link.orders_repeated, "message"),
+            link.orders_open,
+            link.orders_unknown
         )?;
-        writeln!(f, "relay       {}", self.sample)
+        writeln!(f, "relay       {}", self.sample())
     }
 }
 
-impl fmt::Display for ClockReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let relation = if self.offset_ns < 0 {
-            "behind"
-        } else {
-            "ahead"
-        };
-        let seconds = self.offset_ns.unsigned_abs() as f64 / 1e9;
-        write!(f, "the robot's is {seconds:.6} s {relation}")?;
-        match self.uncertainty_s {
-            Some(uncertainty) => write!(f, ", true within {}", milliseconds(uncertainty))?,
-            None => f.write_str(", of unknown truth")?,
-        }
-        match self.round_trip_s {
-            Some(round_trip) => write!(f, "; round trip {}", milliseconds(round_trip))?,
-            None => f.write_str("; round trip unknown")?,
-        }
-        write!(
-            f,
-            ", drift {:.3} ppm, {}",
-            f64::from(self.drift_ppb) / 1e3,
-            count(self.resets, "reset")
-        )
+/// How the robot's clock is to this machine's.
+fn clock(link: &RelayLink) -> String {
+    if link.clock_valid == 0 {
+        return "not compared with the robot's yet".to_owned();
     }
+    let relation = match link.clock_offset_ns < 0 {
+        true => "behind",
+        false => "ahead",
+    };
+    let seconds = link.clock_offset_ns.unsigned_abs() as f64 / 1e9;
+    let truth = match link.clock_uncertainty() {
+        Some(uncertainty) => format!("true within {}", milliseconds(uncertainty)),
+        None => "of unknown truth".to_owned(),
+    };
+    let round_trip = match link.round_trip() {
+        Some(round_trip) => milliseconds(round_trip),
+        None => "unknown".to_owned(),
+    };
+    format!(
+        "the robot's is {seconds:.6} s {relation}, {truth}; round trip {round_trip}, drift {:.3} ppm, {}",
+        f64::from(link.clock_drift_ppb) / 1e3,
+        count(link.clock_resets, "reset")
+    )
 }
 
-impl fmt::Display for SamplesReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} received, {} lost on the air",
-            self.received, self.lost_on_air
-        )?;
-        if let Some(percent) = self.lost_on_air_percent {
-            write!(f, " ({percent:.2} %)")?;
-        }
-        write!(
-            f,
-            ", {} lost in the robot's relay, {} left out on purpose",
-            self.lost_in_relay, self.left_out
-        )
+fn write_station(
+    f: &mut fmt::Formatter<'_>,
+    station: &RelayStation,
+    now: MonotonicNs,
+) -> fmt::Result {
+    let state = if station.is_up != 0 { "up" } else { "down" };
+    let name = station.name().unwrap_or(UNREADABLE);
+    write!(f, "station     {name}: {state}")?;
+    if let Some(ms) = since_ms(station.since_ns, now) {
+        write!(f, " for {}", shown(ms))?;
     }
-}
-
-impl fmt::Display for StationReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let state = if self.up { "up" } else { "down" };
-        let name = self.name.as_deref().unwrap_or(UNREADABLE);
-        write!(f, "{name}: {state}")?;
-        if let Some(ms) = self.since_ms {
-            write!(f, " for {}", shown(ms))?;
-        }
-        match (&self.refusal, self.may_command) {
-            (None, true) => f.write_str(", may command")?,
-            (Some(reason), true) => write!(f, ", may command and is refused ({reason})")?,
-            (_, false) => f.write_str(", may not command")?,
-        }
-        write!(
-            f,
-            ", last message {}\n            \
-             {} sent; {} executed, {} refused, {} open",
-            ago(self.last_heard_age_ms),
-            count(self.samples_sent, "sample"),
-            count(self.orders_executed, "order"),
-            self.orders_refused,
-            self.orders_open
-        )
+    match (refusal_name(station.refusal), station.may_command != 0) {
+        (None, true) => f.write_str(", may command")?,
+        (Some(reason), true) => write!(f, ", may command and is refused ({reason})")?,
+        (_, false) => f.write_str(", may not command")?,
     }
+    writeln!(
+        f,
+        ", last message {}\n            \
+         {} sent; {} executed, {} refused, {} open",
+        ago(heard_ms(station.last_heard(), now)),
+        count(station.samples_sent, "sample"),
+        count(station.orders_executed, "order"),
+        station.orders_refused,
+        station.orders_open
+    )
 }
 
 fn shown(ms: u64) -> Shown {
@@ -176,7 +165,7 @@ fn shown(ms: u64) -> Shown {
 }
 
 /// Seconds as milliseconds, with the digits that mean something.
-pub(in super::super) fn milliseconds(seconds: f64) -> String {
+fn milliseconds(seconds: f64) -> String {
     let milliseconds = seconds * 1e3;
     match milliseconds < 10.0 {
         true => format!("{milliseconds:.3} ms"),
