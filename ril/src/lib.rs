@@ -8,7 +8,6 @@
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
-//! * `habit`: what was called otherwise in earlier versions;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
@@ -47,7 +46,6 @@ pub mod completion;
 pub mod config;
 pub mod demo;
 pub mod fields;
-mod habit;
 pub mod live;
 pub mod log;
 pub mod measure;
@@ -143,10 +141,7 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Plan(args) => plan::plan(&args.command, choice),
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
-        Command::Status(args) => {
-            habit::refuse_the_configuration_of_a_process(&args.common)?;
-            state::state(&args)
-        }
+        Command::Status(args) => state::state(&args),
         Command::Watch(args) => commands::watch::watch(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),

@@ -28,7 +28,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use runtime::args::CommonArgs;
@@ -117,13 +117,7 @@ impl Cli {
     ) -> Result<(Cli, RobotChoice), clap::Error> {
         let mut command = Cli::command();
         let args = global::behind_the_verb(protect_coordinates(args), &command);
-        let is_status = args.get(1).is_some_and(|verb| verb == "status");
-        let matches = command
-            .try_get_matches_from_mut(args)
-            .map_err(|error| match is_status {
-                true => name_the_process(error),
-                false => error,
-            })?;
+        let matches = command.try_get_matches_from_mut(args)?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         if let Command::Goto(goto) = &cli.command {
             goto.targets().map_err(|text| {
@@ -136,16 +130,6 @@ impl Cli {
         }
         Ok((cli, RobotChoice::of(&matches)))
     }
-}
-
-/// The usage error with how the process status is started: `ril status` was its name in earlier versions.
-fn name_the_process(mut error: clap::Error) -> clap::Error {
-    if error.kind() == ErrorKind::UnknownArgument {
-        let tip = "the process that writes logs is started with `ril run status`; `ril status` shows a robot's state";
-        let tips = ContextValue::StyledStrs(vec![tip.into()]);
-        error.insert(ContextKind::Suggested, tips);
-    }
-    error
 }
 
 /// What to do.
