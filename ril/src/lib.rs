@@ -8,6 +8,7 @@
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`measure`]: rates, ages and bytes of samples, with their histograms;
+//! * [`geo`]: places on the Earth and the metres between them;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
@@ -17,6 +18,7 @@
 //! * [`wait`]: conditions of a robot that a script waits for;
 //! * [`replay`]: keys and requests of a flight that is played;
 //! * [`robots`]: the robots of a user, as a table;
+//! * [`stamps`]: what a sample says of its publisher and of its times;
 //! * [`pilot`]: what a pilot asks first, of the newest telemetry;
 //! * [`watch`]: what `ril watch` knows and shows;
 //! * [`words`]: numbers, times and paragraphs as people read them.
@@ -46,6 +48,7 @@ pub mod completion;
 pub mod config;
 pub mod demo;
 pub mod fields;
+pub mod geo;
 pub mod live;
 pub mod log;
 pub mod measure;
@@ -55,6 +58,7 @@ pub mod preflight;
 pub mod record;
 pub mod replay;
 pub mod robots;
+pub mod stamps;
 pub mod wait;
 pub mod watch;
 pub mod words;

@@ -8,6 +8,8 @@ use ipc_types::code::{Functionality, PilotSwitch};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
+use crate::geo::Place;
+
 /// A speed beyond this is no speed of a helicopter, m/s.
 const MAX_SPEED_MPS: f64 = 1000.0;
 
@@ -16,26 +18,6 @@ const MAX_ALTITUDE_M: f64 = 100_000.0;
 
 /// A voltage beyond this is none of a battery, V.
 const MAX_BATTERY_V: f64 = 1000.0;
-
-/// A place on the map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// Degrees, north positive, −90 … 90.
-    pub latitude_deg: f64,
-    /// Degrees, east positive, −180 … 180.
-    pub longitude_deg: f64,
-}
-
-impl Place {
-    /// The place with these coordinates; nothing when there is none.
-    pub fn new(latitude_deg: f64, longitude_deg: f64) -> Option<Place> {
-        // A comparison with no number is false.
-        (latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0).then_some(Place {
-            latitude_deg,
-            longitude_deg,
-        })
-    }
-}
 
 /// Quality of the GPS fix, as NMEA numbers it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

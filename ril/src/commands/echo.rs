@@ -15,7 +15,7 @@ use super::{Session, configuration, json_line};
 use crate::cli::{self, EchoArgs, EchoOptions};
 use crate::config::Config;
 use crate::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
-use crate::measure::StampReader;
+use crate::stamps::StampReader;
 use crate::words::count as plural;
 
 /// `ril echo`

@@ -21,7 +21,8 @@ use crate::live::{Block, Size};
 use crate::measure::bandwidth::BandwidthMeter;
 use crate::measure::delay::DelayMeter;
 use crate::measure::rate::RateMeter;
-use crate::measure::{Detail, Meter, Of, RelayedTimes, Report, StampReader};
+use crate::measure::{Detail, Meter, Of, RelayedTimes, Report};
+use crate::stamps::StampReader;
 
 /// From one drawing to the next: long enough to read.
 const REDRAW_PERIOD: Duration = Duration::from_secs(1);

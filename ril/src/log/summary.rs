@@ -8,6 +8,7 @@ use status::log::clock::IsoTime;
 
 use super::recording::{Damage, Row};
 use super::row::{UtcSource, UtcTimes};
+use crate::geo::{Place, distance_m};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.LogSummary.v1";
@@ -21,9 +22,6 @@ const STEP_M: f64 = 1.0;
 
 /// A step longer than this is none of a helicopter, m: a damaged number, or the next fix after a time without one.
 const MAX_STEP_M: f64 = 1000.0;
-
-/// Mean radius of the Earth, m. A step is some metres long, so a sphere is exact to 0.5 %.
-const EARTH_RADIUS_M: f64 = 6_371_008.8;
 
 /// A value at the beginning and the end, and its extreme between.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -116,8 +114,8 @@ pub struct Summarizer {
     last: Option<Last>,
     /// Altitude where the helicopter stood last, m.
     ground_m: Option<f64>,
-    /// The end of the last step of the way, degrees.
-    step_from: Option<(f64, f64)>,
+    /// The end of the last step of the way.
+    step_from: Option<Place>,
     dsp_errors: Option<u64>,
 }
 
@@ -203,7 +201,8 @@ impl Summarizer {
         if let Some(altitude) = by_gps(self.places.altitude) {
             self.altitude(altitude, row.flying);
         }
-        let place = by_gps(self.places.latitude).zip(by_gps(self.places.longitude));
+        let degrees = by_gps(self.places.latitude).zip(by_gps(self.places.longitude));
+        let place = degrees.and_then(|(latitude, longitude)| Place::new(latitude, longitude));
         match place {
             Some(place) if row.flying => self.step(place),
             // The way goes on from where the helicopter takes off next.
@@ -272,13 +271,13 @@ impl Summarizer {
         }
     }
 
-    fn step(&mut self, to: (f64, f64)) {
-        let distance_m = self.summary.distance_m.get_or_insert(0.0);
+    fn step(&mut self, to: Place) {
+        let way_m = self.summary.distance_m.get_or_insert(0.0);
         let from = *self.step_from.get_or_insert(to);
-        let length_m = length_m(from, to);
+        let length_m = distance_m(from, to);
         if length_m >= STEP_M {
             if length_m <= MAX_STEP_M {
-                *distance_m += length_m;
+                *way_m += length_m;
             }
             self.step_from = Some(to);
         }
@@ -312,13 +311,4 @@ fn course(of: &mut Option<Course>, value: Option<f64>) {
         course.last = value;
         course.min = course.min.min(value);
     }
-}
-
-/// From one place to another near it, latitude and longitude in degrees.
-fn length_m(from: (f64, f64), to: (f64, f64)) -> f64 {
-    let north = (to.0 - from.0).to_radians();
-    // The shorter way round the Earth.
-    let east = (to.1 - from.1 + 540.0).rem_euclid(360.0) - 180.0;
-    let east = east.to_radians() * from.0.to_radians().cos();
-    north.hypot(east) * EARTH_RADIUS_M
 }

@@ -12,7 +12,8 @@ use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
-use super::{Counts, Detail, DspClock, Meter, Of, Report, Stamps, rounded};
+use super::{Counts, Detail, Meter, Of, Report, rounded};
+use crate::stamps::{DspClock, Stamps};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Delay.v2";

@@ -4,8 +4,7 @@ use bridge::safety::fence::{AreaConfig, AreaKind};
 use ipc_types::payload::WaypointPosition;
 use serde::Deserialize;
 
-use super::track::METRES_PER_DEGREE;
-use crate::pilot::Place;
+use crate::geo::{METRES_PER_DEGREE, Place};
 
 /// Corners of a circle's outline: its edges leave the circle by 0.5 % of the radius.
 const CIRCLE_CORNERS: u32 = 32;
@@ -88,7 +87,7 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::watch::track::distance_m;
+    use crate::geo::distance_m;
 
     #[test]
     fn the_annotated_example_has_a_polygon_and_a_circle() {

@@ -19,7 +19,8 @@ use super::freshness::{Feed, OVERDUE_AFTER};
 use super::history::History;
 use super::journal::{Journal, Weight};
 use super::track::Track;
-use crate::pilot::{PilotView, Place};
+use crate::geo::Place;
+use crate::pilot::PilotView;
 
 /// Telemetry older than this says nothing of the present: the DSP sends it several times a second.
 pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);

@@ -1,6 +1,6 @@
 //! [`Track`]: where the robot was, bounded: when it is full, every other point goes and the points lie twice as far apart.
 
-use crate::pilot::Place;
+use crate::geo::{Place, distance_m};
 
 /// Most points of a track. At the first spacing that is 256 m of flight, and twice as much after each thinning.
 pub const MAX_POINTS: usize = 512;
@@ -10,25 +10,6 @@ const FIRST_SPACING_M: f64 = 0.5;
 
 /// A jump farther than this begins another track, m: it is no flight, but another fix or another robot.
 const MAX_JUMP_M: f64 = 10_000.0;
-
-/// Metres of one degree of latitude, and of longitude at the equator.
-pub const METRES_PER_DEGREE: f64 = 111_320.0;
-
-/// How far `to` lies from `from`: metres east, metres north. On a flat map, which is honest for some kilometres.
-pub fn offset_m(from: Place, to: Place) -> (f64, f64) {
-    let east_deg = (to.longitude_deg - from.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
-    let scale = from.latitude_deg.to_radians().cos();
-    (
-        east_deg * METRES_PER_DEGREE * scale,
-        (to.latitude_deg - from.latitude_deg) * METRES_PER_DEGREE,
-    )
-}
-
-/// Distance on that map, m.
-pub fn distance_m(from: Place, to: Place) -> f64 {
-    let (east, north) = offset_m(from, to);
-    east.hypot(north)
-}
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
@@ -84,6 +65,7 @@ impl Track {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geo::METRES_PER_DEGREE;
 
     fn place(north_m: f64) -> Place {
         Place::new(37.0 + north_m / METRES_PER_DEGREE, -6.0).unwrap()
@@ -111,13 +93,5 @@ mod tests {
         assert_eq!(track.points().len(), 1);
         track.push(place(20_000.0));
         assert_eq!(track.points(), [place(20_000.0)]);
-    }
-
-    #[test]
-    fn distances_are_right_across_the_date_line() {
-        let east = Place::new(0.0, 179.9999).unwrap();
-        let west = Place::new(0.0, -179.9999).unwrap();
-        let (east_m, north_m) = offset_m(east, west);
-        assert!((east_m - 22.3).abs() < 0.1 && north_m == 0.0, "{east_m}");
     }
 }

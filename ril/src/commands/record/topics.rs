@@ -15,9 +15,9 @@ use recording::{Channel, ChannelId, EventKind, Recorder};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::sinks::Sinks;
-use crate::measure::StampReader;
 use crate::record::continuity::Continuity;
 use crate::record::names::topic_of;
+use crate::stamps::StampReader;
 
 /// When a service that could not be opened is tried again.
 const RETRY_PERIOD: Duration = Duration::from_secs(1);

@@ -12,6 +12,7 @@ use runtime::duration::Shown;
 use super::super::sample_age::{age_ms, named};
 use super::{StateReport, UNREADABLE, implausible, known_dsp_errors, pc_timeout_supported};
 use crate::fields::{Selection, Tree};
+use crate::geo::Place;
 use crate::messages::details;
 use crate::words::count;
 
@@ -111,9 +112,8 @@ impl StateReport {
     }
 
     fn position(&self) -> String {
-        let degrees = |place: crate::pilot::Place| {
-            format!("{:.7}° {:.7}°", place.latitude_deg, place.longitude_deg)
-        };
+        let degrees =
+            |place: Place| format!("{:.7}° {:.7}°", place.latitude_deg, place.longitude_deg);
         or_dash(self.view.place.map(degrees))
     }
 

@@ -13,11 +13,13 @@ use super::module::Module;
 use super::requests::Requests;
 use super::scene;
 use super::states::States;
+use crate::geo::Place;
+use crate::geo::distance_m;
 use crate::messages::details;
-use crate::pilot::{PilotView, Place};
+use crate::pilot::PilotView;
 use crate::record::messages::RequestEvent;
 use crate::watch::chart::Chart;
-use crate::watch::track::{Track, distance_m};
+use crate::watch::track::Track;
 
 /// Most points of the track: more than a map has columns.
 const TRACK_POINTS: usize = 4000;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use flight_report::flight::{Outcome, Request};
 use ipc_types::code::Stage;
 
-use crate::pilot::Place;
+use crate::geo::Place;
 use crate::record::messages::RequestEvent;
 
 /// Most requests that are shown; further ones are counted.

@@ -2,9 +2,9 @@
 
 use flight_report::flight::{Area, Limit, Map};
 
-use crate::pilot::Place;
+use crate::geo::Place;
+use crate::geo::offset_m;
 use crate::watch::chart::Chart;
-use crate::watch::track::offset_m;
 
 /// Most waypoints and corners that are drawn; a survey has some hundreds.
 const MAX_POINTS: usize = 5000;

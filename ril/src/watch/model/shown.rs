@@ -9,7 +9,8 @@ use super::super::freshness::Freshness;
 use super::super::history::History;
 use super::super::journal::Journal;
 use super::{Home, Process, Robot};
-use crate::pilot::{PilotView, Place};
+use crate::geo::Place;
+use crate::pilot::PilotView;
 
 impl Robot {
     /// The robot.

@@ -9,10 +9,10 @@ use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
 
 use super::pen::{Glyphs, OLD, TITLE, put};
-use crate::pilot::Place;
+use crate::geo::Place;
+use crate::geo::offset_m;
 use crate::watch::app::{App, Zoom};
 use crate::watch::model::Robot;
-use crate::watch::track::offset_m;
 
 /// Least width and height of what is shown, m: a robot that stands still is not drawn larger than its error.
 const LEAST_SPAN_M: f64 = 20.0;
