@@ -18,12 +18,12 @@ use ipc_types::{
 use ril::commands::exchange::{Exchange, Next, Until};
 use ril::commands::state_report::{Samples, StateReport};
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
-use ril::measure::bandwidth::BandwidthMeter;
-use ril::measure::delay::DelayMeter;
-use ril::measure::rate::RateMeter;
-use ril::measure::{Detail, Meter, Of, Report};
 use ril::messages::{self, FinalReport, ReportObject, Verb};
 use ril::stamps::StampReader;
+use ril::verbs::topic::meter::bandwidth::BandwidthMeter;
+use ril::verbs::topic::meter::delay::DelayMeter;
+use ril::verbs::topic::meter::rate::RateMeter;
+use ril::verbs::topic::meter::{Detail, Meter, Of, Report};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge, StandInStatus};
 use serde_json::Value;

@@ -8,21 +8,16 @@
 pub(crate) mod exit_codes;
 mod global;
 mod length;
-mod log;
 mod plan;
 mod preflight;
-mod record;
 mod relay;
-mod replay;
 mod request;
 mod robots;
 mod shell;
 #[cfg(test)]
 mod tests;
-mod topic;
-mod value;
+pub(crate) mod value;
 mod wait;
-mod watch;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -35,35 +30,35 @@ use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
 use crate::demo;
-use exit_codes::EXIT_CODES;
-pub use global::{GlobalArgs, wants_json};
-pub use length::{Height, Target, waypoints};
-pub use log::{
+pub use crate::verbs::log::options::{
     LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogRecoverArgs,
     LogReportArgs, LogTailArgs,
 };
+pub use crate::verbs::record::options::RecordArgs;
+pub use crate::verbs::replay::options::ReplayArgs;
+pub use crate::verbs::topic::options::{
+    EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
+    TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
+};
+pub use crate::verbs::watch::options::WatchArgs;
+use exit_codes::EXIT_CODES;
+pub use global::{GlobalArgs, wants_json};
+pub use length::{Height, Target, waypoints};
 pub use plan::{
     HomeArg, PlanArgs, PlanCheckArgs, PlanCommand, PlanFileArgs, PlanFlyArgs, PlanLookArgs,
     PlanShowArgs, ReferenceName,
 };
 pub use preflight::PreflightArgs;
-pub use record::RecordArgs;
 pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
-pub use replay::ReplayArgs;
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
     ParamGetArgs, ParamListArgs, ParamSetArgs, RequestArgs, TakeoffArgs,
 };
 pub use robots::RobotsArgs;
 pub use shell::{CompletionsArgs, Shell};
-pub use topic::{
-    EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
-    TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
-};
 pub use value::PortKey;
 use value::{duration, protect_coordinates};
 pub use wait::WaitArgs;
-pub use watch::WatchArgs;
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///

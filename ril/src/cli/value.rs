@@ -73,7 +73,7 @@ pub(super) fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> 
 }
 
 /// Reads how long something may take or is to go on, such as `5s` or `1m30s`.
-pub(super) fn duration(text: &str) -> Result<Duration, String> {
+pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     let bounds = [MIN_TIMEOUT_S, MAX_TIMEOUT_S].map(Duration::from_secs_f64);
     within(duration::parse(text)?, bounds)
 }

@@ -1,36 +1,25 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
-mod chart;
 mod conversation;
 pub mod doctor;
-pub mod echo;
 pub mod exchange;
 mod json;
 mod latest;
-pub mod log;
-pub mod measure;
-mod output_pipe;
 pub mod param;
 pub mod plan;
 mod position;
 pub mod preflight;
-pub mod record;
 pub mod relay;
 pub mod relay_report;
-pub mod replay;
 pub mod request;
 pub(crate) mod resulting;
-mod robot;
+pub(crate) mod robot;
 pub mod robots;
 pub mod sample_age;
 pub mod shell;
 pub mod state;
 pub mod state_report;
-mod stream;
-pub mod topic;
 pub mod wait;
-pub mod watch;
-pub mod watch_timeout;
 
 use std::os::fd::AsFd;
 use std::path::Path;
@@ -50,7 +39,7 @@ use crate::config::{Config, DEFAULT_FILE};
 pub(crate) use json::json_line;
 
 /// Begins logging and reads the configuration. Nothing comes out when it was only to be checked; it is printed then.
-fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
+pub(crate) fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
     runtime::logging::init(common.verbosity())?;
     if common.check_config {
         resulting::print("ril", &resulting::of_commands(common)?)?;
@@ -63,15 +52,15 @@ fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
 }
 
 /// The command's part in the robot's shared memory, and its one wait.
-struct Session {
-    ipc: Ipc,
-    waiter: Waiter,
-    termination: Termination,
+pub(crate) struct Session {
+    pub(crate) ipc: Ipc,
+    pub(crate) waiter: Waiter,
+    pub(crate) termination: Termination,
 }
 
 impl Session {
     /// Takes part. Signals no longer end the process by themselves from here on.
-    fn join(common: &CommonArgs) -> Result<Session, Failure> {
+    pub(crate) fn join(common: &CommonArgs) -> Result<Session, Failure> {
         let termination = Termination::install().or_fail(ExitCode::Internal)?;
         let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         let ipc =
@@ -85,7 +74,7 @@ impl Session {
     }
 
     /// Sleeps until a source has something, a signal comes or it is `until`; nothing stands for no limit.
-    fn wait<'a>(
+    pub(crate) fn wait<'a>(
         &self,
         others: impl IntoIterator<Item = &'a mut dyn Source>,
         until: Option<MonotonicNs>,
@@ -103,17 +92,17 @@ impl Session {
     }
 
     /// The live process that provides the service `key`.
-    fn provider(&self, key: &str) -> Result<Option<Provider>, Failure> {
+    pub(crate) fn provider(&self, key: &str) -> Result<Option<Provider>, Failure> {
         self.ipc.provider(key).or_fail(ExitCode::Internal)
     }
 
     /// Whether a live process provides the service `key`.
-    fn is_provided(&self, key: &str) -> Result<bool, Failure> {
+    pub(crate) fn is_provided(&self, key: &str) -> Result<bool, Failure> {
         Ok(self.provider(key)?.is_some())
     }
 
     /// The failure that nothing of the topic `key` came in time: no process provides it, or its provider publishes nothing.
-    fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
+    pub(crate) fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
         let robot = self.ipc.robot();
         let timeout = Shown(timeout);
         let Some(provider) = self.provider(key)? else {
@@ -141,7 +130,7 @@ impl Session {
 }
 
 /// The failure that no process provides the service `key`; other robots that are alive are named.
-fn absent(key: &str, robot: RobotId) -> Failure {
+pub(crate) fn absent(key: &str, robot: RobotId) -> Failure {
     let start = match process_of(key) {
         Some(process) => format!("start `ril run {process} --robot {robot}`"),
         None => "start the module that provides it".to_owned(),
@@ -155,7 +144,7 @@ fn absent(key: &str, robot: RobotId) -> Failure {
 }
 
 /// Whether the service `key`, which `provider` provides, comes from another machine. The relay's own topics do not.
-fn is_relayed(key: &str, provider: &Provider) -> bool {
+pub(crate) fn is_relayed(key: &str, provider: &Provider) -> bool {
     let is_own = key.split('/').next() == Some(RelayModule::NAME);
     provider.process == RelayModule::NAME && !is_own
 }

@@ -154,7 +154,7 @@ impl Newest {
 
 /// Whether a topic comes from another machine, and how the link to that machine is.
 #[derive(Default)]
-pub(super) struct LinkWatch {
+pub(crate) struct LinkWatch {
     /// Nothing as long as the topic was not seen to come from the relay.
     link: Option<Latest<RelayLink>>,
     is_relayed: bool,

@@ -30,8 +30,8 @@ use runtime::signal::Termination;
 use status::log::file_name::{FileKind, recognize};
 
 use crate::cli::exit_codes::EXIT_CODES;
-use crate::log::check::FileCheck;
-use crate::record::names::topic_of;
+use crate::recorded::check::FileCheck;
+use crate::recorded::topic_of;
 pub use children::end_with_parent;
 use flight::fly;
 use result::{Kept, tell};

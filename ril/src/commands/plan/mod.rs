@@ -21,7 +21,7 @@ use crate::cli::{
     PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs, RobotChoice,
 };
 use crate::words::columns;
-pub(super) use file::read_file;
+pub(crate) use file::read_file;
 use file::{read, write_plan};
 use gather::{Known, gather};
 use report::Report;

@@ -1,0 +1,8 @@
+//! The verbs: each with its options, its shell, its pure values and their tests in one folder. A verb imports what all share, never
+//! another verb.
+
+pub mod log;
+pub mod record;
+pub mod replay;
+pub mod topic;
+pub mod watch;

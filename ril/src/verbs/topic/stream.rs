@@ -1,0 +1,195 @@
+//! What all commands that watch a stream of samples share: where samples come from, and the loop that waits, drains and
+//! knows when it is enough.
+//!
+//! Samples are bytes here, which their schema describes: what is done with them is the same whether this program was
+//! built with their struct or not.
+
+use std::io;
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use ipc_types::service::own;
+use ipc_types::{
+    Descriptor, DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source, Subscriber,
+    Topic, dynamic,
+};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::output_pipe::OutputPipe;
+use super::watch_timeout::{Limits, Next, WatchTimeout};
+use crate::commands::{Session, absent};
+
+/// A topic that a command watches.
+pub(super) struct Watched {
+    /// Last part of its name, such as `hero_telemetry`.
+    pub key: String,
+    /// What its samples hold.
+    pub schema: Schema,
+}
+
+impl Watched {
+    /// One that this program was built with.
+    pub fn of<T: Topic>() -> Watched {
+        Watched {
+            key: T::KEY.to_owned(),
+            schema: Schema::of::<T>(),
+        }
+    }
+
+    /// The topic `key`, whatever it is.
+    ///
+    /// # Errors
+    ///
+    /// Code 3 when there is no such topic, 1 when its schema cannot be used.
+    pub fn find(session: &Session, key: &str) -> Result<Watched, Failure> {
+        match dynamic::schema_of(&session.ipc, key) {
+            Ok(schema) => Ok(Watched {
+                key: key.to_owned(),
+                schema,
+            }),
+            Err(ipc_types::schema::LoadError::Missing(_)) => Err(missing(session, key)),
+            Err(error) => Err(error).or_fail(ExitCode::Internal),
+        }
+    }
+
+    /// Whether a live process publishes it.
+    fn is_provided(&self, session: &Session) -> Result<bool, Failure> {
+        session.is_provided(&self.key)
+    }
+
+    /// The failure that nothing came in time.
+    pub fn nothing_came(&self, session: &Session, timeout: Duration) -> Result<Failure, Failure> {
+        session.nothing_came(&self.key, timeout)
+    }
+}
+
+/// The failure that there is no topic `key`, with what there is.
+pub(super) fn missing(session: &Session, key: &str) -> Failure {
+    if own(key).is_some() {
+        return absent(key, session.ipc.robot());
+    }
+    let robot = session.ipc.robot();
+    let keys: Vec<String> = dynamic::topics(&session.ipc)
+        .into_iter()
+        .map(|topic| topic.key)
+        .collect();
+    let there = match keys.as_slice() {
+        [] => "it has none now".to_owned(),
+        keys => format!("it has {}", keys.join(", ")),
+    };
+    let text = format!("robot {robot} has no topic {key}; {there}");
+    Failure::new(ExitCode::ServiceAbsent, text)
+        .with_next_step("start the module that publishes it, and try again")
+}
+
+/// Where samples come from.
+pub(super) trait Samples: Source {
+    /// Hands on the bytes of every sample that is there.
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError>;
+
+    /// What was received and missed so far.
+    fn losses(&self) -> Losses;
+}
+
+impl<T: Topic> Samples for Subscriber<T> {
+    fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        Subscriber::drain(self, |sample| take(sample.bytes()))
+    }
+
+    fn losses(&self) -> Losses {
+        Subscriber::losses(self)
+    }
+}
+
+impl Samples for DynamicSubscriber {
+    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
+        DynamicSubscriber::drain(self, take)
+    }
+
+    fn losses(&self) -> Losses {
+        DynamicSubscriber::losses(self)
+    }
+}
+
+/// Opens a topic that this program was perhaps not built with.
+///
+/// # Errors
+///
+/// Code 3 when no process publishes it, 1 for other trouble.
+pub(super) fn open(session: &Session, watched: &Watched) -> Result<DynamicSubscriber, Failure> {
+    DynamicSubscriber::open(&session.ipc, &watched.key, &watched.schema).or_fail(ExitCode::Internal)
+}
+
+/// What is done with the samples.
+pub(super) trait Watcher {
+    /// Takes a sample's bytes, and says whether it counts as one of those that were asked for.
+    fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure>;
+
+    /// Called after every wake, when all samples that were there have been taken.
+    fn woken(&mut self, losses: Losses, now: MonotonicNs) -> Result<(), Failure>;
+
+    /// When to be woken even if nothing comes.
+    fn wake_at(&self) -> Option<MonotonicNs> {
+        None
+    }
+}
+
+/// Hands samples on until it is enough, nothing comes any more, or a signal comes; the latter is enough, too.
+///
+/// # Errors
+///
+/// What `watcher` fails with; the quiet end when the reader of standard output has gone.
+pub(super) fn watch<S: Samples>(
+    session: &Session,
+    watched: &Watched,
+    samples: &mut S,
+    limits: Limits,
+    watcher: &mut impl Watcher,
+) -> Result<Next, Failure> {
+    let mut timeout = WatchTimeout::new(limits, MonotonicNs::now());
+    let pipe = OutputPipe::of_this_process();
+    let mut reader = pipe.as_ref().map(|pipe| Descriptor::new(pipe.as_fd()));
+    while !session.termination.requested() {
+        let count = take(samples, timeout.wanted(), watcher)?;
+        let now = MonotonicNs::now();
+        timeout.came(count, now);
+        watcher.woken(samples.losses(), now)?;
+        match timeout.next(now) {
+            Next::Wait(until) => {
+                let until = watcher.wake_at().map_or(until, |at| until.min(at));
+                let reader = reader.as_mut().map(|reader| reader as _);
+                session.wait([samples as _].into_iter().chain(reader), Some(until))?;
+                if pipe.as_ref().is_some_and(OutputPipe::is_closed) {
+                    return Err(Failure::output(io::ErrorKind::BrokenPipe.into()));
+                }
+            }
+            Next::Look => {
+                timeout.provider(watched.is_provided(session)?, now);
+            }
+            end => return Ok(end),
+        }
+    }
+    Ok(Next::Enough)
+}
+
+/// Hands on what is there, at most `wanted` samples that count, and says how many those were.
+fn take(
+    samples: &mut impl Samples,
+    wanted: u64,
+    watcher: &mut impl Watcher,
+) -> Result<u64, Failure> {
+    let mut count = 0;
+    let mut result = Ok(());
+    let received = samples.drain(|payload| {
+        if count < wanted && result.is_ok() {
+            match watcher.sample(payload) {
+                Ok(counts) => count += u64::from(counts),
+                Err(failure) => result = Err(failure),
+            }
+        }
+    });
+    if let Err(error) = received {
+        tracing::warn!(%error, "samples could not be received");
+    }
+    result.map(|()| count)
+}
