@@ -9,6 +9,7 @@
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`demo`]: a whole simulated mission with one command;
 //! * [`geo`]: places on the Earth and the metres between them;
+//! * [`keys`](mod@keys): the keys in the bytes of a terminal;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
@@ -49,6 +50,7 @@ pub mod config;
 pub mod demo;
 pub mod fields;
 pub mod geo;
+pub mod keys;
 pub mod live;
 pub mod messages;
 pub mod pilot;

@@ -1,12 +1,13 @@
 //! [`Tree`]: the chosen fields of a sample.
 
+use std::fmt;
+
 use ipc_types::Schema;
 use ipc_types::schema::{Field, Kind, Leaf, Message, Value as Number};
-use serde::ser::{Serialize, Serializer};
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
 
-use super::path::{element, is_at_or_under, join};
-use super::selection::Selection;
+use super::selection::{Selection, element, is_at_or_under, join};
 use super::tables::{Meaning, Shown};
 
 /// A sample as it is shown: its chosen fields in the order of the layout.
@@ -236,6 +237,41 @@ impl Serialize for Tree {
                 serializer.collect_map(inner.iter().map(|(name, tree)| (name, tree)))
             }
             Tree::List(elements) => elements.serialize(serializer),
+        }
+    }
+}
+
+/// A sample as one JSON object that begins with its schema.
+#[derive(Debug)]
+pub struct JsonLine<'a> {
+    /// Name of the layout, such as `hero.DspTelemetry.v2`.
+    pub schema: &'a str,
+    /// The sample.
+    pub tree: &'a Tree,
+}
+
+impl Serialize for JsonLine<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("schema", self.schema)?;
+        if let Tree::Nested(inner) = self.tree {
+            for (name, tree) in inner {
+                map.serialize_entry(name, tree)?;
+            }
+        }
+        map.end()
+    }
+}
+
+/// A plain value for people: without quotes, and a dash for nothing.
+pub struct Plainly<'a>(pub &'a Value);
+
+impl fmt::Display for Plainly<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Value::Null => f.write_str("-"),
+            Value::String(text) => f.write_str(text),
+            other => other.fmt(f),
         }
     }
 }

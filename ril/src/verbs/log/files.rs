@@ -5,13 +5,13 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use runtime::config::load;
-use runtime::exit::{Failure, OrFail};
+use runtime::exit::{ExitCode, Failure, OrFail};
 use status::log::config::LogConfig;
 use status::log::file_name::{FileKind, Series, Stamp, recognize};
 use status::log::read::{LogReader, MAX_LINE_BYTES};
 
-use super::mcap::McapReader;
 use super::options::LogPlaceArgs;
+use super::recording::McapReader;
 use super::recording::{Entry, Format, ReadError, Recording};
 
 /// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
@@ -304,7 +304,7 @@ pub(super) trait OrFailUsage<T> {
 
 impl<T> OrFailUsage<T> for io::Result<T> {
     fn or_fail_usage(self, path: &Path) -> Result<T, Failure> {
-        self.or_fail(runtime::exit::ExitCode::Usage)
+        self.or_fail(ExitCode::Usage)
             .map_err(|failure| failure.context(path.display().to_string()))
     }
 }
@@ -338,4 +338,28 @@ pub(super) fn newest(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<Pat
         ))
     })?;
     Ok(newest.path)
+}
+
+/// How a command ends that has read the file `name` as far as it could.
+pub(super) fn ending(
+    name: &str,
+    trouble: Option<ReadError>,
+    damaged: u64,
+    unfinished_bytes: usize,
+) -> Result<(), Failure> {
+    if let Some(error) = trouble {
+        return Err(unreadable(name, error));
+    }
+    let text = match (damaged, unfinished_bytes) {
+        (0, 0) => return Ok(()),
+        (0, bytes) => format!("{name} ends with {bytes} bytes of a row that is cut off"),
+        (lines, 0) => format!("{name} has {lines} damaged lines"),
+        (lines, bytes) => {
+            format!(
+                "{name} has {lines} damaged lines and ends with {bytes} bytes of a row that is cut off"
+            )
+        }
+    };
+    let text = format!("{text}: everything else was read");
+    Err(Failure::new(ExitCode::NotInOrder, text))
 }

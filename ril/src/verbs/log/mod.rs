@@ -4,10 +4,8 @@
 //! records. `recording` reads their entries: its `Format` is the one place to add another format. `row` and `summary` are pure
 //! values that take entries.
 
-mod ending;
 mod files;
 mod list;
-mod mcap;
 pub mod options;
 mod recording;
 mod report;
@@ -22,7 +20,7 @@ use std::io::{self, BufWriter, Write};
 
 use runtime::exit::Failure;
 
-use self::ending::ending;
+use self::files::ending;
 use self::files::{MAX_NAMED, chosen_file};
 use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::{Damage, Entry};

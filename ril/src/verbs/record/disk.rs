@@ -14,8 +14,8 @@ use recording::Action;
 use rustix::event::{EventfdFlags, eventfd};
 use status::log::store::FileStore;
 
-use super::outcome::{Outcome, Place};
 use worker::Worker;
+pub(super) use worker::{ClosedFile, Note, Outcome, Place};
 
 /// The thread, as the rest of the process sees it.
 pub(super) struct Disk {

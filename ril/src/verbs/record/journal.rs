@@ -14,8 +14,7 @@ use module_kit::journal::{LogLine, Reader};
 use recording::Recorder;
 use ros_messages::Level;
 
-use super::log::LogTopic;
-use super::outlet::Outlet;
+use super::log::{LogTopic, RecorderTopic};
 use crate::messages::{self, Verb};
 use crate::recorded::{
     REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, SERIAL_BYTES, SERIAL_BYTES_TEXT, serial_bytes,
@@ -37,7 +36,7 @@ impl JournalTopics {
     /// Of `robot`.
     pub fn new(robot: RobotId) -> JournalTopics {
         let outlet = |name, type_name, text: &str| {
-            Outlet::with_text(robot, name, type_name, text.to_owned())
+            RecorderTopic::with_text(robot, name, type_name, text.to_owned())
         };
         JournalTopics {
             reader: Reader::new(),
@@ -90,9 +89,9 @@ struct To<'a> {
 /// The topics that are made, and what is remembered for them.
 #[derive(Debug)]
 struct Made {
-    requests: Outlet,
-    received: Outlet,
-    sent: Outlet,
+    requests: RecorderTopic,
+    received: RecorderTopic,
+    sent: RecorderTopic,
     /// By request id.
     open: BTreeMap<u64, Open>,
 }

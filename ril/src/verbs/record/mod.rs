@@ -6,19 +6,14 @@
 mod continuity;
 mod disk;
 mod facts;
-mod flight_info;
-mod flights;
 mod gather;
 mod journal;
 mod log;
 pub mod options;
-mod outcome;
-mod outlet;
 mod report;
 mod shell;
 mod sinks;
 mod topics;
-mod viewers;
 
 use ipc_types::{Domain, Ipc, RobotId};
 use module_kit::process;
@@ -31,9 +26,9 @@ use status::log::config::Limits;
 use status::log::file_name::Series;
 
 use self::disk::Disk;
+use self::disk::Place;
 use self::facts::FactsOfRobot;
 use self::options::RecordArgs;
-use self::outcome::Place;
 use self::report::Reporter;
 use self::shell::{Shell, anchor};
 use self::sinks::Sinks;

@@ -8,7 +8,7 @@ use recording::{DiskError, DiskErrorKind, Totals};
 use serde::Serialize;
 use status::rate_limited::RateLimitedCounter;
 
-use super::outcome::{ClosedFile, Note};
+use super::disk::{ClosedFile, Note};
 use super::topics::TopicCounts;
 use crate::commands::json_line;
 use crate::words::{count, shell_word};

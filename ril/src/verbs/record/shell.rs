@@ -8,10 +8,10 @@ use module_kit::process::{Process, Sources};
 use recording::{Action, Anchor, Recorder, Totals};
 use status::log::store::{FileStore, Store};
 
+use super::disk::Outcome;
 use super::disk::{Disk, DiskGone};
 use super::facts::FactsOfRobot;
 use super::gather::Gather;
-use super::outcome::Outcome;
 use super::report::Reporter;
 use super::sinks::Sinks;
 use super::topics::{TopicCounts, Topics, Wakes};

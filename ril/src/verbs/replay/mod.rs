@@ -1,13 +1,11 @@
 //! `ril replay`: the loop around the pure values of [`recording::play`]. One wait for keys, signals, requests, late subscribers and
 //! the next message's moment.
 
-mod keys;
 pub mod options;
 mod place;
 mod request;
 mod screen;
 mod terminal;
-mod verification;
 mod verify;
 
 use std::io::{self, Write};
@@ -24,9 +22,9 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use serde::Serialize;
 
-use self::keys::Wish;
 use self::options::ReplayArgs;
 use self::request::ReplayedRequest;
+use self::terminal::Wish;
 use crate::cli::RobotChoice;
 use crate::commands::{configuration, json_line};
 use screen::Screen;

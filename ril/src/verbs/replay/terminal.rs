@@ -7,7 +7,7 @@ use rustix::process::getpgrp;
 use rustix::stdio::stdin;
 use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 
-use super::keys::{Wish, wishes};
+use crate::keys::{Key, keys};
 
 /// Most bytes of keys that one read takes; what is more wakes the next wait.
 const MAX_KEYS: usize = 256;
@@ -54,5 +54,48 @@ impl Drop for Terminal {
     fn drop(&mut self) {
         // Best effort: a terminal that is gone needs nothing.
         let _ = tcsetattr(stdin(), OptionalActions::Now, &self.before);
+    }
+}
+
+/// What a key asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wish {
+    /// Stand still, or go on.
+    Pause,
+    /// Play the next message, and stand still.
+    Step,
+    /// End.
+    Quit,
+}
+
+/// The wishes in `bytes`, which one read of the terminal gave. Other keys mean nothing.
+fn wishes(bytes: &[u8]) -> Vec<Wish> {
+    let wish = |key| match key {
+        Key::Char(' ') => Some(Wish::Pause),
+        Key::Char('.') | Key::Right => Some(Wish::Step),
+        // Ctrl+D ends input. Ctrl+C is a signal.
+        Key::Char('q' | 'Q') | Key::Interrupt => Some(Wish::Quit),
+        _ => None,
+    };
+    keys(bytes).into_iter().filter_map(wish).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_wishes() {
+        for (bytes, expected) in [
+            (&b" "[..], &[Wish::Pause][..]),
+            (b"..", &[Wish::Step, Wish::Step]),
+            (b"\x1b[C\x1bOC", &[Wish::Step, Wish::Step]),
+            (b"\x1b[Aq", &[Wish::Quit]),
+            (b"x\x1b", &[]),
+            (b"\x04", &[Wish::Quit]),
+            (b"", &[]),
+        ] {
+            assert_eq!(wishes(bytes), expected, "{bytes:?}");
+        }
     }
 }

@@ -7,7 +7,6 @@ pub mod echo;
 pub mod measure;
 pub mod meter;
 pub mod options;
-mod output_pipe;
 mod stream;
 mod watch_timeout;
 

@@ -4,8 +4,9 @@
 //! Samples are bytes here, which their schema describes: what is done with them is the same whether this program was
 //! built with their struct or not.
 
+use std::fs::File;
 use std::io;
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use ipc_types::service::own;
@@ -14,8 +15,9 @@ use ipc_types::{
     Topic, dynamic,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{FileType, fstat};
 
-use super::output_pipe::OutputPipe;
 use super::watch_timeout::{Limits, Next, WatchTimeout};
 use crate::commands::{Session, absent};
 
@@ -192,4 +194,55 @@ fn take(
         tracing::warn!(%error, "samples could not be received");
     }
     result.map(|()| count)
+}
+
+/// A pipe's end for writing.
+pub(super) struct OutputPipe(File);
+
+impl OutputPipe {
+    /// Standard output of this process, if that is a pipe.
+    pub(super) fn of_this_process() -> Option<OutputPipe> {
+        let output = io::stdout().as_fd().try_clone_to_owned().ok()?;
+        OutputPipe::of(output.into())
+    }
+
+    fn of(output: File) -> Option<OutputPipe> {
+        let mode = fstat(&output).ok()?.st_mode;
+        (FileType::from_raw_mode(mode) == FileType::Fifo).then_some(OutputPipe(output))
+    }
+
+    /// Whether nothing that is written will be read.
+    pub(super) fn is_closed(&self) -> bool {
+        let mut polled = [PollFd::new(&self.0, PollFlags::empty())];
+        // Trouble of `poll` itself says nothing about the reader.
+        let _ = poll(&mut polled, Some(&Timespec::default()));
+        polled[0].revents().contains(PollFlags::ERR)
+    }
+}
+
+impl AsFd for OutputPipe {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pipe_is_closed_when_its_last_reader_has_gone() {
+        let (reader, writer) = io::pipe().unwrap();
+        let other = reader.try_clone().unwrap();
+        let output = OutputPipe::of(File::from(std::os::fd::OwnedFd::from(writer))).unwrap();
+        drop(reader);
+        assert!(!output.is_closed());
+        drop(other);
+        assert!(output.is_closed());
+    }
+
+    #[test]
+    fn a_file_is_no_pipe() {
+        assert!(OutputPipe::of(File::open("/dev/null").unwrap()).is_none());
+    }
 }

@@ -5,11 +5,11 @@ mod tests;
 
 use ipc_types::{MonotonicNs, RobotId};
 
-use super::keys::Key;
 use super::model::Robot;
 use super::prompt::{Answer, Order, Prompt};
 use crate::changes::Weight;
 use crate::chart::Chart;
+use crate::keys::Key;
 
 /// Most robots that are watched at a time: those with a key of their own.
 pub const MAX_ROBOTS: usize = 9;

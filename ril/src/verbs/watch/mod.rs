@@ -4,7 +4,7 @@
 //! * [`model`]: one robot, fed with samples; `freshness` says how old what it knows is;
 //! * `alarms`: what is wrong now, told once; `journal`: what happened; `history`: altitude and speed over time;
 //! * [`app`]: all robots, which of them is selected, and what a key does; `prompt`: orders are confirmed by a word;
-//! * [`view`]: draws all of that into a buffer; [`keys`] and `paint`: bytes of a terminal;
+//! * [`view`]: draws all of that into a buffer; `paint`: bytes for a terminal;
 //! * `ports`, `terminal`: the shell.
 
 mod alarms;
@@ -13,8 +13,6 @@ pub mod app;
 mod fixture;
 mod freshness;
 mod history;
-mod journal;
-pub mod keys;
 pub mod model;
 pub mod options;
 mod paint;

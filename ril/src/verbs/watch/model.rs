@@ -1,10 +1,7 @@
 //! [`Robot`]: all that the screen knows of one robot. It is fed with samples and told the time; it keeps the newest, the track,
-//! the alarms and what happened, and says when the screen changes although nothing comes. What is wrong is in `findings`, what is noted
-//! of a change in `notes`.
+//! the alarms and what happened, and says when the screen changes although nothing comes. What is wrong is in `findings`.
 
 mod findings;
-mod notes;
-mod shown;
 #[cfg(test)]
 mod tests;
 
@@ -15,13 +12,13 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{MonotonicNs, RobotId};
 
 use super::alarms::{Alarms, Change};
-use super::freshness::{Feed, OVERDUE_AFTER};
-use super::history::History;
-use super::journal::Journal;
+use super::freshness::{Feed, Freshness, OVERDUE_AFTER};
+use super::history::{History, Journal};
 use crate::changes::Weight;
 use crate::geo::Place;
 use crate::pilot::PilotView;
 use crate::track::Track;
+use crate::{changes, pilot};
 
 /// Telemetry older than this says nothing of the present: the DSP sends it several times a second.
 pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);
@@ -279,5 +276,142 @@ impl Robot {
             };
             self.journal.add(now, Weight::Note, text);
         }
+    }
+}
+
+impl Robot {
+    /// Notes what changed from one state of the bridge to the next.
+    pub(super) fn compare(&mut self, before: &ModuleState, state: &ModuleState, now: MonotonicNs) {
+        for (weight, text) in changes::of_states(before, state) {
+            self.journal.add(now, weight, text);
+        }
+        self.follow_movement(before, state);
+        self.note_activity(Some(before), state, now);
+        let is_same_bridge = before.epoch_ns == state.epoch_ns;
+        let errors = &state.dsp_errors;
+        if is_same_bridge && before.dsp_errors.total < errors.total {
+            self.dsp_error = Some(DspError {
+                code: errors.last_code,
+                is_fatal: before.dsp_errors.escalated < errors.escalated,
+                at: now,
+            });
+        }
+    }
+
+    pub(super) fn note_activity(
+        &mut self,
+        before: Option<&ModuleState>,
+        state: &ModuleState,
+        now: MonotonicNs,
+    ) {
+        let flying = self.pilot.flying;
+        let of = |state: &ModuleState| {
+            let functionality = state.functionality()?;
+            Some(pilot::activity(functionality, flying))
+        };
+        if before.and_then(of) != of(state)
+            && let Some(activity) = of(state)
+        {
+            self.journal.add(now, Weight::Note, activity);
+        }
+    }
+
+    /// Keeps the places of the waypoints that were reached.
+    fn follow_movement(&mut self, before: &ModuleState, state: &ModuleState) {
+        if changes::is_another_movement(before, state) {
+            self.reached.clear();
+        } else if before.movement.waypoints_reached < state.movement.waypoints_reached
+            && let Some(place) = self.pilot.place
+            && self.reached.len() < MAX_REACHED
+        {
+            self.reached.push(place);
+        }
+    }
+}
+
+impl Robot {
+    /// The robot.
+    pub fn id(&self) -> RobotId {
+        self.id
+    }
+
+    /// The bridge's newest state.
+    pub fn last_state(&self) -> Option<&ModuleState> {
+        self.state.as_ref()
+    }
+
+    /// The newest state of the process status.
+    pub fn last_status(&self) -> Option<&State> {
+        self.status.as_ref()
+    }
+
+    /// The newest state of the relay's link; nothing when the robot is on this machine.
+    pub fn last_relay(&self) -> Option<&RelayLink> {
+        self.relay.as_ref().filter(|_| self.is_relayed)
+    }
+
+    /// Whether the robot's topics come from another machine.
+    pub fn is_relayed(&self) -> bool {
+        self.is_relayed
+    }
+
+    /// What the newest telemetry says.
+    pub fn pilot(&self) -> &PilotView {
+        &self.pilot
+    }
+
+    /// How `process` is.
+    pub fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
+        self.feed(process).at(now)
+    }
+
+    /// How telemetry is.
+    pub fn telemetry_freshness(&self, now: MonotonicNs) -> Freshness {
+        self.telemetry_feed.at(now)
+    }
+
+    /// Where the robot was last seen on the ground.
+    pub fn home(&self) -> Option<Home> {
+        self.home
+    }
+
+    /// Height over the place of take-off, m.
+    pub fn height_m(&self) -> Option<f64> {
+        Some(self.pilot.altitude_m? - self.home?.altitude_m)
+    }
+
+    /// Where the robot was.
+    pub fn track(&self) -> &[Place] {
+        self.track.points()
+    }
+
+    /// Where it was when it reached the waypoints of the path under way, or of the last.
+    pub fn reached(&self) -> &[Place] {
+        &self.reached
+    }
+
+    /// Altitude over time.
+    pub fn altitude(&self) -> &History {
+        &self.altitude
+    }
+
+    /// Speed over ground over time.
+    pub fn speed(&self) -> &History {
+        &self.speed
+    }
+
+    /// Samples of telemetry that were lost between processes.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// What is wrong now.
+    pub fn alarms(&self) -> &Alarms {
+        &self.alarms
+    }
+
+    /// What happened.
+    pub fn journal(&self) -> &Journal {
+        &self.journal
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
 
-use super::keys::Key;
+use crate::keys::Key;
 
 /// How long the word may take.
 pub const TIMEOUT: Duration = Duration::from_secs(10);

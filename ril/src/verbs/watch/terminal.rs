@@ -27,8 +27,8 @@ use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGWINCH};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
-use super::keys::{Key, Keys};
 use super::paint;
+use crate::keys::{Key, keys};
 use crate::live::Size;
 use guard::Guard;
 
@@ -122,7 +122,7 @@ impl Terminal {
         let mut bytes = [0; MAX_KEYS];
         match rustix::io::read(stdin(), &mut bytes) {
             Ok(0) => Input::End,
-            Ok(count) => Input::Keys(Keys::read(&bytes[..count])),
+            Ok(count) => Input::Keys(keys(&bytes[..count])),
             Err(Errno::INTR | Errno::AGAIN) => Input::Keys(Vec::new()),
             Err(_) => Input::End,
         }

@@ -1,7 +1,7 @@
 //! [`Collector`]: takes the samples of a flight one after the other and keeps none: curves, phases, events and track, all bounded.
 
 use flight_report::Flight;
-use flight_report::flight::{Ink, Lane, Weight};
+use flight_report::flight::{Area, Ink, Lane, Limit, Map, Weight};
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
@@ -10,12 +10,10 @@ use super::clock::{Clock, RelativeDelay};
 use super::curves::{Curves, GAP_S};
 use super::happenings::{Happenings, Kind};
 use super::module::Module;
+use super::module::States;
 use super::requests::Requests;
-use super::scene;
-use super::states::States;
 use crate::chart::Chart;
-use crate::geo::Place;
-use crate::geo::distance_m;
+use crate::geo::{Place, distance_m, offset_m};
 use crate::messages::details;
 use crate::pilot::PilotView;
 use crate::recorded::RequestEvent;
@@ -340,7 +338,7 @@ impl Collector {
         };
         flight.lanes = vec![link, lane("switch", self.switch), lane("GPS fix", self.fix)];
         flight.gaps = self.gaps;
-        flight.plots = self.curves.plots(scene::limits(chart));
+        flight.plots = self.curves.plots(limits(chart));
         let (events, left_out) = self.happenings.finish();
         flight.events_left_out = left_out;
         let places = events.iter().enumerate();
@@ -350,7 +348,7 @@ impl Collector {
         if chart.path.is_empty() {
             chart.path = self.requests.path().to_vec();
         }
-        flight.map = scene::map(self.track.points(), &chart, places);
+        flight.map = map_of(self.track.points(), &chart, places);
         flight.requests = self.requests.finish(|ns| self.clock.within(ns));
         if self.requests.left_out() > 0 {
             let text = format!(
@@ -368,6 +366,66 @@ impl Collector {
         }
         flight
     }
+}
+
+/// Most waypoints and corners that are drawn; a survey has some hundreds.
+const MAX_POINTS: usize = 5000;
+
+/// The map of a track with what files say of its surroundings, and with the places of events by their number.
+fn map_of(track: &[Place], chart: &Chart, events: impl Iterator<Item = (usize, Place)>) -> Map {
+    let corners = chart.fence.iter().flat_map(|area| &area.corners);
+    let Some(zero) = track
+        .iter()
+        .chain(&chart.path)
+        .chain(corners)
+        .next()
+        .copied()
+    else {
+        return Map::default();
+    };
+    let places = |places: &[Place]| -> Vec<flight_report::flight::Place> {
+        places
+            .iter()
+            .take(MAX_POINTS)
+            .map(|place| at(zero, *place))
+            .collect()
+    };
+    Map {
+        track: places(track),
+        plan: places(&chart.path),
+        fence: chart
+            .fence
+            .iter()
+            .map(|area| Area {
+                is_inclusion: area.is_inclusion,
+                corners: places(&area.corners),
+            })
+            .collect(),
+        events: events
+            .map(|(number, place)| (number, at(zero, place)))
+            .collect(),
+        zero_deg: Some([zero.latitude_deg, zero.longitude_deg]),
+    }
+}
+
+/// Floor and ceiling of the fence.
+fn limits(chart: &Chart) -> Vec<Limit> {
+    let limits = [
+        ("floor of the fence", chart.floor_m),
+        ("ceiling of the fence", chart.ceiling_m),
+    ];
+    let known = limits.into_iter().filter_map(|(name, value)| {
+        Some(Limit {
+            name: name.to_owned(),
+            value: value?,
+        })
+    });
+    known.collect()
+}
+
+fn at(zero: Place, place: Place) -> flight_report::flight::Place {
+    let (east_m, north_m) = offset_m(zero, place);
+    flight_report::flight::Place { east_m, north_m }
 }
 
 #[cfg(test)]

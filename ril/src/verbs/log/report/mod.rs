@@ -8,8 +8,6 @@ mod module;
 mod record;
 mod requests;
 mod row;
-mod scene;
-mod states;
 #[cfg(test)]
 mod tests;
 mod words;
@@ -27,7 +25,7 @@ use serde::Serialize;
 
 use self::collector::Collector;
 use self::row::SampleReader;
-use super::ending::ending;
+use super::files::ending;
 use super::files::{LogFile, MAX_NAMED, chosen_file};
 use super::options::LogReportArgs;
 use super::recording::{Entry, Format, ReadError};

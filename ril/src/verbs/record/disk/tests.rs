@@ -7,8 +7,8 @@ use status::log::config::Limits;
 use status::log::file_name::{Series, recognize};
 use tempfile::TempDir;
 
+use super::worker::{ClosedFile, Note};
 use super::*;
-use crate::verbs::record::outcome::{ClosedFile, Note};
 
 fn place(folder: &TempDir) -> Place {
     Place {

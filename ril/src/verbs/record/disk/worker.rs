@@ -7,10 +7,9 @@ use std::path::{Path, PathBuf};
 
 use recording::{Action, DiskError, DiskErrorKind, Part};
 use status::log::config::Limits;
+use status::log::file_name::Series;
 use status::log::retention::Retention;
 use status::log::store::{LogFile, Store};
-
-use crate::verbs::record::outcome::{ClosedFile, Note, Outcome, Place};
 
 /// A file of a recording. A test puts another one in the place of the system's.
 pub(super) trait RecordFile: LogFile {
@@ -201,4 +200,54 @@ fn failed(file: &Path, error: &io::Error) -> DiskError {
         kind: DiskErrorKind::Failed,
         text: format!("{}: {error}", file.display()),
     }
+}
+
+/// What the thread did, in its order, for the operator.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in super::super) enum Note {
+    /// A file was created.
+    Opened(PathBuf),
+    /// An old file was removed to make room for the next.
+    Removed {
+        /// The file.
+        file: PathBuf,
+        /// How long it was, bytes.
+        bytes: u64,
+    },
+    /// A file was closed.
+    Closed(ClosedFile),
+    /// A file without a message was closed, and removed.
+    NothingCame(PathBuf),
+}
+
+/// A file to which nothing will be written any more.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in super::super) struct ClosedFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Whether it is complete.
+    pub is_whole: bool,
+    /// Messages in it, the recording's own events not counted.
+    pub messages: u64,
+    /// How long it is.
+    pub bytes: u64,
+}
+
+/// How an action went.
+pub(in super::super) struct Outcome {
+    /// The answer for the recorder.
+    pub result: Result<(), DiskError>,
+    /// What the operator should know.
+    pub notes: Vec<Note>,
+}
+
+/// Where the files go, and how much they may take.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Place {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Which files in it are the recording's.
+    pub series: Series,
+    /// How much they may take.
+    pub limits: Limits,
 }

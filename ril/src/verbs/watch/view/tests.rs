@@ -12,8 +12,8 @@ use ratatui::style::Modifier;
 
 use super::*;
 use crate::chart::Chart;
+use crate::keys::Key;
 use crate::verbs::watch::fixture::{app, at, clock, hero, on_path};
-use crate::verbs::watch::keys::Key;
 use crate::verbs::watch::model::Process;
 
 fn drawn(app: &App, clock: Clock, glyphs: Glyphs, width: u16, height: u16) -> Buffer {

@@ -1,4 +1,4 @@
-//! [`Keys`]: the keys in the bytes that a terminal sends.
+//! [`keys`]: the keys in the bytes that a terminal sends.
 
 /// Longest control sequence that is read as one, bytes; of a longer one the rest is taken as characters. Terminals send at most
 /// about twenty.
@@ -15,6 +15,8 @@ pub enum Key {
     Tab,
     /// Shift and Tab.
     BackTab,
+    /// The arrow to the right.
+    Right,
     /// Escape.
     Escape,
     /// Backspace or Delete.
@@ -25,40 +27,36 @@ pub enum Key {
     Redraw,
 }
 
-/// Reads keys. Arrow keys, function keys and the like are nothing here.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Keys;
-
-impl Keys {
-    /// The keys in `bytes`, which one read gave. A sequence that is cut by the end is taken for Escape and characters: Escape only
-    /// ever cancels, so that does no harm.
-    pub fn read(bytes: &[u8]) -> Vec<Key> {
-        let mut keys = Vec::new();
-        let mut rest = bytes;
-        while let Some((first, after)) = rest.split_first() {
-            rest = after;
-            match first {
-                0x1b => match sequence(after) {
-                    Some(len) => {
-                        if after[..len] == *b"[Z" {
-                            keys.push(Key::BackTab);
-                        }
-                        rest = &after[len..];
+/// The keys in `bytes`, which one read gave. A sequence that is cut by the end is taken for Escape and characters: Escape only
+/// ever cancels, so that does no harm. Function keys and the other arrows are ignored.
+pub fn keys(bytes: &[u8]) -> Vec<Key> {
+    let mut keys = Vec::new();
+    let mut rest = bytes;
+    while let Some((first, after)) = rest.split_first() {
+        rest = after;
+        match first {
+            0x1b => match sequence(after) {
+                Some(len) => {
+                    match &after[..len] {
+                        b"[Z" => keys.push(Key::BackTab),
+                        b"[C" | b"OC" => keys.push(Key::Right),
+                        _ => {}
                     }
-                    None => keys.push(Key::Escape),
-                },
-                b'\r' | b'\n' => keys.push(Key::Enter),
-                b'\t' => keys.push(Key::Tab),
-                0x7f | 0x08 => keys.push(Key::Backspace),
-                0x03 | 0x04 | 0x1c => keys.push(Key::Interrupt),
-                0x0c => keys.push(Key::Redraw),
-                letter @ 0x20..0x7f => keys.push(Key::Char(char::from(*letter))),
-                // Nothing here has a meaning outside ASCII.
-                _ => {}
-            }
+                    rest = &after[len..];
+                }
+                None => keys.push(Key::Escape),
+            },
+            b'\r' | b'\n' => keys.push(Key::Enter),
+            b'\t' => keys.push(Key::Tab),
+            0x7f | 0x08 => keys.push(Key::Backspace),
+            0x03 | 0x04 | 0x1c => keys.push(Key::Interrupt),
+            0x0c => keys.push(Key::Redraw),
+            letter @ 0x20..0x7f => keys.push(Key::Char(char::from(*letter))),
+            // Nothing here has a meaning outside ASCII.
+            _ => {}
         }
-        keys
     }
+    keys
 }
 
 /// How many of the bytes after an Escape belong to its sequence; nothing when Escape stands alone.
@@ -85,12 +83,13 @@ mod tests {
             (b"\x1b", &[Key::Escape]),
             (b"\t\x1b[Z\x7f", &[Key::Tab, Key::BackTab, Key::Backspace]),
             (b"\x1b[A\x1bOPq\x1b[1;5C", &[Key::Char('q')]),
+            (b"\x1b[C\x1bOC", &[Key::Right, Key::Right]),
             (b"\x03\x0c", &[Key::Interrupt, Key::Redraw]),
             (b"\x1b\x1b", &[Key::Escape, Key::Escape]),
             ("é\u{1f600}".as_bytes(), &[]),
             (b"", &[]),
         ] {
-            assert_eq!(Keys::read(bytes), expected, "{bytes:?}");
+            assert_eq!(keys(bytes), expected, "{bytes:?}");
         }
     }
 
@@ -98,7 +97,7 @@ mod tests {
     fn a_sequence_without_end_is_no_sequence() {
         let mut bytes = b"\x1b[".to_vec();
         bytes.extend([b'1'; 1000]);
-        let keys = Keys::read(&bytes);
+        let keys = keys(&bytes);
         assert_eq!(keys[0], Key::Escape);
         assert_eq!(keys.len(), 1002);
     }
@@ -106,7 +105,7 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn any_bytes_are_read(bytes: Vec<u8>) {
-            assert!(Keys::read(&bytes).len() <= bytes.len());
+            assert!(keys(&bytes).len() <= bytes.len());
         }
     }
 }
