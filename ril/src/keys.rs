@@ -59,7 +59,7 @@ pub fn keys(bytes: &[u8]) -> Vec<Key> {
     keys
 }
 
-/// How many of the bytes after an Escape belong to its sequence; nothing when Escape stands alone.
+/// How many of the bytes after an Escape belong to its sequence; `None` if Escape stands alone.
 fn sequence(after: &[u8]) -> Option<usize> {
     match after {
         [b'O', _, ..] => Some(2),

@@ -55,7 +55,7 @@ impl fmt::Display for GpsFix {
 /// See the module's documentation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PilotView {
-    /// Whether the helicopter is in the air; nothing without telemetry.
+    /// Whether the helicopter is in the air; `None` without telemetry.
     pub flying: Option<bool>,
     /// Where it is.
     pub place: Option<Place>,
@@ -77,7 +77,7 @@ pub struct PilotView {
     pub switch: Option<PilotSwitch>,
     /// The GPS fix.
     pub gps: Option<GpsFix>,
-    /// When the bridge read the message; nothing without telemetry.
+    /// When the bridge read the message; `None` without telemetry.
     pub received: Option<MonotonicNs>,
 }
 
@@ -219,7 +219,7 @@ fn at_rest(flying: Option<bool>) -> &'static str {
     }
 }
 
-/// The waypoint that the helicopter flies to, counted from 1, and how many the path has; nothing when that cannot be.
+/// The waypoint that the helicopter flies to, counted from 1, and how many the path has; `None` if that cannot be.
 pub fn next_waypoint(state: &ModuleState) -> Option<(u32, u32)> {
     let (reached, total) = (
         state.movement.waypoints_reached,

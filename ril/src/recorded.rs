@@ -137,7 +137,7 @@ impl RequestEvent<'_> {
 }
 
 impl<'a> RequestEvent<'a> {
-    /// The event that a message in CDR has; nothing when it is another message.
+    /// The event that a message in CDR has; `None` if it is another message.
     pub fn read(cdr: &'a [u8]) -> Option<RequestEvent<'a>> {
         let mut body = Reader::new(cdr)?;
         Some(RequestEvent {

@@ -9,7 +9,6 @@ use common::{Rig, end, json};
 use ipc_types::code::Stage;
 use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
-    SharedStruct,
 };
 use ipc_types::service::Request;
 use ipc_types::{

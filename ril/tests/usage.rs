@@ -143,22 +143,3 @@ fn without_a_bridge_every_command_says_how_to_start_it() {
         rig.domain.assert_empty();
     }
 }
-
-#[test]
-fn help_documents_the_exit_codes() {
-    let rig = Rig::new();
-    for args in [
-        "--help",
-        "start --help",
-        "echo --help",
-        "status --help",
-        "delay --help",
-    ] {
-        let finished = rig.run(args, 0);
-        for code in runtime::exit::ExitCode::ALL {
-            let line = format!("{:>4}  ", code.code());
-            let is_there = finished.stdout.iter().any(|text| text.starts_with(&line));
-            assert!(is_there, "{args}: {code:?} in {finished:#?}");
-        }
-    }
-}

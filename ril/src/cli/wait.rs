@@ -7,7 +7,7 @@ use runtime::args::CommonArgs;
 
 use super::exit_codes::EXIT_CODES;
 use super::value::duration;
-use crate::wait::condition::Condition;
+use crate::wait::Condition;
 
 /// What a condition is, for the end of the help.
 const CONDITIONS: &str = "\

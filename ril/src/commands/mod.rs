@@ -149,7 +149,7 @@ pub(crate) fn is_relayed(key: &str, provider: &Provider) -> bool {
     provider.process == RelayModule::NAME && !is_own
 }
 
-/// The process that provides the service `key`; nothing when that is a module outside the RIL.
+/// The process that provides the service `key`; `None` if that is a module outside the RIL.
 fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }

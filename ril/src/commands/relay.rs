@@ -155,7 +155,7 @@ impl Newest {
 /// Whether a topic comes from another machine, and how the link to that machine is.
 #[derive(Default)]
 pub(crate) struct LinkWatch {
-    /// Nothing as long as the topic was not seen to come from the relay.
+    /// `None` as long as the topic was not seen to come from the relay.
     link: Option<Latest<RelayLink>>,
     is_relayed: bool,
 }
@@ -196,7 +196,7 @@ impl LinkWatch {
         link.is_some_and(|link| link.sample.is_none())
     }
 
-    /// The newest sample of the link; nothing when the topic is of this machine, or when none came.
+    /// The newest sample of the link; `None` if the topic is of this machine, or when none came.
     pub fn newest(&self) -> Option<&RelayLink> {
         let link = self.link.as_ref().filter(|_| self.is_relayed)?;
         link.sample.as_ref()

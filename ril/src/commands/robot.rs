@@ -90,7 +90,7 @@ fn alive() -> Result<Vec<RobotId>, Failure> {
     commandable(&domain).or_fail(ExitCode::Internal)
 }
 
-/// Why a default robot is refused; nothing when it is unambiguous.
+/// Why a default robot is refused; `None` if it is unambiguous.
 fn ambiguity(alive: &[RobotId]) -> Option<String> {
     (alive.len() > 1).then(|| {
         format!(

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::latest::Latest;
 use super::{Session, absent, configuration, json_line};
 use crate::cli::WaitArgs;
-use crate::wait::condition::{Condition, Newest, Standing};
+use crate::wait::{Condition, Newest, Standing};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Wait.v1";

@@ -2,7 +2,7 @@ use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
-use super::condition::{Condition, Newest};
+use super::{Condition, Newest};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

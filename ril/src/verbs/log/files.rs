@@ -40,7 +40,7 @@ impl Found {
         self.stamp.at.unix_s().unwrap_or(0)
     }
 
-    /// From the first row to the last, s, of a record from the first message to the last; nothing when there is none. Reads the
+    /// From the first row to the last, s, of a record from the first message to the last; `None` if there is none. Reads the
     /// two ends of the file only, but for a record that was cut off.
     pub fn duration_s(&self) -> Result<Option<f64>, Failure> {
         if self.series.kind() == FileKind::Mcap {
@@ -138,7 +138,7 @@ pub(super) fn find(folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
     Ok(found)
 }
 
-/// The file of the same log in the same folder that follows the one at `path`; nothing when there is none (yet).
+/// The file of the same log in the same folder that follows the one at `path`; `None` if there is none (yet).
 pub(super) fn successor(path: &Path) -> Result<Option<PathBuf>, Failure> {
     let Some((series, stamp)) = path.file_name().and_then(|name| recognize(name.to_str()?)) else {
         return Ok(None);

@@ -25,7 +25,7 @@ struct FileObject<'a> {
     log: &'a str,
     /// When the file was created, UTC, as its name says.
     start_utc: String,
-    /// From the first row to the last; nothing when there is no row, or the file cannot be read.
+    /// From the first row to the last; `None` if there is no row, or the file cannot be read.
     duration_s: Option<f64>,
     size_bytes: u64,
     /// Why its rows cannot be read.

@@ -26,7 +26,7 @@ pub trait Recording {
     /// The names of the columns; empty before [`Recording::begin`].
     fn columns(&self) -> &[String];
 
-    /// The next row, or what is damaged in its place; nothing when there is no more (yet).
+    /// The next row, or what is damaged in its place; `None` if there is no more (yet).
     ///
     /// # Errors
     ///
@@ -104,7 +104,7 @@ pub struct McapReader {
     bytes: Bytes,
     table: Table,
     columns: Vec<String>,
-    /// Nothing before [`Recording::begin`].
+    /// `None` before [`Recording::begin`].
     found: Option<Vec<Found>>,
     next: usize,
     unfinished_bytes: usize,
@@ -175,7 +175,7 @@ impl McapReader {
     }
 }
 
-/// Where the sample lies in the file; nothing when the message is none.
+/// Where the sample lies in the file; `None` if the message is another one.
 fn sample(bytes: &[u8], message: &Message<'_>) -> Option<Found> {
     let is_sample = message.topic.ends_with(TOPIC)
         && message.data.len() == CDR_HEADER.len() + size_of::<DspTelemetry>();

@@ -60,7 +60,7 @@ impl UtcTimes {
         }
     }
 
-    /// The time of the next row; nothing when it is not known.
+    /// The time of the next row; `None` if it is not known.
     pub fn of(&mut self, row: &Row<'_>) -> Option<IsoTime> {
         let first = *self.first_received_ns.get_or_insert(row.received_ns);
         match self.source {
@@ -175,7 +175,7 @@ impl Serialize for JsonRow<'_> {
     }
 }
 
-/// A cell as a number with its own digits; nothing when it is empty.
+/// A cell as a number with its own digits; `None` if it is empty.
 fn number(cell: &str) -> Value {
     match cell.parse::<u64>() {
         Ok(number) => Value::from(number),

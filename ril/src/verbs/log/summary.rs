@@ -61,7 +61,7 @@ pub struct Summary {
     pub distance_m: Option<f64>,
     /// Greatest telemetry altitude, m.
     pub max_altitude_m: Option<f64>,
-    /// Greatest height over the place where the helicopter last stood before, m; nothing when it was in the air in all rows.
+    /// Greatest height over the place where the helicopter last stood before, m; `None` if it was in the air in all rows.
     pub max_height_m: Option<f64>,
     /// Greatest speed over ground, m/s.
     pub max_speed_mps: Option<f64>,

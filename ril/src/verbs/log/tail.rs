@@ -76,9 +76,9 @@ struct Tail<'a> {
     args: &'a LogTailArgs,
     path: PathBuf,
     recording: Box<dyn Recording>,
-    /// How many of the first rows are kept back until the last ones of them are known; nothing when they were printed.
+    /// How many of the first rows are kept back until the last ones of them are known; `None` if they were printed.
     begin_with: Option<usize>,
-    /// Nothing before the first line is there.
+    /// `None` before the first line is there.
     shown: Option<(Chosen, UtcTimes)>,
     damaged: u64,
 }

@@ -167,7 +167,7 @@ fn is_own(provider: &Provider, name: &str) -> bool {
     provider.process == name && provider.shares_pids()
 }
 
-/// The configuration of a live process on this machine, by its command line; nothing when the process cannot be looked at.
+/// The configuration of a live process on this machine, by its command line; `None` if the process cannot be looked at.
 fn file_of_process(provider: &Provider, default_file: &str) -> Option<PathBuf> {
     let folder = PathBuf::from(format!("/proc/{}", provider.pid));
     let words = |name: &str| -> Option<Vec<PathBuf>> {

@@ -67,7 +67,7 @@ impl Gather {
         });
     }
 
-    /// When to look for samples though nothing wakes the recorder; nothing when a sample does.
+    /// When to look for samples though nothing wakes the recorder; `None` if a sample does.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         self.0.as_ref().map(|flow| flow.next)
     }

@@ -3,12 +3,12 @@
 //! [`record`](crate::record) has what it decides. Here: `topics`, the ports; `sinks`, what is made of some topics; `disk`, the one thread
 //! that writes; `shell`, the loop around them; `facts`, what the files say of the flight; `report`, what is printed.
 
-mod continuity;
 mod disk;
 mod facts;
 mod gather;
 mod journal;
 mod log;
+mod loss_events;
 pub mod options;
 mod report;
 mod shell;

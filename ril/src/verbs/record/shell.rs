@@ -49,7 +49,7 @@ pub(super) struct Shell {
     disk: Disk,
     reporter: Reporter,
     gather: Gather,
-    /// Until when the disk may take to end; nothing before the end was asked for.
+    /// Until when the disk may take to end; `None` before the end was asked for.
     end: Option<MonotonicNs>,
     /// Whether the action that is outstanding is one that writes.
     is_writing: bool,

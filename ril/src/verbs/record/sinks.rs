@@ -14,7 +14,7 @@ use super::log::{LogTopic, RecorderTopic, offset_of};
 
 /// Takes the samples of the topics that more is made of.
 pub(super) struct Sinks {
-    /// Where flights end; nothing when a file may have several.
+    /// Where flights end; `None` if a file may have several.
     pub flights: Option<Flights>,
     viewers: Viewers,
     log: LogTopic,

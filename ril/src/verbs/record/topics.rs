@@ -14,7 +14,7 @@ use ipc_types::{DynamicSubscriber, Ipc, Losses, MonotonicNs, PortSet, Topic as _
 use recording::{Channel, ChannelId, EventKind, Recorder};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::continuity::Continuity;
+use super::loss_events::LossEvents;
 use super::sinks::Sinks;
 use crate::recorded::topic_of;
 use crate::stamps::StampReader;
@@ -46,10 +46,10 @@ pub(super) struct Topics {
 struct Topic {
     subscriber: DynamicSubscriber,
     channel: Channel,
-    /// By what the recorder knows it; nothing before it was told.
+    /// By what the recorder knows it; `None` before it was told.
     id: Option<ChannelId>,
     stamps: StampReader,
-    continuity: Continuity,
+    loss_events: LossEvents,
     content: Content,
     /// The sample as a CDR message; kept, so that no sample allocates.
     cdr: Vec<u8>,
@@ -127,8 +127,8 @@ impl Topics {
     /// What came of each topic, and what did not.
     pub fn counts(&self) -> impl Iterator<Item = TopicCounts> {
         self.topics.iter().map(|topic| TopicCounts {
-            topic: topic.continuity.topic().to_owned(),
-            losses: topic.continuity.losses(),
+            topic: topic.loss_events.topic().to_owned(),
+            losses: topic.loss_events.losses(),
         })
     }
 
@@ -245,7 +245,7 @@ impl Topic {
                 _ => Content::Other,
             },
             stamps: StampReader::of(schema),
-            continuity: Continuity::new(name.clone(), topics.begun),
+            loss_events: LossEvents::new(name.clone(), topics.begun),
             channel: Channel {
                 topic: name,
                 schema_name: schema.ros_resource_name(),
@@ -274,7 +274,7 @@ impl Topic {
         let Topic {
             subscriber,
             stamps,
-            continuity,
+            loss_events,
             content,
             cdr,
             ..
@@ -286,7 +286,7 @@ impl Topic {
                 sent if sent > now + MAX_AHEAD => now,
                 sent => sent,
             };
-            for event in continuity.take((stamps.epoch_ns, stamps.sequence), at, now) {
+            for event in loss_events.take((stamps.epoch_ns, stamps.sequence), at, now) {
                 if event.kind == EventKind::Restart {
                     tracing::info!(topic = event.topic, "a publisher began again");
                 }

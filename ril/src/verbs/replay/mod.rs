@@ -2,7 +2,6 @@
 //! the next message's moment.
 
 pub mod options;
-mod place;
 mod request;
 mod screen;
 mod terminal;
@@ -13,10 +12,12 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::sync::Arc;
 
+use ipc_types::domain::ROOT_VARIABLE;
 use ipc_types::{
-    Descriptor, Ipc, MonotonicNs, RobotId, SchedulingRole, Source, Waiter, request_slice,
+    Descriptor, Domain, DynamicError, Ipc, MonotonicNs, OpenError, RobotId, SchedulingRole, Source,
+    Waiter, request_slice,
 };
-use recording::play::{Content, Flight, PROCESS, Player, Section, Services};
+use recording::play::{Content, Flight, PROCESS, Player, Section, Services, ServicesError};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
@@ -24,11 +25,10 @@ use serde::Serialize;
 
 use self::options::ReplayArgs;
 use self::request::ReplayedRequest;
-use self::terminal::Wish;
+use self::screen::Screen;
+use self::terminal::{PlayerKey, Terminal};
 use crate::cli::RobotChoice;
 use crate::commands::{configuration, json_line};
-use screen::Screen;
-use terminal::Terminal;
 
 /// Name of the layout of the JSON object at the end.
 const SCHEMA: &str = "ril.Replay.v1";
@@ -72,12 +72,11 @@ pub fn replay(args: &ReplayArgs, choice: RobotChoice) -> Result<(), Failure> {
     };
     // Before anything is provided: a section without messages is a usage error.
     let player = player(&flight, section)?;
-    let domain = place::domain()?;
-    place::refuse_living(&domain, robot)?;
+    let domain = replay_domain()?;
+    refuse_living(&domain, robot)?;
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let ipc = Ipc::join(&domain, robot, PROCESS).or_fail(ExitCode::Internal)?;
-    let services =
-        Services::open(&flight, &ipc).map_err(|error| place::not_provided(error, robot))?;
+    let services = Services::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
     request_slice(SchedulingRole::Provider);
     let notes = Notes {
         common: &args.common,
@@ -149,17 +148,17 @@ impl Replay {
         let Some(terminal) = &mut self.terminal else {
             return true;
         };
-        let Some(wishes) = terminal.read() else {
+        let Some(player_keys) = terminal.read() else {
             // The terminal is gone: the replay goes on without keys.
             self.terminal = None;
             return true;
         };
         let now = MonotonicNs::now();
-        for wish in wishes {
-            match wish {
-                Wish::Pause => self.player.toggle_pause(now),
-                Wish::Step => self.player.step(now),
-                Wish::Quit => return false,
+        for player_key in player_keys {
+            match player_key {
+                PlayerKey::Pause => self.player.toggle_pause(now),
+                PlayerKey::Step => self.player.step(now),
+                PlayerKey::Quit => return false,
             }
             self.screen.change();
         }
@@ -256,13 +255,7 @@ struct Notes<'a> {
 }
 
 impl Notes<'_> {
-    fn begin(
-        &self,
-        flight: &Flight,
-        services: &Services,
-        domain: &ipc_types::Domain,
-        robot: RobotId,
-    ) {
+    fn begin(&self, flight: &Flight, services: &Services, domain: &Domain, robot: RobotId) {
         for left_out in flight.left_out().iter().chain(services.left_out()) {
             tracing::warn!(
                 topic = left_out.topic,
@@ -297,4 +290,51 @@ impl Notes<'_> {
             let _ = writeln!(io::stderr(), "{text}");
         }
     }
+}
+
+/// The domain that `RIL_IPC_ROOT` names; else one for replays alone.
+fn replay_domain() -> Result<Domain, Failure> {
+    if std::env::var_os(ROOT_VARIABLE).is_some() {
+        return Domain::from_environment().or_fail(ExitCode::Configuration);
+    }
+    let uid = rustix::process::geteuid().as_raw();
+    Domain::new(Path::new(&format!("/dev/shm/hr{uid}"))).or_fail(ExitCode::Internal)
+}
+
+/// Refuses a robot of which any service has a live provider.
+fn refuse_living(domain: &Domain, robot: RobotId) -> Result<(), Failure> {
+    let mut services = domain.topics(robot);
+    services.extend(domain.request_services(robot));
+    let living = services.into_iter().find_map(|service| {
+        let provider = service.provider?;
+        Some((service.key, provider.process, provider.pid))
+    });
+    match living {
+        None => Ok(()),
+        Some((key, process, pid)) => {
+            let text = format!(
+                "robot {robot} lives in {}: `{process}` (process {pid}) provides {key}; nothing is played onto it",
+                domain.root().display()
+            );
+            Err(lives(text, robot))
+        }
+    }
+}
+
+/// The services cannot be provided.
+fn not_provided(error: ServicesError, robot: RobotId) -> Failure {
+    match error {
+        ServicesError::Topic(DynamicError::Open(error @ OpenError::AlreadyProvided { .. }))
+        | ServicesError::Requests(error @ OpenError::AlreadyProvided { .. }) => {
+            lives(error.to_string(), robot)
+        }
+        error => Failure::internal(error),
+    }
+}
+
+fn lives(text: String, robot: RobotId) -> Failure {
+    let other = robot.get().wrapping_add(1).max(1);
+    Failure::new(ExitCode::Refused, text).with_next_step(format!(
+        "play it as another robot with --robot {other}, or unset RIL_IPC_ROOT: then it has shared memory of its own"
+    ))
 }

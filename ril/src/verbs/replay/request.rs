@@ -31,7 +31,7 @@ pub struct ReplayedRequest {
 }
 
 impl ReplayedRequest {
-    /// Reads a message of the type `hero_msgs/msg/RequestEvent`, which passes at `at`; nothing when it is none.
+    /// Reads a message of the type `hero_msgs/msg/RequestEvent`, which passes at `at`; `None` if it is another message.
     pub fn read(message: &[u8], at: Duration) -> Option<ReplayedRequest> {
         let event = RequestEvent::read(message)?;
         // Without what a terminal would obey.

@@ -16,7 +16,7 @@ const REDRAW_PERIOD: Duration = Duration::from_millis(200);
 pub(super) struct Screen {
     out: Stdout,
     has_json: bool,
-    /// The line with the position; nothing when it is no terminal.
+    /// The line with the position; `None` if it is no terminal.
     block: Option<Block>,
     next_drawing: MonotonicNs,
 }

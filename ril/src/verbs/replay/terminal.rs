@@ -37,13 +37,13 @@ impl Terminal {
         Descriptor::new(stdin())
     }
 
-    /// What the keys that are there ask for; nothing when the terminal is gone. To be called when the wait says so: else it waits
+    /// What the keys that are there ask for; `None` if the terminal is gone. To be called when the wait says so: else it waits
     /// for a key.
-    pub(super) fn read(&mut self) -> Option<Vec<Wish>> {
+    pub(super) fn read(&mut self) -> Option<Vec<PlayerKey>> {
         let mut bytes = [0; MAX_KEYS];
         match rustix::io::read(stdin(), &mut bytes) {
             Ok(0) => None,
-            Ok(count) => Some(wishes(&bytes[..count])),
+            Ok(count) => Some(player_keys(&bytes[..count])),
             Err(rustix::io::Errno::INTR | rustix::io::Errno::AGAIN) => Some(Vec::new()),
             Err(_) => None,
         }
@@ -59,7 +59,7 @@ impl Drop for Terminal {
 
 /// What a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
+pub enum PlayerKey {
     /// Stand still, or go on.
     Pause,
     /// Play the next message, and stand still.
@@ -68,16 +68,16 @@ pub enum Wish {
     Quit,
 }
 
-/// The wishes in `bytes`, which one read of the terminal gave. Other keys mean nothing.
-fn wishes(bytes: &[u8]) -> Vec<Wish> {
-    let wish = |key| match key {
-        Key::Char(' ') => Some(Wish::Pause),
-        Key::Char('.') | Key::Right => Some(Wish::Step),
+/// The keys in `bytes` that mean something, which one read of the terminal gave.
+fn player_keys(bytes: &[u8]) -> Vec<PlayerKey> {
+    let player_key = |key| match key {
+        Key::Char(' ') => Some(PlayerKey::Pause),
+        Key::Char('.') | Key::Right => Some(PlayerKey::Step),
         // Ctrl+D ends input. Ctrl+C is a signal.
-        Key::Char('q' | 'Q') | Key::Interrupt => Some(Wish::Quit),
+        Key::Char('q' | 'Q') | Key::Interrupt => Some(PlayerKey::Quit),
         _ => None,
     };
-    keys(bytes).into_iter().filter_map(wish).collect()
+    keys(bytes).into_iter().filter_map(player_key).collect()
 }
 
 #[cfg(test)]
@@ -85,17 +85,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_wishes() {
+    fn keys_are_read() {
         for (bytes, expected) in [
-            (&b" "[..], &[Wish::Pause][..]),
-            (b"..", &[Wish::Step, Wish::Step]),
-            (b"\x1b[C\x1bOC", &[Wish::Step, Wish::Step]),
-            (b"\x1b[Aq", &[Wish::Quit]),
+            (&b" "[..], &[PlayerKey::Pause][..]),
+            (b"..", &[PlayerKey::Step, PlayerKey::Step]),
+            (b"\x1b[C\x1bOC", &[PlayerKey::Step, PlayerKey::Step]),
+            (b"\x1b[Aq", &[PlayerKey::Quit]),
             (b"x\x1b", &[]),
-            (b"\x04", &[Wish::Quit]),
+            (b"\x04", &[PlayerKey::Quit]),
             (b"", &[]),
         ] {
-            assert_eq!(wishes(bytes), expected, "{bytes:?}");
+            assert_eq!(player_keys(bytes), expected, "{bytes:?}");
         }
     }
 }

@@ -280,7 +280,7 @@ impl Verification {
         }
     }
 
-    /// Why the command ends with another code than 0, in one line; nothing when all is verified.
+    /// Why the command ends with another code than 0, in one line; `None` if all is verified.
     pub fn trouble(&self) -> Option<String> {
         if self.verified {
             return None;

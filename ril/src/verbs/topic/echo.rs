@@ -4,12 +4,11 @@ use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Losses, MonotonicNs, Topic};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use ipc_types::{Losses, MonotonicNs};
+use runtime::exit::Failure;
 
-use super::options::{self, EchoArgs, EchoOptions};
-use super::stream::{self, Samples, Watched, Watcher};
+use super::options::{EchoArgs, EchoOptions};
+use super::stream::{self, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
 use crate::commands::sample_age::STALE_AFTER;
 use crate::commands::{Session, configuration, json_line};
@@ -24,29 +23,14 @@ use crate::words::count as plural;
 ///
 /// Code 2 for a field that does not exist, 3 when no process publishes, 4 when the publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
-    match args.topic {
-        options::Topic::Dsp => own::<DspTelemetry>(&args.options),
-        options::Topic::Hero => own::<HeroTelemetry>(&args.options),
-        options::Topic::State => own::<ModuleState>(&args.options),
-    }
-}
-
-fn own<T: Topic>(options: &EchoOptions) -> Result<(), Failure> {
-    let watched = Watched::of::<T>();
+    let options = &args.options;
+    let watched = Watched::own(args.topic);
     let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
     let Some(config) = configuration(&options.common)? else {
         return Ok(());
     };
     let session = Session::join(&options.common)?;
-    let mut samples = session.ipc.subscriber::<T>().or_fail(ExitCode::Internal)?;
-    print(
-        &session,
-        &watched,
-        selection,
-        &mut samples,
-        options,
-        &config,
-    )
+    print(&session, &watched, selection, options, &config)
 }
 
 /// `ril topic echo`
@@ -61,22 +45,13 @@ pub fn any(key: &str, options: &EchoOptions) -> Result<(), Failure> {
     let session = Session::join(&options.common)?;
     let watched = Watched::find(&session, key)?;
     let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
-    let mut samples = stream::open(&session, &watched)?;
-    print(
-        &session,
-        &watched,
-        selection,
-        &mut samples,
-        options,
-        &config,
-    )
+    print(&session, &watched, selection, options, &config)
 }
 
 fn print(
     session: &Session,
     watched: &Watched,
     selection: Selection,
-    samples: &mut impl Samples,
     options: &EchoOptions,
     config: &Config,
 ) -> Result<(), Failure> {
@@ -85,6 +60,7 @@ fn print(
         duration: options.duration,
         timeout: options.timeout.unwrap_or_else(|| config.observe.timeout()),
     };
+    let mut samples = watched.open(session)?;
     let mut printer = Printer {
         watched,
         stamps: StampReader::of(&watched.schema),
@@ -94,7 +70,7 @@ fn print(
         out: BufWriter::new(io::stdout().lock()),
         seen: Seen::default(),
     };
-    let end = stream::watch(session, watched, samples, limits, &mut printer)?;
+    let end = stream::watch(session, watched, &mut samples, limits, &mut printer)?;
     if tracing::enabled!(tracing::Level::INFO) {
         let summary = printer.seen.summary(samples.losses());
         // Standard error may be closed; that does no harm.
@@ -229,8 +205,9 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use ipc_types::TelemetryGroup;
-    use ipc_types::payload::SharedStruct;
+    use ipc_types::payload::{DspTelemetry, SharedStruct};
 
+    use super::super::options::Topic;
     use super::*;
 
     fn sample() -> DspTelemetry {
@@ -245,7 +222,7 @@ mod tests {
 
     fn printed(names: &[&str], json: bool) -> String {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        let watched = Watched::of::<DspTelemetry>();
+        let watched = Watched::own(Topic::Dsp);
         let mut printer = Printer {
             watched: &watched,
             stamps: StampReader::of(&watched.schema),

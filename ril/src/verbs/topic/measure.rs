@@ -7,20 +7,18 @@
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Losses, MonotonicNs, Topic};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use ipc_types::{Losses, MonotonicNs};
+use runtime::exit::Failure;
 
 use super::meter::bandwidth::BandwidthMeter;
 use super::meter::delay::DelayMeter;
 use super::meter::rate::RateMeter;
 use super::meter::{Detail, Meter, Of, RelayedTimes, Report};
-use super::options::{self, MeasureArgs, MeasureOptions};
-use super::stream::{self, Samples, Watched, Watcher};
+use super::options::{MeasureArgs, MeasureOptions};
+use super::stream::{self, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
 use crate::commands::relay::LinkWatch;
 use crate::commands::{Session, configuration, json_line};
-use crate::config::Config;
 use crate::live::{Block, Size};
 use crate::stamps::StampReader;
 
@@ -58,26 +56,7 @@ pub fn bw(args: &MeasureArgs) -> Result<(), Failure> {
 }
 
 fn measure<M: Meter>(args: &MeasureArgs) -> Result<(), Failure> {
-    match args.topic {
-        options::Topic::Dsp => own::<DspTelemetry, M>(&args.options),
-        options::Topic::Hero => own::<HeroTelemetry, M>(&args.options),
-        options::Topic::State => own::<ModuleState, M>(&args.options),
-    }
-}
-
-fn own<T: Topic, M: Meter>(options: &MeasureOptions) -> Result<(), Failure> {
-    let Some(config) = configuration(&options.common)? else {
-        return Ok(());
-    };
-    let session = Session::join(&options.common)?;
-    let mut samples = session.ipc.subscriber::<T>().or_fail(ExitCode::Internal)?;
-    run::<M>(
-        &session,
-        &Watched::of::<T>(),
-        &mut samples,
-        options,
-        &config,
-    )
+    run::<M>(&args.options, |_| Ok(Watched::own(args.topic)))
 }
 
 /// `ril topic hz`, `ril topic delay`, `ril topic bw`, by the meter.
@@ -86,22 +65,19 @@ fn own<T: Topic, M: Meter>(options: &MeasureOptions) -> Result<(), Failure> {
 ///
 /// As [`hz`]; code 3 also for a topic that is not there.
 pub fn any<M: Meter>(key: &str, options: &MeasureOptions) -> Result<(), Failure> {
-    let Some(config) = configuration(&options.common)? else {
-        return Ok(());
-    };
-    let session = Session::join(&options.common)?;
-    let watched = Watched::find(&session, key)?;
-    let mut samples = stream::open(&session, &watched)?;
-    run::<M>(&session, &watched, &mut samples, options, &config)
+    run::<M>(options, |session| Watched::find(session, key))
 }
 
 fn run<M: Meter>(
-    session: &Session,
-    watched: &Watched,
-    samples: &mut impl Samples,
     options: &MeasureOptions,
-    config: &Config,
+    find: impl FnOnce(&Session) -> Result<Watched, Failure>,
 ) -> Result<(), Failure> {
+    let Some(config) = configuration(&options.common)? else {
+        return Ok(());
+    };
+    let session = &Session::join(&options.common)?;
+    let watched = &find(session)?;
+    let mut samples = watched.open(session)?;
     let limits = Limits {
         count: options.count,
         duration: options.duration,
@@ -131,7 +107,7 @@ fn run<M: Meter>(
         block: Block::default(),
         redraw_at: is_live.then(|| began + REDRAW_PERIOD),
     };
-    let end = stream::watch(session, watched, samples, limits, &mut display)?;
+    let end = stream::watch(session, watched, &mut samples, limits, &mut display)?;
     display.finish(samples.losses(), options.json)?;
     match end {
         Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
@@ -184,7 +160,7 @@ struct Display<'a, M> {
     is_empty: bool,
     detail: Detail,
     block: Block,
-    /// When to draw next; nothing when there is no terminal.
+    /// When to draw next; `None` if there is no terminal.
     redraw_at: Option<MonotonicNs>,
 }
 

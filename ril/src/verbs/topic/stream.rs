@@ -9,15 +9,14 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::own;
-use ipc_types::{
-    Descriptor, DynamicSubscriber, Losses, MonotonicNs, ReceiveError, Schema, Source, Subscriber,
-    Topic, dynamic,
-};
+use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, Topic, dynamic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, fstat};
 
+use super::options;
 use super::watch_timeout::{Limits, Next, WatchTimeout};
 use crate::commands::{Session, absent};
 
@@ -30,8 +29,16 @@ pub(super) struct Watched {
 }
 
 impl Watched {
-    /// One that this program was built with.
-    pub fn of<T: Topic>() -> Watched {
+    /// One of the robot's own, which may be there before its publisher.
+    pub fn own(topic: options::Topic) -> Watched {
+        match topic {
+            options::Topic::Dsp => Watched::of::<DspTelemetry>(),
+            options::Topic::Hero => Watched::of::<HeroTelemetry>(),
+            options::Topic::State => Watched::of::<ModuleState>(),
+        }
+    }
+
+    fn of<T: Topic>() -> Watched {
         Watched {
             key: T::KEY.to_owned(),
             schema: Schema::of::<T>(),
@@ -52,6 +59,15 @@ impl Watched {
             Err(ipc_types::schema::LoadError::Missing(_)) => Err(missing(session, key)),
             Err(error) => Err(error).or_fail(ExitCode::Internal),
         }
+    }
+
+    /// Subscribes to it.
+    ///
+    /// # Errors
+    ///
+    /// Code 1 when it carries something else.
+    pub fn open(&self, session: &Session) -> Result<DynamicSubscriber, Failure> {
+        DynamicSubscriber::open(&session.ipc, &self.key, &self.schema).or_fail(ExitCode::Internal)
     }
 
     /// Whether a live process publishes it.
@@ -84,44 +100,6 @@ pub(super) fn missing(session: &Session, key: &str) -> Failure {
         .with_next_step("start the module that publishes it, and try again")
 }
 
-/// Where samples come from.
-pub(super) trait Samples: Source {
-    /// Hands on the bytes of every sample that is there.
-    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError>;
-
-    /// What was received and missed so far.
-    fn losses(&self) -> Losses;
-}
-
-impl<T: Topic> Samples for Subscriber<T> {
-    fn drain(&mut self, mut take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        Subscriber::drain(self, |sample| take(sample.bytes()))
-    }
-
-    fn losses(&self) -> Losses {
-        Subscriber::losses(self)
-    }
-}
-
-impl Samples for DynamicSubscriber {
-    fn drain(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        DynamicSubscriber::drain(self, take)
-    }
-
-    fn losses(&self) -> Losses {
-        DynamicSubscriber::losses(self)
-    }
-}
-
-/// Opens a topic that this program was perhaps not built with.
-///
-/// # Errors
-///
-/// Code 3 when no process publishes it, 1 for other trouble.
-pub(super) fn open(session: &Session, watched: &Watched) -> Result<DynamicSubscriber, Failure> {
-    DynamicSubscriber::open(&session.ipc, &watched.key, &watched.schema).or_fail(ExitCode::Internal)
-}
-
 /// What is done with the samples.
 pub(super) trait Watcher {
     /// Takes a sample's bytes, and says whether it counts as one of those that were asked for.
@@ -141,10 +119,10 @@ pub(super) trait Watcher {
 /// # Errors
 ///
 /// What `watcher` fails with; the quiet end when the reader of standard output has gone.
-pub(super) fn watch<S: Samples>(
+pub(super) fn watch(
     session: &Session,
     watched: &Watched,
-    samples: &mut S,
+    samples: &mut DynamicSubscriber,
     limits: Limits,
     watcher: &mut impl Watcher,
 ) -> Result<Next, Failure> {
@@ -176,7 +154,7 @@ pub(super) fn watch<S: Samples>(
 
 /// Hands on what is there, at most `wanted` samples that count, and says how many those were.
 fn take(
-    samples: &mut impl Samples,
+    samples: &mut DynamicSubscriber,
     wanted: u64,
     watcher: &mut impl Watcher,
 ) -> Result<u64, Failure> {

@@ -39,7 +39,7 @@ impl Freshness {
         self == Freshness::Fresh
     }
 
-    /// The age in words, in whole seconds; nothing when it is fresh or there is none.
+    /// The age in words, in whole seconds; `None` if it is fresh or there is none.
     pub fn age(self) -> Option<String> {
         match self {
             Freshness::Stale(age) | Freshness::Gone(age) => Some(match age {
@@ -63,11 +63,11 @@ struct Heard {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feed {
     stale_after: Duration,
-    /// Nothing for a topic whose process is not looked for.
+    /// `None` for a topic whose process is not looked for.
     overdue_after: Option<Duration>,
     heard: Option<Heard>,
     provided: Option<bool>,
-    /// When to look for the process; nothing while a sample or a new generation will say that it is there.
+    /// When to look for the process; `None` while a sample or a new generation will say that it is there.
     next_look: Option<MonotonicNs>,
 }
 
@@ -135,7 +135,7 @@ impl Feed {
         }
     }
 
-    /// When to look or to show the topic anew although nothing comes; nothing when only a sample changes it.
+    /// When to look or to show the topic anew although nothing comes; `None` if only a sample changes it.
     pub fn next(&self, now: MonotonicNs) -> Option<MonotonicNs> {
         let shown = match (self.at(now), self.heard) {
             (Freshness::Fresh, Some(heard)) => {

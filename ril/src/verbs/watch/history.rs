@@ -16,7 +16,7 @@ pub const MAX_SLOTS: usize = 240;
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// Oldest first; nothing where no value came.
+    /// Oldest first; `None` where no value came.
     values: VecDeque<Option<f64>>,
     /// Number of the newest slot since the host's start.
     newest: u64,

@@ -345,7 +345,7 @@ impl Robot {
         self.status.as_ref()
     }
 
-    /// The newest state of the relay's link; nothing when the robot is on this machine.
+    /// The newest state of the relay's link; `None` if the robot is on this machine.
     pub fn last_relay(&self) -> Option<&RelayLink> {
         self.relay.as_ref().filter(|_| self.is_relayed)
     }

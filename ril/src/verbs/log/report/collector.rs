@@ -8,7 +8,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 
 use super::clock::{Clock, RelativeDelay};
 use super::curves::{Curves, GAP_S};
-use super::happenings::{Happenings, Kind};
+use super::events::{EventLog, Kind};
 use super::module::Module;
 use super::module::States;
 use super::requests::Requests;
@@ -87,7 +87,7 @@ pub struct Collector {
     clock: Clock,
     delay: RelativeDelay,
     curves: Curves,
-    happenings: Happenings,
+    event_log: EventLog,
     air: States,
     switch: States,
     fix: States,
@@ -107,7 +107,7 @@ impl Default for Collector {
             clock: Clock::default(),
             delay: RelativeDelay::default(),
             curves: Curves::default(),
-            happenings: Happenings::default(),
+            event_log: EventLog::default(),
             air: States::default(),
             switch: States::default(),
             fix: States::default(),
@@ -157,9 +157,9 @@ impl Collector {
     /// Takes a state of the bridge, after all samples of the DSP were taken.
     pub fn state(&mut self, state: &ModuleState) {
         let at_s = self.clock.within(state.published_ns);
-        let (curves, happenings) = (&mut self.curves, &mut self.happenings);
+        let (curves, event_log) = (&mut self.curves, &mut self.event_log);
         self.module
-            .state(at_s, state, self.flying, curves, happenings);
+            .state(at_s, state, self.flying, curves, event_log);
     }
 
     /// Takes a request or a report about one.
@@ -170,14 +170,14 @@ impl Collector {
     /// Something happened to the recording, or was logged by a process, so long after the first sample.
     pub fn happened(&mut self, kind: Kind, since_ns: u64, weight: Weight, text: &str) {
         let at_s = (since_ns as f64 / 1e9).min(self.clock.end_s());
-        self.happenings.add(kind, at_s, weight, text, None);
+        self.event_log.add(kind, at_s, weight, text, None);
     }
 
     /// A part of the recording is damaged: `text` says how.
     pub fn damage(&mut self, text: &str) {
         let at_s = self.clock.end_s();
         let text = format!("the recording is damaged: {text}");
-        self.happenings
+        self.event_log
             .add(Kind::Recording, at_s, Weight::Warning, text, None);
     }
 
@@ -199,7 +199,7 @@ impl Collector {
                 false => (Weight::Warning, "on the ground"),
             };
             let text = format!("no sample for {interval_s:.1} s {whence}");
-            self.happenings
+            self.event_log
                 .add(Kind::Gap, before.at_s, weight, text, place);
         }
         let is_same = before.dsp.epoch_ns == dsp.epoch_ns;
@@ -208,13 +208,13 @@ impl Collector {
             Some(steps @ 2..) if is_same => {
                 let lost = steps - 1;
                 self.curves.lost.add(at_s, lost as f64);
-                self.happenings
+                self.event_log
                     .count(Kind::Lost, at_s, Weight::Warning, lost, "", place);
             }
             _ => {
                 self.delay.reset();
                 let text = "the bridge began anew";
-                self.happenings
+                self.event_log
                     .add(Kind::Restart, at_s, Weight::Alarm, text, place);
             }
         }
@@ -231,7 +231,7 @@ impl Collector {
                 self.delay.reset();
                 if was_ms < u32::MAX - WRAP_MS {
                     let text = "the DSP booted";
-                    self.happenings
+                    self.event_log
                         .add(Kind::Boot, at_s, Weight::Alarm, text, place);
                 }
             }
@@ -242,7 +242,7 @@ impl Collector {
                 "the DSP reported {}",
                 details::dsp_error(dsp.last_dsp_error_code)
             );
-            self.happenings.count(
+            self.event_log.count(
                 Kind::DspError,
                 at_s,
                 Weight::Warning,
@@ -259,11 +259,11 @@ impl Collector {
         let place = view.place;
         match (before.view.flying, view.flying) {
             (Some(false), Some(true)) => {
-                self.happenings
+                self.event_log
                     .add(Kind::Flying, at_s, Weight::Note, "took off", place);
             }
             (Some(true), Some(false)) => {
-                self.happenings
+                self.event_log
                     .add(Kind::Flying, at_s, Weight::Note, "landed", place);
             }
             _ => {}
@@ -280,7 +280,7 @@ impl Collector {
             _ => None,
         };
         if let Some((weight, text)) = change {
-            self.happenings.add(Kind::Switch, at_s, weight, text, place);
+            self.event_log.add(Kind::Switch, at_s, weight, text, place);
         }
         let (Some(was), Some(is)) = (before.view.gps, view.gps) else {
             return;
@@ -291,7 +291,7 @@ impl Collector {
             } else {
                 Weight::Warning
             };
-            self.happenings.add(
+            self.event_log.add(
                 Kind::Fix,
                 at_s,
                 weight,
@@ -300,7 +300,7 @@ impl Collector {
             );
         } else if was != is {
             let text = format!("the GPS fix is {}", is.name());
-            self.happenings
+            self.event_log
                 .add(Kind::Fix, at_s, Weight::Note, text, place);
         }
     }
@@ -339,7 +339,7 @@ impl Collector {
         flight.lanes = vec![link, lane("switch", self.switch), lane("GPS fix", self.fix)];
         flight.gaps = self.gaps;
         flight.plots = self.curves.plots(limits(chart));
-        let (events, left_out) = self.happenings.finish();
+        let (events, left_out) = self.event_log.finish();
         flight.events_left_out = left_out;
         let places = events.iter().enumerate();
         let places = places.filter_map(|(number, (_, place))| Some((number, (*place)?)));

@@ -3,7 +3,7 @@
 mod clock;
 mod collector;
 mod curves;
-mod happenings;
+mod events;
 mod module;
 mod record;
 mod requests;
@@ -134,7 +134,7 @@ struct Record {
 }
 
 impl Record {
-    /// The record at `path`; nothing when that is a log of status. No message is read.
+    /// The record at `path`; `None` if that is a log of status. No message is read.
     fn open(path: &Path) -> Result<Option<Record>, Failure> {
         let unreadable = |error: io::Error| Failure::usage(format!("{}: {error}", path.display()));
         let mut file = super::files::open(path)?;

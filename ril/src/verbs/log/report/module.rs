@@ -5,7 +5,7 @@ use ipc_types::code::{Functionality, LinkState, SafetyAction};
 use ipc_types::payload::ModuleState;
 
 use super::curves::Curves;
-use super::happenings::{Happenings, Kind};
+use super::events::{EventLog, Kind};
 use crate::messages::details;
 use crate::pilot;
 
@@ -25,7 +25,7 @@ impl Module {
         state: &ModuleState,
         flying: Option<bool>,
         curves: &mut Curves,
-        happenings: &mut Happenings,
+        event_log: &mut EventLog,
     ) {
         match state.functionality() {
             Some(functionality) => {
@@ -44,9 +44,9 @@ impl Module {
             .filter(|before| before.epoch_ns == state.epoch_ns)
         {
             counters(at_s, &before, state, curves);
-            link(at_s, &before, state, flying, happenings);
-            safety(at_s, &before, state, happenings);
-            blocked(at_s, &before, state, happenings);
+            link(at_s, &before, state, flying, event_log);
+            safety(at_s, &before, state, event_log);
+            blocked(at_s, &before, state, event_log);
         }
         self.before = Some(*state);
     }
@@ -100,7 +100,7 @@ fn link(
     before: &ModuleState,
     state: &ModuleState,
     flying: Option<bool>,
-    happenings: &mut Happenings,
+    event_log: &mut EventLog,
 ) {
     if before.link.state == state.link.state {
         return;
@@ -114,17 +114,17 @@ fn link(
         _ => Weight::Warning,
     };
     let text = format!("the link to the DSP is {}", link.name());
-    happenings.add(Kind::Link, at_s, weight, text, None);
+    event_log.add(Kind::Link, at_s, weight, text, None);
 }
 
-fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, happenings: &mut Happenings) {
+fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut EventLog) {
     let safety = &state.safety;
     if (before.safety.rule, before.safety.action) == (safety.rule, safety.action) {
         return;
     }
     if safety.rule == 0 {
         let text = "no safety rule is broken any more";
-        return happenings.add(Kind::Safety, at_s, Weight::Note, text, None);
+        return event_log.add(Kind::Safety, at_s, Weight::Note, text, None);
     }
     let rule = safety.rule();
     let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
@@ -137,10 +137,10 @@ fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, happenings: &mut
     };
     let action = action.map_or("unknown action", SafetyAction::name);
     let text = format!("safety rule {name} broken{by}: {action}");
-    happenings.add(Kind::Safety, at_s, weight, text, None);
+    event_log.add(Kind::Safety, at_s, weight, text, None);
 }
 
-fn blocked(at_s: f64, before: &ModuleState, state: &ModuleState, happenings: &mut Happenings) {
+fn blocked(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut EventLog) {
     if state.is_blocked() && !before.is_blocked() {
         let (weight, text) = match state.imi_error {
             0 => (Weight::Note, "the module was stopped".to_owned()),
@@ -152,10 +152,10 @@ fn blocked(at_s: f64, before: &ModuleState, state: &ModuleState, happenings: &mu
                 )
             }
         };
-        happenings.add(Kind::Module, at_s, weight, text, None);
+        event_log.add(Kind::Module, at_s, weight, text, None);
     } else if before.is_blocked() && !state.is_blocked() {
         let text = "the module was started";
-        happenings.add(Kind::Module, at_s, Weight::Note, text, None);
+        event_log.add(Kind::Module, at_s, Weight::Note, text, None);
     }
 }
 

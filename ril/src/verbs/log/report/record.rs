@@ -11,7 +11,7 @@ use recording::read::{self, Message};
 use ros_messages::{Level, Log};
 
 use super::collector::Collector;
-use super::happenings::Kind;
+use super::events::Kind;
 use crate::recorded::FLIGHT;
 use crate::recorded::{REQUEST_EVENT, RequestEvent};
 

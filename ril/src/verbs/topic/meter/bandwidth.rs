@@ -39,9 +39,9 @@ pub struct BandwidthReport {
     pub payload_bytes: u64,
     /// Bytes of all samples that came here.
     pub bytes: u64,
-    /// Bytes that came here, per second; nothing before the second sample.
+    /// Bytes that came here, per second; `None` before the second sample.
     pub observed_bytes_per_s: Option<f64>,
-    /// Bytes that were published, per second; nothing before the second sample.
+    /// Bytes that were published, per second; `None` before the second sample.
     pub published_bytes_per_s: Option<f64>,
     /// Bytes of each whole second, counted from the first sample on.
     pub bytes_in_a_second: Option<Summary>,

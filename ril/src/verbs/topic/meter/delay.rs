@@ -52,15 +52,15 @@ pub struct DelayReport {
     /// Whose samples, how many, how many were lost.
     #[serde(flatten)]
     pub counts: Counts,
-    /// From the last byte that the bridge read to this consumer; nothing for the module's state.
+    /// From the last byte that the bridge read to this consumer; `None` for the module's state.
     pub since_received_ms: Option<Summary>,
-    /// From the publisher to this consumer; nothing for raw telemetry, which the bridge publishes as it reads it.
+    /// From the publisher to this consumer; `None` for raw telemetry, which the bridge publishes as it reads it.
     pub since_published_ms: Option<Summary>,
-    /// By the DSP's clock, how much later than the quickest sample of the same ten seconds; nothing without that clock.
+    /// By the DSP's clock, how much later than the quickest sample of the same ten seconds; `None` without that clock.
     pub behind_quickest_ms: Option<Summary>,
     /// Whether the samples come from another machine, so that the first two ages are as true as the comparison of clocks.
     pub relayed: bool,
-    /// How far the first two ages may then be from the truth, to either side; nothing when that is not known, and when the
+    /// How far the first two ages may then be from the truth, to either side; `None` if that is not known, and when the
     /// samples are of this machine.
     pub age_uncertainty_ms: Option<f64>,
 }

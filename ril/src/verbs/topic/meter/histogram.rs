@@ -95,7 +95,7 @@ impl Histogram {
         }
     }
 
-    /// What was counted; nothing when nothing was.
+    /// What was counted; `None` if nothing was.
     pub fn summary(&self) -> Option<Summary> {
         let values = &self.values;
         if values.is_empty() {

@@ -84,14 +84,14 @@ pub struct Of<'a> {
     pub robot: u32,
     /// Key of the service, such as `hero_telemetry`.
     pub service: &'a str,
-    /// How true times of another machine are; nothing when the samples are of this machine.
+    /// How true times of another machine are; `None` if the samples are of this machine.
     pub relayed: Option<RelayedTimes>,
 }
 
 /// How true the times in samples are that come from another machine: the relay translated them to this machine's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelayedTimes {
-    /// How far they may be from the truth, to either side, s; nothing when the relay does not know it.
+    /// How far they may be from the truth, to either side, s; `None` if the relay does not know it.
     pub uncertainty_s: Option<f64>,
 }
 

@@ -35,9 +35,9 @@ pub struct RateReport {
     /// Whose samples, how many, how many were lost.
     #[serde(flatten)]
     pub counts: Counts,
-    /// Samples that came here, per second; nothing before the second.
+    /// Samples that came here, per second; `None` before the second.
     pub observed_hz: Option<f64>,
-    /// Samples that were published, per second; nothing before the second.
+    /// Samples that were published, per second; `None` before the second.
     pub published_hz: Option<f64>,
     /// Time between two samples as they came here.
     pub interval_ms: Option<Summary>,
@@ -59,12 +59,12 @@ impl RateMeter {
         }
     }
 
-    /// Samples that came here, per second; nothing before the second.
+    /// Samples that came here, per second; `None` before the second.
     pub fn observed_hz(&self) -> Option<f64> {
         per_second(self.samples.checked_sub(1)?, self.seconds())
     }
 
-    /// Samples that were published, per second; nothing before the second.
+    /// Samples that were published, per second; `None` before the second.
     pub fn published_hz(&self) -> Option<f64> {
         per_second(self.published, self.published_ns as f64 / 1e9)
     }
@@ -114,7 +114,7 @@ impl Meter for RateMeter {
     }
 }
 
-/// So many in so many seconds; nothing when either is nothing.
+/// So many in so many seconds; `None` if either is nothing.
 fn per_second(count: u64, seconds: f64) -> Option<f64> {
     (count > 0 && seconds > 0.0).then(|| count as f64 / seconds)
 }

@@ -1,11 +1,11 @@
-//! [`Continuity`]: what of a topic did not come, as events in the places of what is missing.
+//! [`LossEvents`]: what of a topic did not come, as events in the places of what is missing.
 
 use ipc_types::{Losses, MonotonicNs, SequenceTracker};
 use recording::{Event, EventKind};
 
 /// Follows the samples of one topic.
 #[derive(Debug)]
-pub struct Continuity {
+pub struct LossEvents {
     /// As it is called in the file.
     topic: String,
     tracker: SequenceTracker,
@@ -20,10 +20,10 @@ pub struct Continuity {
 /// What a sample says of those before it: at most that its publisher began again, and that some are missing.
 pub type Found = arrayvec::ArrayVec<Event, 2>;
 
-impl Continuity {
+impl LossEvents {
     /// Of `topic`, no sample of which has come, in a recording that has begun at `begun`.
-    pub fn new(topic: String, begun: MonotonicNs) -> Continuity {
-        Continuity {
+    pub fn new(topic: String, begun: MonotonicNs) -> LossEvents {
+        LossEvents {
             topic,
             tracker: SequenceTracker::default(),
             last: None,
@@ -100,9 +100,10 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_an_event_before_the_sample_that_shows_it() {
-        let mut continuity = Continuity::new("/robot1/a".to_owned(), MonotonicNs(6));
+        let mut loss_events = LossEvents::new("/robot1/a".to_owned(), MonotonicNs(6));
         let mut take = |epoch_ns, sequence, at| {
-            let found = continuity.take((epoch_ns, sequence), MonotonicNs(at), MonotonicNs(at + 1));
+            let found =
+                loss_events.take((epoch_ns, sequence), MonotonicNs(at), MonotonicNs(at + 1));
             let found = found.into_iter();
             let words = found.map(|event| {
                 assert_eq!(
@@ -122,17 +123,17 @@ mod tests {
             take(10, 3, 50),
             [(EventKind::Restart, 1, 40), (EventKind::Gap, 2, 40)]
         );
-        assert_eq!(continuity.losses().lost, 4);
+        assert_eq!(loss_events.losses().lost, 4);
     }
 
     #[test]
     fn what_came_before_the_recorder_had_joined_is_told_of_publishers_that_began_after_it() {
         let first = |epoch_ns, sequence| {
-            let mut continuity = Continuity::new("/robot1/a".to_owned(), MonotonicNs(100));
+            let mut loss_events = LossEvents::new("/robot1/a".to_owned(), MonotonicNs(100));
             let now = MonotonicNs(200);
-            let found = continuity.take((epoch_ns, sequence), MonotonicNs(190), now);
+            let found = loss_events.take((epoch_ns, sequence), MonotonicNs(190), now);
             let events = found.into_iter().map(|event| (event.kind, event.count));
-            let lost = continuity.losses().lost;
+            let lost = loss_events.losses().lost;
             (events.collect::<Vec<_>>(), lost)
         };
         assert_eq!(first(99, 900), (vec![], 0), "it began before");

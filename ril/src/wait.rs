@@ -1,6 +1,9 @@
-//! [`Condition`]: something about a robot that is so or not.
+//! What `ril wait` waits for. [`Condition`]: something about a robot that is so or not, judged by the newest samples and the time.
 //!
 //! A sample that is not of the present fulfils nothing: a robot that is gone has not landed.
+
+#[cfg(test)]
+mod tests;
 
 use std::fmt;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! [`Happenings`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
+//! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
 //! out another, and the others are counted. What repeats within some seconds is one event.
 
 use flight_report::flight::{Event, Weight};
@@ -54,7 +54,7 @@ impl Kind {
 
 /// Something that happened, and where.
 #[derive(Clone, Debug, PartialEq)]
-struct Happening {
+struct Entry {
     kind: Kind,
     at_s: f64,
     until_s: f64,
@@ -67,12 +67,12 @@ struct Happening {
 
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
-pub struct Happenings {
-    all: Vec<Happening>,
+pub struct EventLog {
+    all: Vec<Entry>,
     left_out: u64,
 }
 
-impl Happenings {
+impl EventLog {
     /// Something happened once.
     pub fn add(
         &mut self,
@@ -96,11 +96,7 @@ impl Happenings {
         place: Option<Place>,
     ) {
         let text = text.into();
-        let last = self
-            .all
-            .iter_mut()
-            .rev()
-            .find(|happening| happening.kind == kind);
+        let last = self.all.iter_mut().rev().find(|entry| entry.kind == kind);
         if let Some(last) = last
             && kind.is_joined()
             && last.text == text
@@ -110,12 +106,12 @@ impl Happenings {
             last.amount = last.amount.saturating_add(amount);
             return;
         }
-        let of_kind = self.all.iter().filter(|happening| happening.kind == kind);
+        let of_kind = self.all.iter().filter(|entry| entry.kind == kind);
         if of_kind.count() >= MAX_OF_A_KIND {
             self.left_out += 1;
             return;
         }
-        self.all.push(Happening {
+        self.all.push(Entry {
             kind,
             at_s,
             until_s: at_s,
@@ -130,20 +126,20 @@ impl Happenings {
     pub fn finish(mut self) -> (Vec<(Event, Option<Place>)>, u64) {
         self.all
             .sort_by(|one, other| one.at_s.total_cmp(&other.at_s));
-        let event = |happening: Happening| {
-            let text = happening.words();
+        let event = |entry: Entry| {
+            let text = entry.words();
             let event = Event {
-                at_s: happening.at_s,
-                weight: happening.weight,
+                at_s: entry.at_s,
+                weight: entry.weight,
                 text,
             };
-            (event, happening.place)
+            (event, entry.place)
         };
         (self.all.into_iter().map(event).collect(), self.left_out)
     }
 }
 
-impl Happening {
+impl Entry {
     fn words(&self) -> String {
         let text = &self.text;
         let lasted_s = self.until_s - self.at_s;
@@ -167,12 +163,12 @@ mod tests {
 
     #[test]
     fn what_repeats_soon_is_one_event_and_amounts_are_added() {
-        let mut happenings = Happenings::default();
+        let mut event_log = EventLog::default();
         for (at_s, amount) in [(1.0, 2), (3.5, 1), (20.0, 1)] {
-            happenings.count(Kind::Lost, at_s, Weight::Warning, amount, "", None);
+            event_log.count(Kind::Lost, at_s, Weight::Warning, amount, "", None);
         }
-        happenings.add(Kind::Flying, 2.0, Weight::Note, "took off", None);
-        let (events, left_out) = happenings.finish();
+        event_log.add(Kind::Flying, 2.0, Weight::Note, "took off", None);
+        let (events, left_out) = event_log.finish();
         let texts: Vec<&str> = events
             .iter()
             .map(|(event, _)| event.text.as_str())
@@ -190,9 +186,9 @@ mod tests {
 
     #[test]
     fn a_flood_of_one_kind_is_bounded_and_crowds_out_no_other() {
-        let mut happenings = Happenings::default();
+        let mut event_log = EventLog::default();
         for index in 0..10_000 {
-            happenings.add(
+            event_log.add(
                 Kind::Switch,
                 f64::from(index),
                 Weight::Note,
@@ -200,8 +196,8 @@ mod tests {
                 None,
             );
         }
-        happenings.add(Kind::Flying, 10_000.0, Weight::Note, "landed", None);
-        let (events, left_out) = happenings.finish();
+        event_log.add(Kind::Flying, 10_000.0, Weight::Note, "landed", None);
+        let (events, left_out) = event_log.finish();
         assert_eq!(events.len(), MAX_OF_A_KIND + 1);
         assert_eq!(left_out, 10_000 - MAX_OF_A_KIND as u64);
         assert_eq!(events[MAX_OF_A_KIND].0.text, "landed");
