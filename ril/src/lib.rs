@@ -15,7 +15,7 @@
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
 //! * [`preflight`]: whether a robot is ready to take off;
 //! * [`recorded`]: what is in a flight record;
-//! * [`wait`]: conditions of a robot that a script waits for;
+//! * [`relay_link`]: the link of a relay to a robot on another machine;
 //! * [`robots`]: the robots of a user, as a table;
 //! * [`stamps`]: what a sample says of its publisher and of its times;
 //! * [`pilot`]: what a pilot asks first, of the newest telemetry;
@@ -56,11 +56,11 @@ pub mod messages;
 pub mod pilot;
 pub mod preflight;
 pub mod recorded;
+pub mod relay_link;
 pub mod robots;
 pub mod stamps;
 pub mod track;
 pub mod verbs;
-pub mod wait;
 pub mod words;
 
 use std::ffi::OsString;
@@ -68,11 +68,11 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
-use commands::{doctor, param, plan, relay, request, state};
+use commands::{doctor, param, plan, request};
 use messages::ErrorObject;
 use runtime::exit::{self, Failure};
 use verbs::topic::{self, echo, measure};
-use verbs::{log, record, replay, watch};
+use verbs::{log, record, relay, replay, wait, watch};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -147,13 +147,13 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Plan(args) => plan::plan(&args.command, choice),
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
-        Command::Status(args) => state::state(&args),
+        Command::Status(args) => verbs::status::status(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Preflight(args) => commands::preflight::preflight(&args),
-        Command::Wait(args) => commands::wait::wait(&args),
+        Command::Wait(args) => wait::wait(&args),
         Command::Record(args) => record::record(&args),
         Command::Log(args) => log::log(&args, choice),
         Command::Replay(args) => replay::replay(&args, choice),

@@ -15,10 +15,10 @@ use ipc_types::{
     Client, Losses, MonotonicNs, RobotId, Schema, SendError, Topic, Wake, fresh_request_id,
 };
 use ril::commands::exchange::{Exchange, Next, Until};
-use ril::commands::state_report::{Samples, StateReport};
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
 use ril::messages::{self, FinalReport, ReportObject, Verb};
 use ril::stamps::StampReader;
+use ril::verbs::status::report::{Samples, StateReport};
 use ril::verbs::topic::meter::bandwidth::BandwidthMeter;
 use ril::verbs::topic::meter::delay::DelayMeter;
 use ril::verbs::topic::meter::rate::RateMeter;

@@ -10,18 +10,15 @@ mod global;
 mod length;
 mod plan;
 mod preflight;
-mod relay;
 mod request;
 mod robots;
 mod shell;
 #[cfg(test)]
 mod tests;
 pub(crate) mod value;
-mod wait;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
@@ -35,11 +32,14 @@ pub use crate::verbs::log::options::{
     LogReportArgs, LogTailArgs,
 };
 pub use crate::verbs::record::options::RecordArgs;
+pub use crate::verbs::relay::options::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use crate::verbs::replay::options::ReplayArgs;
+pub use crate::verbs::status::options::StatusArgs;
 pub use crate::verbs::topic::options::{
     EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
     TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
 };
+pub use crate::verbs::wait::options::WaitArgs;
 pub use crate::verbs::watch::options::WatchArgs;
 use exit_codes::EXIT_CODES;
 pub use global::{GlobalArgs, wants_json};
@@ -49,7 +49,6 @@ pub use plan::{
     PlanShowArgs, ReferenceName,
 };
 pub use preflight::PreflightArgs;
-pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
     ParamGetArgs, ParamListArgs, ParamSetArgs, RequestArgs, TakeoffArgs,
@@ -57,8 +56,7 @@ pub use request::{
 pub use robots::RobotsArgs;
 pub use shell::{CompletionsArgs, Shell};
 pub use value::PortKey;
-use value::{duration, protect_coordinates};
-pub use wait::WaitArgs;
+use value::protect_coordinates;
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///
@@ -160,7 +158,7 @@ pub enum Command {
     Fence(FenceArgs),
     /// Show the state of the module, the link, the DSP, the safety rules and telemetry
     #[command(visible_alias = "state")]
-    Status(StateArgs),
+    Status(StatusArgs),
     /// Watch one or several robots on a terminal, and order hold, land and stop from it
     Watch(WatchArgs),
     /// Print samples as they come
@@ -231,27 +229,6 @@ pub enum RunCommand {
     Status(ProcessArgs<status::cli::Args>),
     /// Run the simulator of DSP and helicopter, in the foreground
     Sim(ProcessArgs<dsp_sim::cli::Args>),
-}
-
-/// `ril status`
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct StateArgs {
-    /// What every process takes.
-    #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
-
-    /// Go on until a signal: on a terminal show all anew in its place, elsewhere print a line at every change
-    #[arg(long)]
-    pub watch: bool,
 }
 
 /// `ril doctor`

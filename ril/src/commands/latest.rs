@@ -6,7 +6,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::Session;
 
 /// The newest sample of a topic, and the port it comes from.
-pub(super) struct Latest<T: Topic> {
+pub(crate) struct Latest<T: Topic> {
     /// What to wait for.
     pub port: Subscriber<T>,
     /// `None` before the first one.

@@ -50,7 +50,7 @@ impl Sample {
     }
 
     /// As part of a JSON object.
-    pub(super) fn tree(self) -> Tree {
+    pub(crate) fn tree(self) -> Tree {
         Tree::nested([
             ("sequence", self.sequence.into()),
             ("age_ms", self.age_ms.into()),
@@ -73,18 +73,18 @@ impl fmt::Display for Sample {
 }
 
 /// Whether what was so at `time` says nothing of `now` any more. What is dated in the future is of unknown age, so it is stale.
-pub(super) fn is_stale(time: MonotonicNs, now: MonotonicNs, limit: Duration) -> bool {
+pub(crate) fn is_stale(time: MonotonicNs, now: MonotonicNs, limit: Duration) -> bool {
     time > now || now.since(time) > limit
 }
 
 /// The name of a code, or a number that is not in the contract.
-pub(super) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
+pub(crate) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
 
 /// How long ago `time` was, in milliseconds, the unit of all ages. A time of the future, which only a faulty publisher gives,
 /// must not look like the present.
-pub(super) fn age_ms(time: MonotonicNs, now: MonotonicNs) -> Option<u64> {
+pub(crate) fn age_ms(time: MonotonicNs, now: MonotonicNs) -> Option<u64> {
     let age = (time <= now).then(|| now.since(time))?;
     u64::try_from(age.as_millis()).ok()
 }

@@ -3,6 +3,9 @@
 
 pub mod log;
 pub mod record;
+pub mod relay;
 pub mod replay;
+pub mod status;
 pub mod topic;
+pub mod wait;
 pub mod watch;

@@ -17,9 +17,9 @@ use super::meter::{Detail, Meter, Of, RelayedTimes, Report};
 use super::options::{MeasureArgs, MeasureOptions};
 use super::stream::{self, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
-use crate::commands::relay::LinkWatch;
 use crate::commands::{Session, configuration, json_line};
 use crate::live::{Block, Size};
+use crate::relay_link::LinkWatch;
 use crate::stamps::StampReader;
 
 /// From one drawing to the next: long enough to read.

@@ -5,7 +5,7 @@ use ipc_types::payload::RelayLink;
 
 use super::super::facts::LinkFacts;
 use super::finding::{About, Finding, Subject};
-use crate::commands::relay_report::LinkReport;
+use crate::relay_link::LinkReport;
 
 const ABOUT: About = About(Subject::Relay);
 

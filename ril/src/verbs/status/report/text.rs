@@ -9,8 +9,8 @@ use ipc_types::module::State;
 use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
 use runtime::duration::Shown;
 
-use super::super::sample_age::{age_ms, named};
 use super::{StateReport, UNREADABLE, implausible, known_dsp_errors, pc_timeout_supported};
+use crate::commands::sample_age::{age_ms, named};
 use crate::fields::{Selection, Tree};
 use crate::geo::Place;
 use crate::messages::details;

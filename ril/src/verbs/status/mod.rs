@@ -1,5 +1,8 @@
 //! `ril status`: the newest state and telemetry, each with its age, once or as they change.
 
+pub mod options;
+pub mod report;
+
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, SystemTime};
 
@@ -7,15 +10,14 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
 use runtime::exit::{ExitCode, Failure};
 
-use super::latest::Latest;
-use super::relay::LinkWatch;
-use super::relay_report::LinkReport;
-use super::sample_age::STALE_AFTER;
-use super::state_report::{Samples, StateReport};
-use super::{Session, configuration, json_line};
-use crate::cli::StateArgs;
+use self::options::StatusArgs;
+use self::report::{Samples, StateReport};
+use crate::commands::latest::Latest;
+use crate::commands::sample_age::STALE_AFTER;
+use crate::commands::{self, Session, configuration, json_line};
 use crate::live::{Block, Size};
 use crate::pilot::PilotView;
+use crate::relay_link::{LinkReport, LinkWatch};
 use crate::words::time_of_day;
 
 /// Shortest time between two looks of `--watch` at what came: what the eye can follow.
@@ -30,7 +32,7 @@ const IDLE_PERIOD: Duration = Duration::from_secs(1);
 ///
 /// Code 3 when there is no bridge, 4 when it says nothing or what it says is old, 6 when the link to the DSP, or the relay's to the
 /// robot, is not up. What there is has been shown then.
-pub fn state(args: &StateArgs) -> Result<(), Failure> {
+pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     let Some(config) = configuration(&args.common)? else {
         return Ok(());
     };
@@ -66,14 +68,14 @@ pub fn state(args: &StateArgs) -> Result<(), Failure> {
         None => Ok(()),
         // It names other robots that may be meant.
         Some((ExitCode::ServiceAbsent, _)) => {
-            Err(super::absent(ModuleState::KEY, session.ipc.robot()))
+            Err(commands::absent(ModuleState::KEY, session.ipc.robot()))
         }
         Some((code, text)) => Err(Failure::new(code, text)),
     }
 }
 
 /// Shows the report again and again until a signal: on a terminal in its place, elsewhere a line whenever the situation is another.
-fn watch(args: &StateArgs, session: &Session, newest: &mut Newest) -> Result<(), Failure> {
+fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     let is_live = !args.json && out.is_terminal();
     let mut block = Block::default();

@@ -18,11 +18,11 @@ use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
 use runtime::exit::ExitCode;
 use serde::ser::{Serialize, Serializer};
 
-use super::relay_report::LinkReport;
-use super::sample_age::{STALE_AFTER, Sample, age_ms, is_stale, named};
+use crate::commands::sample_age::{STALE_AFTER, Sample, age_ms, is_stale, named};
 use crate::fields::{JsonLine, Selection, Tree};
 use crate::messages::details;
 use crate::pilot::{self, PilotView};
+use crate::relay_link::LinkReport;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";

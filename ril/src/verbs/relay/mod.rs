@@ -1,23 +1,26 @@
 //! `ril relay`: starts the program `ril-relay` in its place, and shows how the links of a relay are.
 //!
 //! The relay is a program of its own, because its network library takes longer to build than all of the rest.
-//! `LinkWatch` tells other commands whether what they show comes from another machine.
+
+pub mod options;
+mod report;
+#[cfg(test)]
+mod tests;
 
 use std::io::{self, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process;
-use std::time::Duration;
 
 use ipc_types::payload::{RelayLink, RelayStations};
 use ipc_types::{MonotonicNs, Source};
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure};
 
-use super::latest::Latest;
-use super::relay_report::RelayReport;
-use super::{Session, configuration, is_relayed, json_line, robot};
-use crate::cli::{RelayArgs, RelayCommand, RelayStatusArgs};
+use self::options::{RelayArgs, RelayCommand, RelayStatusArgs};
+use self::report::RelayReport;
+use crate::commands::latest::Latest;
+use crate::commands::{Session, configuration, json_line, robot};
 
 /// The relay's program.
 const PROGRAM: &str = "ril-relay";
@@ -149,97 +152,5 @@ impl Newest {
     fn is_complete(&self) -> bool {
         let (link, stations) = self.samples();
         link.is_some() == self.link.is_some() && stations.is_some() == self.stations.is_some()
-    }
-}
-
-/// Whether a topic comes from another machine, and how the link to that machine is.
-#[derive(Default)]
-pub(crate) struct LinkWatch {
-    /// `None` as long as the topic was not seen to come from the relay.
-    link: Option<Latest<RelayLink>>,
-    is_relayed: bool,
-}
-
-impl LinkWatch {
-    /// Looks which process provides the topic `key`. While none does, the last answer holds.
-    pub fn look(&mut self, session: &Session, key: &str) -> Result<(), Failure> {
-        if let Some(provider) = session.provider(key)? {
-            self.is_relayed = is_relayed(key, &provider);
-        }
-        if self.is_relayed && self.link.is_none() {
-            self.link = Latest::open_if_provided(session)?;
-        }
-        Ok(())
-    }
-
-    /// Whether the topic comes from another machine.
-    pub fn is_relayed(&self) -> bool {
-        self.is_relayed
-    }
-
-    /// The port to wait for, as long as the link's sample is missing that can be expected.
-    pub fn port(&mut self) -> Option<&mut dyn Source> {
-        let link = self.link.as_mut().filter(|_| self.is_relayed)?;
-        Some(&mut link.port)
-    }
-
-    /// Takes what came.
-    pub fn drain(&mut self) {
-        if let Some(link) = &mut self.link {
-            link.drain();
-        }
-    }
-
-    /// Whether the link's sample is still to come.
-    pub fn is_missing(&self) -> bool {
-        let link = self.link.as_ref().filter(|_| self.is_relayed);
-        link.is_some_and(|link| link.sample.is_none())
-    }
-
-    /// The newest sample of the link; `None` if the topic is of this machine, or when none came.
-    pub fn newest(&self) -> Option<&RelayLink> {
-        let link = self.link.as_ref().filter(|_| self.is_relayed)?;
-        link.sample.as_ref()
-    }
-
-    /// Waits for the link's sample, at most so long.
-    pub fn wait(&mut self, session: &Session, timeout: Duration) -> Result<(), Failure> {
-        let give_up = MonotonicNs::now() + timeout;
-        self.drain();
-        while self.is_missing() && MonotonicNs::now() < give_up && !session.termination.requested()
-        {
-            session.wait(self.port(), Some(give_up))?;
-            self.drain();
-        }
-        Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn without_a_program_beside_it_is_looked_for_in_path() {
-        let nowhere = Path::new("/nowhere/ril");
-        assert_eq!(program_beside(Some(nowhere)), Path::new(PROGRAM));
-        assert_eq!(program_beside(None), Path::new(PROGRAM));
-    }
-
-    #[test]
-    fn a_missing_program_is_named_with_how_it_is_built() {
-        let missing = not_started(Path::new(PROGRAM), &io::ErrorKind::NotFound.into());
-        assert!(
-            missing.contains("`cargo install --path relay`"),
-            "{missing}"
-        );
-        let forbidden = not_started(
-            Path::new("/opt/ril-relay"),
-            &io::ErrorKind::PermissionDenied.into(),
-        );
-        assert!(
-            forbidden.starts_with("/opt/ril-relay cannot be started: "),
-            "{forbidden}"
-        );
     }
 }

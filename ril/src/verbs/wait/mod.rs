@@ -1,6 +1,9 @@
 //! `ril wait`: sleeps until a robot is as a script needs it.
 //!
-//! It wakes when a sample comes, a signal, or the time is over; [`wait`](crate::wait) judges.
+//! It wakes when a sample comes, a signal, or the time is over; [`condition`] judges.
+
+pub mod condition;
+pub mod options;
 
 use std::io::{self, Write};
 
@@ -9,10 +12,10 @@ use ipc_types::{MonotonicNs, Source, Topic};
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use super::latest::Latest;
-use super::{Session, absent, configuration, json_line};
-use crate::cli::WaitArgs;
-use crate::wait::{Condition, Newest, Standing};
+use self::condition::{Condition, Newest, Standing};
+use self::options::WaitArgs;
+use crate::commands::latest::Latest;
+use crate::commands::{Session, absent, configuration, json_line};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Wait.v1";

@@ -1,10 +1,12 @@
-//! What is shown of links and stations that are well, that are not, and of which nothing is known.
+//! What is shown of links and stations that are well, that are not, and of which nothing is known; and which program is started.
 
-use ipc_types::code::RelayLinkState;
-use ipc_types::payload::{MAX_STATIONS, ascii_bytes};
+use ipc_types::RobotId;
+use ipc_types::code::{Reason, RelayLinkState};
+use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
 use serde_json::{Value, json};
 
 use super::*;
+use crate::relay_link::LinkReport;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -247,4 +249,28 @@ fn a_text_of_another_process_does_not_command_the_terminal() {
     let text = of_link(&link).to_string();
     assert!(text.contains("over unreadable,") && text.contains("station is unreadable\n"));
     assert!(!text.contains('\x1b'));
+}
+
+#[test]
+fn without_a_program_beside_it_is_looked_for_in_path() {
+    let nowhere = Path::new("/nowhere/ril");
+    assert_eq!(program_beside(Some(nowhere)), Path::new(PROGRAM));
+    assert_eq!(program_beside(None), Path::new(PROGRAM));
+}
+
+#[test]
+fn a_missing_program_is_named_with_how_it_is_built() {
+    let missing = not_started(Path::new(PROGRAM), &io::ErrorKind::NotFound.into());
+    assert!(
+        missing.contains("`cargo install --path relay`"),
+        "{missing}"
+    );
+    let forbidden = not_started(
+        Path::new("/opt/ril-relay"),
+        &io::ErrorKind::PermissionDenied.into(),
+    );
+    assert!(
+        forbidden.starts_with("/opt/ril-relay cannot be started: "),
+        "{forbidden}"
+    );
 }

@@ -5,9 +5,9 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use super::exit_codes::EXIT_CODES;
-use super::value::duration;
-use crate::wait::Condition;
+use super::condition::Condition;
+use crate::cli::exit_codes::EXIT_CODES;
+use crate::cli::value::duration;
 
 /// What a condition is, for the end of the help.
 const CONDITIONS: &str = "\

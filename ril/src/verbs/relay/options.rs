@@ -6,8 +6,8 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use super::exit_codes::EXIT_CODES;
-use super::value::duration;
+use crate::cli::exit_codes::EXIT_CODES;
+use crate::cli::value::duration;
 
 /// `ril relay`
 ///
