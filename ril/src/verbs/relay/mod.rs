@@ -53,7 +53,7 @@ fn program_beside(this: Option<&Path>) -> PathBuf {
 fn not_started(program: &Path, error: &io::Error) -> String {
     if error.kind() == io::ErrorKind::NotFound {
         format!(
-            "there is no `{PROGRAM}`, neither beside `ril` nor in PATH: it is a program of its own, `cargo install --path relay` \
+            "there is no `{PROGRAM}`, neither beside `ril` nor in PATH: it is a program of its own, `cargo install --path gateways/relay` \
              builds and installs it"
         )
     } else {

@@ -262,7 +262,7 @@ fn without_a_program_beside_it_is_looked_for_in_path() {
 fn a_missing_program_is_named_with_how_it_is_built() {
     let missing = not_started(Path::new(PROGRAM), &io::ErrorKind::NotFound.into());
     assert!(
-        missing.contains("`cargo install --path relay`"),
+        missing.contains("`cargo install --path gateways/relay`"),
         "{missing}"
     );
     let forbidden = not_started(
