@@ -4,8 +4,7 @@
 //! accepted, and the first that is refused ends the conversation, because the bridge then discards the whole path.
 //!
 //! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are open,
-//! and when a path is broken, the newest open waypoint is answered with the reason. The order of reports is not relied on: the
-//! reports about earlier waypoints may come late.
+//! and when a path is broken, the newest open waypoint is answered with the reason.
 
 use std::time::Duration;
 
@@ -269,7 +268,6 @@ mod tests {
     fn a_path_goes_out_waypoint_by_waypoint_and_ends_with_the_last_one_s_report() {
         let mut harness = Harness::accepted(2);
         harness.sends(2);
-        // The reports about the others may come as late as this.
         harness.says(0, Stage::Done, Reason::None);
         harness.says(1, Stage::Done, Reason::None);
         assert_eq!(harness.next(), Next::Wait(Some(at(100))));

@@ -49,7 +49,7 @@ pub(crate) fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failu
 /// The command's part in the robot's shared memory, and its one wait.
 pub(crate) struct Session {
     pub(crate) ipc: Ipc,
-    pub(crate) waiter: Waiter,
+    waiter: Waiter,
     pub(crate) termination: Termination,
 }
 
@@ -144,8 +144,8 @@ pub(crate) fn is_relayed(key: &str, provider: &Provider) -> bool {
     provider.process == RelayModule::NAME && !is_own
 }
 
-/// The process that provides the service `key`; `None` if that is a module outside the RIL.
-fn process_of(key: &str) -> Option<&'static str> {
+/// The process that provides the service `key`; nothing when that is a module outside the RIL.
+pub(crate) fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
 
