@@ -3,7 +3,42 @@
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
 use ipc_types::payload::ModuleState;
 
-use crate::watch::journal::Weight;
+use crate::finding::Severity;
+
+/// How much a line matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Weight {
+    /// Something went on as it should.
+    Note,
+    /// An order, or what became of it.
+    Order,
+    /// Something to look at.
+    Warning,
+    /// Something to act on.
+    Alarm,
+}
+
+impl Weight {
+    /// What stands before a line, so that it does not need colour.
+    pub fn mark(self) -> &'static str {
+        match self {
+            Weight::Note => " ",
+            Weight::Order => ">",
+            Weight::Warning => "!",
+            Weight::Alarm => "!!",
+        }
+    }
+}
+
+impl From<Severity> for Weight {
+    fn from(severity: Severity) -> Weight {
+        match severity {
+            Severity::Note => Weight::Note,
+            Severity::Warning => Weight::Warning,
+            Severity::Error => Weight::Alarm,
+        }
+    }
+}
 
 /// What changed, each in a line.
 pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, String)> {

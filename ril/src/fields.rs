@@ -5,16 +5,13 @@
 //! value that means nothing, because its group was not transmitted or the thing has not happened yet, is shown as nothing
 //! and never looks like data; and numbers that stand for something have their names.
 
-mod output;
-mod path;
 mod selection;
 pub mod tables;
 #[cfg(test)]
 mod tests;
 mod tree;
 
-pub use output::{JsonLine, Plainly};
-pub(crate) use path::field_names;
+pub(crate) use selection::field_names;
 pub use selection::{Selection, UnknownField};
 pub use tables::{Meaning, Shown};
-pub use tree::Tree;
+pub use tree::{JsonLine, Plainly, Tree};

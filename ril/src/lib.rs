@@ -1,5 +1,6 @@
 //! `ril`: the operator's tool of the HERO's Robot Implementation Layer, and its one installed binary.
 //!
+//! * [`chart`]: fence and path of files, for maps;
 //! * [`cli`]: the command line, with the exit codes;
 //! * [`mod@alive`]: the robots of a domain that are alive;
 //! * [`config`]: the file `ril.toml`;
@@ -7,19 +8,18 @@
 //! * [`commands`]: the operator's commands, thin shells around pure values;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`finding`]: what doctor, preflight, the demonstration and alarms find;
-//! * [`measure`]: rates, ages and bytes of samples, with their histograms;
-//! * `habit`: what was called otherwise in earlier versions;
+//! * [`geo`]: places on the Earth and the metres between them;
+//! * [`keys`](mod@keys): the keys in the bytes of a terminal;
 //! * [`live`]: a block of lines that a terminal shows anew;
 //! * [`messages`]: reports as messages, as JSON and as exit codes;
 //! * [`fields`]: the fields of samples by name, and which of them mean something;
-//! * [`record`](mod@record): what a flight record is made of;
-//! * [`log`]: logs of flights, read and summed up;
-//! * [`wait`]: conditions of a robot that a script waits for;
-//! * [`replay`]: keys and requests of a flight that is played;
+//! * [`recorded`]: what is in a flight record;
+//! * [`relay_link`]: the link of a relay to a robot on another machine;
 //! * [`robots`]: the robots of a user, as a table;
-//! * [`verbs`]: doctor, preflight and the demonstration;
+//! * [`stamps`]: what a sample says of its publisher and of its times;
 //! * [`pilot`]: what a pilot asks first, of the newest telemetry;
-//! * [`watch`]: what `ril watch` knows and shows;
+//! * [`track`]: where the robot was;
+//! * [`verbs`]: the verbs, each in a folder;
 //! * [`words`]: numbers, times and paragraphs as people read them.
 //!
 //! `ril run bridge`, `ril run status` and `ril run sim` are those crates' own command lines; `ril relay` is a program of its own,
@@ -41,24 +41,24 @@
 
 pub mod alive;
 pub mod changes;
+pub mod chart;
 pub mod cli;
 pub mod commands;
 pub mod completion;
 pub mod config;
 pub mod fields;
 pub mod finding;
-mod habit;
+pub mod geo;
+pub mod keys;
 pub mod live;
-pub mod log;
-pub mod measure;
 pub mod messages;
 pub mod pilot;
-pub mod record;
-pub mod replay;
+pub mod recorded;
+pub mod relay_link;
 pub mod robots;
+pub mod stamps;
+pub mod track;
 pub mod verbs;
-pub mod wait;
-pub mod watch;
 pub mod words;
 
 use std::ffi::OsString;
@@ -66,11 +66,12 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use cli::{RobotChoice, RunCommand};
-use commands::{echo, param, plan, relay, request, state, topic};
+use commands::{param, plan, request};
 use messages::ErrorObject;
 use runtime::exit::{self, Failure};
 use verbs::check::{doctor, preflight};
-use verbs::demo;
+use verbs::topic::{self, echo, measure};
+use verbs::{demo, log, record, relay, replay, wait, watch};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -145,23 +146,20 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Plan(args) => plan::plan(&args.command, choice),
         Command::Param(args) => param::param(&args.command, choice),
         Command::Fence(args) => request::fence(&args.command, choice),
-        Command::Status(args) => {
-            habit::refuse_the_configuration_of_a_process(&args.common)?;
-            state::state(&args)
-        }
-        Command::Watch(args) => commands::watch::watch(&args),
+        Command::Status(args) => verbs::status::status(&args),
+        Command::Watch(args) => watch::watch(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Preflight(args) => preflight::preflight(&args),
-        Command::Wait(args) => commands::wait::wait(&args),
-        Command::Record(args) => commands::record::record(&args),
-        Command::Log(args) => commands::log::log(&args, choice),
-        Command::Replay(args) => commands::replay::replay(&args, choice),
+        Command::Wait(args) => wait::wait(&args),
+        Command::Record(args) => record::record(&args),
+        Command::Log(args) => log::log(&args, choice),
+        Command::Replay(args) => replay::replay(&args, choice),
         Command::Robots(args) => commands::robots::robots(&args),
-        Command::Hz(args) => commands::measure::hz(&args),
-        Command::Delay(args) => commands::measure::delay(&args),
-        Command::Bw(args) => commands::measure::bw(&args),
+        Command::Hz(args) => measure::hz(&args),
+        Command::Delay(args) => measure::delay(&args),
+        Command::Bw(args) => measure::bw(&args),
         Command::Completions(args) => commands::shell::completions(&args),
         Command::Man(args) => commands::shell::man(&args),
     }

@@ -53,7 +53,7 @@ pub fn ending_parts(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
     (text, next_step)
 }
 
-/// What a line about a parameter that was written adds: the value that it had before; nothing of other reports.
+/// What a line about a parameter that was written adds: the value that it had before; `None` of other reports.
 pub fn previous(report: &RequestReport, value: Option<f64>) -> String {
     let value = value.filter(|_| report.stage() == Some(Stage::Done));
     value.map_or_else(String::new, |value| {
@@ -61,7 +61,7 @@ pub fn previous(report: &RequestReport, value: Option<f64>) -> String {
     })
 }
 
-/// One report as a line for people, or nothing when it only repeats what another one says better.
+/// One report as a line for people, or `None` if it only repeats what another one says better.
 ///
 /// `index` and `total` are the place of its request among those of the command.
 pub fn line(verb: Verb, index: usize, total: usize, report: &RequestReport) -> Option<String> {

@@ -8,6 +8,8 @@ use ipc_types::code::{Functionality, PilotSwitch};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
+use crate::geo::Place;
+
 /// A speed beyond this is no speed of a helicopter, m/s.
 const MAX_SPEED_MPS: f64 = 1000.0;
 
@@ -16,26 +18,6 @@ const MAX_ALTITUDE_M: f64 = 100_000.0;
 
 /// A voltage beyond this is none of a battery, V.
 const MAX_BATTERY_V: f64 = 1000.0;
-
-/// A place on the map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// Degrees, north positive, −90 … 90.
-    pub latitude_deg: f64,
-    /// Degrees, east positive, −180 … 180.
-    pub longitude_deg: f64,
-}
-
-impl Place {
-    /// The place with these coordinates; nothing when there is none.
-    pub fn new(latitude_deg: f64, longitude_deg: f64) -> Option<Place> {
-        // A comparison with no number is false.
-        (latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0).then_some(Place {
-            latitude_deg,
-            longitude_deg,
-        })
-    }
-}
 
 /// Quality of the GPS fix, as NMEA numbers it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +55,7 @@ impl fmt::Display for GpsFix {
 /// See the module's documentation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PilotView {
-    /// Whether the helicopter is in the air; nothing without telemetry.
+    /// Whether the helicopter is in the air; `None` without telemetry.
     pub flying: Option<bool>,
     /// Where it is.
     pub place: Option<Place>,
@@ -95,7 +77,7 @@ pub struct PilotView {
     pub switch: Option<PilotSwitch>,
     /// The GPS fix.
     pub gps: Option<GpsFix>,
-    /// When the bridge read the message; nothing without telemetry.
+    /// When the bridge read the message; `None` without telemetry.
     pub received: Option<MonotonicNs>,
 }
 
@@ -237,7 +219,7 @@ fn at_rest(flying: Option<bool>) -> &'static str {
     }
 }
 
-/// The waypoint that the helicopter flies to, counted from 1, and how many the path has; nothing when that cannot be.
+/// The waypoint that the helicopter flies to, counted from 1, and how many the path has; `None` if that cannot be.
 pub fn next_waypoint(state: &ModuleState) -> Option<(u32, u32)> {
     let (reached, total) = (
         state.movement.waypoints_reached,

@@ -20,13 +20,13 @@ pub struct Robot {
     pub processes: Vec<String>,
     /// Whether it is on another machine.
     pub relayed: bool,
-    /// State of the link to its DSP; nothing when that is not known.
+    /// State of the link to its DSP; `None` if that is not known.
     pub link: Option<String>,
-    /// What its module does: status and functionality; nothing when that is not known.
+    /// What its module does: status and functionality; `None` if that is not known.
     pub phase: Option<String>,
-    /// Whether it flies; nothing when no telemetry of the present came.
+    /// Whether it flies; `None` if no telemetry of the present came.
     pub flying: Option<bool>,
-    /// How old its state is, ms; nothing when none came.
+    /// How old its state is, ms; `None` if none came.
     pub age_ms: Option<u64>,
 }
 

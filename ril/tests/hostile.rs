@@ -11,15 +11,18 @@ use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
 };
 use ipc_types::service::Request;
-use ipc_types::{Client, Losses, MonotonicNs, RobotId, SendError, Wake, fresh_request_id};
+use ipc_types::{
+    Client, Losses, MonotonicNs, RobotId, Schema, SendError, Topic, Wake, fresh_request_id,
+};
 use ril::commands::exchange::{Exchange, Next, Until};
-use ril::commands::state_report::{Samples, StateReport};
 use ril::fields::{JsonLine, Plainly, Selection, Shown, Tree};
-use ril::measure::bandwidth::BandwidthMeter;
-use ril::measure::delay::DelayMeter;
-use ril::measure::rate::RateMeter;
-use ril::measure::{Detail, Measured, Meter, Of, Report};
 use ril::messages::{self, FinalReport, ReportObject, Verb};
+use ril::stamps::StampReader;
+use ril::verbs::status::report::{Samples, StateReport};
+use ril::verbs::topic::meter::bandwidth::BandwidthMeter;
+use ril::verbs::topic::meter::delay::DelayMeter;
+use ril::verbs::topic::meter::rate::RateMeter;
+use ril::verbs::topic::meter::{Detail, Meter, Of, Report};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge, StandInStatus};
 use serde_json::Value;
@@ -63,14 +66,14 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
 
         let status = garbage.payload();
         let samples = Samples {
-            state: Some(&state),
-            dsp: Some(&dsp),
-            hero: Some(&hero),
-            status: Some(&status),
+            state: Some(state),
+            dsp: Some(dsp),
+            hero: Some(hero),
+            status: Some(status),
             has_bridge: true,
             has_status: true,
         };
-        let report = StateReport::new(RobotId::DEFAULT, &samples, NOW);
+        let report = StateReport::new(RobotId::DEFAULT, samples, NOW);
         check_text(seed, &report.line());
         check_text(seed, &report.to_string());
         let shown = serde_json::to_value(&report).unwrap();
@@ -86,10 +89,12 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
 }
 
 /// Takes samples until there are enough and says what that makes.
-fn measure<M: Meter, T: Measured>(samples: &[T]) -> M::Report {
+fn measure<M: Meter, T: Topic>(samples: &[T]) -> M::Report {
     let mut meter = M::begin(size_of::<T>());
+    let stamps = StampReader::of(&Schema::of::<T>());
     for (index, sample) in samples.iter().enumerate() {
-        meter.take(&sample.stamps(), MonotonicNs(NOW.0 + index as u64));
+        let now = MonotonicNs(NOW.0 + index as u64);
+        meter.take(&stamps.read(sample.bytes(), now), now);
     }
     let of = Of {
         robot: 1,
@@ -106,7 +111,7 @@ fn measure<M: Meter, T: Measured>(samples: &[T]) -> M::Report {
 
 #[test]
 fn samples_of_any_bits_are_measured() {
-    fn check<T: Measured>(seed: u64) {
+    fn check<T: Topic>(seed: u64) {
         let mut garbage = Garbage::new(seed);
         let samples: Vec<T> = (0..20).map(|_| garbage.payload()).collect();
         fn tell(seed: u64, report: &impl Report) {

@@ -108,7 +108,7 @@ fn a_topic_that_is_not_there_is_told_with_those_that_are() {
         let expected = "robot 1 has no topic battery_watch/voltages; it has none now";
         assert!(says(&finished.stderr, expected), "{finished:#?}");
     }
-    let finished = rig.run("topic echo hero", 3);
+    let finished = rig.run("topic echo hero --timeout 50ms", 3);
     assert!(
         says(&finished.stderr, "start `ril run status --robot 1`"),
         "{finished:#?}"

@@ -234,6 +234,28 @@ fn no_files_of_a_crate_import_in_circles() {
     }
 }
 
+/// What verbs share lies beside them: a verb that imports another one could not be read, or removed, alone.
+#[test]
+fn no_verb_imports_another_verb() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let imports = imports(&modules(&root.join("ril/src"), &[]));
+    let verb_of = |module: &str| {
+        let verb = module.strip_prefix("verbs::")?.split("::").next();
+        verb.map(str::to_owned)
+    };
+    let verbs: BTreeSet<_> = imports.keys().filter_map(|file| verb_of(file)).collect();
+    assert!(verbs.len() > 5, "{verbs:?}");
+    for (file, needs) in &imports {
+        let Some(verb) = verb_of(file) else {
+            continue;
+        };
+        for need in needs {
+            let other = verb_of(need).filter(|other| *other != verb);
+            assert_eq!(other, None, "{file} imports {need}");
+        }
+    }
+}
+
 #[test]
 fn a_circle_through_three_files_is_found() {
     let sources = [

@@ -21,11 +21,11 @@ use ipc_types::{MonotonicNs, RobotId, StateOf, StatusModule, Subscriber, Waiter}
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
-use ril::watch::app::App;
-use ril::watch::chart::{Chart, FenceFile};
-use ril::watch::keys::Key;
-use ril::watch::model::Process as Kind;
-use ril::watch::view::{self, Clock, Glyphs};
+use ril::chart::{Chart, FenceFile};
+use ril::keys::Key;
+use ril::verbs::watch::app::App;
+use ril::verbs::watch::model::Process as Kind;
+use ril::verbs::watch::view::{self, Clock, Glyphs};
 use ril_tests::process::{Process, Signal};
 use ril_tests::{PtyFolder, TestDomain};
 

@@ -64,7 +64,7 @@ pub(super) fn behind_the_verb(args: Vec<OsString>, command: &Command) -> Vec<OsS
     [&args[..1], verb, &moved, behind].concat()
 }
 
-/// Whether an argument is an option of `command` of which the next argument is the value; nothing when it is none.
+/// Whether an argument is an option of `command` of which the next argument is the value; `None` if it is none.
 fn takes_value(arg: &OsStr, command: &Command) -> Option<bool> {
     let text = arg.to_str()?;
     let options = || {

@@ -8,25 +8,17 @@
 pub(crate) mod exit_codes;
 mod global;
 mod length;
-mod log;
 mod plan;
-mod record;
-mod relay;
-mod replay;
 mod request;
 mod robots;
 mod shell;
 #[cfg(test)]
 mod tests;
-mod topic;
 pub(crate) mod value;
-mod wait;
-mod watch;
 
 use std::ffi::OsString;
-use std::time::Duration;
 
-use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use runtime::args::CommonArgs;
@@ -34,34 +26,35 @@ use runtime::manual::ManualArgs;
 
 use crate::verbs::check::args::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
-use exit_codes::EXIT_CODES;
-pub use global::{GlobalArgs, wants_json};
-pub use length::{Height, Target, waypoints};
-pub use log::{
+pub use crate::verbs::log::options::{
     LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogRecoverArgs,
     LogReportArgs, LogTailArgs,
 };
+pub use crate::verbs::record::options::RecordArgs;
+pub use crate::verbs::relay::options::{RelayArgs, RelayCommand, RelayStatusArgs};
+pub use crate::verbs::replay::options::ReplayArgs;
+pub use crate::verbs::status::options::StatusArgs;
+pub use crate::verbs::topic::options::{
+    EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
+    TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
+};
+pub use crate::verbs::wait::options::WaitArgs;
+pub use crate::verbs::watch::options::WatchArgs;
+use exit_codes::EXIT_CODES;
+pub use global::{GlobalArgs, wants_json};
+pub use length::{Height, Target, waypoints};
 pub use plan::{
     HomeArg, PlanArgs, PlanCheckArgs, PlanCommand, PlanFileArgs, PlanFlyArgs, PlanLookArgs,
     PlanShowArgs, ReferenceName,
 };
-pub use record::RecordArgs;
-pub use relay::{RelayArgs, RelayCommand, RelayStatusArgs};
-pub use replay::ReplayArgs;
 pub use request::{
     AskArgs, ControlArgs, FenceArgs, FenceCommand, GotoArgs, LandArgs, ParamArgs, ParamCommand,
     ParamGetArgs, ParamListArgs, ParamSetArgs, RequestArgs, TakeoffArgs,
 };
 pub use robots::RobotsArgs;
 pub use shell::{CompletionsArgs, Shell};
-pub use topic::{
-    EchoArgs, EchoOptions, MeasureArgs, MeasureOptions, Topic, TopicArgs, TopicCommand,
-    TopicEchoArgs, TopicInfoArgs, TopicListArgs, TopicMeasureArgs,
-};
 pub use value::PortKey;
-use value::{duration, protect_coordinates};
-pub use wait::WaitArgs;
-pub use watch::WatchArgs;
+use value::protect_coordinates;
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///
@@ -115,13 +108,7 @@ impl Cli {
     ) -> Result<(Cli, RobotChoice), clap::Error> {
         let mut command = Cli::command();
         let args = global::behind_the_verb(protect_coordinates(args), &command);
-        let is_status = args.get(1).is_some_and(|verb| verb == "status");
-        let matches = command
-            .try_get_matches_from_mut(args)
-            .map_err(|error| match is_status {
-                true => name_the_process(error),
-                false => error,
-            })?;
+        let matches = command.try_get_matches_from_mut(args)?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         if let Command::Goto(goto) = &cli.command {
             goto.targets().map_err(|text| {
@@ -134,16 +121,6 @@ impl Cli {
         }
         Ok((cli, RobotChoice::of(&matches)))
     }
-}
-
-/// The usage error with how the process status is started: `ril status` was its name in earlier versions.
-fn name_the_process(mut error: clap::Error) -> clap::Error {
-    if error.kind() == ErrorKind::UnknownArgument {
-        let tip = "the process that writes logs is started with `ril run status`; `ril status` shows a robot's state";
-        let tips = ContextValue::StyledStrs(vec![tip.into()]);
-        error.insert(ContextKind::Suggested, tips);
-    }
-    error
 }
 
 /// What to do.
@@ -179,7 +156,7 @@ pub enum Command {
     Fence(FenceArgs),
     /// Show the state of the module, the link, the DSP, the safety rules and telemetry
     #[command(visible_alias = "state")]
-    Status(StateArgs),
+    Status(StatusArgs),
     /// Watch one or several robots on a terminal, and order hold, land and stop from it
     Watch(WatchArgs),
     /// Print samples as they come
@@ -252,23 +229,8 @@ pub enum RunCommand {
     Sim(ProcessArgs<dsp_sim::cli::Args>),
 }
 
-/// `ril status`
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct StateArgs {
-    /// What every process takes.
-    #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
 
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
-
-    /// Go on until a signal: on a terminal show all anew in its place, elsewhere print a line at every change
-    #[arg(long)]
-    pub watch: bool,
 }

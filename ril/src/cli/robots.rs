@@ -6,7 +6,7 @@ use clap::Args;
 use runtime::args::CommonArgs;
 
 use super::exit_codes::EXIT_CODES;
-use super::value::duration;
+use crate::cli::value::duration;
 
 /// `ril robots`
 ///

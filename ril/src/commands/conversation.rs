@@ -104,7 +104,7 @@ impl<'a, R: Request> Conversation<'a, R> {
         self.previous_value = value;
     }
 
-    /// Sends `requests`, prints the reports about them and returns the final one; nothing when the last request was
+    /// Sends `requests`, prints the reports about them and returns the final one; `None` if the last request was
     /// accepted and that was enough.
     ///
     /// # Errors

@@ -106,7 +106,7 @@ impl Exchange {
         self.due = now + self.timeout;
     }
 
-    /// Takes a report and gives the index of the request that it answers; nothing when it is none of these.
+    /// Takes a report and gives the index of the request that it answers; `None` if it is none of these.
     pub fn take(&mut self, report: &RequestReport, now: MonotonicNs) -> Option<usize> {
         let index = self
             .requests

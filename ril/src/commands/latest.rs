@@ -9,7 +9,7 @@ use super::Session;
 pub(crate) struct Latest<T: Topic> {
     /// What to wait for.
     pub port: Subscriber<T>,
-    /// Nothing before the first one.
+    /// `None` before the first one.
     pub sample: Option<T>,
 }
 
@@ -22,7 +22,7 @@ impl<T: Topic> Latest<T> {
         })
     }
 
-    /// The same, or nothing when no process provides the topic.
+    /// The same, or `None` if no process provides the topic.
     pub fn open_if_provided(session: &Session) -> Result<Option<Latest<T>>, Failure> {
         match session.is_provided(T::KEY)? {
             true => Latest::open(&session.ipc).map(Some),

@@ -1,34 +1,18 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
-mod chart;
-pub(crate) mod conversation;
-pub mod echo;
+mod conversation;
 pub mod exchange;
 pub(crate) mod json;
 pub(crate) mod latest;
-pub mod log;
-pub mod measure;
-mod output_pipe;
 pub mod param;
 pub mod plan;
 mod position;
-pub mod record;
-pub mod relay;
-pub mod relay_report;
-pub mod replay;
 pub mod request;
 pub(crate) mod resulting;
 pub(crate) mod robot;
 pub mod robots;
 pub mod sample_age;
 pub mod shell;
-pub mod state;
-pub mod state_report;
-mod stream;
-pub mod topic;
-pub mod wait;
-pub mod watch;
-pub mod watch_timeout;
 
 use std::os::fd::AsFd;
 use std::path::Path;
@@ -139,7 +123,7 @@ impl Session {
 }
 
 /// The failure that no process provides the service `key`; other robots that are alive are named.
-fn absent(key: &str, robot: RobotId) -> Failure {
+pub(crate) fn absent(key: &str, robot: RobotId) -> Failure {
     let start = match process_of(key) {
         Some(process) => format!("start `ril run {process} --robot {robot}`"),
         None => "start the module that provides it".to_owned(),

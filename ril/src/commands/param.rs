@@ -106,7 +106,7 @@ impl Ports<'_> {
         Ok(list)
     }
 
-    /// The value that the DSP has, or why it is not known; nothing of a port that gives none.
+    /// The value that the DSP has, or why it is not known; `None` of a port that gives none.
     ///
     /// # Errors
     ///

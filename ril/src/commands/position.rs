@@ -89,7 +89,7 @@ pub(super) fn newest_state(
     }
 }
 
-/// Nothing when the sample has no position.
+/// `None` if the sample has no position.
 fn present(sample: &DspTelemetry) -> Option<Present> {
     let at = Waypoint {
         latitude_deg: sample.geographic.latitude_deg,

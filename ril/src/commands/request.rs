@@ -197,7 +197,7 @@ fn control(
 }
 
 /// A start, a stop or a reload, to be begun within `deadline_ms` of now.
-pub(super) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
+pub(crate) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
     let control = ModuleControl::new(fresh_request_id(), command);
     ModuleControl {
         begin_by_ns: begin_by_ns(control.issued_ns, deadline_ms),
@@ -214,7 +214,7 @@ pub(super) fn begin_by_ns(issued_ns: u64, deadline_ms: u32) -> u64 {
 }
 
 /// `request` to be begun within `deadline_ms` of its issue; says also whether it replaces a path that is under way.
-pub(super) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
+pub(crate) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
     MovementData {
         begin_by_ns: begin_by_ns(request.issued_ns, deadline_ms),
         preempt: u16::from(preempt),

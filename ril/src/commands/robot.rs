@@ -19,7 +19,7 @@ const MAX_NAMED: usize = 4;
 /// # Errors
 ///
 /// Code 2 with the robots that are alive; code 1 or 78 when the domain cannot be read.
-pub(super) fn refuse_to_guess(choice: RobotChoice) -> Result<(), Failure> {
+pub(crate) fn refuse_to_guess(choice: RobotChoice) -> Result<(), Failure> {
     if choice == RobotChoice::Explicit {
         return Ok(());
     }
@@ -32,7 +32,7 @@ pub(super) fn refuse_to_guess(choice: RobotChoice) -> Result<(), Failure> {
 }
 
 /// Which other robots could be meant when the one that was asked for does not answer; empty when there is none.
-pub(super) fn others_alive(robot: RobotId) -> String {
+pub(crate) fn others_alive(robot: RobotId) -> String {
     let mut others = alive().unwrap_or_default();
     others.retain(|other| *other != robot);
     match others.as_slice() {
@@ -46,7 +46,7 @@ pub(super) fn others_alive(robot: RobotId) -> String {
 }
 
 /// Which domain was looked at, when no robot is alive there, and which others there are; empty when a robot is alive there.
-pub(super) fn other_domains() -> String {
+pub(crate) fn other_domains() -> String {
     let Ok(domain) = Domain::from_environment() else {
         return String::new();
     };
@@ -90,7 +90,7 @@ fn alive() -> Result<Vec<RobotId>, Failure> {
     commandable(&domain).or_fail(ExitCode::Internal)
 }
 
-/// Why a default robot is refused; nothing when it is unambiguous.
+/// Why a default robot is refused; `None` if it is unambiguous.
 fn ambiguity(alive: &[RobotId]) -> Option<String> {
     (alive.len() > 1).then(|| {
         format!(

@@ -45,7 +45,7 @@ impl Context {
     }
 }
 
-/// The value of an option as it stands there; nothing when the command has no such option.
+/// The value of an option as it stands there; `None` if the command has no such option.
 fn first_text(matches: &ArgMatches, id: &str) -> Option<String> {
     let mut values = matches.try_get_raw(id).ok()??;
     Some(values.next()?.to_str()?.to_owned())

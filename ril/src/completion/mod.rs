@@ -113,7 +113,7 @@ enum LookUp {
     Parameters,
 }
 
-/// What is looked up for an argument of a verb; nothing where the definition of the command line says all.
+/// What is looked up for an argument of a verb; `None` where the definition of the command line says all.
 fn look_up(verb: &str, arg: &Arg) -> Option<LookUp> {
     match arg.get_id().as_str() {
         "robot" => Some(LookUp::Robots),

@@ -59,7 +59,7 @@ impl Meaning {
         (self.void)(payload)
     }
 
-    /// Name of the number `code` in the field `path`; nothing when it has none.
+    /// Name of the number `code` in the field `path`; `None` if it has none.
     pub(super) fn name_of(self, path: &str, code: u32) -> Option<String> {
         let (_, name_of) = self.codes.iter().find(|(name, _)| *name == path)?;
         name_of(code)

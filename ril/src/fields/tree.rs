@@ -1,12 +1,13 @@
 //! [`Tree`]: the chosen fields of a sample.
 
+use std::fmt;
+
 use ipc_types::Schema;
 use ipc_types::schema::{Field, Kind, Leaf, Message, Value as Number};
-use serde::ser::{Serialize, Serializer};
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
 
-use super::path::{element, is_at_or_under, join};
-use super::selection::Selection;
+use super::selection::{Selection, element, is_at_or_under, join};
 use super::tables::{Meaning, Shown};
 
 /// A sample as it is shown: its chosen fields in the order of the layout.
@@ -18,6 +19,78 @@ pub enum Tree {
     Nested(Vec<(String, Tree)>),
     /// A whole array of structs.
     List(Vec<Tree>),
+}
+
+impl<T: Into<Value>> From<T> for Tree {
+    fn from(value: T) -> Tree {
+        Tree::Plain(value.into())
+    }
+}
+
+/// Reports that are not only samples are put together of these.
+impl Tree {
+    /// Stands for what is not known.
+    pub const NULL: Tree = Tree::Plain(Value::Null);
+
+    /// An object with these fields.
+    pub fn nested<'a>(fields: impl IntoIterator<Item = (&'a str, Tree)>) -> Tree {
+        let fields = fields.into_iter();
+        Tree::Nested(fields.map(|(name, tree)| (name.to_owned(), tree)).collect())
+    }
+
+    /// Takes the field `name` out; null if there is none.
+    pub fn take(&mut self, name: &str) -> Tree {
+        self.field(name)
+            .map_or(Tree::NULL, |tree| std::mem::replace(tree, Tree::NULL))
+    }
+
+    /// The same with this value of the field `name`, which is added if there is none.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: impl Into<Tree>) -> Tree {
+        let value = value.into();
+        if let Some(field) = self.field(name) {
+            *field = value;
+        } else if let Tree::Nested(inner) = &mut self {
+            inner.push((name.to_owned(), value));
+        }
+        self
+    }
+
+    /// The same without the field `name`.
+    #[must_use]
+    pub fn without(mut self, name: &str) -> Tree {
+        if let Tree::Nested(inner) = &mut self {
+            inner.retain(|(field, _)| field != name);
+        }
+        self
+    }
+
+    /// The same with ages for times: `age_ms` of `last_message_ns` is `last_message_age_ms`, that of `since_ns` is `since_ms`.
+    #[must_use]
+    pub fn with_ages(mut self, age_ms: impl Fn(u64) -> Option<u64>) -> Tree {
+        if let Tree::Nested(inner) = &mut self {
+            for (name, tree) in inner {
+                let (Some(of), Tree::Plain(time)) = (name.strip_suffix("_ns"), &*tree) else {
+                    continue;
+                };
+                let age = time.as_u64().and_then(&age_ms);
+                let infix = if of.ends_with("since") { "" } else { "_age" };
+                *name = format!("{of}{infix}_ms");
+                *tree = age.into();
+            }
+        }
+        self
+    }
+
+    fn field(&mut self, name: &str) -> Option<&mut Tree> {
+        let Tree::Nested(inner) = self else {
+            return None;
+        };
+        let mut fields = inner.iter_mut();
+        fields
+            .find(|(field, _)| field == name)
+            .map(|(_, tree)| tree)
+    }
 }
 
 impl Tree {
@@ -164,6 +237,41 @@ impl Serialize for Tree {
                 serializer.collect_map(inner.iter().map(|(name, tree)| (name, tree)))
             }
             Tree::List(elements) => elements.serialize(serializer),
+        }
+    }
+}
+
+/// A sample as one JSON object that begins with its schema.
+#[derive(Debug)]
+pub struct JsonLine<'a> {
+    /// Name of the layout, such as `hero.DspTelemetry.v2`.
+    pub schema: &'a str,
+    /// The sample.
+    pub tree: &'a Tree,
+}
+
+impl Serialize for JsonLine<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("schema", self.schema)?;
+        if let Tree::Nested(inner) = self.tree {
+            for (name, tree) in inner {
+                map.serialize_entry(name, tree)?;
+            }
+        }
+        map.end()
+    }
+}
+
+/// A plain value for people: without quotes, and a dash for nothing.
+pub struct Plainly<'a>(pub &'a Value);
+
+impl fmt::Display for Plainly<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Value::Null => f.write_str("-"),
+            Value::String(text) => f.write_str(text),
+            other => other.fmt(f),
         }
     }
 }

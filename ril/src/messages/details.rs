@@ -7,7 +7,7 @@ use dsp_protocol::DspErrorCode;
 use ipc_types::code::{PortKind, Reason, SafetyRule};
 use ipc_types::payload::{PortInfo, RequestReport};
 
-/// Unit of the amount by which a rule is broken; nothing for a rule without an amount.
+/// Unit of the amount by which a rule is broken; `None` for a rule without an amount.
 pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
     match rule {
         SafetyRule::PilotSwitch | SafetyRule::FenceUnjudgeable => None,
@@ -21,7 +21,7 @@ pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
     }
 }
 
-/// By how much `rule` is broken, such as `by 4.2 m`; nothing when it has no amount.
+/// By how much `rule` is broken, such as `by 4.2 m`; `None` if it has no amount.
 pub fn amount(rule: SafetyRule, amount: f64) -> Option<String> {
     let unit = unit(rule)?;
     // A breach of centimetres must not look like none.
@@ -42,7 +42,7 @@ pub fn dsp_error(code: u32) -> String {
     }
 }
 
-/// Everything that a report adds to its reason, separated by commas; nothing when it adds nothing.
+/// Everything that a report adds to its reason, separated by commas; `None` if it adds nothing.
 pub fn details(report: &RequestReport) -> Option<String> {
     let rule = report.rule();
     let place = match (report.waypoint, report.rule) {

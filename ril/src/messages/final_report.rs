@@ -16,7 +16,7 @@ pub struct FinalReport {
 }
 
 impl FinalReport {
-    /// `report` if it is final; nothing when more follows.
+    /// `report` if it is final; `None` if more follows.
     pub fn of(report: &RequestReport) -> Option<FinalReport> {
         let stage = report.stage().filter(|stage| stage.is_final())?;
         let reason = report.reason().unwrap_or(Reason::None);

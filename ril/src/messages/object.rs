@@ -49,7 +49,7 @@ struct PortObject {
 }
 
 impl PortObject {
-    /// Nothing when the report is about no port.
+    /// `None` if the report is about no port.
     fn new(port: &PortInfo) -> Option<PortObject> {
         // Without `..`: a field that is added must be thought of here.
         let PortInfo {

@@ -1,4 +1,13 @@
-//! The verbs of `ril`, a file or folder each. A verb imports what verbs share, never another verb.
+//! The verbs: each with its options, its shell, its pure values and their tests in one folder. A verb imports what all share, never
+//! another verb.
 
 pub mod check;
 pub mod demo;
+pub mod log;
+pub mod record;
+pub mod relay;
+pub mod replay;
+pub mod status;
+pub mod topic;
+pub mod wait;
+pub mod watch;

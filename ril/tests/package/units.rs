@@ -44,10 +44,10 @@ fn only<'a>(settings: &'a BTreeMap<String, Vec<String>>, key: &str) -> &'a str {
     }
 }
 
-/// Where the packages put their files, each with its source.
+/// Where the packages put their files, each with its source as it is named from the folder of `ril`.
 fn assets() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
-    for package in ["ril", "relay"] {
+    for package in ["ril", "gateways/relay"] {
         let text = fs::read_to_string(repository(package).join("Cargo.toml")).unwrap();
         let manifest: toml::Table = text.parse().unwrap();
         for asset in manifest["package"]["metadata"]["deb"]["assets"]
@@ -55,16 +55,13 @@ fn assets() -> BTreeMap<String, String> {
             .unwrap()
         {
             let (from, to) = (asset[0].as_str().unwrap(), asset[1].as_str().unwrap());
+            let from = from.replacen("../../", "../", 1);
             let name = from.rsplit('/').next().unwrap();
             let to = match to.ends_with('/') {
                 true => format!("/{to}{name}"),
                 false => format!("/{to}"),
             };
-            assert_eq!(
-                all.insert(to.clone(), from.to_owned()),
-                None,
-                "{to} comes twice"
-            );
+            assert_eq!(all.insert(to.clone(), from), None, "{to} comes twice");
         }
     }
     all
@@ -261,7 +258,6 @@ fn the_packages_list_files_that_there_are_and_scripts_that_a_shell_reads() {
         if from.starts_with("target/release/") || from.starts_with("../package/out/") {
             continue;
         }
-        // Paths begin at the crate's folder; both crates lie beside each other.
         let (folder, last) = from.rsplit_once('/').unwrap();
         let folder = repository("ril").join(folder);
         let suffix = last.trim_start_matches('*');

@@ -17,7 +17,7 @@ use crate::cli::PlanFileArgs;
 /// # Errors
 ///
 /// Code 2 when the file cannot be read, or is no plan.
-pub(in super::super) fn read_file(file: &Path) -> Result<Plan, Failure> {
+pub(crate) fn read_file(file: &Path) -> Result<Plan, Failure> {
     let name = file.display();
     let mut bytes = Vec::new();
     // One byte more than allowed tells a file that is too long.

@@ -98,7 +98,7 @@ pub fn gather(
     })
 }
 
-/// What the robot says; nothing when none runs and none is needed.
+/// What the robot says; `None` if none runs and none is needed.
 fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option<Robot>, Failure> {
     if !is_needed && !session.is_provided(ModuleState::KEY)? {
         return Ok(None);
@@ -125,7 +125,7 @@ fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option
     }))
 }
 
-/// What the DSP's port has; nothing when it cannot be read now, which changes no more than the times that are shown.
+/// What the DSP's port has; `None` if it cannot be read now, which changes no more than the times that are shown.
 fn cruise_speed(session: &Session, timeout: Duration) -> Option<f64> {
     let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
     let report = Conversation::open(session, Verb::GetParameter, timeout)

@@ -64,7 +64,7 @@ impl Journal {
         new.iter().map(|point| point.item).collect()
     }
 
-    /// The first item that has not been done; nothing when all have.
+    /// The first item that has not been done; `None` if all have.
     pub fn next_item(&self) -> Option<u32> {
         let points_left = match self.step()? {
             Step::Path(points) => points.get(self.reached).map(|point| point.item),
@@ -85,7 +85,7 @@ impl Journal {
         }
     }
 
-    /// The command that flies the rest; nothing when there is none.
+    /// The command that flies the rest; `None` if there is none.
     pub fn resume(&self, args: &PlanFlyArgs, home: &Waypoint) -> Option<String> {
         let item = self.next_item()?;
         let plan = &args.plan;

@@ -21,7 +21,7 @@ use crate::cli::{
     PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs, RobotChoice,
 };
 use crate::words::columns;
-pub(super) use file::read_file;
+pub(crate) use file::read_file;
 use file::{read, write_plan};
 use gather::{Known, gather};
 use report::Report;
@@ -73,7 +73,7 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
     }
 }
 
-/// What `check` and `show` know of the plan; nothing when only the configuration was to be checked.
+/// What `check` and `show` know of the plan; `None` if only the configuration was to be checked.
 fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<Known>, Failure> {
     let Some(config) = configuration(&look.common)? else {
         return Ok(None);

@@ -4,8 +4,8 @@ use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;
 
 use super::facts::LinkFacts;
-use crate::commands::relay_report::LinkReport;
 use crate::finding::Finding;
+use crate::relay_link::LinkReport;
 
 /// Part of the samples lost on the air from which on the link is too weak for what goes over it.
 const MAX_LOSS: f64 = 0.01;

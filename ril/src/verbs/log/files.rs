@@ -1,0 +1,365 @@
+//! Finds and opens the files of logs.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use runtime::config::load;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use status::log::config::LogConfig;
+use status::log::file_name::{FileKind, Series, Stamp, recognize};
+use status::log::read::{LogReader, MAX_LINE_BYTES};
+
+use super::options::LogPlaceArgs;
+use super::recording::McapReader;
+use super::recording::{Entry, Format, ReadError, Recording};
+
+/// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
+pub(super) const MAX_NAMED: u64 = 5;
+
+/// A file whose name is that of a log.
+pub(super) struct Found {
+    /// Where.
+    pub path: PathBuf,
+    /// Of which robot and log.
+    pub series: Series,
+    /// When it was created.
+    pub stamp: Stamp,
+    /// Its length.
+    pub size_bytes: u64,
+}
+
+impl Found {
+    /// The robot.
+    pub fn robot(&self) -> u32 {
+        self.series.robot().get()
+    }
+
+    /// When the file was created, s since 1970.
+    pub fn created_unix_s(&self) -> u64 {
+        self.stamp.at.unix_s().unwrap_or(0)
+    }
+
+    /// From the first row to the last, s, of a record from the first message to the last; `None` if there is none. Reads the
+    /// two ends of the file only, but for a record that was cut off.
+    pub fn duration_s(&self) -> Result<Option<f64>, Failure> {
+        if self.series.kind() == FileKind::Mcap {
+            let mut file = open(&self.path)?;
+            let summary = recording::read::summary_of(&mut file)
+                .map_err(|error| Failure::usage(error).context(self.path.display().to_string()))?;
+            let span = summary.first_ns.zip(summary.last_ns);
+            return Ok(span.map(|(first, last)| last.saturating_sub(first) as f64 / 1e9));
+        }
+        let mut file = LogFile::open(&self.path)?;
+        let name = file.name();
+        let Some(first) =
+            next_row(file.recording.as_mut()).map_err(|error| unreadable(&name, error))?
+        else {
+            return Ok(None);
+        };
+        let mut end = last_rows(&self.path, 1)?;
+        let mut last = first;
+        while let Some(row) = next_row(end.as_mut()).map_err(|error| unreadable(&name, error))? {
+            last = row;
+        }
+        Ok(Some(last.saturating_sub(first) as f64 / 1e9))
+    }
+}
+
+/// When the next row was received, ns; damaged lines are passed over.
+fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, ReadError> {
+    loop {
+        match recording.next()? {
+            Some(Entry::Row(row)) => return Ok(Some(row.received_ns)),
+            Some(Entry::Damaged(_)) => {}
+            None => return Ok(None),
+        }
+    }
+}
+
+/// The folders in which logs are looked for.
+pub(super) fn folders(place: &LogPlaceArgs) -> Result<Vec<PathBuf>, Failure> {
+    if !place.dir.is_empty() {
+        return Ok(place.dir.clone());
+    }
+    let default = Path::new(status::config::DEFAULT_FILE);
+    let loaded = load::<status::config::Config>(place.status.as_deref(), default)?;
+    let logs = loaded.value.log.into_iter();
+    let mut folders: Vec<PathBuf> = logs.map(|log| log.directory).collect();
+    folders.sort();
+    folders.dedup();
+    if folders.is_empty() {
+        folders.push(LogConfig::default().directory);
+    }
+    Ok(folders)
+}
+
+/// The folders as messages name them.
+pub(super) fn names(folders: &[PathBuf]) -> String {
+    let names: Vec<String> = folders
+        .iter()
+        .map(|folder| folder.display().to_string())
+        .collect();
+    names.join(", ")
+}
+
+/// The files of logs in `folders`, the oldest first. A folder that is not there has none.
+///
+/// # Errors
+///
+/// Code 2 when a folder cannot be read.
+pub(super) fn find(folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
+    let mut found = Vec::new();
+    for folder in folders {
+        let entries = match fs::read_dir(folder) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            entries => entries.or_fail_usage(folder)?,
+        };
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            let Some((series, stamp)) = name.to_str().and_then(recognize) else {
+                continue;
+            };
+            // A file that was just removed is none.
+            let Ok(metadata) = entry.metadata() else {
+                continue;
+            };
+            if metadata.is_file() {
+                found.push(Found {
+                    path: entry.path(),
+                    series,
+                    stamp,
+                    size_bytes: metadata.len(),
+                });
+            }
+        }
+    }
+    found.sort_by(|one, other| (one.stamp, &one.path).cmp(&(other.stamp, &other.path)));
+    Ok(found)
+}
+
+/// The file of the same log in the same folder that follows the one at `path`; `None` if there is none (yet).
+pub(super) fn successor(path: &Path) -> Result<Option<PathBuf>, Failure> {
+    let Some((series, stamp)) = path.file_name().and_then(|name| recognize(name.to_str()?)) else {
+        return Ok(None);
+    };
+    let folder = folder_of(path);
+    let mut later = find(&[folder])?;
+    // The format of the names may have been changed since; those of a log and of a record lie side by side.
+    let is_later = |file: &Found| {
+        let log = |series: &Series| (series.robot(), series.name().to_owned(), series.kind());
+        log(&file.series) == log(&series) && file.stamp > stamp
+    };
+    later.retain(is_later);
+    Ok(later.into_iter().next().map(|file| file.path))
+}
+
+/// The folder that a file lies in.
+pub(super) fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// A file of a log that is open.
+pub(super) struct LogFile {
+    path: PathBuf,
+    /// What is in it.
+    pub recording: Box<dyn Recording>,
+}
+
+impl LogFile {
+    /// Opens the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when it is no regular file, or cannot be read.
+    pub fn open(path: &Path) -> Result<LogFile, Failure> {
+        let mut input = BufReader::new(open(path)?);
+        let beginning = input.fill_buf().or_fail_usage(path)?;
+        let recording: Box<dyn Recording> = match Format::of(beginning) {
+            Format::Tsv => Box::new(LogReader::new(input)),
+            Format::Mcap => Box::new(McapReader::open(path).or_fail_usage(path)?),
+        };
+        Ok(LogFile {
+            path: path.to_owned(),
+            recording,
+        })
+    }
+
+    /// Reads what stands before the first row.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when the file is no log, or nothing of one.
+    pub fn begin(&mut self) -> Result<(), Failure> {
+        let name = self.name();
+        match self.recording.begin() {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(Failure::usage(format!(
+                "{name}: it has no first line with the names of columns; nothing was written to it yet, or it was cut off"
+            ))),
+            Err(error) => Err(unreadable(&name, error)),
+        }
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The path, for messages.
+    pub fn name(&self) -> String {
+        self.path.display().to_string()
+    }
+
+    /// The robot, as the file's name says.
+    pub fn robot(&self) -> Option<u32> {
+        self.recognized().map(|(series, _)| series.robot().get())
+    }
+
+    /// When the file was created, s since 1970, as its name says.
+    pub fn created_unix_s(&self) -> Option<u64> {
+        self.recognized().and_then(|(_, stamp)| stamp.at.unix_s())
+    }
+
+    fn recognized(&self) -> Option<(Series, Stamp)> {
+        recognize(self.path.file_name()?.to_str()?)
+    }
+}
+
+/// Opens a regular file: a pipe or a device would keep this process waiting.
+pub(super) fn open(path: &Path) -> Result<File, Failure> {
+    let metadata = fs::metadata(path).or_fail_usage(path)?;
+    if !metadata.is_file() {
+        let name = path.display();
+        return Err(Failure::usage(format!("{name}: it is no regular file")));
+    }
+    File::open(path).or_fail_usage(path)
+}
+
+/// A reader of the end of the log at `path`: of at least `rows` rows, if it has so many. It goes on when the file grows. The
+/// numbers of its lines mean nothing.
+pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
+    let mut file = open(path)?;
+    let header = first_line(&mut file, path)?;
+    match Format::of(&header) {
+        Format::Tsv => {
+            let rest = from_a_line(file, header.len() as u64, rows, path)?;
+            let input = io::Cursor::new(header).chain(rest);
+            Ok(Box::new(LogReader::new(input)))
+        }
+        Format::Mcap => {
+            let reader = McapReader::open(path).or_fail_usage(path)?;
+            let last = reader.last(rows as usize);
+            let last = last.map_err(|error| unreadable(&path.display().to_string(), error))?;
+            Ok(Box::new(last))
+        }
+    }
+}
+
+/// The first line of a file with its end, or as much of it as a line of a log can have.
+fn first_line(file: &mut File, path: &Path) -> Result<Vec<u8>, Failure> {
+    let mut line = Vec::new();
+    let mut beginning = BufReader::new(file.take(MAX_LINE_BYTES as u64 + 1));
+    beginning.read_until(b'\n', &mut line).or_fail_usage(path)?;
+    Ok(line)
+}
+
+/// The end of a file of lines, from the beginning of a line on: at least `rows` of them, and none before `first`.
+fn from_a_line(
+    mut file: File,
+    first: u64,
+    rows: u32,
+    path: &Path,
+) -> Result<BufReader<File>, Failure> {
+    let length = file.metadata().or_fail_usage(path)?.len();
+    // The reader passes over a line that is longer; it is no row.
+    let room = (u64::from(rows) + 2) * (MAX_LINE_BYTES as u64);
+    let start = length.saturating_sub(room).max(first);
+    file.seek(SeekFrom::Start(start)).or_fail_usage(path)?;
+    let mut rest = BufReader::new(file);
+    if start > first {
+        // From the middle of a line to its end.
+        let mut cut = Vec::new();
+        (&mut rest)
+            .take(MAX_LINE_BYTES as u64 + 1)
+            .read_until(b'\n', &mut cut)
+            .or_fail_usage(path)?;
+    }
+    Ok(rest)
+}
+
+/// The failure that the file `name` cannot be read.
+pub(super) fn unreadable(name: &str, error: ReadError) -> Failure {
+    Failure::usage(error).context(name.to_owned())
+}
+
+/// What goes wrong with a path that the operator named is a usage error.
+pub(super) trait OrFailUsage<T> {
+    /// The value, or a usage error that names `path`.
+    fn or_fail_usage(self, path: &Path) -> Result<T, Failure>;
+}
+
+impl<T> OrFailUsage<T> for io::Result<T> {
+    fn or_fail_usage(self, path: &Path) -> Result<T, Failure> {
+        self.or_fail(ExitCode::Usage)
+            .map_err(|failure| failure.context(path.display().to_string()))
+    }
+}
+
+/// The file that is meant: the one that was named, or the newest one of the robot.
+pub(super) fn chosen_file(
+    named: Option<&PathBuf>,
+    place: &LogPlaceArgs,
+) -> Result<LogFile, Failure> {
+    match named {
+        Some(path) => LogFile::open(path),
+        None => LogFile::open(&newest(place, None)?),
+    }
+}
+
+/// The newest file of the robot, of this kind if one is given.
+pub(super) fn newest(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<PathBuf, Failure> {
+    let robot = place.common.robot.get();
+    let folders = folders(place)?;
+    let mut found = find(&folders)?;
+    found
+        .retain(|file| file.robot() == robot && kind.is_none_or(|kind| file.series.kind() == kind));
+    let newest = found.pop().ok_or_else(|| {
+        let names = names(&folders);
+        let what = match kind {
+            Some(FileKind::Mcap) => "record",
+            _ => "log",
+        };
+        Failure::usage(format!(
+            "no {what} of robot {robot} in {names}: name a file, or the folder with --dir"
+        ))
+    })?;
+    Ok(newest.path)
+}
+
+/// How a command ends that has read the file `name` as far as it could.
+pub(super) fn ending(
+    name: &str,
+    trouble: Option<ReadError>,
+    damaged: u64,
+    unfinished_bytes: usize,
+) -> Result<(), Failure> {
+    if let Some(error) = trouble {
+        return Err(unreadable(name, error));
+    }
+    let text = match (damaged, unfinished_bytes) {
+        (0, 0) => return Ok(()),
+        (0, bytes) => format!("{name} ends with {bytes} bytes of a row that is cut off"),
+        (lines, 0) => format!("{name} has {lines} damaged lines"),
+        (lines, bytes) => {
+            format!(
+                "{name} has {lines} damaged lines and ends with {bytes} bytes of a row that is cut off"
+            )
+        }
+    };
+    let text = format!("{text}: everything else was read");
+    Err(Failure::new(ExitCode::NotInOrder, text))
+}

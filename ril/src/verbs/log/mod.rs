@@ -1,0 +1,152 @@
+//! `ril log …`: what status and `ril record` wrote. It needs no process and joins no shared memory.
+//!
+//! `files` finds and opens files, `list` lists them, `tail` follows one, `report` makes a page of one, `whole` checks and recovers
+//! records. `recording` reads their entries: its `Format` is the one place to add another format. `row` and `summary` are pure
+//! values that take entries.
+
+mod files;
+mod list;
+pub mod options;
+mod recording;
+mod report;
+mod row;
+mod summary;
+mod tail;
+#[cfg(test)]
+mod tests;
+mod whole;
+
+use std::io::{self, BufWriter, Write};
+
+use runtime::exit::Failure;
+
+use self::files::ending;
+use self::files::{MAX_NAMED, chosen_file};
+use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
+use self::recording::{Damage, Entry};
+use self::row::{Chosen, UTC, UtcSource, UtcTimes};
+use self::summary::Summarizer;
+use crate::cli::RobotChoice;
+use crate::commands::{configuration, json_line};
+
+/// `ril log …`
+///
+/// # Errors
+///
+/// Code 2 when a file or folder cannot be read or is no log, 8 when a part of a log is damaged, after all that could be read.
+pub fn log(args: &LogArgs, choice: RobotChoice) -> Result<(), Failure> {
+    match &args.command {
+        LogCommand::List(args) => list::list(args, choice),
+        LogCommand::Summary(args) => summary(args),
+        LogCommand::Report(args) => report::report(args),
+        LogCommand::Tail(args) => tail::tail(args),
+        LogCommand::Csv(args) => csv(args),
+        LogCommand::Check(args) => whole::check(args),
+        LogCommand::Recover(args) => whole::recover(args),
+    }
+}
+
+fn summary(args: &LogFileArgs) -> Result<(), Failure> {
+    if configuration(&args.place.common)?.is_none() {
+        return Ok(());
+    }
+    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
+    let mut summarizer: Option<Summarizer> = None;
+    let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
+    file.begin()?;
+    let columns = file.recording.columns().to_vec();
+    let trouble = loop {
+        let summarizer = summarizer.get_or_insert_with(|| {
+            let source = UtcSource::of(&columns, created);
+            Summarizer::new(name.clone(), robot, &columns, source)
+        });
+        match file.recording.next() {
+            Ok(Some(Entry::Row(row))) => summarizer.row(&row),
+            Ok(Some(Entry::Damaged(damage))) => summarizer.damage(&damage),
+            Ok(None) => break None,
+            Err(error) => break Some(error),
+        }
+    };
+    let unfinished = file.recording.unfinished_bytes();
+    let Some(summary) = summarizer.map(|summarizer| summarizer.finish(unfinished)) else {
+        return Ok(());
+    };
+    let mut out = io::stdout().lock();
+    if args.json {
+        json_line(&mut out, &summary)?;
+    } else {
+        write!(out, "{summary}").map_err(Failure::output)?;
+    }
+    let lines = (summary.damaged_lines, summary.unfinished_bytes);
+    ending(&name, trouble, lines.0, lines.1)
+}
+
+fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
+    if configuration(&args.place.common)?.is_none() {
+        return Ok(());
+    }
+    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
+    let (name, created) = (file.name(), file.created_unix_s());
+    file.begin()?;
+    let columns = file.recording.columns().to_vec();
+    let chosen = match args.fields.is_empty() {
+        true => Chosen::all(&columns),
+        false => Chosen::named(&columns, &args.fields)
+            .map_err(|reason| Failure::usage(format!("{name}: {reason}")))?,
+    };
+    let source = UtcSource::of(&columns, created);
+    note(source);
+    let mut times = UtcTimes::new(source);
+    let mut out = ::csv::Writer::from_writer(BufWriter::new(io::stdout().lock()));
+    let header = [UTC].into_iter().chain(chosen.names());
+    out.write_record(header).map_err(written)?;
+    let mut damaged = 0;
+    let trouble = loop {
+        match file.recording.next() {
+            Ok(Some(Entry::Row(row))) => {
+                let time = times
+                    .of(&row)
+                    .map_or_else(String::new, |time| time.to_string());
+                let cells = chosen.cells(&row);
+                let record = [time.as_str()].into_iter().chain(cells);
+                out.write_record(record).map_err(written)?;
+            }
+            Ok(Some(Entry::Damaged(damage))) => {
+                damaged += 1;
+                report(&name, damaged, &damage);
+            }
+            Ok(None) => break None,
+            Err(error) => break Some(error),
+        }
+    };
+    out.flush().map_err(Failure::output)?;
+    ending(&name, trouble, damaged, file.recording.unfinished_bytes())
+}
+
+/// Says where times come from when they do not come from the log.
+fn note(source: UtcSource) {
+    match source {
+        UtcSource::Column => {}
+        UtcSource::FileName(_) => tracing::warn!(
+            "the log has no column `utc`: times count from the file's name, and may be early by as long as status waited for \
+             telemetry; set `utc = true` in status.toml"
+        ),
+        UtcSource::Nowhere => tracing::warn!(
+            "times in UTC are not known: the log has no column `utc`, and its file has another name than status gave it"
+        ),
+    }
+}
+
+/// Names one of the first damaged lines.
+fn report(name: &str, number: u64, damage: &Damage) {
+    if number <= MAX_NAMED {
+        tracing::warn!("{name}: {damage}");
+    }
+}
+
+fn written(error: ::csv::Error) -> Failure {
+    match error.into_kind() {
+        ::csv::ErrorKind::Io(error) => Failure::output(error),
+        other => Failure::internal(format!("CSV cannot be written: {other:?}")),
+    }
+}

@@ -1,0 +1,312 @@
+//! `ril log report`: a log as a page, and its plots as files.
+
+mod clock;
+mod collector;
+mod curves;
+mod events;
+mod module;
+mod record;
+mod requests;
+mod row;
+#[cfg(test)]
+mod tests;
+mod words;
+
+use std::fs::{self, File, Permissions};
+use std::io::{self, Read as _, Write};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use flight_report::Flight;
+use flight_report::flight::{Table, Weight};
+use recording::read::Bytes;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use serde::Serialize;
+
+use self::collector::Collector;
+use self::row::SampleReader;
+use super::files::ending;
+use super::files::{LogFile, MAX_NAMED, chosen_file};
+use super::options::LogReportArgs;
+use super::recording::{Entry, Format, ReadError};
+use super::row::UtcSource;
+use super::summary::{Summarizer, Summary};
+use crate::chart::{Chart, FenceFile, of_files};
+use crate::commands::{configuration, json_line};
+
+/// Name of the JSON object's layout.
+const SCHEMA: &str = "ril.LogReport.v1";
+
+/// How much of a file says of which format it is, bytes.
+const BEGINNING_BYTES: u64 = 16;
+
+/// What was written, for programs.
+#[derive(Serialize)]
+struct ReportObject {
+    schema: &'static str,
+    /// The log.
+    file: String,
+    /// The page.
+    output: String,
+    /// The plots.
+    plots: Vec<String>,
+    samples: u64,
+    duration_s: f64,
+    events: usize,
+    alarms: usize,
+}
+
+/// A log that was read to its end.
+struct Read {
+    flight: Flight,
+    summary: Summary,
+    trouble: Option<ReadError>,
+}
+
+/// `ril log report`
+///
+/// # Errors
+///
+/// Code 2 when a file cannot be read or written or is no log, 8 when a part of the log is damaged, after the report was written; 78 when
+/// a configuration is wrong.
+pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
+    if configuration(&args.place.common)?.is_none() {
+        return Ok(());
+    }
+    let mut chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
+    let file = chosen_file(args.file.as_ref(), &args.place)?;
+    let log = file.path().to_owned();
+    let record = Record::open(&log)?;
+    if let Some(fence) = record.as_ref().and_then(Record::fence)
+        && args.bridge.is_none()
+    {
+        chart = Chart {
+            path: chart.path,
+            ..fence
+        };
+    }
+    let output = match &args.output {
+        Some(output) => output.clone(),
+        None => output_of(&log),
+    };
+    refuse_the_log_itself(&log, &output)?;
+    let read = read(file, record.as_ref(), &chart)?;
+    let page = flight_report::page(&read.flight).map_err(Failure::internal)?;
+    replace(&output, page.as_bytes())?;
+    let mut plots = Vec::new();
+    if let Some(folder) = &args.svg {
+        plots = write_plots(folder, &read.flight)?;
+    }
+    tell(args, &log, &output, &plots, &read, page.len())?;
+    let Summary {
+        damaged_lines,
+        unfinished_bytes,
+        ..
+    } = read.summary;
+    let name = log.display().to_string();
+    ending(&name, read.trouble, damaged_lines, unfinished_bytes)
+}
+
+/// The page of a log that is named after it, in the working directory.
+fn output_of(log: &Path) -> PathBuf {
+    let stem = log.file_stem().unwrap_or(log.as_os_str());
+    let mut name = stem.to_owned();
+    name.push(".html");
+    PathBuf::from(name)
+}
+
+/// A page in place of the log would be the end of the log.
+fn refuse_the_log_itself(log: &Path, output: &Path) -> Result<(), Failure> {
+    let id = |path: &Path| fs::metadata(path).ok().map(|file| (file.dev(), file.ino()));
+    if id(output).is_some_and(|output| Some(output) == id(log)) {
+        return Err(Failure::usage(format!(
+            "--output {}: that is the log itself; name another file",
+            output.display()
+        )));
+    }
+    Ok(())
+}
+
+/// A record of `ril record`, which has more than the samples of the DSP.
+struct Record {
+    path: PathBuf,
+    summary: recording::read::Summary,
+}
+
+impl Record {
+    /// The record at `path`; `None` if that is a log of status. No message is read.
+    fn open(path: &Path) -> Result<Option<Record>, Failure> {
+        let unreadable = |error: io::Error| Failure::usage(format!("{}: {error}", path.display()));
+        let mut file = super::files::open(path)?;
+        let mut beginning = Vec::new();
+        (&mut file)
+            .take(BEGINNING_BYTES)
+            .read_to_end(&mut beginning)
+            .map_err(unreadable)?;
+        if Format::of(&beginning) != Format::Mcap {
+            return Ok(None);
+        }
+        // A damaged summary is no reason for no report: the samples are read without it.
+        let summary = recording::read::summary_of(&mut file).unwrap_or_default();
+        Ok(Some(Record {
+            path: path.to_owned(),
+            summary,
+        }))
+    }
+
+    /// Gives everything but the samples of the DSP, which were taken before.
+    fn take(&self, collector: &mut Collector, start_unix_ns: Option<u64>) -> Result<(), Failure> {
+        let bytes = Bytes::open(&self.path)
+            .map_err(|error| Failure::usage(format!("{}: {error}", self.path.display())))?;
+        record::take(collector, &bytes, start_unix_ns);
+        Ok(())
+    }
+
+    /// The fence that the bridge had, by the configuration in the record.
+    fn fence(&self) -> Option<Chart> {
+        let files = &self.summary.attachments;
+        let file = files
+            .iter()
+            .find(|file| file.name == bridge::cli::DEFAULT_CONFIG_FILE)?;
+        let text = std::str::from_utf8(&file.data).ok()?;
+        let fence = runtime::config::parse::<FenceFile>(text, &file.name).ok()?;
+        Some(Chart::new(&fence, &[]))
+    }
+}
+
+/// Reads the log to its end, or as far as it can be read.
+fn read(mut file: LogFile, record: Option<&Record>, chart: &Chart) -> Result<Read, Failure> {
+    let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
+    file.begin()?;
+    let columns = file.recording.columns().to_vec();
+    let source = UtcSource::of(&columns, created);
+    let mut summarizer = Summarizer::new(name, robot, &columns, source);
+    let reader = SampleReader::new(&columns);
+    let mut collector = Collector::default();
+    let mut start_unix_ns = match source {
+        UtcSource::FileName(created_ns) => Some(created_ns),
+        UtcSource::Column | UtcSource::Nowhere => None,
+    };
+    let mut damaged = 0;
+    let trouble = loop {
+        match file.recording.next() {
+            Ok(Some(Entry::Row(row))) => {
+                start_unix_ns = start_unix_ns.or(row.unix_ns);
+                summarizer.row(&row);
+                collector.sample(&reader.sample(&row));
+            }
+            Ok(Some(Entry::Damaged(damage))) => {
+                damaged += 1;
+                summarizer.damage(&damage);
+                if damaged <= MAX_NAMED {
+                    collector.damage(&damage.to_string());
+                }
+            }
+            Ok(None) => break None,
+            Err(error) => break Some(error),
+        }
+    };
+    let summary = summarizer.finish(file.recording.unfinished_bytes());
+    // A record is in memory while it is read; once is enough.
+    drop(file);
+    if let Some(record) = record {
+        record.take(&mut collector, start_unix_ns)?;
+    }
+    let mut flight = collector.finish(words::title(&summary), chart);
+    flight.start_unix_ns = start_unix_ns;
+    flight.lead = words::lead(&summary);
+    flight.summary = words::sentences(&summary);
+    flight.facts = words::facts(&summary);
+    flight.metadata = match record {
+        Some(record) => record::tables(&record.summary),
+        None => vec![Table {
+            title: "The log".to_owned(),
+            rows: words::log(&summary, &columns),
+        }],
+    };
+    Ok(Read {
+        flight,
+        summary,
+        trouble,
+    })
+}
+
+/// Writes each plot as a file of its own.
+fn write_plots(folder: &Path, flight: &Flight) -> Result<Vec<PathBuf>, Failure> {
+    fs::create_dir_all(folder).map_err(|error| unwritten(folder, &error))?;
+    let papers = flight_report::papers(flight).map_err(Failure::internal)?;
+    let mut written = Vec::new();
+    for paper in papers {
+        let file = folder.join(format!("{}.svg", paper.name));
+        replace(&file, paper.svg.as_bytes())?;
+        written.push(file);
+    }
+    Ok(written)
+}
+
+/// Writes a file as a whole, in place of an earlier one.
+fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    if path.exists() && !path.is_file() {
+        let name = path.display();
+        return Err(Failure::usage(format!("{name}: it is no regular file")));
+    }
+    let folder = super::files::folder_of(path);
+    let write = || -> io::Result<File> {
+        let mut new = tempfile::Builder::new()
+            .prefix(".ril-report-")
+            // As for any file that a program writes: the user's mask takes the rest away.
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(&folder)?;
+        new.write_all(bytes)?;
+        Ok(new.persist(path)?)
+    };
+    write().map(drop).map_err(|error| unwritten(path, &error))
+}
+
+fn unwritten(path: &Path, error: &io::Error) -> Failure {
+    Failure::usage(format!("{} cannot be written: {error}", path.display()))
+}
+
+/// Says what was written.
+fn tell(
+    args: &LogReportArgs,
+    log: &Path,
+    output: &Path,
+    plots: &[PathBuf],
+    read: &Read,
+    bytes: usize,
+) -> Result<(), Failure> {
+    let flight = &read.flight;
+    let alarms = flight
+        .events
+        .iter()
+        .filter(|event| event.weight == Weight::Alarm);
+    let alarms = alarms.count();
+    let name = |path: &Path| path.display().to_string();
+    let mut out = io::stdout().lock();
+    if args.json {
+        let object = ReportObject {
+            schema: SCHEMA,
+            file: name(log),
+            output: name(output),
+            plots: plots.iter().map(|plot| name(plot)).collect(),
+            samples: read.summary.rows,
+            duration_s: flight.duration_s,
+            events: flight.events.len(),
+            alarms,
+        };
+        return json_line(&mut out, &object);
+    }
+    let events = flight.events.len();
+    writeln!(
+        out,
+        "{}: {} kB, {events} events, {alarms} alarms; open it in a browser",
+        name(output),
+        bytes.div_ceil(1000)
+    )
+    .map_err(Failure::output)?;
+    for plot in plots {
+        writeln!(out, "{}", name(plot)).map_err(Failure::output)?;
+    }
+    out.flush().or_fail(ExitCode::Internal)
+}

@@ -1,0 +1,107 @@
+//! What a record of `ril record` has beyond the samples of the DSP: samples of status, states of the bridge, requests, events of the
+//! recording, and what it says of itself.
+
+use std::collections::BTreeMap;
+
+use flight_report::flight::{Table, Weight};
+use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::schema::CDR_HEADER;
+use recording::EventKind;
+use recording::read::{self, Message};
+use ros_messages::{Level, Log};
+
+use super::collector::Collector;
+use super::events::Kind;
+use crate::recorded::FLIGHT;
+use crate::recorded::{REQUEST_EVENT, RequestEvent};
+
+/// Ends of the names of topics.
+const HERO: &str = "/hero/telemetry";
+const STATE: &str = "/bridge/state";
+
+/// Takes everything of the file `bytes`, whose first sample of the DSP was at `start_unix_ns`, after these samples were taken.
+pub fn take(collector: &mut Collector, bytes: &[u8], start_unix_ns: Option<u64>) {
+    let since = |unix_ns: u64| Some(unix_ns.saturating_sub(start_unix_ns?));
+    for message in read::messages(bytes).flatten() {
+        let payload = || message.data.get(CDR_HEADER.len()..);
+        if message.topic.ends_with(HERO) {
+            if let Some(hero) = payload().and_then(HeroTelemetry::from_bytes) {
+                collector.hero(&hero);
+            }
+        } else if message.topic.ends_with(STATE) {
+            if let Some(state) = payload().and_then(ModuleState::from_bytes) {
+                collector.state(&state);
+            }
+        } else if let Some(event) = request(&message) {
+            collector.request(&event);
+        } else if let Some((weight, text)) = complaint(&message)
+            && let Some(since_ns) = since(message.publish_time_ns)
+        {
+            collector.happened(Kind::Process, since_ns, weight, &text);
+        }
+    }
+    for event in read::check(bytes).events {
+        let weight = match event.kind {
+            EventKind::Loss | EventKind::Late | EventKind::Disk => Weight::Warning,
+            EventKind::Split | EventKind::Clock | EventKind::Note => Weight::Note,
+            // Samples that are missing and starts of the bridge are seen in the samples themselves.
+            _ => continue,
+        };
+        if let Some(since_ns) = since(event.log_time_ns) {
+            let text = format!("recording: {}", event.text);
+            collector.happened(Kind::Recording, since_ns, weight, &text);
+        }
+    }
+}
+
+/// What a process warned of in its log. The most of it is seen in the samples and states as well, so it weighs less than there.
+fn complaint(message: &Message<'_>) -> Option<(Weight, String)> {
+    if message.schema_name != Log::TYPE_NAME {
+        return None;
+    }
+    let log = Log::read(message.data).filter(|log| log.process != FLIGHT)?;
+    let weight = match log.level {
+        Level::Debug | Level::Info => return None,
+        Level::Warn => Weight::Note,
+        Level::Error | Level::Fatal => Weight::Warning,
+    };
+    Some((weight, format!("{} logged: {}", log.process, log.text)))
+}
+
+fn request<'a>(message: &Message<'a>) -> Option<RequestEvent<'a>> {
+    (message.schema_name == REQUEST_EVENT).then_some(())?;
+    RequestEvent::read(message.data)
+}
+
+/// What the file says of itself.
+pub fn tables(summary: &read::Summary) -> Vec<Table> {
+    let text = |text: &str| text.to_owned();
+    let mut tables = Vec::new();
+    let topics = summary.topics.iter();
+    let topics =
+        topics.map(|(topic, (_, messages))| (topic.clone(), format!("{messages} messages")));
+    tables.push(Table {
+        title: text("Topics"),
+        rows: topics.collect(),
+    });
+    // Of those with one name the last one holds.
+    let metadata: BTreeMap<_, _> = summary
+        .metadata
+        .iter()
+        .map(|(name, entries)| (name, entries))
+        .collect();
+    tables.extend(metadata.into_iter().map(|(name, entries)| Table {
+        title: name.clone(),
+        rows: entries.clone().into_iter().collect(),
+    }));
+    let files = summary.attachments.iter();
+    let files: BTreeMap<_, _> = files
+        .map(|file| (file.name.clone(), format!("{} bytes", file.data.len())))
+        .collect();
+    tables.push(Table {
+        title: text("Files in the record"),
+        rows: files.into_iter().collect(),
+    });
+    tables.retain(|table| !table.rows.is_empty());
+    tables
+}

@@ -1,0 +1,233 @@
+//! [`Requests`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of a path are one
+//! request.
+
+use std::collections::BTreeMap;
+
+use flight_report::flight::{Outcome, Request};
+use ipc_types::code::Stage;
+
+use crate::geo::Place;
+use crate::recorded::RequestEvent;
+
+/// Most requests that are shown; further ones are counted.
+const MAX_REQUESTS: usize = 300;
+
+/// Most waypoints of all paths.
+const MAX_WAYPOINTS: usize = 5000;
+
+/// A request, of whatever became known of it.
+#[derive(Clone, Debug)]
+struct Open {
+    at_ns: u64,
+    sender_pid: u32,
+    command: String,
+    waypoints: u32,
+    /// Requests of the path that have no final report yet.
+    pending: u32,
+    ended_ns: Option<u64>,
+    outcome: Outcome,
+    reason: String,
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug, Default)]
+pub struct Requests {
+    /// By the path, or else by the request, in the order of arrival.
+    open: Vec<Open>,
+    places: BTreeMap<(bool, u64), usize>,
+    path: Vec<Place>,
+    left_out: u64,
+}
+
+impl Requests {
+    /// Takes what a message says.
+    pub fn take(&mut self, event: &RequestEvent<'_>) {
+        let key = match event.path_id {
+            0 => (false, event.request_id),
+            path_id => (true, path_id),
+        };
+        match event.event {
+            "request" => self.request(key, event),
+            "report" => self.report(key, event),
+            _ => {}
+        }
+    }
+
+    fn request(&mut self, key: (bool, u64), event: &RequestEvent<'_>) {
+        let is_waypoint = event.command == "goto";
+        let [latitude_deg, longitude_deg, _] = event.position;
+        if let Some(place) = Place::new(latitude_deg, longitude_deg)
+            && is_waypoint
+            && self.path.len() < MAX_WAYPOINTS
+        {
+            self.path.push(place);
+        }
+        if let Some(open) = self
+            .places
+            .get(&key)
+            .and_then(|place| self.open.get_mut(*place))
+        {
+            open.waypoints += u32::from(is_waypoint);
+            open.pending += 1;
+            return;
+        }
+        if self.open.len() >= MAX_REQUESTS {
+            self.left_out += 1;
+            return;
+        }
+        self.places.insert(key, self.open.len());
+        self.open.push(Open {
+            at_ns: event.at_ns,
+            sender_pid: event.sender_pid,
+            command: event.command.to_owned(),
+            waypoints: u32::from(is_waypoint),
+            pending: 1,
+            ended_ns: None,
+            outcome: Outcome::Open,
+            reason: String::new(),
+        });
+    }
+
+    fn report(&mut self, key: (bool, u64), event: &RequestEvent<'_>) {
+        let stage = Stage::ALL.iter().find(|stage| stage.name() == event.stage);
+        let outcome = match stage {
+            Some(Stage::Done) => Outcome::Done,
+            Some(Stage::Refused) => Outcome::Refused,
+            Some(Stage::Aborted) => Outcome::Aborted,
+            Some(Stage::Unknown) => Outcome::Open,
+            Some(Stage::Accepted | Stage::Progress) | None => return,
+        };
+        let Some(open) = self
+            .places
+            .get(&key)
+            .and_then(|place| self.open.get_mut(*place))
+        else {
+            return;
+        };
+        open.pending = open.pending.saturating_sub(1);
+        // Of a path, what went wrong with one waypoint is what became of the path.
+        if open.outcome == Outcome::Open || outcome != Outcome::Done {
+            open.outcome = outcome;
+            event.reason.clone_into(&mut open.reason);
+        }
+        open.ended_ns = (open.pending == 0).then_some(event.at_ns);
+    }
+
+    /// The requests, with times that `at_s` makes of monotonic ones.
+    pub fn finish(&self, at_s: impl Fn(u64) -> f64) -> Vec<Request> {
+        let request = |open: &Open| Request {
+            from_s: at_s(open.at_ns),
+            to_s: open.ended_ns.map(&at_s),
+            name: match open.waypoints {
+                0 => open.command.clone(),
+                1 => format!("{}, 1 waypoint", open.command),
+                waypoints => format!("{}, {waypoints} waypoints", open.command),
+            },
+            sender: match open.sender_pid {
+                0 => String::new(),
+                pid => format!("process {pid}"),
+            },
+            outcome: open.outcome,
+            reason: open.reason.clone(),
+        };
+        self.open.iter().map(request).collect()
+    }
+
+    /// The waypoints that were asked for, in order.
+    pub fn path(&self) -> &[Place] {
+        &self.path
+    }
+
+    /// Requests that are not shown.
+    pub fn left_out(&self) -> u64 {
+        self.left_out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(
+        at_ns: u64,
+        id: u64,
+        path: u64,
+        event: &'static str,
+        command: &'static str,
+        stage: &'static str,
+    ) -> RequestEvent<'static> {
+        RequestEvent {
+            at_ns,
+            request_id: id,
+            path_id: path,
+            sender_pid: 812,
+            event,
+            service: "movement",
+            command,
+            stage,
+            reason: if stage == "aborted" { "replaced" } else { "" },
+            text: "",
+            position: match command {
+                "goto" => [37.0, -6.0, 20.0],
+                _ => [f64::NAN; 3],
+            },
+        }
+    }
+
+    #[test]
+    fn all_waypoints_of_a_path_are_one_request() {
+        let mut requests = Requests::default();
+        for event in [
+            event(1, 1, 0, "request", "takeoff", ""),
+            event(2, 1, 0, "report", "takeoff", "accepted"),
+            event(3, 1, 0, "report", "takeoff", "done"),
+            event(4, 2, 9, "request", "goto", ""),
+            event(5, 3, 9, "request", "goto", ""),
+            event(6, 2, 9, "report", "goto", "done"),
+            event(7, 3, 9, "report", "goto", "aborted"),
+            event(8, 4, 0, "request", "land", ""),
+            event(9, 5, 0, "report", "stop", "done"),
+        ] {
+            requests.take(&event);
+        }
+        let shown: Vec<(String, f64, Option<f64>, Outcome, String)> = requests
+            .finish(|ns| ns as f64)
+            .into_iter()
+            .map(|request| {
+                (
+                    request.name,
+                    request.from_s,
+                    request.to_s,
+                    request.outcome,
+                    request.reason,
+                )
+            })
+            .collect();
+        let expected = [
+            ("takeoff", 1.0, Some(3.0), Outcome::Done, ""),
+            (
+                "goto, 2 waypoints",
+                4.0,
+                Some(7.0),
+                Outcome::Aborted,
+                "replaced",
+            ),
+            ("land", 8.0, None, Outcome::Open, ""),
+        ]
+        .map(|(name, from_s, to_s, outcome, reason)| {
+            (name.to_owned(), from_s, to_s, outcome, reason.to_owned())
+        });
+        assert_eq!(shown, expected);
+        assert_eq!(requests.path().len(), 2);
+    }
+
+    #[test]
+    fn a_flood_of_requests_is_bounded() {
+        let mut requests = Requests::default();
+        for id in 0..10_000 {
+            requests.take(&event(id, id + 1, 0, "request", "hold", ""));
+        }
+        assert_eq!(requests.finish(|_| 0.0).len(), MAX_REQUESTS);
+        assert_eq!(requests.left_out(), 10_000 - MAX_REQUESTS as u64);
+    }
+}

@@ -1,0 +1,152 @@
+use std::fs;
+use std::path::PathBuf;
+
+use ipc_types::RobotId;
+use recording::{DiskErrorKind, Part};
+use status::log::config::Limits;
+use status::log::file_name::{Series, recognize};
+use tempfile::TempDir;
+
+use super::worker::{ClosedFile, Note};
+use super::*;
+
+fn place(folder: &TempDir) -> Place {
+    Place {
+        folder: folder.path().join("a/b"),
+        series: Series::of_records(RobotId::DEFAULT),
+        limits: Limits {
+            max_file_bytes: 4096,
+            max_total_bytes: 8192,
+            min_free_bytes: 0,
+        },
+    }
+}
+
+fn write(at: u64, bytes: &[u8]) -> Action {
+    let bytes = bytes.to_vec();
+    Action::Write {
+        parts: vec![Part { at, bytes }],
+    }
+}
+
+#[test]
+fn actions_are_carried_out_and_files_are_named_in_the_order_of_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = place(&folder);
+    let mut worker = Worker::new(place.clone(), FileStore);
+    let mut paths = Vec::new();
+    for index in 0..3 {
+        let outcome = worker.perform(Action::Open { index });
+        assert_eq!(outcome.result, Ok(()));
+        let Some(Note::Opened(path)) = outcome.notes.last() else {
+            panic!("{:?}", outcome.notes)
+        };
+        paths.push(path.clone());
+        for action in [
+            write(0, b"abcdef"),
+            write(3, b"DEFGHI"),
+            Action::Truncate { len: 7 },
+            Action::Sync,
+        ] {
+            assert_eq!(worker.perform(action).result, Ok(()));
+        }
+        assert_eq!(fs::read(path).unwrap(), b"abcDEFG");
+        let closed = worker.perform(Action::Close {
+            is_whole: true,
+            messages: 5,
+        });
+        assert_eq!(
+            closed.notes,
+            [Note::Closed(ClosedFile {
+                path: path.clone(),
+                is_whole: true,
+                messages: 5,
+                bytes: 7
+            })]
+        );
+    }
+    // Two files of a block each are all that may be there. Within one second, the name of the one that was removed is free again.
+    let mut there: Vec<_> = fs::read_dir(&place.folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    there.sort();
+    let mut expected = paths[1..].to_vec();
+    expected.sort();
+    assert_eq!(there, expected, "{paths:?}");
+    let stamp = |path: &PathBuf| recognize(path.file_name()?.to_str()?).map(|(_, stamp)| stamp);
+    let stamps: Vec<_> = paths[..2].iter().map(stamp).collect();
+    assert!(stamps.is_sorted() && stamps[0].is_some(), "{paths:?}");
+}
+
+#[test]
+fn a_file_without_a_message_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = place(&folder);
+    let mut worker = Worker::new(place.clone(), FileStore);
+    worker.perform(Action::Open { index: 0 });
+    worker.perform(write(0, b"only the beginning"));
+    let closed = worker.perform(Action::Close {
+        is_whole: true,
+        messages: 0,
+    });
+    assert!(matches!(&closed.notes[..], [Note::NothingCame(_)]));
+    assert_eq!(fs::read_dir(&place.folder).unwrap().count(), 0);
+}
+
+#[test]
+fn a_disk_that_is_nearly_full_is_left_alone_and_one_that_fails_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut low = place(&folder);
+    low.limits.min_free_bytes = u64::MAX;
+    let outcome = Worker::new(low, FileStore).perform(Action::Open { index: 0 });
+    assert_eq!(outcome.result.unwrap_err().kind, DiskErrorKind::LowSpace);
+    assert_eq!(outcome.notes, []);
+
+    let mut blocked = place(&folder);
+    fs::write(folder.path().join("file"), "").unwrap();
+    blocked.folder = folder.path().join("file/log");
+    let outcome = Worker::new(blocked, FileStore).perform(Action::Open { index: 0 });
+    let error = outcome.result.unwrap_err();
+    assert_eq!(error.kind, DiskErrorKind::Failed);
+    assert!(error.text.contains("file/log"), "{error}");
+}
+
+#[test]
+fn a_file_that_was_removed_is_an_error_at_the_next_sync() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut worker = Worker::new(place(&folder), FileStore);
+    worker.perform(Action::Open { index: 0 });
+    fs::remove_dir_all(folder.path().join("a")).unwrap();
+    assert_eq!(worker.perform(write(0, b"x")).result, Ok(()));
+    let error = worker.perform(Action::Sync).result.unwrap_err();
+    assert_eq!(error.kind, DiskErrorKind::Failed);
+    assert!(error.text.contains("removed"), "{error}");
+}
+
+#[test]
+fn the_thread_answers_and_wakes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut disk = Disk::start(place(&folder)).unwrap();
+    assert!(disk.outcome().unwrap().is_none());
+    disk.perform(Action::Open { index: 0 }).unwrap();
+    assert!(disk.is_busy());
+    let mut ready = [rustix::event::PollFd::new(
+        &disk,
+        rustix::event::PollFlags::IN,
+    )];
+    rustix::event::poll(&mut ready, None).unwrap();
+    let outcome = disk.outcome().unwrap().unwrap();
+    assert_eq!(outcome.result, Ok(()));
+    assert!(!disk.is_busy());
+    let mut ready = [rustix::event::PollFd::new(
+        &disk,
+        rustix::event::PollFlags::IN,
+    )];
+    let at_once = rustix::event::Timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    let count = rustix::event::poll(&mut ready, Some(&at_once)).unwrap();
+    assert_eq!(count, 0, "it is not awake for ever");
+}

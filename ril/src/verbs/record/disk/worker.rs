@@ -1,0 +1,253 @@
+//! [`Worker`]: what the thread of the disk has, and how it carries out one action.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use recording::{Action, DiskError, DiskErrorKind, Part};
+use status::log::config::Limits;
+use status::log::file_name::Series;
+use status::log::retention::Retention;
+use status::log::store::{LogFile, Store};
+
+/// A file of a recording. A test puts another one in the place of the system's.
+pub(super) trait RecordFile: LogFile {
+    /// Puts all `bytes` at the offset `at`.
+    ///
+    /// # Errors
+    ///
+    /// Some of them may be there.
+    fn write_at(&mut self, bytes: &[u8], at: u64) -> io::Result<()>;
+}
+
+impl RecordFile for File {
+    fn write_at(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
+        self.write_all_at(bytes, at)
+    }
+}
+
+/// What the thread has.
+pub(super) struct Worker<S: Store> {
+    place: Place,
+    store: S,
+    retention: Retention,
+    file: Option<OpenFile<S::File>>,
+    is_pausing: bool,
+    notes: Vec<Note>,
+}
+
+struct OpenFile<F> {
+    path: PathBuf,
+    file: F,
+    /// Its length.
+    bytes: u64,
+    /// Whether its name is on the disk.
+    is_named: bool,
+}
+
+impl<S: Store<File: RecordFile>> Worker<S> {
+    /// Files at `place` in `store`.
+    pub(super) fn new(place: Place, store: S) -> Worker<S> {
+        Worker {
+            retention: Retention::new(place.series.clone()),
+            place,
+            store,
+            file: None,
+            is_pausing: false,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Carries out an action.
+    pub(super) fn perform(&mut self, action: Action) -> Outcome {
+        let result = self.act(action);
+        Outcome {
+            result,
+            notes: std::mem::take(&mut self.notes),
+        }
+    }
+
+    fn act(&mut self, action: Action) -> Result<(), DiskError> {
+        if let Action::Close { is_whole, messages } = action {
+            self.close(is_whole, messages);
+            return Ok(());
+        }
+        let folder = self.place.folder.clone();
+        if let Action::Open { .. } = action {
+            let prepared = self.store.prepare(&folder);
+            prepared.map_err(|error| failed(&folder, &error))?;
+            self.check_free_space()?;
+            return self.open(&folder).map_err(|error| failed(&folder, &error));
+        }
+        if let Action::Write { .. } = action {
+            self.check_free_space()?;
+        }
+        let Some(open) = &mut self.file else {
+            return Err(DiskError {
+                kind: DiskErrorKind::Failed,
+                text: "no file is open".to_owned(),
+            });
+        };
+        open.act(action, &folder)
+            .map_err(|error| failed(&open.path, &error))
+    }
+
+    /// Whether the disk has as much room as must be left.
+    fn check_free_space(&mut self) -> Result<(), DiskError> {
+        let needed = self.place.limits.needed_bytes(self.is_pausing);
+        let folder = &self.place.folder;
+        // If the system does not say, writing will show.
+        let free = match needed {
+            0 => None,
+            _ => self.store.free_bytes(folder).ok(),
+        };
+        self.is_pausing = free.is_some_and(|free| free < needed);
+        match (self.is_pausing, free) {
+            (true, Some(free)) => Err(DiskError {
+                kind: DiskErrorKind::LowSpace,
+                text: format!(
+                    "{} MiB are free where {} lies, and {} MiB are left to other programs (--min-free)",
+                    free >> 20,
+                    folder.display(),
+                    self.place.limits.min_free_bytes >> 20,
+                ),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn open(&mut self, folder: &Path) -> io::Result<()> {
+        let Limits {
+            max_file_bytes,
+            max_total_bytes,
+            ..
+        } = self.place.limits;
+        let (retention, store) = (&mut self.retention, &mut self.store);
+        let room = retention.make_room(store, folder, max_file_bytes, max_total_bytes);
+        for (file, bytes) in room.removed {
+            self.notes.push(Note::Removed { file, bytes });
+        }
+        if let Some(error) = room.error {
+            return Err(error);
+        }
+        let series = &self.place.series;
+        let stem = series.stem(self.store.clock().utc());
+        let (path, file) = self.store.create(folder, &stem, series.kind())?;
+        self.retention.created(&path);
+        self.notes.push(Note::Opened(path.clone()));
+        self.file = Some(OpenFile {
+            path,
+            file,
+            bytes: 0,
+            is_named: false,
+        });
+        Ok(())
+    }
+
+    fn close(&mut self, is_whole: bool, messages: u64) {
+        let Some(OpenFile {
+            path, file, bytes, ..
+        }) = self.file.take()
+        else {
+            return;
+        };
+        drop(file);
+        // A disk that refuses even that keeps a file without messages, which counts like others when room is made.
+        if messages == 0 && self.store.remove(&path).is_ok() {
+            self.notes.push(Note::NothingCame(path));
+        } else {
+            self.notes.push(Note::Closed(ClosedFile {
+                path,
+                is_whole,
+                messages,
+                bytes,
+            }));
+        }
+    }
+}
+
+impl<F: RecordFile> OpenFile<F> {
+    fn act(&mut self, action: Action, folder: &Path) -> io::Result<()> {
+        match action {
+            Action::Write { parts } => {
+                for Part { at, bytes } in parts {
+                    self.file.write_at(&bytes, at)?;
+                    self.bytes = self.bytes.max(at.saturating_add(bytes.len() as u64));
+                }
+            }
+            Action::Truncate { len } => {
+                self.file.truncate(len)?;
+                self.bytes = len;
+            }
+            Action::Sync => {
+                self.file.sync()?;
+                if !self.is_named {
+                    // A power cut could otherwise take the file's name, and with it the file. Not every file system can do that.
+                    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+                    self.is_named = true;
+                }
+            }
+            Action::Open { .. } | Action::Close { .. } => {}
+        }
+        Ok(())
+    }
+}
+
+/// The answer that something about `file` failed.
+fn failed(file: &Path, error: &io::Error) -> DiskError {
+    DiskError {
+        kind: DiskErrorKind::Failed,
+        text: format!("{}: {error}", file.display()),
+    }
+}
+
+/// What the thread did, in its order, for the operator.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in super::super) enum Note {
+    /// A file was created.
+    Opened(PathBuf),
+    /// An old file was removed to make room for the next.
+    Removed {
+        /// The file.
+        file: PathBuf,
+        /// How long it was, bytes.
+        bytes: u64,
+    },
+    /// A file was closed.
+    Closed(ClosedFile),
+    /// A file without a message was closed, and removed.
+    NothingCame(PathBuf),
+}
+
+/// A file to which nothing will be written any more.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in super::super) struct ClosedFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Whether it is complete.
+    pub is_whole: bool,
+    /// Messages in it, the recording's own events not counted.
+    pub messages: u64,
+    /// How long it is.
+    pub bytes: u64,
+}
+
+/// How an action went.
+pub(in super::super) struct Outcome {
+    /// The answer for the recorder.
+    pub result: Result<(), DiskError>,
+    /// What the operator should know.
+    pub notes: Vec<Note>,
+}
+
+/// Where the files go, and how much they may take.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Place {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Which files in it are the recording's.
+    pub series: Series,
+    /// How much they may take.
+    pub limits: Limits,
+}

@@ -1,0 +1,329 @@
+//! [`FactsOfRobot`]: what the files say of the flight, as far as they can be had: when the recording begins, and again when a process comes or goes.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use ipc_types::{Ipc, Provider, RobotId, ServiceId};
+use recording::{Anchor, Attachment, FlightInfo};
+use runtime::config::resulting::Resulting;
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::options::RecordArgs;
+
+/// A process whose configuration is recorded.
+struct Configured {
+    /// As it is called.
+    name: &'static str,
+    /// A service that it provides.
+    service: ServiceId,
+    /// The file that it reads when none is named.
+    default_file: &'static str,
+    /// Reads a file as the process does.
+    read: fn(&Path) -> Result<Resulting, runtime::config::ConfigError>,
+}
+
+const CONFIGURED: [Configured; 2] = [
+    Configured {
+        name: "bridge",
+        service: ServiceId::DspTelemetry,
+        default_file: bridge::cli::DEFAULT_CONFIG_FILE,
+        read: |file| {
+            let example = include_str!("../../../../bridge/bridge.toml");
+            Resulting::load::<bridge::BridgeConfig>(Some(file), file, example)
+        },
+    },
+    Configured {
+        name: "status",
+        service: ServiceId::HeroTelemetry,
+        default_file: status::config::DEFAULT_FILE,
+        read: |file| {
+            let example = include_str!("../../../../status/status.toml");
+            Resulting::load::<status::config::Config>(Some(file), file, example)
+        },
+    },
+];
+
+/// What is known of a robot, its processes and this machine.
+pub(super) struct FactsOfRobot {
+    ipc: Ipc,
+    /// When the recording began.
+    start: Anchor,
+    /// Configurations that were named, by process.
+    named: BTreeMap<&'static str, PathBuf>,
+    facts: Facts,
+}
+
+impl FactsOfRobot {
+    /// Of the robot of `ipc`, with what `args` name.
+    ///
+    /// # Errors
+    ///
+    /// Code 78 when a configuration that was named cannot be read.
+    pub fn gather(ipc: Ipc, args: &RecordArgs, start: Anchor) -> Result<FactsOfRobot, Failure> {
+        let named = [("bridge", &args.bridge), ("status", &args.status)];
+        let named = named.into_iter();
+        let mut robot = FactsOfRobot {
+            ipc,
+            start,
+            named: named
+                .filter_map(|(name, file)| Some((name, file.clone()?)))
+                .collect(),
+            facts: Facts {
+                host: text_of("/proc/sys/kernel/hostname"),
+                boot_id: text_of("/proc/sys/kernel/random/boot_id"),
+                ..Facts::default()
+            },
+        };
+        CONFIGURED
+            .iter()
+            .try_for_each(|process| robot.look_at(process))?;
+        Ok(robot)
+    }
+
+    /// Looks again at the processes, one of which has come. What is known of one that went stays.
+    pub fn look_again(&mut self) {
+        for process in &CONFIGURED {
+            if let Some(provider) = self.provider(process)
+                && self.facts.processes.get(&provider.process) != Some(&provider.pid)
+                && let Err(failure) = self.look_at(process)
+            {
+                let reason = failure.chain().join(": ");
+                tracing::warn!(reason, "the configuration is not recorded");
+            }
+        }
+    }
+
+    /// As each file says it, with these layouts by topic.
+    pub fn flight_info(&self, layouts: BTreeMap<String, String>) -> FlightInfo {
+        let facts = Facts {
+            layouts,
+            ..self.facts.clone()
+        };
+        facts.flight_info(self.ipc.robot(), self.start)
+    }
+
+    fn provider(&self, process: &Configured) -> Option<Provider> {
+        self.ipc.provider(process.service.key()).ok().flatten()
+    }
+
+    fn look_at(&mut self, process: &Configured) -> Result<(), Failure> {
+        let provider = self.provider(process);
+        if let Some(provider) = &provider {
+            let pids = &mut self.facts.processes;
+            pids.insert(provider.process.clone(), provider.pid);
+        }
+        let named = self.named.get(process.name).cloned();
+        let is_named = named.is_some();
+        let running = || {
+            let own = provider.filter(|provider| is_own(provider, process.name))?;
+            file_of_process(&own, process.default_file)
+        };
+        let default = PathBuf::from(process.default_file);
+        let file = named.or_else(running).unwrap_or(default);
+        let files = &mut self.facts.files;
+        match fs::read(&file) {
+            Ok(text) => {
+                files.insert(format!("{}.toml", process.name), text);
+            }
+            // It runs with what is built in.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_named => {
+                return Ok(());
+            }
+            Err(error) if !is_named => {
+                tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
+                return Ok(());
+            }
+            Err(error) => {
+                return Err(error)
+                    .or_fail(ExitCode::Configuration)
+                    .map_err(|failure| failure.context(file.display().to_string()));
+            }
+        }
+        match (process.read)(&file) {
+            Ok(resulting) => {
+                let name = format!("{}.resulting.txt", process.name);
+                files.insert(name, resulting.to_string().into_bytes());
+            }
+            // A flight is recorded whatever the configuration of others is.
+            Err(error) => {
+                tracing::warn!(%error, "the configuration is recorded as it is, with its mistakes");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The text of a file of the kernel's; empty when it cannot be read.
+fn text_of(file: &str) -> String {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    text.trim().to_owned()
+}
+
+/// Whether a provider is the process `name` itself, with a number that means something here. A relay provides the same services
+/// with a configuration of its own.
+fn is_own(provider: &Provider, name: &str) -> bool {
+    provider.process == name && provider.shares_pids()
+}
+
+/// The configuration of a live process on this machine, by its command line; `None` if the process cannot be looked at.
+fn file_of_process(provider: &Provider, default_file: &str) -> Option<PathBuf> {
+    let folder = PathBuf::from(format!("/proc/{}", provider.pid));
+    let words = |name: &str| -> Option<Vec<PathBuf>> {
+        let bytes = fs::read(folder.join(name)).ok()?;
+        let words = bytes.split(|byte| *byte == 0);
+        Some(
+            words
+                .map(|word| PathBuf::from(std::ffi::OsStr::from_bytes(word)))
+                .collect(),
+        )
+    };
+    let cwd = fs::read_link(folder.join("cwd")).ok()?;
+    let file = named_file(&words("cmdline")?, &words("environ").unwrap_or_default());
+    Some(cwd.join(file.unwrap_or_else(|| PathBuf::from(default_file))))
+}
+
+/// The configuration that a command line or an environment names.
+fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
+    let value = |word: &PathBuf, prefix: &str| {
+        let bytes = word.as_os_str().as_bytes();
+        let value = bytes.strip_prefix(prefix.as_bytes())?;
+        Some(PathBuf::from(std::ffi::OsStr::from_bytes(value)))
+    };
+    let behind = args
+        .iter()
+        .position(|word| word == Path::new("--config"))
+        .and_then(|place| args.get(place + 1).cloned());
+    behind
+        .or_else(|| args.iter().find_map(|word| value(word, "--config=")))
+        .or_else(|| {
+            environment
+                .iter()
+                .find_map(|word| value(word, "RIL_CONFIG="))
+        })
+}
+
+/// Name of the record with versions, robot, machine and the clocks at the start.
+pub const FLIGHT: &str = "ril.flight";
+
+/// Name of the record with the layout of each topic that was there when the record was written, by topic: type and hash.
+pub const LAYOUTS: &str = "ril.layouts";
+
+/// What is known of the robot at a moment.
+#[derive(Clone, Debug, Default)]
+pub struct Facts {
+    /// Name of the machine.
+    pub host: String,
+    /// The machine's boot: monotonic times of two recordings can be compared only within one.
+    pub boot_id: String,
+    /// Live processes of the robot, by name: process id.
+    pub processes: BTreeMap<String, u32>,
+    /// Layout and hash by topic.
+    pub layouts: BTreeMap<String, String>,
+    /// Files that are recorded along, by name.
+    pub files: BTreeMap<String, Vec<u8>>,
+}
+
+impl Facts {
+    /// As the recorder writes it into each file.
+    pub fn flight_info(self, robot: RobotId, start: Anchor) -> FlightInfo {
+        let mut flight: BTreeMap<String, String> = [
+            ("robot", robot.to_string()),
+            ("ril_version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("host", self.host),
+            ("boot_id", self.boot_id),
+            ("start_monotonic_ns", start.monotonic.0.to_string()),
+            ("start_unix_ns", start.unix_ns.to_string()),
+        ]
+        .map(|(key, value)| (key.to_owned(), value))
+        .into();
+        for (process, pid) in self.processes {
+            flight.insert(format!("pid.{process}"), pid.to_string());
+        }
+        let attachment = |(name, data): (String, Vec<u8>)| Attachment {
+            media_type: "application/toml".to_owned(),
+            name,
+            data,
+        };
+        FlightInfo {
+            robot,
+            metadata: vec![
+                (FLIGHT.to_owned(), flight),
+                (LAYOUTS.to_owned(), self.layouts),
+            ],
+            attachments: self.files.into_iter().map(attachment).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::MetadataExt;
+
+    use ipc_types::MonotonicNs;
+
+    use super::*;
+
+    #[test]
+    fn the_configuration_of_a_relay_or_of_another_namespace_is_not_taken_for_that_of_the_bridge() {
+        let here = fs::metadata("/proc/self/ns/pid").unwrap().ino();
+        for (process, pid_namespace, expected) in [
+            ("bridge", here, true),
+            ("relay", here, false),
+            ("bridge", here + 1, false),
+        ] {
+            let provider = Provider {
+                pid: 1,
+                process: process.to_owned(),
+                since_ns: 1,
+                pid_namespace,
+                time_namespace: 0,
+            };
+            assert_eq!(is_own(&provider, "bridge"), expected, "{provider:?}");
+        }
+    }
+
+    #[test]
+    fn the_command_line_names_the_configuration_before_the_environment() {
+        let check = |args: &str, environment: &str, expected: Option<&str>| {
+            let words = |text: &str| text.split(' ').map(PathBuf::from).collect::<Vec<_>>();
+            let found = named_file(&words(args), &words(environment));
+            assert_eq!(found, expected.map(PathBuf::from), "{args} {environment}");
+        };
+        check("ril run bridge --config a.toml", "A=b", Some("a.toml"));
+        check("ril run bridge --config=a b", "RIL_CONFIG=c", Some("a"));
+        check("ril run bridge", "A=b RIL_CONFIG=/c", Some("/c"));
+        check("ril run bridge", "A=b", None);
+        check("ril run bridge --config", "A=b", None);
+    }
+
+    #[test]
+    fn a_file_says_which_robot_machine_and_version_it_is_of() {
+        let facts = Facts {
+            host: "field".to_owned(),
+            processes: [("bridge".to_owned(), 812)].into(),
+            files: [("bridge.toml".to_owned(), b"x = 1".to_vec())].into(),
+            ..Facts::default()
+        };
+        let start = Anchor {
+            monotonic: MonotonicNs(5),
+            unix_ns: 7,
+        };
+        let info = facts.flight_info(RobotId::new(3).unwrap(), start);
+        let (name, flight) = &info.metadata[0];
+        assert_eq!(name, FLIGHT);
+        for (key, expected) in [
+            ("robot", "3"),
+            ("ril_version", env!("CARGO_PKG_VERSION")),
+            ("host", "field"),
+            ("start_monotonic_ns", "5"),
+            ("start_unix_ns", "7"),
+            ("pid.bridge", "812"),
+        ] {
+            assert_eq!(flight.get(key).map(String::as_str), Some(expected), "{key}");
+        }
+        assert_eq!(info.attachments[0].name, "bridge.toml");
+        assert_eq!(info.attachments[0].data, b"x = 1");
+    }
+}

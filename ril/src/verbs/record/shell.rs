@@ -1,0 +1,212 @@
+//! [`Shell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of every process.
+
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
+use module_kit::process::{Process, Sources};
+use recording::{Action, Anchor, Recorder, Totals};
+use status::log::store::{FileStore, Store};
+
+use super::disk::Outcome;
+use super::disk::{Disk, DiskGone};
+use super::facts::FactsOfRobot;
+use super::gather::Gather;
+use super::report::Reporter;
+use super::sinks::Sinks;
+use super::topics::{TopicCounts, Topics, Wakes};
+
+/// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
+/// and a process that cannot be ended is worse than an unknown number of messages.
+const END_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Why a recording cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum RecordError {
+    /// The operating system cannot wait any more.
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+    /// See [`DiskGone`].
+    #[error(transparent)]
+    Disk(#[from] DiskGone),
+}
+
+/// What the clocks show now.
+pub(super) fn anchor() -> Anchor {
+    let clock = FileStore.clock();
+    Anchor {
+        monotonic: clock.monotonic,
+        unix_ns: clock.unix_ns,
+    }
+}
+
+/// A recording that goes on.
+pub(super) struct Shell {
+    topics: Topics,
+    facts: FactsOfRobot,
+    recorder: Recorder,
+    sinks: Sinks,
+    disk: Disk,
+    reporter: Reporter,
+    gather: Gather,
+    /// Until when the disk may take to end; `None` before the end was asked for.
+    end: Option<MonotonicNs>,
+    /// Whether the action that is outstanding is one that writes.
+    is_writing: bool,
+}
+
+impl Shell {
+    pub fn new(
+        topics: Topics,
+        facts: FactsOfRobot,
+        recorder: Recorder,
+        sinks: Sinks,
+        disk: Disk,
+        reporter: Reporter,
+    ) -> Shell {
+        Shell {
+            topics,
+            facts,
+            recorder,
+            sinks,
+            disk,
+            reporter,
+            gather: Gather::default(),
+            end: None,
+            is_writing: false,
+        }
+    }
+
+    /// Whether the disk has answered to the end.
+    pub fn is_ended(&self) -> bool {
+        self.recorder.is_ended()
+    }
+
+    /// The recorder's counts.
+    pub fn totals(&self) -> Totals {
+        self.recorder.totals()
+    }
+
+    /// What came of each topic, and what did not.
+    pub fn counts(&self) -> impl Iterator<Item = TopicCounts> {
+        self.topics.counts()
+    }
+
+    /// What is printed.
+    pub fn reporter(&self) -> &Reporter {
+        &self.reporter
+    }
+
+    fn take_samples(&mut self, now: MonotonicNs) {
+        // What comes after the end was asked for belongs to no file, and is not lost either.
+        if !self.gather.is_due(now) || self.end.is_some() {
+            return;
+        }
+        let wakes = match self.gather.flows(now) {
+            true => Wakes::Unneeded,
+            false => Wakes::Needed,
+        };
+        let (recorder, sinks) = (&mut self.recorder, &mut self.sinks);
+        let most = self.topics.drain(recorder, sinks, now, wakes);
+        if self.topics.take_news() {
+            self.facts.look_again();
+            let info = self.facts.flight_info(self.topics.layouts());
+            self.recorder.describe(info);
+        }
+        if most > 0 {
+            // The recorder's lines alone are no reason for a file.
+            self.sinks.own_lines(&mut self.recorder, now);
+        }
+        self.gather.looked(now, most);
+    }
+
+    fn take_outcome(&mut self, now: MonotonicNs) -> Result<(), RecordError> {
+        let Some(Outcome { result, notes }) = self.disk.outcome()? else {
+            return Ok(());
+        };
+        self.reporter.notes(notes);
+        match &result {
+            Err(error) => self.reporter.trouble(error),
+            // That a file could be closed says nothing about the next one.
+            Ok(()) if self.is_writing => self.reporter.works(),
+            Ok(()) => {}
+        }
+        self.recorder.done(now, result);
+        Ok(())
+    }
+
+    /// Hands the next action to the disk, once the last one is done.
+    fn act(&mut self) -> Result<(), RecordError> {
+        if !self.disk.is_busy()
+            && let Some(action) = self.recorder.next()
+        {
+            self.is_writing = matches!(action, Action::Write { .. });
+            self.disk.perform(action)?;
+        }
+        Ok(())
+    }
+}
+
+impl Process for Shell {
+    type Error = RecordError;
+    type Key = ();
+
+    const ROLE: SchedulingRole = SchedulingRole::Background;
+
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.descriptor((), self.disk.as_fd());
+        if self.end.is_none() && self.gather.deadline().is_none() {
+            sources.descriptor((), self.topics.ports().descriptor());
+        }
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), RecordError> {
+        let now = MonotonicNs::now();
+        if self.end.is_none() {
+            self.take_samples(now);
+        }
+        self.take_outcome(now)?;
+        if let Some(flights) = &mut self.sinks.flights
+            && flights.is_over(now)
+        {
+            self.recorder.split(now, anchor());
+        }
+        if self.recorder.deadline().is_some_and(|due| due <= now) {
+            self.recorder.wake(now, anchor());
+        }
+        self.reporter.dropped(self.recorder.totals().dropped, now);
+        self.act()
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        let flights = self.sinks.flights.as_ref();
+        // While the disk is busy, its answer comes first.
+        let recorder = match self.disk.is_busy() {
+            true => None,
+            false => self.recorder.deadline(),
+        };
+        [
+            self.gather.deadline().filter(|_| self.end.is_none()),
+            self.topics.deadline(),
+            recorder,
+            flights.and_then(|flights| flights.deadline()),
+            self.reporter.deadline(),
+            self.end,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Records what came until the end was asked for, and waits for the disk.
+    fn may_end(&mut self, now: MonotonicNs) -> bool {
+        let Some(end) = self.end else {
+            self.gather = Gather::default();
+            self.take_samples(now);
+            self.recorder.end(now);
+            self.end = Some(now + END_TIMEOUT);
+            return false;
+        };
+        self.recorder.is_ended() || now >= end
+    }
+}

@@ -1,0 +1,203 @@
+//! [`Sinks`]: what the recorder makes of some topics beside recording them.
+
+use std::time::Duration;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::{MonotonicNs, RobotId};
+use module_kit::journal::LogLine;
+use recording::{Anchor, Recorder};
+use ros_messages::{POSE_STAMPED, StandardMessage, UnixOffset, pose_stamped};
+use runtime::logging::LogLines;
+
+use super::journal::JournalTopics;
+use super::log::{LogTopic, RecorderTopic, offset_of};
+
+/// Takes the samples of the topics that more is made of.
+pub(super) struct Sinks {
+    /// Where flights end; `None` if a file may have several.
+    pub flights: Option<Flights>,
+    viewers: Viewers,
+    log: LogTopic,
+    journal: JournalTopics,
+    /// The recorder's own lines.
+    lines: Option<LogLines>,
+}
+
+impl Sinks {
+    /// For `robot`. `has_flights` says whether each flight has a file of its own; the times of messages for viewers count from
+    /// `anchor`. `lines` are those that the recorder itself logs.
+    pub fn new(
+        robot: RobotId,
+        has_flights: bool,
+        anchor: Anchor,
+        lines: Option<LogLines>,
+    ) -> Sinks {
+        Sinks {
+            lines,
+            flights: has_flights.then(Flights::default),
+            viewers: Viewers::new(robot, anchor),
+            log: LogTopic::new(robot, anchor),
+            journal: JournalTopics::new(robot),
+        }
+    }
+
+    /// A sample of raw telemetry.
+    pub fn dsp(&mut self, sample: &[u8]) {
+        if let (Some(flights), Some(sample)) = (&mut self.flights, DspTelemetry::from_bytes(sample))
+        {
+            flights.take(sample.is_flying(), sample.received());
+        }
+    }
+
+    /// A sample of the robot's telemetry.
+    pub fn hero(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
+        if let Some(sample) = HeroTelemetry::from_bytes(sample) {
+            self.viewers.take(recorder, &sample, now);
+        }
+    }
+
+    /// A state of the bridge.
+    pub fn state(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
+        if let Some(state) = ModuleState::from_bytes(sample) {
+            self.log.state(recorder, &state, now);
+        }
+    }
+
+    /// A piece of status's journal.
+    pub fn status_journal(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
+        self.log.status(recorder, sample, now);
+    }
+
+    /// What the recorder itself has logged.
+    pub fn own_lines(&mut self, recorder: &mut Recorder, now: MonotonicNs) {
+        let Some(lines) = &self.lines else { return };
+        for line in lines.drain() {
+            let line = LogLine::new(&line, lines.take_lost());
+            self.log.process(recorder, now, "record", &line);
+        }
+    }
+
+    /// A piece of the bridge's journal.
+    pub fn journal(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
+        self.journal.take(recorder, &mut self.log, sample, now);
+    }
+}
+
+/// Makes messages for viewers out of the robot's telemetry.
+#[derive(Debug)]
+pub struct Viewers {
+    robot: RobotId,
+    offset: UnixOffset,
+    fix: RecorderTopic,
+    pose: RecorderTopic,
+}
+
+impl Viewers {
+    /// Of `robot`, with times that count from `anchor`.
+    pub fn new(robot: RobotId, anchor: Anchor) -> Viewers {
+        let fix = StandardMessage::NavSatFix;
+        Viewers {
+            robot,
+            offset: offset_of(anchor),
+            fix: RecorderTopic::new(robot, fix.key(), fix.type_name()),
+            pose: RecorderTopic::new(robot, "pose", POSE_STAMPED),
+        }
+    }
+
+    /// Makes of a sample what its valid groups allow.
+    pub fn take(&mut self, recorder: &mut Recorder, sample: &HeroTelemetry, now: MonotonicNs) {
+        let at = sample.received();
+        if let Some(fix) = StandardMessage::NavSatFix.write(sample, self.robot, self.offset) {
+            self.fix.add(recorder, now, at, &fix);
+        }
+        if let Some(pose) = pose_stamped(sample, self.offset) {
+            self.pose.add(recorder, now, at, &pose);
+        }
+    }
+}
+
+/// How long the helicopter must have stood on the ground after a flight: a touchdown that bounces ends none, and what the
+/// processes say about the landing still belongs to it.
+pub const ON_GROUND_FOR: Duration = Duration::from_secs(5);
+
+/// Watches the helicopter.
+#[derive(Debug, Default)]
+pub struct Flights {
+    /// Whether it has been in the air since the last end of a flight.
+    has_flown: bool,
+    /// Since when it is on the ground again.
+    landed: Option<MonotonicNs>,
+}
+
+impl Flights {
+    /// Takes what telemetry says of the moment `at`.
+    pub fn take(&mut self, is_flying: bool, at: MonotonicNs) {
+        self.has_flown |= is_flying;
+        self.landed = match is_flying {
+            true => None,
+            false => self.landed.or(self.has_flown.then_some(at)),
+        };
+    }
+
+    /// When the flight is over unless telemetry says otherwise.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.landed.map(|landed| landed + ON_GROUND_FOR)
+    }
+
+    /// Whether a flight is over at `now`; once for each.
+    pub fn is_over(&mut self, now: MonotonicNs) -> bool {
+        let is_over = self.deadline().is_some_and(|end| end <= now);
+        if is_over {
+            *self = Flights::default();
+        }
+        is_over
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Feeds (ms, flying); returns the moments at which a flight was over, ms, looked at every 100 ms.
+    fn ends(steps: &[(u64, bool)]) -> Vec<u64> {
+        let mut flights = Flights::default();
+        let mut steps = steps.iter().peekable();
+        let mut ends = Vec::new();
+        for ms in (0..60_000).step_by(100) {
+            let now = MonotonicNs(ms * 1_000_000);
+            while let Some((_, is_flying)) = steps.next_if(|(at, _)| *at <= ms) {
+                flights.take(*is_flying, now);
+            }
+            if flights.is_over(now) {
+                ends.push(ms);
+            }
+        }
+        ends
+    }
+
+    #[test]
+    fn a_flight_is_over_some_seconds_after_the_landing_and_each_once() {
+        for (steps, expected) in [
+            (&[(0, false), (9000, false)][..], &[][..]),
+            (&[(0, false), (1000, true), (20_000, false)], &[25_000]),
+            // It bounces.
+            (
+                &[(0, true), (10_000, false), (11_000, true), (12_000, false)],
+                &[17_000],
+            ),
+            // Telemetry goes on after it.
+            (
+                &[(0, true), (10_000, false), (15_000, false), (40_000, false)],
+                &[15_000],
+            ),
+            (
+                &[(0, true), (10_000, false), (20_000, true), (30_000, false)],
+                &[15_000, 35_000],
+            ),
+            // It begins in the air, and telemetry ends with the landing.
+            (&[(0, true), (50_000, false)], &[55_000]),
+        ] {
+            assert_eq!(ends(steps), expected, "{steps:?}");
+        }
+    }
+}

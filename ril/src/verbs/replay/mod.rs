@@ -1,0 +1,340 @@
+//! `ril replay`: the loop around the pure values of [`recording::play`]. One wait for keys, signals, requests, late subscribers and
+//! the next message's moment.
+
+pub mod options;
+mod request;
+mod screen;
+mod terminal;
+mod verify;
+
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::sync::Arc;
+
+use ipc_types::domain::ROOT_VARIABLE;
+use ipc_types::{
+    Descriptor, Domain, DynamicError, Ipc, MonotonicNs, OpenError, RobotId, SchedulingRole, Source,
+    Waiter, request_slice,
+};
+use recording::play::{Content, Flight, PROCESS, Player, Section, Services, ServicesError};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+use serde::Serialize;
+
+use self::options::ReplayArgs;
+use self::request::ReplayedRequest;
+use self::screen::Screen;
+use self::terminal::{PlayerKey, Terminal};
+use crate::cli::RobotChoice;
+use crate::commands::{configuration, json_line};
+
+/// Name of the layout of the JSON object at the end.
+const SCHEMA: &str = "ril.Replay.v1";
+
+/// Sources of the wait beside the services: signals and keys.
+const OTHER_SOURCES: usize = 2;
+
+/// What a wake-up is called.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Woken {
+    Keys,
+    Other,
+}
+
+/// `ril replay FILE`, and with `--verify` or `--keep` what is in `verify`.
+///
+/// # Errors
+///
+/// Code 2 when the file cannot be read, is no recording or has nothing in the section; 5 when the robot lives; 78 when the
+/// configuration or `RIL_IPC_ROOT` is wrong.
+pub fn replay(args: &ReplayArgs, choice: RobotChoice) -> Result<(), Failure> {
+    if configuration(&args.common)?.is_none() {
+        return Ok(());
+    }
+    if args.verifies() {
+        return verify::verify(args);
+    }
+    if let Some(folder) = &args.keep {
+        return verify::keep(args, folder);
+    }
+    let flight = Arc::new(open(&args.file)?);
+    let robot = match choice {
+        RobotChoice::Explicit => RobotId::from(args.common.robot),
+        RobotChoice::Default => flight.robot(),
+    };
+    let section = Section {
+        speed: args.speed,
+        from: args.from,
+        to: args.to,
+        is_looped: args.is_looped,
+    };
+    // Before anything is provided: a section without messages is a usage error.
+    let player = player(&flight, section)?;
+    let domain = replay_domain()?;
+    refuse_living(&domain, robot)?;
+    let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    let ipc = Ipc::join(&domain, robot, PROCESS).or_fail(ExitCode::Internal)?;
+    let services = Services::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
+    request_slice(SchedulingRole::Provider);
+    let notes = Notes {
+        common: &args.common,
+    };
+    notes.begin(&flight, &services, &domain, robot);
+    let mut replay = Replay {
+        // The flight begins now that consumers can find it.
+        player: Player::new(Arc::clone(player.flight()), section, MonotonicNs::now())
+            .or_fail(ExitCode::Usage)?,
+        services,
+        termination,
+        terminal: Terminal::enter(),
+        screen: Screen::new(args.json),
+        waiter: Waiter::new(),
+        summary: Summary::new(robot),
+    };
+    replay.run()?;
+    replay.end(args.json, &notes)
+}
+
+/// Reads the recording.
+fn open(file: &Path) -> Result<Flight, Failure> {
+    Flight::open(file).map_err(|error| {
+        let text = format!("{} cannot be played: {error}", file.display());
+        Failure::usage(text).with_next_step("name a recording that `ril record` has made")
+    })
+}
+
+fn player(flight: &Arc<Flight>, section: Section) -> Result<Player, Failure> {
+    Player::new(Arc::clone(flight), section, MonotonicNs(0)).map_err(|error| {
+        Failure::usage(error).with_next_step("choose another time with --from and --to")
+    })
+}
+
+/// Everything that the loop has.
+struct Replay {
+    player: Player,
+    services: Services,
+    termination: Termination,
+    terminal: Option<Terminal>,
+    screen: Screen,
+    waiter: Waiter,
+    summary: Summary,
+}
+
+impl Replay {
+    /// Until the end, a key or a signal.
+    fn run(&mut self) -> Result<(), Failure> {
+        let mut has_keys = false;
+        while !self.termination.requested() {
+            if has_keys && !self.take_keys() {
+                break;
+            }
+            self.play()?;
+            self.summary.refused_requests += self.services.tend() as u64;
+            self.screen
+                .show(&self.player, MonotonicNs::now())
+                .map_err(Failure::output)?;
+            if self.player.is_ended() {
+                break;
+            }
+            has_keys = self.wait()?;
+        }
+        self.screen.clear().map_err(Failure::output)
+    }
+
+    /// Does what the keys that came ask for; says whether to go on.
+    fn take_keys(&mut self) -> bool {
+        let Some(terminal) = &mut self.terminal else {
+            return true;
+        };
+        let Some(player_keys) = terminal.read() else {
+            // The terminal is gone: the replay goes on without keys.
+            self.terminal = None;
+            return true;
+        };
+        let now = MonotonicNs::now();
+        for player_key in player_keys {
+            match player_key {
+                PlayerKey::Pause => self.player.toggle_pause(now),
+                PlayerKey::Step => self.player.step(now),
+                PlayerKey::Quit => return false,
+            }
+            self.screen.change();
+        }
+        true
+    }
+
+    /// Publishes what is due, and prints requests as they pass.
+    fn play(&mut self) -> Result<(), Failure> {
+        let now = MonotonicNs::now();
+        while let Some(due) = self.player.next(now) {
+            if let Some(Content::Request(message)) = self.player.flight().content(due.index) {
+                let at = self.player.position_of(due.index);
+                if let Some(request) = ReplayedRequest::read(message, at) {
+                    self.summary.requests += 1;
+                    self.screen.print(&request).map_err(Failure::output)?;
+                }
+                continue;
+            }
+            match self.services.publish(&due, MonotonicNs::now()) {
+                Ok(is_published) => self.summary.samples += u64::from(is_published),
+                Err(error) => tracing::warn!(%error, "a sample is missing in the replay"),
+            }
+        }
+        self.summary.laps = self.player.laps();
+        Ok(())
+    }
+
+    /// Sleeps until something comes or is due; says whether keys came.
+    fn wait(&mut self) -> Result<bool, Failure> {
+        let timeout = self
+            .player
+            .deadline()
+            .map(|at| at.since(MonotonicNs::now()));
+        let mut signals = Descriptor::new(self.termination.as_fd());
+        let mut keys = self.terminal.as_ref().map(Terminal::source);
+        let mut sources: Vec<(Woken, &mut dyn Source)> = vec![(Woken::Other, &mut signals)];
+        if let Some(keys) = &mut keys {
+            sources.push((Woken::Keys, keys));
+        }
+        for source in self.services.sources(OTHER_SOURCES) {
+            sources.push((Woken::Other, source));
+        }
+        let wake = self
+            .waiter
+            .wait(&mut sources, timeout)
+            .or_fail(ExitCode::Internal)?;
+        Ok(wake.has(Woken::Keys))
+    }
+
+    fn end(self, has_json: bool, notes: &Notes<'_>) -> Result<(), Failure> {
+        // Gives the terminal back before anything is printed.
+        drop(self.terminal);
+        if has_json {
+            let mut out = io::stdout().lock();
+            json_line(&mut out, &self.summary)?;
+            out.flush().map_err(Failure::output)?;
+        }
+        notes.end(&self.summary);
+        Ok(())
+    }
+}
+
+/// What was played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+struct Summary {
+    schema: &'static str,
+    robot: u32,
+    /// Samples that were published.
+    samples: u64,
+    /// Recorded requests and reports that passed.
+    requests: u64,
+    /// Requests of live clients, all of which were refused.
+    refused_requests: u64,
+    /// How often the section was begun again.
+    laps: u64,
+}
+
+impl Summary {
+    fn new(robot: RobotId) -> Summary {
+        Summary {
+            schema: SCHEMA,
+            robot: robot.get(),
+            samples: 0,
+            requests: 0,
+            refused_requests: 0,
+            laps: 0,
+        }
+    }
+}
+
+/// What is said to people, on standard error: nothing with `--quiet`.
+struct Notes<'a> {
+    common: &'a CommonArgs,
+}
+
+impl Notes<'_> {
+    fn begin(&self, flight: &Flight, services: &Services, domain: &Domain, robot: RobotId) {
+        for left_out in flight.left_out().iter().chain(services.left_out()) {
+            tracing::warn!(
+                topic = left_out.topic,
+                reason = left_out.reason,
+                "not played"
+            );
+        }
+        if let Some(error) = flight.errors().first() {
+            let count = flight.errors().len();
+            tracing::warn!(%error, count, "the file is damaged; what is whole is played");
+        }
+        let root = domain.root().display();
+        self.say(&format!(
+            "robot {robot} is played in {root}; watch it with `RIL_IPC_ROOT={root} ril watch --robot {robot}`"
+        ));
+    }
+
+    fn end(&self, summary: &Summary) {
+        let mut text = format!(
+            "{} samples published, {} recorded requests and reports passed",
+            summary.samples, summary.requests
+        );
+        if summary.refused_requests > 0 {
+            text += &format!("; {} requests were refused", summary.refused_requests);
+        }
+        self.say(&text);
+    }
+
+    fn say(&self, text: &str) {
+        if self.common.quiet == 0 {
+            // Standard error may be closed; the replay goes on.
+            let _ = writeln!(io::stderr(), "{text}");
+        }
+    }
+}
+
+/// The domain that `RIL_IPC_ROOT` names; else one for replays alone.
+fn replay_domain() -> Result<Domain, Failure> {
+    if std::env::var_os(ROOT_VARIABLE).is_some() {
+        return Domain::from_environment().or_fail(ExitCode::Configuration);
+    }
+    let uid = rustix::process::geteuid().as_raw();
+    Domain::new(Path::new(&format!("/dev/shm/hr{uid}"))).or_fail(ExitCode::Internal)
+}
+
+/// Refuses a robot of which any service has a live provider.
+fn refuse_living(domain: &Domain, robot: RobotId) -> Result<(), Failure> {
+    let mut services = domain.topics(robot);
+    services.extend(domain.request_services(robot));
+    let living = services.into_iter().find_map(|service| {
+        let provider = service.provider?;
+        Some((service.key, provider.process, provider.pid))
+    });
+    match living {
+        None => Ok(()),
+        Some((key, process, pid)) => {
+            let text = format!(
+                "robot {robot} lives in {}: `{process}` (process {pid}) provides {key}; nothing is played onto it",
+                domain.root().display()
+            );
+            Err(lives(text, robot))
+        }
+    }
+}
+
+/// The services cannot be provided.
+fn not_provided(error: ServicesError, robot: RobotId) -> Failure {
+    match error {
+        ServicesError::Topic(DynamicError::Open(error @ OpenError::AlreadyProvided { .. }))
+        | ServicesError::Requests(error @ OpenError::AlreadyProvided { .. }) => {
+            lives(error.to_string(), robot)
+        }
+        error => Failure::internal(error),
+    }
+}
+
+fn lives(text: String, robot: RobotId) -> Failure {
+    let other = robot.get().wrapping_add(1).max(1);
+    Failure::new(ExitCode::Refused, text).with_next_step(format!(
+        "play it as another robot with --robot {other}, or unset RIL_IPC_ROOT: then it has shared memory of its own"
+    ))
+}

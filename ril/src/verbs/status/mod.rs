@@ -1,0 +1,205 @@
+//! `ril status`: the newest state and telemetry, each with its age, once or as they change.
+
+pub mod options;
+pub mod report;
+
+use std::io::{self, IsTerminal, Write};
+use std::time::{Duration, SystemTime};
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
+use runtime::exit::{ExitCode, Failure};
+
+use self::options::StatusArgs;
+use self::report::{Samples, StateReport};
+use crate::commands::latest::Latest;
+use crate::commands::sample_age::STALE_AFTER;
+use crate::commands::{self, Session, configuration, json_line};
+use crate::live::{Block, Size};
+use crate::pilot::PilotView;
+use crate::relay_link::{LinkReport, LinkWatch};
+use crate::words::time_of_day;
+
+/// Shortest time between two looks of `--watch` at what came: what the eye can follow.
+const WATCH_PERIOD: Duration = Duration::from_millis(200);
+
+/// How often `--watch` looks when nothing comes: ages go on, and a process may have ended.
+const IDLE_PERIOD: Duration = Duration::from_secs(1);
+
+/// `ril status`
+///
+/// # Errors
+///
+/// Code 3 when there is no bridge, 4 when it says nothing or what it says is old, 6 when the link to the DSP, or the relay's to the
+/// robot, is not up. What there is has been shown then.
+pub fn status(args: &StatusArgs) -> Result<(), Failure> {
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+    let session = Session::join(&args.common)?;
+    let mut newest = Newest::open(&session)?;
+    if args.watch {
+        return watch(args, &session, &mut newest);
+    }
+    let give_up = MonotonicNs::now() + timeout;
+    loop {
+        newest.drain();
+        let now = MonotonicNs::now();
+        if now >= give_up || newest.is_complete(&session, now)? {
+            break;
+        }
+        if session.termination.requested() {
+            return Ok(());
+        }
+        session.wait(newest.ports(), Some(give_up))?;
+    }
+    if newest.samples(&session)?.is_empty() {
+        return Err(session.nothing_came(ModuleState::KEY, timeout)?);
+    }
+    let report = newest.report(&session)?;
+    let mut out = io::stdout().lock();
+    if args.json {
+        json_line(&mut out, &report)?;
+    } else {
+        write!(out, "{report}").map_err(Failure::output)?;
+    }
+    match report.trouble() {
+        None => Ok(()),
+        // It names other robots that may be meant.
+        Some((ExitCode::ServiceAbsent, _)) => {
+            Err(commands::absent(ModuleState::KEY, session.ipc.robot()))
+        }
+        Some((code, text)) => Err(Failure::new(code, text)),
+    }
+}
+
+/// Shows the report again and again until a signal: on a terminal in its place, elsewhere a line whenever the situation is another.
+fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    let is_live = !args.json && out.is_terminal();
+    let mut block = Block::default();
+    let mut before = None;
+    while !session.termination.requested() {
+        newest.drain();
+        newest.relay.look(session, ModuleState::KEY)?;
+        let report = newest.report(session)?;
+        let situation = report.situation();
+        if is_live {
+            let size = Size::of(io::stdout());
+            let text = report.to_string();
+            block
+                .show(&mut out, size, text.lines())
+                .map_err(Failure::output)?;
+        } else if before.as_ref() != Some(&situation) {
+            if args.json {
+                json_line(&mut out, &report)?;
+            } else {
+                let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+                let time = time_of_day(since_1970.as_secs());
+                writeln!(out, "{time}Z  {}", report.line()).map_err(Failure::output)?;
+            }
+            out.flush().map_err(Failure::output)?;
+        }
+        before = Some(situation);
+        let now = MonotonicNs::now();
+        // What comes meanwhile is shown together.
+        session.wait([], Some(now + WATCH_PERIOD))?;
+        if !session.termination.requested() {
+            session.wait(newest.ports(), Some(now + IDLE_PERIOD))?;
+        }
+    }
+    Ok(())
+}
+
+/// The newest sample of each service.
+struct Newest {
+    state: Latest<ModuleState>,
+    dsp: Latest<DspTelemetry>,
+    hero: Latest<HeroTelemetry>,
+    status: Latest<StateOf<StatusModule>>,
+    relay: LinkWatch,
+}
+
+impl Newest {
+    fn open(session: &Session) -> Result<Newest, Failure> {
+        Ok(Newest {
+            state: Latest::open(&session.ipc)?,
+            dsp: Latest::open(&session.ipc)?,
+            hero: Latest::open(&session.ipc)?,
+            status: Latest::open(&session.ipc)?,
+            relay: LinkWatch::default(),
+        })
+    }
+
+    fn ports(&mut self) -> impl Iterator<Item = &mut dyn Source> {
+        let ports: [&mut dyn Source; 4] = [
+            &mut self.state.port,
+            &mut self.dsp.port,
+            &mut self.hero.port,
+            &mut self.status.port,
+        ];
+        ports.into_iter().chain(self.relay.port())
+    }
+
+    fn drain(&mut self) {
+        self.relay.drain();
+        self.state.drain();
+        self.dsp.drain();
+        self.hero.drain();
+        self.status.drain();
+    }
+
+    fn samples(&self, session: &Session) -> Result<Samples, Failure> {
+        Ok(Samples {
+            state: self.state.sample,
+            dsp: self.dsp.sample,
+            hero: self.hero.sample,
+            status: self.status.sample.as_deref().copied(),
+            has_bridge: session.is_provided(ModuleState::KEY)?,
+            has_status: session.is_provided(StateOf::<StatusModule>::KEY)?,
+        })
+    }
+
+    fn report(&self, session: &Session) -> Result<StateReport, Failure> {
+        let now = MonotonicNs::now();
+        let report = StateReport::new(session.ipc.robot(), self.samples(session)?, now);
+        Ok(match self.relay.is_relayed() {
+            true => report.relayed(self.relay.newest().map(|link| LinkReport::new(link, now))),
+            false => report,
+        })
+    }
+
+    /// Whether everything is there that can be expected, and new: the bridge's state and telemetry only if there is a bridge, telemetry
+    /// only over a link that is up and has brought some, telemetry in SI units and the state of status only if a process
+    /// provides them, and the link only if the robot is on another machine.
+    fn is_complete(&mut self, session: &Session, now: MonotonicNs) -> Result<bool, Failure> {
+        self.relay.look(session, ModuleState::KEY)?;
+        if self.relay.is_missing() {
+            return Ok(false);
+        }
+        if self.status.sample.is_none() && session.is_provided(StateOf::<StatusModule>::KEY)? {
+            return Ok(false);
+        }
+        let is_new = |at: MonotonicNs| at <= now && now.since(at) <= STALE_AFTER;
+        let Some(state) = &self.state.sample else {
+            return Ok(false);
+        };
+        if !session.is_provided(ModuleState::KEY)? {
+            return Ok(true);
+        }
+        if !is_new(state.published()) {
+            return Ok(false);
+        }
+        let is_up = state.link.state() == Some(ipc_types::code::LinkState::Up);
+        if state.link.telemetry_published == 0 {
+            return Ok(true);
+        }
+        let (hero, dsp) = (self.hero.sample.as_ref(), self.dsp.sample.as_ref());
+        if dsp.is_none() || (hero.is_none() && session.is_provided(HeroTelemetry::KEY)?) {
+            return Ok(false);
+        }
+        let received = PilotView::of(hero, dsp).received;
+        Ok(!is_up || received.is_some_and(is_new))
+    }
+}

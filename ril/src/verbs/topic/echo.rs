@@ -1,0 +1,290 @@
+//! `ril echo`: prints samples as they come, and says at the end how many were lost.
+
+use std::fmt::Write as _;
+use std::io::{self, BufWriter, Write};
+use std::time::Duration;
+
+use ipc_types::{Losses, MonotonicNs};
+use runtime::exit::Failure;
+
+use super::options::{EchoArgs, EchoOptions};
+use super::stream::{self, Watched, Watcher};
+use super::watch_timeout::{Limits, Next};
+use crate::commands::sample_age::STALE_AFTER;
+use crate::commands::{Session, configuration, json_line};
+use crate::config::Config;
+use crate::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
+use crate::stamps::StampReader;
+use crate::words::count as plural;
+
+/// `ril echo`
+///
+/// # Errors
+///
+/// Code 2 for a field that does not exist, 3 when no process publishes, 4 when the publisher says nothing.
+pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
+    let options = &args.options;
+    let watched = Watched::own(args.topic);
+    let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
+    let Some(config) = configuration(&options.common)? else {
+        return Ok(());
+    };
+    let session = Session::join(&options.common)?;
+    print(&session, &watched, selection, options, &config)
+}
+
+/// `ril topic echo`
+///
+/// # Errors
+///
+/// As [`echo`]; code 3 also for a topic that is not there.
+pub fn any(key: &str, options: &EchoOptions) -> Result<(), Failure> {
+    let Some(config) = configuration(&options.common)? else {
+        return Ok(());
+    };
+    let session = Session::join(&options.common)?;
+    let watched = Watched::find(&session, key)?;
+    let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
+    print(&session, &watched, selection, options, &config)
+}
+
+fn print(
+    session: &Session,
+    watched: &Watched,
+    selection: Selection,
+    options: &EchoOptions,
+    config: &Config,
+) -> Result<(), Failure> {
+    let limits = Limits {
+        count: options.count,
+        duration: options.duration,
+        timeout: options.timeout.unwrap_or_else(|| config.observe.timeout()),
+    };
+    let mut samples = watched.open(session)?;
+    let mut printer = Printer {
+        watched,
+        stamps: StampReader::of(&watched.schema),
+        meaning: Meaning::of_type(watched.schema.type_name()),
+        selection,
+        json: options.json,
+        out: BufWriter::new(io::stdout().lock()),
+        seen: Seen::default(),
+    };
+    let end = stream::watch(session, watched, &mut samples, limits, &mut printer)?;
+    if tracing::enabled!(tracing::Level::INFO) {
+        let summary = printer.seen.summary(samples.losses());
+        // Standard error may be closed; that does no harm.
+        let _ = writeln!(io::stderr(), "{summary}");
+    }
+    match end {
+        Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
+        _ => Ok(()),
+    }
+}
+
+/// How samples are printed.
+struct Printer<'a, W> {
+    watched: &'a Watched,
+    stamps: StampReader,
+    meaning: Meaning,
+    selection: Selection,
+    json: bool,
+    out: W,
+    seen: Seen,
+}
+
+impl<W: Write> Watcher for Printer<'_, W> {
+    fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
+        let now = MonotonicNs::now();
+        let stamps = self.stamps.read(payload, now);
+        let note = match self.seen.samples {
+            0 => note_of_age(now.since(stamps.sent), &self.watched.key),
+            _ => None,
+        };
+        self.seen.take(stamps.sent.0);
+        self.print(payload)?;
+        if let Some(note) = note {
+            self.out.flush().map_err(Failure::output)?;
+            // Standard error may be closed; that does no harm.
+            let _ = writeln!(io::stderr(), "{note}");
+        }
+        Ok(true)
+    }
+
+    fn woken(&mut self, _: Losses, _: MonotonicNs) -> Result<(), Failure> {
+        self.out.flush().map_err(Failure::output)
+    }
+}
+
+impl<W: Write> Printer<'_, W> {
+    fn print(&mut self, payload: &[u8]) -> Result<(), Failure> {
+        let schema = &self.watched.schema;
+        let tree = Tree::read(schema, self.meaning, payload, &self.selection);
+        if self.json {
+            let line = JsonLine {
+                schema: schema.type_name(),
+                tree: &tree,
+            };
+            return json_line(&mut self.out, &line);
+        }
+        let text = if self.selection.is_everything() {
+            block(&tree)
+        } else {
+            line(&tree)
+        };
+        self.out.write_all(text.as_bytes()).map_err(Failure::output)
+    }
+}
+
+/// What is said of a first sample that is so old that it does not show how things are now. It is the last one that was
+/// published, which every subscriber gets at once: newer ones do not come because nothing of the kind happens or because
+/// the link is down.
+fn note_of_age(age: Duration, key: &str) -> Option<String> {
+    let age_ms = age.as_millis();
+    (age > STALE_AFTER).then(|| {
+        format!(
+            "note: this is the last sample of {key}, {age_ms} ms old; `ril status` shows whether the link is down"
+        )
+    })
+}
+
+/// A whole sample: a line for each field, and one that ends it.
+fn block(tree: &Tree) -> String {
+    let mut text = String::new();
+    for (name, value) in tree.plain_fields() {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{name}: {}", Plainly(value));
+    }
+    text + "---\n"
+}
+
+/// Chosen fields: one line for each sample.
+fn line(tree: &Tree) -> String {
+    let fields = tree.plain_fields().into_iter();
+    let fields: Vec<String> = fields
+        .map(|(name, value)| format!("{name}={}", Plainly(value)))
+        .collect();
+    fields.join("  ") + "\n"
+}
+
+/// What was printed.
+#[derive(Debug, Default)]
+struct Seen {
+    samples: u64,
+    first_ns: u64,
+    last_ns: u64,
+}
+
+impl Seen {
+    /// A sample that was made at `sent_ns`.
+    fn take(&mut self, sent_ns: u64) {
+        self.last_ns = sent_ns;
+        if self.samples == 0 {
+            self.first_ns = self.last_ns;
+        }
+        self.samples += 1;
+    }
+
+    fn summary(&self, losses: Losses) -> String {
+        let count = self.samples;
+        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
+        let rate = if count > 1 && seconds > 0.0 {
+            format!(" at {:.1} a second", (count - 1) as f64 / seconds)
+        } else {
+            String::new()
+        };
+        let (lost, changes) = (losses.lost, losses.publisher_restarts);
+        let (samples, changes) = (
+            plural(count, "sample"),
+            plural(changes, "publisher restart"),
+        );
+        format!("{samples}{rate}, {lost} lost, {changes}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::TelemetryGroup;
+    use ipc_types::payload::{DspTelemetry, SharedStruct};
+
+    use super::super::options::Topic;
+    use super::*;
+
+    fn sample() -> DspTelemetry {
+        let mut sample = DspTelemetry {
+            sequence: 3,
+            valid_groups: TelemetryGroup::Geographic.bit(),
+            ..DspTelemetry::default()
+        };
+        sample.geographic.altitude_m = 1.5;
+        sample
+    }
+
+    fn printed(names: &[&str], json: bool) -> String {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let watched = Watched::own(Topic::Dsp);
+        let mut printer = Printer {
+            watched: &watched,
+            stamps: StampReader::of(&watched.schema),
+            meaning: Meaning::of::<DspTelemetry>(),
+            selection: Selection::of(&watched.schema, &names).unwrap(),
+            json,
+            out: Vec::new(),
+            seen: Seen::default(),
+        };
+        printer.print(sample().bytes()).unwrap();
+        String::from_utf8(printer.out).unwrap()
+    }
+
+    #[test]
+    fn chosen_fields_are_one_line_for_each_sample() {
+        let names = ["sequence", "geographic.altitude_m", "rotor_rpm"];
+        assert_eq!(
+            printed(&names, false),
+            "sequence=3  rotor_rpm=-  geographic.altitude_m=1.5\n"
+        );
+        assert_eq!(
+            printed(&names, true),
+            "{\"schema\":\"hero.DspTelemetry.v2\",\"sequence\":3,\"rotor_rpm\":null,\"geographic\":{\"altitude_m\":1.5}}\n"
+        );
+    }
+
+    #[test]
+    fn whole_samples_are_blocks_with_an_end() {
+        let text = printed(&[], false);
+        assert!(text.starts_with("sequence: 3\nepoch_ns: 0\n"), "{text}");
+        assert!(text.contains("\nattitude.yaw_deg: -\n"), "{text}");
+        assert!(text.ends_with("\n---\n"), "{text}");
+    }
+
+    #[test]
+    fn a_first_sample_that_is_old_is_said_to_be_so() {
+        assert_eq!(note_of_age(STALE_AFTER, "dsp_telemetry"), None);
+        let note = note_of_age(Duration::from_secs(12), "dsp_telemetry").unwrap();
+        assert!(
+            note.contains("last sample of dsp_telemetry, 12000 ms old"),
+            "{note}"
+        );
+    }
+
+    #[test]
+    fn the_summary_counts_what_was_printed_and_tells_the_rate() {
+        let mut seen = Seen::default();
+        let losses = Losses {
+            lost: 3,
+            publisher_restarts: 1,
+            ..Losses::default()
+        };
+        assert_eq!(
+            seen.summary(losses),
+            "0 samples, 3 lost, 1 publisher restart"
+        );
+        for index in 0..5 {
+            seen.take(1_000_000_000 + index * 20_000_000);
+        }
+        assert_eq!(
+            seen.summary(Losses::default()),
+            "5 samples at 50.0 a second, 0 lost, 0 publisher restarts"
+        );
+    }
+}

@@ -1,0 +1,193 @@
+//! [`App`]: all robots that are watched, which of them is selected, and what a key does.
+
+#[cfg(test)]
+mod tests;
+
+use ipc_types::{MonotonicNs, RobotId};
+
+use super::model::Robot;
+use super::prompt::{Answer, Order, Prompt};
+use crate::changes::Weight;
+use crate::chart::Chart;
+use crate::keys::Key;
+
+/// Most robots that are watched at a time: those with a key of their own.
+pub const MAX_ROBOTS: usize = 9;
+
+/// What the shell is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Nothing.
+    None,
+    /// End.
+    Quit,
+    /// Draw all of the screen.
+    Redraw,
+    /// Send this order to the robot of this index.
+    Send(usize, Order),
+}
+
+/// What the map shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Zoom {
+    /// All of the flight: robot, take-off, track and path.
+    #[default]
+    Flight,
+    /// The surroundings of the robot.
+    Near,
+    /// All of the fence, too.
+    Fence,
+}
+
+impl Zoom {
+    fn next(self) -> Zoom {
+        match self {
+            Zoom::Flight => Zoom::Near,
+            Zoom::Near => Zoom::Fence,
+            Zoom::Fence => Zoom::Flight,
+        }
+    }
+
+    /// In a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Zoom::Flight => "flight",
+            Zoom::Near => "near",
+            Zoom::Fence => "fence",
+        }
+    }
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct App {
+    robots: Vec<Robot>,
+    selected: usize,
+    prompt: Option<Prompt>,
+    zoom: Zoom,
+    chart: Chart,
+}
+
+impl App {
+    /// Watches `robots`, of which those beyond [`MAX_ROBOTS`] are left out; without one it is robot 1.
+    pub fn new(robots: &[RobotId], chart: Chart) -> App {
+        let mut robots: Vec<Robot> = robots
+            .iter()
+            .take(MAX_ROBOTS)
+            .map(|robot| Robot::new(*robot))
+            .collect();
+        if robots.is_empty() {
+            robots.push(Robot::new(RobotId::DEFAULT));
+        }
+        App {
+            robots,
+            selected: 0,
+            prompt: None,
+            zoom: Zoom::default(),
+            chart,
+        }
+    }
+
+    /// Takes a key.
+    pub fn key(&mut self, key: Key, now: MonotonicNs) -> Action {
+        if let Some(mut prompt) = self.prompt.take() {
+            return match prompt.key(key, now) {
+                Answer::Open => {
+                    self.prompt = Some(prompt);
+                    Action::None
+                }
+                Answer::Confirmed => Action::Send(self.selected, prompt.order()),
+                Answer::Cancelled(why) => {
+                    self.cancelled(&prompt, why, now);
+                    Action::None
+                }
+            };
+        }
+        match key {
+            Key::Char('q') | Key::Interrupt => return Action::Quit,
+            Key::Redraw => return Action::Redraw,
+            Key::Char('h') => self.ask(Order::Hold, now),
+            Key::Char('l') => self.ask(Order::Land, now),
+            Key::Char('s') => self.ask(Order::Stop, now),
+            Key::Char('z') => self.zoom = self.zoom.next(),
+            Key::Tab => self.selected = (self.selected + 1) % self.robots.len(),
+            Key::BackTab => {
+                self.selected = (self.selected + self.robots.len() - 1) % self.robots.len();
+            }
+            Key::Char(digit @ '1'..='9') => {
+                let index = usize::from(digit as u8 - b'1');
+                if index < self.robots.len() {
+                    self.selected = index;
+                }
+            }
+            _ => {}
+        }
+        Action::None
+    }
+
+    /// Judges all robots at `now`, and ends a prompt that took too long.
+    pub fn judge(&mut self, now: MonotonicNs) {
+        for robot in &mut self.robots {
+            robot.judge(now);
+        }
+        if let Some(prompt) = self.prompt.take_if(|prompt| prompt.is_over(now)) {
+            self.cancelled(&prompt, "not confirmed in time", now);
+        }
+    }
+
+    /// When the screen changes although nothing comes.
+    pub fn next(&self, now: MonotonicNs) -> Option<MonotonicNs> {
+        let robots = self.robots.iter().filter_map(|robot| robot.next(now));
+        robots.chain(self.prompt.as_ref().map(Prompt::ends)).min()
+    }
+
+    /// How often the bell is to ring.
+    pub fn take_bells(&mut self) -> u32 {
+        self.robots.iter_mut().map(Robot::take_bells).sum()
+    }
+
+    fn ask(&mut self, order: Order, now: MonotonicNs) {
+        let robot = self.robots[self.selected].id();
+        self.prompt = Some(Prompt::new(order, robot, now));
+    }
+
+    fn cancelled(&mut self, prompt: &Prompt, why: &str, now: MonotonicNs) {
+        let text = format!("{}: {why}, nothing was sent", prompt.order().word());
+        self.robots[self.selected].order(now, Weight::Order, text);
+    }
+
+    /// The robots, in the order of their keys.
+    pub fn robots(&self) -> &[Robot] {
+        &self.robots
+    }
+
+    /// The same to be fed.
+    pub fn robots_mut(&mut self) -> &mut [Robot] {
+        &mut self.robots
+    }
+
+    /// The index of the robot in detail.
+    pub fn selected(&self) -> usize {
+        self.selected
+    }
+
+    /// The robot in detail.
+    pub fn robot(&self) -> &Robot {
+        &self.robots[self.selected]
+    }
+
+    /// The question that waits for its word.
+    pub fn prompt(&self) -> Option<&Prompt> {
+        self.prompt.as_ref()
+    }
+
+    /// What the map shows.
+    pub fn zoom(&self) -> Zoom {
+        self.zoom
+    }
+
+    /// Fence and path.
+    pub fn chart(&self) -> &Chart {
+        &self.chart
+    }
+}

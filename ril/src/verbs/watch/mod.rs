@@ -1,0 +1,282 @@
+//! `ril watch`: the loop around pure values, into which samples, keys and the time go and out of which comes a screen. One wait for
+//! the terminal, signals, ports and the next moment at which the screen changes.
+//!
+//! * [`model`]: one robot, fed with samples; `freshness` says how old what it knows is;
+//! * `alarms`: what is wrong now, told once; `journal`: what happened; `history`: altitude and speed over time;
+//! * [`app`]: all robots, which of them is selected, and what a key does; `prompt`: orders are confirmed by a word;
+//! * [`view`]: draws all of that into a buffer; `paint`: bytes for a terminal;
+//! * `ports`, `terminal`: the shell.
+
+mod alarms;
+pub mod app;
+#[cfg(test)]
+mod fixture;
+mod freshness;
+mod history;
+pub mod model;
+pub mod options;
+mod paint;
+mod ports;
+mod prompt;
+mod terminal;
+pub mod view;
+
+use std::io::{self, IsTerminal};
+use std::time::{Duration, SystemTime};
+
+use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
+use ratatui::buffer::Buffer;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+
+use self::app::{Action, App, MAX_ROBOTS};
+use self::options::WatchArgs;
+use self::view::{Clock, Glyphs};
+use crate::alive::alive;
+use crate::chart;
+use crate::commands::configuration;
+use crate::config::RequestConfig;
+use ports::Ports;
+use terminal::{Input, Terminal};
+
+/// Shortest time between two drawings: what the eye can follow, and what a slow line carries. In that time samples wake nothing.
+const REDRAW_PERIOD: Duration = Duration::from_millis(100);
+
+/// What a wake-up of the terminal is called.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Woken {
+    Keys,
+    Other,
+}
+
+/// Three descriptors, two clients with an open order, three topics of the robot in detail, and the state of each other robot.
+const SOURCES: usize = 3 + ports::MAX_CLIENTS + ports::DETAIL_TOPICS + (MAX_ROBOTS - 1);
+const _: () = assert!(SOURCES <= ipc_types::waiter::MAX_SOURCES);
+
+/// `ril watch`
+///
+/// # Errors
+///
+/// Code 2 when standard input or output is no terminal, or one that cannot be drawn on; 78 when the configuration is wrong.
+pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
+    let common = args.common(io::stderr().is_terminal());
+    let Some(config) = configuration(&common)? else {
+        return Ok(());
+    };
+    terminal::refuse_others()?;
+    let chart = chart::of_files(args.bridge.as_deref(), args.plan.as_deref())?;
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    let robots = robots(args, &domain)?;
+    let mut ports = Vec::new();
+    for robot in &robots {
+        ports.push(Ports::open(&domain, *robot)?);
+    }
+    let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    let terminal = Terminal::enter().or_fail_with(
+        ExitCode::Internal,
+        "the terminal cannot be taken: try `ril status --watch`",
+    )?;
+    let screen = Screen {
+        app: App::new(&robots, chart),
+        ports,
+        terminal,
+        termination,
+        waiter: Waiter::new(),
+        requests: config.request,
+        glyphs: if args.ascii || is_console() {
+            Glyphs::Ascii
+        } else {
+            Glyphs::Unicode
+        },
+        has_bell: !args.no_bell,
+        is_changed: true,
+        next_drawing: MonotonicNs(0),
+        shown_second: 0,
+    };
+    screen.run()
+}
+
+/// Linux's own console has few characters.
+fn is_console() -> bool {
+    std::env::var_os("TERM").is_some_and(|term| term == "linux")
+}
+
+/// The robots that are named, or else those that are alive.
+fn robots(args: &WatchArgs, domain: &Domain) -> Result<Vec<RobotId>, Failure> {
+    let mut robots: Vec<RobotId> = Vec::new();
+    let named = args.robots.iter().copied().map(RobotId::from);
+    for robot in named {
+        if !robots.contains(&robot) {
+            robots.push(robot);
+        }
+    }
+    if robots.is_empty() {
+        robots = alive(domain).or_fail(ExitCode::Internal)?;
+        robots.truncate(MAX_ROBOTS);
+    }
+    if robots.len() > MAX_ROBOTS {
+        let text = format!(
+            "{} robots are named, and a screen has {MAX_ROBOTS}",
+            robots.len()
+        );
+        return Err(Failure::usage(text));
+    }
+    if robots.is_empty() {
+        robots.push(RobotId::DEFAULT);
+    }
+    Ok(robots)
+}
+
+/// Everything that the loop has.
+struct Screen {
+    app: App,
+    /// At the places of the app's robots.
+    ports: Vec<Ports>,
+    terminal: Terminal,
+    termination: Termination,
+    waiter: Waiter,
+    requests: RequestConfig,
+    glyphs: Glyphs,
+    has_bell: bool,
+    /// Whether there is something that is not drawn yet.
+    is_changed: bool,
+    next_drawing: MonotonicNs,
+    /// The second of the clock that is drawn.
+    shown_second: u64,
+}
+
+impl Screen {
+    /// Until a key, a signal or the end of the terminal.
+    fn run(mut self) -> Result<(), Failure> {
+        let mut has_keys = false;
+        while !self.termination.requested() && !self.terminal.is_gone() {
+            if has_keys && !self.take_keys()? {
+                break;
+            }
+            self.take_samples();
+            let now = MonotonicNs::now();
+            self.app.judge(now);
+            self.ring();
+            if self.terminal.take_resize() {
+                self.is_changed = true;
+                self.next_drawing = now;
+            }
+            let clock = clock(now);
+            self.is_changed |= clock.utc_s != self.shown_second;
+            if self.is_changed && now >= self.next_drawing {
+                self.draw(clock);
+            }
+            has_keys = self.wait(now)?;
+        }
+        Ok(())
+    }
+
+    /// Does what the keys that came ask for; says whether to go on.
+    fn take_keys(&mut self) -> Result<bool, Failure> {
+        let Input::Keys(keys) = self.terminal.read() else {
+            return Ok(false);
+        };
+        for key in keys {
+            self.is_changed = true;
+            let now = MonotonicNs::now();
+            match self.app.key(key, now) {
+                Action::None => {}
+                Action::Quit => return Ok(false),
+                Action::Redraw => self.terminal.forget(),
+                Action::Send(index, order) => {
+                    let robot = &mut self.app.robots_mut()[index];
+                    self.ports[index].send(order, &self.requests, robot, now)?;
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Takes everything that is there, and looks for processes that are overdue.
+    fn take_samples(&mut self) {
+        let now = MonotonicNs::now();
+        for (ports, robot) in self.ports.iter_mut().zip(self.app.robots_mut()) {
+            self.is_changed |= ports.drain(robot, now);
+            self.is_changed |= ports.look(robot, now);
+        }
+    }
+
+    fn ring(&mut self) {
+        if self.app.take_bells() > 0 && self.has_bell {
+            self.terminal.ring();
+        }
+    }
+
+    fn draw(&mut self, clock: Clock) {
+        let mut buffer = Buffer::empty(self.terminal.area());
+        view::draw(&self.app, clock, self.glyphs, &mut buffer);
+        // A terminal that has not taken the last picture gets the next one later.
+        if self.terminal.show(buffer) {
+            self.is_changed = false;
+            self.shown_second = clock.utc_s;
+        }
+        self.next_drawing = clock.now + REDRAW_PERIOD;
+    }
+
+    /// Sleeps until something comes or the screen changes; says whether keys came.
+    fn wait(&mut self, now: MonotonicNs) -> Result<bool, Failure> {
+        let until = self.wake_at(now);
+        let is_drawing_due = self.is_changed;
+        let selected = self.app.selected();
+        let mut signals = Descriptor::new(std::os::fd::AsFd::as_fd(&self.termination));
+        let (mut keys, mut resizes) = self.terminal.sources();
+        let mut sources: Vec<(Woken, &mut dyn Source)> = vec![
+            (Woken::Other, &mut signals),
+            (Woken::Keys, &mut keys),
+            (Woken::Other, &mut resizes),
+        ];
+        for (index, ports) in self.ports.iter_mut().enumerate() {
+            let detail = match (is_drawing_due, index == selected) {
+                // What comes until the next drawing is drawn with it, and need not wake.
+                (true, _) => ports::Detail::Orders,
+                (false, true) => ports::Detail::All,
+                (false, false) => ports::Detail::State,
+            };
+            for port in ports.sources(
+                detail,
+                self.app.robots()[index].process(model::Process::Status, now),
+            ) {
+                sources.push((Woken::Other, port));
+            }
+        }
+        let timeout = until.since(MonotonicNs::now());
+        let wake = self
+            .waiter
+            .wait(&mut sources, Some(timeout))
+            .or_fail(ExitCode::Internal)?;
+        Ok(wake.has(Woken::Keys))
+    }
+
+    /// When the screen changes although nothing comes.
+    fn wake_at(&self, now: MonotonicNs) -> MonotonicNs {
+        let drawing = self.is_changed.then_some(self.next_drawing);
+        let orders = self.ports.iter().filter_map(Ports::next);
+        let second = now + until_next_second();
+        let app = self.app.next(now);
+        drawing
+            .into_iter()
+            .chain(orders)
+            .chain(app)
+            .fold(second, MonotonicNs::min)
+    }
+}
+
+/// The two clocks.
+fn clock(now: MonotonicNs) -> Clock {
+    let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+    Clock {
+        now,
+        utc_s: since_1970.as_secs(),
+    }
+}
+
+/// How long the second of the clock lasts.
+fn until_next_second() -> Duration {
+    let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+    Duration::from_secs(1) - Duration::from_nanos(since_1970.subsec_nanos().into())
+}

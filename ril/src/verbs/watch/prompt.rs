@@ -1,0 +1,179 @@
+//! [`Prompt`]: an order is confirmed by its whole word and Enter, within some seconds. A key that is hit by accident, a text that is
+//! pasted and a cat on the keyboard send nothing.
+
+use std::time::Duration;
+
+use ipc_types::{MonotonicNs, RobotId};
+
+use crate::keys::Key;
+
+/// How long the word may take.
+pub const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Most characters that are taken of what is typed: more than the longest word, so that a wrong one is seen.
+const MAX_TYPED: usize = 12;
+
+/// What can be ordered from the screen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// `ril hold`
+    Hold,
+    /// `ril land --preempt`
+    Land,
+    /// `ril stop`
+    Stop,
+}
+
+impl Order {
+    /// The word that confirms it, which is also the command's.
+    pub fn word(self) -> &'static str {
+        match self {
+            Order::Hold => "hold",
+            Order::Land => "land",
+            Order::Stop => "stop",
+        }
+    }
+
+    /// What it does.
+    pub fn effect(self) -> &'static str {
+        match self {
+            Order::Hold => "hover on the spot; replaces a path",
+            Order::Land => "land on the spot; replaces a path",
+            Order::Stop => "hover, discard all that was planned, take no movement until a start",
+        }
+    }
+}
+
+/// What became of a prompt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// It is not answered yet.
+    Open,
+    /// The order is to be sent.
+    Confirmed,
+    /// Nothing is sent, for this reason.
+    Cancelled(&'static str),
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prompt {
+    order: Order,
+    robot: RobotId,
+    typed: String,
+    ends: MonotonicNs,
+}
+
+impl Prompt {
+    /// Asks for the word of `order` for `robot`.
+    pub fn new(order: Order, robot: RobotId, now: MonotonicNs) -> Prompt {
+        Prompt {
+            order,
+            robot,
+            typed: String::new(),
+            ends: now + TIMEOUT,
+        }
+    }
+
+    /// Takes a key.
+    pub fn key(&mut self, key: Key, now: MonotonicNs) -> Answer {
+        if now >= self.ends {
+            return Answer::Cancelled("not confirmed in time");
+        }
+        match key {
+            Key::Enter if self.typed == self.order.word() => return Answer::Confirmed,
+            Key::Enter => return Answer::Cancelled("another word was typed"),
+            Key::Escape | Key::Interrupt => return Answer::Cancelled("not confirmed"),
+            Key::Backspace => _ = self.typed.pop(),
+            Key::Char(letter) if self.typed.len() < MAX_TYPED && letter.is_ascii_graphic() => {
+                self.typed.push(letter.to_ascii_lowercase());
+            }
+            _ => {}
+        }
+        Answer::Open
+    }
+
+    /// Whether it is over at `now` because nothing was confirmed in time.
+    pub fn is_over(&self, now: MonotonicNs) -> bool {
+        now >= self.ends
+    }
+
+    /// When it is over.
+    pub fn ends(&self) -> MonotonicNs {
+        self.ends
+    }
+
+    /// What is asked for.
+    pub fn order(&self) -> Order {
+        self.order
+    }
+
+    /// Which robot the order is for.
+    pub fn robot(&self) -> RobotId {
+        self.robot
+    }
+
+    /// What was typed so far.
+    pub fn typed(&self) -> &str {
+        &self.typed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOW: MonotonicNs = MonotonicNs(5_000_000_000);
+
+    fn answer(order: Order, text: &str) -> Answer {
+        let mut prompt = Prompt::new(order, RobotId::DEFAULT, NOW);
+        let mut answer = Answer::Open;
+        for letter in text.chars() {
+            let key = match letter {
+                '\n' => Key::Enter,
+                '\x1b' => Key::Escape,
+                '\x7f' => Key::Backspace,
+                letter => Key::Char(letter),
+            };
+            answer = prompt.key(key, NOW);
+            if answer != Answer::Open {
+                break;
+            }
+        }
+        answer
+    }
+
+    #[test]
+    fn only_the_whole_word_and_enter_confirm() {
+        for (order, text, confirms) in [
+            (Order::Hold, "hold\n", true),
+            (Order::Land, "LAND\n", true),
+            (Order::Stop, "stopp\x7f\n", true),
+            (Order::Hold, "hold", false),
+            (Order::Hold, "h\n", false),
+            (Order::Hold, "\n", false),
+            (Order::Hold, "old\n", false),
+            (Order::Hold, "hhhhhhhhhhhhhhhhhhhh\n", false),
+            (Order::Land, "hold\n", false),
+            (Order::Land, "hold\x1bland\n", false),
+            (Order::Land, "land land\n", false),
+        ] {
+            assert_eq!(
+                answer(order, text) == Answer::Confirmed,
+                confirms,
+                "{text:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn it_is_over_after_its_time() {
+        let mut prompt = Prompt::new(Order::Land, RobotId::DEFAULT, NOW);
+        for letter in "land".chars() {
+            prompt.key(Key::Char(letter), NOW);
+        }
+        let late = NOW + TIMEOUT;
+        assert!(!prompt.is_over(NOW) && prompt.is_over(late));
+        assert!(matches!(prompt.key(Key::Enter, late), Answer::Cancelled(_)));
+    }
+}

@@ -1,0 +1,266 @@
+//! The values of the robot in detail, a line each.
+
+use std::borrow::Cow;
+
+use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+
+use super::pen::{Clock, GOOD, Glyphs, OLD, TITLE, WARNING, put};
+use crate::pilot;
+use crate::verbs::watch::app::App;
+use crate::verbs::watch::freshness::Freshness;
+use crate::verbs::watch::history::History;
+use crate::verbs::watch::model::{Process, Robot};
+
+/// Width of the names, characters.
+const NAMES: u16 = 9;
+
+/// An altitude that changes by less than this over a sparkline is drawn as level, m.
+const LEAST_CLIMB_M: f64 = 2.0;
+
+/// A speed that changes by less than this over a sparkline is drawn as even, m/s.
+const LEAST_CHANGE_MPS: f64 = 1.0;
+
+/// Draws the lines in their order.
+pub(super) fn draw(app: &App, clock: Clock, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
+    let robot = app.robot();
+    let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
+    let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
+    let mut lines = Lines {
+        buffer,
+        area,
+        glyphs,
+        y: 0,
+    };
+    lines.value("altitude", telemetry, &altitude(robot));
+    lines.sparkline(robot.altitude(), LEAST_CLIMB_M);
+    lines.value("speed", telemetry, &speed(robot));
+    lines.sparkline(robot.speed(), LEAST_CHANGE_MPS);
+    lines.value("position", telemetry, &position(robot));
+    lines.value("path", bridge, &path(robot));
+    lines.value("supply", telemetry, &supply(robot));
+    let (text, style) = switch(robot);
+    lines.styled("switch", telemetry, text, style);
+    let gps = robot.pilot().gps;
+    let fix = gps.map_or("-".to_owned(), |gps| gps.to_string());
+    lines.value("GPS", telemetry, &fix);
+    let (text, style) = dsp_link(robot, clock);
+    lines.styled("DSP link", bridge, &text, style);
+    let (text, style) = telemetry_line(robot, clock);
+    lines.styled("telemetry", true, &text, style);
+    let (text, style) = status(robot, clock);
+    lines.styled("status", true, &text, style);
+    let (text, style) = relay(robot, clock);
+    lines.styled("relay", true, &text, style);
+}
+
+/// The place where the next line goes.
+struct Lines<'a> {
+    buffer: &'a mut Buffer,
+    area: Rect,
+    glyphs: Glyphs,
+    y: u16,
+}
+
+impl Lines<'_> {
+    fn row(&mut self) -> Rect {
+        let row = Rect {
+            y: self.area.y + self.y,
+            height: u16::from(self.y < self.area.height),
+            ..self.area
+        };
+        self.y += 1;
+        row
+    }
+
+    /// A value that is as new as can be, or else is drawn as an old one, with a question mark.
+    fn value(&mut self, name: &str, is_fresh: bool, text: &str) {
+        let style = if is_fresh { Style::new() } else { OLD };
+        self.styled(name, is_fresh, text, style);
+    }
+
+    fn styled(&mut self, name: &str, is_fresh: bool, text: &str, style: Style) {
+        let row = self.row();
+        put(self.buffer, row, 0, name, TITLE);
+        if !is_fresh {
+            put(self.buffer, row, NAMES, "?", WARNING);
+        }
+        let text = match self.glyphs {
+            Glyphs::Unicode => Cow::Borrowed(text),
+            Glyphs::Ascii => Cow::Owned(text.replace('°', "")),
+        };
+        put(self.buffer, row, NAMES + 2, &text, style);
+    }
+
+    fn sparkline(&mut self, history: &History, least_range: f64) {
+        const BARS: [&str; 8] = ["▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
+        const ASCII: [&str; 8] = ["_", "_", ".", ".", "-", "-", "=", "#"];
+        let row = self.row();
+        let width = row.width.saturating_sub(NAMES + 2);
+        let bars = history.bars(width.into(), BARS.len() as u64, least_range);
+        let text: String = bars
+            .into_iter()
+            .map(|bar| match bar.and_then(|bar| usize::try_from(bar).ok()) {
+                Some(bar) => self.glyphs.pick(BARS, ASCII)[bar.clamp(1, BARS.len()) - 1],
+                None => " ",
+            })
+            .collect();
+        put(self.buffer, row, NAMES + 2, &text, GOOD);
+    }
+}
+
+fn altitude(robot: &Robot) -> String {
+    let Some(altitude_m) = robot.pilot().altitude_m else {
+        return "-".to_owned();
+    };
+    match robot.height_m() {
+        Some(height_m) => format!("{altitude_m:.1} m, {height_m:+.1} m over take-off"),
+        None => format!("{altitude_m:.1} m"),
+    }
+}
+
+fn speed(robot: &Robot) -> String {
+    let pilot = robot.pilot();
+    let Some(speed_mps) = pilot.ground_speed_mps else {
+        return "-".to_owned();
+    };
+    let mut text = format!("{speed_mps:.1} m/s");
+    if let Some(climb_mps) = pilot.climb_mps {
+        text += &format!(", climb {climb_mps:+.1}");
+    }
+    if let Some(course_deg) = pilot.course_deg {
+        text += &format!(", course {course_deg:03.0}°");
+    }
+    text
+}
+
+fn position(robot: &Robot) -> String {
+    match robot.pilot().place {
+        Some(place) => format!("{:.7}° {:.7}°", place.latitude_deg, place.longitude_deg),
+        None => "-".to_owned(),
+    }
+}
+
+fn path(robot: &Robot) -> String {
+    let Some(state) = robot.last_state() else {
+        return "-".to_owned();
+    };
+    let movement = &state.movement;
+    let mut text = match (movement.kind(), pilot::next_waypoint(state)) {
+        (Some(MovementKind::GoToWaypoint), Some((_, total))) => {
+            format!("{} of {total} reached", movement.waypoints_reached)
+        }
+        (Some(kind), _) => format!("last order: {kind}"),
+        (None, _) => return "-".to_owned(),
+    };
+    let distance_m = movement
+        .distance_to_go()
+        .filter(|distance| distance.is_finite());
+    if let Some(distance_m) = distance_m {
+        text += &format!(", {distance_m:.1} m to go");
+    }
+    text
+}
+
+fn supply(robot: &Robot) -> String {
+    let pilot = robot.pilot();
+    let battery = pilot.battery_v.map(|volts| format!("battery {volts:.1} V"));
+    let fuel = pilot
+        .fuel_percent
+        .map(|percent| format!("fuel {percent:.0} %"));
+    let parts: Vec<String> = [battery, fuel].into_iter().flatten().collect();
+    if parts.is_empty() {
+        "-".to_owned()
+    } else {
+        parts.join(", ")
+    }
+}
+
+fn switch(robot: &Robot) -> (&'static str, Style) {
+    match robot.pilot().switch {
+        Some(PilotSwitch::Auto) => ("auto: the DSP flies", GOOD),
+        Some(PilotSwitch::Manual) => ("manual: the pilot flies", WARNING),
+        _ => ("-", OLD),
+    }
+}
+
+fn dsp_link(robot: &Robot, clock: Clock) -> (String, Style) {
+    let Some(state) = robot.last_state() else {
+        return ("-".to_owned(), OLD);
+    };
+    let link = &state.link;
+    let known = link.state();
+    let name = known.map_or_else(
+        || format!("unknown-{}", link.state),
+        |state| state.to_string(),
+    );
+    let heard = link.last_message().filter(|at| *at <= clock.now);
+    let age = heard.map_or("-".to_owned(), |at| {
+        format!("{:.1} s", clock.now.since(at).as_secs_f64())
+    });
+    let refused = &state.refused;
+    let lost = [refused.checksum, refused.truncated, refused.missed_messages]
+        .into_iter()
+        .fold(0_u32, u32::saturating_add);
+    let text = format!(
+        "{name} {age}, {lost} lost, {} repeated",
+        link.commands_repeated
+    );
+    let style = if known == Some(LinkState::Up) {
+        GOOD
+    } else {
+        WARNING
+    };
+    (text, style)
+}
+
+fn telemetry_line(robot: &Robot, clock: Clock) -> (String, Style) {
+    let freshness = robot.telemetry_freshness(clock.now);
+    match freshness.age() {
+        Some(age) => (format!("STALE, {age}"), WARNING),
+        None if freshness.is_fresh() => (format!("fresh, {} lost", robot.lost()), GOOD),
+        None => ("none yet".to_owned(), OLD),
+    }
+}
+
+fn status(robot: &Robot, clock: Clock) -> (String, Style) {
+    let freshness = robot.process(Process::Status, clock.now);
+    let doing = robot.last_status().and_then(|status| status.doing());
+    let doing = doing.unwrap_or("unreadable");
+    match freshness {
+        Freshness::Fresh => (doing.to_owned(), GOOD),
+        Freshness::Absent => ("not running: raw telemetry, no logs".to_owned(), OLD),
+        Freshness::Waiting => ("running, no state yet".to_owned(), WARNING),
+        Freshness::Stale(_) => ("STALE: it says nothing".to_owned(), WARNING),
+        Freshness::Gone(_) => ("GONE: raw telemetry, no logs".to_owned(), WARNING),
+    }
+}
+
+fn relay(robot: &Robot, clock: Clock) -> (String, Style) {
+    if !robot.is_relayed() {
+        return ("none: the robot is on this host".to_owned(), OLD);
+    }
+    let Some(link) = robot.last_relay() else {
+        return ("link unknown".to_owned(), WARNING);
+    };
+    let freshness = robot.process(Process::Relay, clock.now);
+    let state = link.state().map_or("unknown", |state| state.name());
+    let lost = link
+        .lost_on_air()
+        .map_or("-".to_owned(), |part| format!("{:.1} % lost", part * 100.0));
+    let heard = link.last_heard().filter(|at| *at <= clock.now);
+    let age = heard.map_or("-".to_owned(), |at| {
+        format!("{:.1} s", clock.now.since(at).as_secs_f64())
+    });
+    let trip = link.round_trip().map_or(String::new(), |seconds| {
+        format!(", round trip {:.0} ms", seconds * 1000.0)
+    });
+    let text = format!("{state} {age}, {lost}{trip}");
+    match freshness.age() {
+        Some(age) => (format!("STALE, {age}: {text}"), WARNING),
+        None if link.is_up() => (text, GOOD),
+        None => (text, WARNING),
+    }
+}

@@ -1,5 +1,0 @@
-//! What `ril wait` waits for: conditions as values, judged by the newest samples and the time. Pure.
-
-pub mod condition;
-#[cfg(test)]
-mod tests;
