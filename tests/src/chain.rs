@@ -10,7 +10,7 @@ use ipc_types::code::LinkState;
 use ipc_types::payload::ModuleState;
 use ipc_types::{Domain, Ipc, RobotId, Wake};
 
-use crate::process::{Process, Signal, WAIT_LIMIT};
+use crate::process::{Process, WAIT_LIMIT};
 use crate::pty::PtyFolder;
 
 /// Environment variable that names the binary `ril`.
@@ -152,21 +152,34 @@ impl Chain {
     /// When one of them does not end with exit code 0.
     #[track_caller]
     pub fn end(self) {
-        for mut process in [self.status, self.bridge, self.sim] {
-            process.signal(Signal::TERM);
-            let finished = process.wait_exit();
-            assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        for process in [self.status, self.bridge, self.sim] {
+            process.end();
         }
+    }
+}
+
+/// Variables of the environment that would change what the processes do.
+const VARIABLES: [&str; 5] = [
+    "RIL_ROBOT",
+    "RIL_CONFIG",
+    "RIL_PORT",
+    "RIL_LOG",
+    "RIL_DEADLINE",
+];
+
+/// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out that a machine that
+/// stalls fails nothing.
+pub fn place(command: &mut std::process::Command, folder: &Path) {
+    command.current_dir(folder).env(PATIENCE.0, PATIENCE.1);
+    for variable in VARIABLES {
+        command.env_remove(variable);
     }
 }
 
 fn command(domain: &Domain, binary: &Path, folder: &PtyFolder, args: &[&str]) -> Process {
     let mut command = std::process::Command::new(binary);
-    command.args(args).current_dir(folder.path());
-    command.env(PATIENCE.0, PATIENCE.1);
-    for variable in ["RIL_ROBOT", "RIL_CONFIG", "RIL_PORT", "RIL_LOG"] {
-        command.env_remove(variable);
-    }
+    command.args(args);
+    place(&mut command, folder.path());
     Process::spawn(domain, command)
 }
 

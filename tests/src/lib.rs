@@ -6,6 +6,7 @@
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
 //! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that nobody knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
+//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
 //! * [`pty`]: a folder for links to pseudo-terminals;
 //! * [`languages`]: programs in C, C++ and Python with the RIL's library;
@@ -114,6 +115,7 @@ pub mod process;
 pub mod pty;
 pub mod recording;
 pub mod replay;
+pub mod sandbox;
 pub mod script;
 pub mod stand_in;
 pub mod stranger;
@@ -126,6 +128,7 @@ pub use process::Process;
 pub use pty::PtyFolder;
 pub use recording::Recording;
 pub use replay::Replay;
+pub use sandbox::Sandbox;
 pub use script::Script;
 pub use stand_in::{
     Answer, PortTable, Received, StandInBridge, StandInPort, StandInServer, StandInStatus,

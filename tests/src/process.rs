@@ -160,8 +160,22 @@ impl Process {
     ///
     /// When the process has ended without such a line, or after [`WAIT_LIMIT`], with what it has printed.
     #[track_caller]
-    pub fn wait_for_line(&mut self, mut predicate: impl FnMut(&Line) -> bool) -> Line {
-        let deadline = Instant::now() + WAIT_LIMIT;
+    pub fn wait_for_line(&mut self, predicate: impl FnMut(&Line) -> bool) -> Line {
+        self.wait_for_line_within(WAIT_LIMIT, predicate)
+    }
+
+    /// As [`Process::wait_for_line`], for at most `limit`: for what is silent for longer than a test.
+    ///
+    /// # Panics
+    ///
+    /// As [`Process::wait_for_line`].
+    #[track_caller]
+    pub fn wait_for_line_within(
+        &mut self,
+        limit: Duration,
+        mut predicate: impl FnMut(&Line) -> bool,
+    ) -> Line {
+        let deadline = Instant::now() + limit;
         let mut next = 0;
         loop {
             while let Some(line) = self.lines.get(next) {
@@ -258,6 +272,31 @@ impl Process {
         }
     }
 
+    /// Ends the process in order, and returns what it has printed.
+    ///
+    /// # Panics
+    ///
+    /// When its exit code is not 0; as [`Process::wait_exit`].
+    #[track_caller]
+    pub fn end(mut self) -> Finished {
+        self.signal(Signal::TERM);
+        let finished = self.wait_exit();
+        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        finished
+    }
+
+    /// Whether the process runs, by what the kernel says at this moment.
+    pub fn is_running(&self) -> bool {
+        if self.status.is_some() {
+            return false;
+        }
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.id()));
+        // The program's name, in parentheses, may have any character in it.
+        let stat = stat.unwrap_or_default();
+        let state = stat.rsplit(')').next().unwrap_or_default().trim_start();
+        !state.is_empty() && !state.starts_with(['Z', 'X'])
+    }
+
     /// Takes one piece of news; fails when none comes before `deadline`.
     #[track_caller]
     fn take_news(&mut self, deadline: Instant, what: &str) {
@@ -266,7 +305,7 @@ impl Process {
             Ok(news) => self.note(news),
             Err(error) => {
                 let (name, tail) = (&self.name, self.tail());
-                panic!("never within {WAIT_LIMIT:?}: `{name}` {what} ({error})\n{tail}");
+                panic!("never in time: `{name}` {what} ({error})\n{tail}");
             }
         }
     }

@@ -1,11 +1,13 @@
-//! The processes that are measured: this program, started again in one of these roles.
+//! The processes that are measured: this program, started again in one of these roles. They run in the folder of their measurement.
 //!
-//! A child prints `ready` when it can be measured, and whoever measures prints `result` and JSON at the end. A role that
-//! has no end of its own ends at SIGTERM.
+//! A child prints `ready` when it can be measured. Its result is a file of JSON, whose name it prints: a line has no room for all
+//! samples. A role that has no end of its own ends at SIGTERM.
 
 use std::ffi::OsString;
+use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+#[cfg(feature = "peers")]
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -18,27 +20,14 @@ use serde::Serialize;
 
 use crate::consumer::{self, Service};
 use crate::dsp::{Dsp, Rate};
-use crate::latency::Recorder;
+use crate::harness::{READY, RESULT};
+use crate::measured::WARM_UP;
 use crate::pace::Pace;
-use crate::peers::Peer;
-#[cfg(feature = "relay")]
-use crate::plain_zenoh;
-#[cfg(feature = "relay")]
+use crate::peers::{Mark, Peer};
+#[cfg(feature = "peers")]
 use crate::relayed;
 use crate::requests;
 use crate::stream::telemetry;
-
-/// What a child prints when it can be measured.
-pub const READY: &str = "ready";
-/// What the line of the result begins with.
-pub const RESULT: &str = "result ";
-/// What the line of the serial port begins with.
-pub const PORT: &str = "port ";
-/// What a child prints now and then that is quiet for long.
-pub const ALIVE: &str = "alive";
-
-/// How often a child says that it is alive: several times within the longest wait for a line.
-const ALIVE_PERIOD: Duration = Duration::from_secs(30);
 
 /// Which role.
 #[derive(clap::Args)]
@@ -51,28 +40,18 @@ pub struct Args {
 #[derive(Subcommand)]
 enum Role {
     /// Sends samples over a peer until it is ended
-    HopSend {
-        peer: Peer,
-        site: PathBuf,
-        rate_hz: u32,
-    },
+    HopSend { peer: Peer, rate_hz: u32 },
     /// Receives samples over a peer
-    HopReceive {
-        peer: Peer,
-        site: PathBuf,
-        samples: usize,
-    },
+    HopReceive { peer: Peer, samples: usize },
     /// Is the DSP until it is ended
     Dsp {
         #[arg(value_parser = rate)]
         rate: Rate,
     },
     /// Reads frames from a terminal
-    ReadRaw { port: PathBuf, samples: usize },
-    /// Reads telemetry
+    ReadRaw { samples: usize },
+    /// Reads telemetry until there are so many samples, or it is ended
     Consume { service: Service, samples: usize },
-    /// Reads the telemetry of status until it is ended
-    Watch,
     /// Reads telemetry for a time and counts
     KeepUp { seconds: f64 },
     /// Orders landings
@@ -82,28 +61,24 @@ enum Role {
     /// Sends requests over iceoryx2 alone
     AskRaw { count: usize, rate_hz: u32 },
     /// Is robots, one in each domain, until it is ended
-    #[cfg(feature = "relay")]
+    #[cfg(feature = "peers")]
     Robots { rate_hz: u32, roots: Vec<PathBuf> },
     /// Reads the telemetry of robots
-    #[cfg(feature = "relay")]
+    #[cfg(feature = "peers")]
     ConsumeRobots { robots: u32, samples: usize },
     /// Is a robot over plain Zenoh until it is ended
-    #[cfg(feature = "relay")]
+    #[cfg(feature = "peers")]
     ZenohRobot { endpoint: String, rate_hz: u32 },
     /// Reads its telemetry
-    #[cfg(feature = "relay")]
+    #[cfg(feature = "peers")]
     ConsumeZenoh { endpoint: String, samples: usize },
     /// The relay
-    #[cfg(feature = "relay")]
+    #[cfg(feature = "peers")]
     Relay {
         #[command(subcommand)]
         command: relay::cli::Command,
     },
-    /// The bridge
-    Bridge(bridge::cli::Args),
-    /// Status
-    Status(status::cli::Args),
-    /// The operator's tool
+    /// The RIL's processes and the operator's tool
     Ril {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         args: Vec<OsString>,
@@ -124,10 +99,8 @@ pub fn run(args: Args) -> ExitCode {
     // A measurement that is killed leaves nothing behind that would disturb the next.
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
     match args.role {
-        Role::Bridge(args) => runtime::exit::main_with(|| bridge::cli::run(args)),
-        Role::Status(args) => runtime::exit::main_with(|| status::cli::run(args)),
         Role::Ril { args } => ril::main(std::iter::once("ril".into()).chain(args)),
-        #[cfg(feature = "relay")]
+        #[cfg(feature = "peers")]
         Role::Relay { command } => runtime::exit::main_with(|| relay::cli::run(command)),
         role => match play(role) {
             Ok(()) => ExitCode::SUCCESS,
@@ -141,112 +114,89 @@ pub fn run(args: Args) -> ExitCode {
 
 fn play(role: Role) -> Result<()> {
     match role {
-        Role::HopSend {
-            peer,
-            site,
-            rate_hz,
-        } => hop_send(peer, &site, rate_hz),
-        Role::HopReceive {
-            peer,
-            site,
-            samples,
-        } => hop_receive(peer, &site, samples),
-        Role::Dsp { rate } => be_dsp(rate),
-        Role::ReadRaw { port, samples } => {
-            tell_result(&consumer::read_raw(&port, samples, tell_ready)?)
+        Role::HopSend { peer, rate_hz } => hop_send(peer, rate_hz, &Termination::install()?),
+        Role::HopReceive { peer, samples } => {
+            let receive = peer.receiver()?;
+            report_ready()?;
+            report(&consumer::receive(receive, WARM_UP + samples)?)
         }
-        Role::Consume { service, samples } => {
-            tell_result(&consumer::consume(service, samples, tell_ready)?)
-        }
-        Role::Watch => {
+        Role::Dsp { rate } => {
             let termination = Termination::install()?;
-            tell_result(&consumer::watch(&termination, tell_ready)?)
+            let dsp = Dsp::new()?;
+            std::os::unix::fs::symlink(dsp.path(), "dsp")?;
+            report_ready()?;
+            report(&dsp.run(rate, &termination)?)
         }
+        Role::ReadRaw { samples } => {
+            report(&consumer::read_raw("dsp".as_ref(), samples, report_ready)?)
+        }
+        Role::Consume { service, samples } => report(&consumer::consume(
+            service,
+            samples,
+            &Termination::install()?,
+            report_ready,
+        )?),
         Role::KeepUp { seconds } => {
-            tell_alive();
             let duration = Duration::from_secs_f64(seconds);
-            tell_result(&consumer::keep_up(duration, tell_ready)?)
+            report(&consumer::keep_up(duration, report_ready)?)
         }
-        Role::Land { count, rate_hz } => tell_result(&requests::land(count, rate_hz, tell_ready)?),
-        Role::ServeRaw => requests::serve_raw(&Termination::install()?, tell_ready),
+        Role::Land { count, rate_hz } => report(&requests::land(count, rate_hz, report_ready)?),
+        Role::ServeRaw => requests::serve_raw(&Termination::install()?, report_ready),
         Role::AskRaw { count, rate_hz } => {
-            tell_result(&requests::ask_raw(count, rate_hz, tell_ready)?)
+            report(&requests::ask_raw(count, rate_hz, report_ready)?)
         }
-        #[cfg(feature = "relay")]
-        Role::Robots { rate_hz, roots } => relayed::be_robots(rate_hz, &roots, tell_ready),
-        #[cfg(feature = "relay")]
+        #[cfg(feature = "peers")]
+        Role::Robots { rate_hz, roots } => {
+            relayed::be_robots(rate_hz, &roots, &Termination::install()?, report_ready)
+        }
+        #[cfg(feature = "peers")]
         Role::ConsumeRobots { robots, samples } => {
-            tell_alive();
-            tell_result(&relayed::consume(robots, samples, tell_ready)?)
+            report(&relayed::consume(robots, samples, report_ready)?)
         }
-        #[cfg(feature = "relay")]
+        #[cfg(feature = "peers")]
         Role::ZenohRobot { endpoint, rate_hz } => {
-            plain_zenoh::publish(&endpoint, rate_hz, tell_ready)
+            relayed::publish_over_zenoh(&endpoint, rate_hz, &Termination::install()?, report_ready)
         }
-        #[cfg(feature = "relay")]
+        #[cfg(feature = "peers")]
         Role::ConsumeZenoh { endpoint, samples } => {
-            tell_result(&plain_zenoh::consume(&endpoint, samples, tell_ready)?)
+            let arrivals = relayed::consume_over_zenoh(&endpoint, samples, report_ready)?;
+            report(&relayed::Reading::of(arrivals))
         }
         // They have exit codes of their own.
-        Role::Bridge(_) | Role::Status(_) | Role::Ril { .. } => Ok(()),
-        #[cfg(feature = "relay")]
+        Role::Ril { .. } => Ok(()),
+        #[cfg(feature = "peers")]
         Role::Relay { .. } => Ok(()),
     }
 }
 
-fn tell(line: &str) -> Result<()> {
+fn print(line: &str) -> Result<()> {
     println!("{line}");
     std::io::stdout().flush().context("standard output")
 }
 
-fn tell_ready() -> Result<()> {
-    tell(READY)
+fn report_ready() -> Result<()> {
+    print(READY)
 }
 
-fn tell_result(result: &impl Serialize) -> Result<()> {
-    tell(&format!("{RESULT}{}", serde_json::to_string(result)?))
+fn report(result: &impl Serialize) -> Result<()> {
+    let file = format!("{}.json", std::process::id());
+    fs::write(&file, serde_json::to_vec(result)?)?;
+    print(&format!("{RESULT}{file}"))
 }
 
-/// Tells on a thread of its own, so that what is measured is not disturbed.
-fn tell_alive() {
-    std::thread::spawn(|| {
-        loop {
-            std::thread::sleep(ALIVE_PERIOD);
-            // Nobody listens any more when this fails, and nobody waits then.
-            let _ = tell(ALIVE);
-        }
-    });
-}
-
-fn hop_send(peer: Peer, site: &Path, rate_hz: u32) -> Result<()> {
-    let termination = Termination::install()?;
-    let mut sender = peer.sender(site)?;
+fn hop_send(peer: Peer, rate_hz: u32, termination: &Termination) -> Result<()> {
+    let mut send = peer.sender()?;
     let mut sample = telemetry();
     let mut pace = Pace::new(rate_hz);
-    tell_ready()?;
-    while !termination.requested() {
+    report_ready()?;
+    for index in 1.. {
         pace.wait()?;
-        sample.source_sequence += 1;
-        sample.published_ns = MonotonicNs::now().0;
-        sender.send(&sample)?;
+        if termination.requested() {
+            break;
+        }
+        let sent_ns = MonotonicNs::now().0;
+        Mark { index, sent_ns }.stamp(&mut sample);
+        send(&sample)?;
     }
     Ok(())
-}
-
-fn hop_receive(peer: Peer, site: &Path, samples: usize) -> Result<()> {
-    let mut receiver = peer.receiver(site)?;
-    let mut recorder = Recorder::new(samples);
-    tell_ready()?;
-    while !recorder.is_complete() {
-        receiver.receive(&mut |mark| recorder.take(mark))?;
-    }
-    tell_result(&recorder.finish())
-}
-
-fn be_dsp(rate: Rate) -> Result<()> {
-    let termination = Termination::install()?;
-    let dsp = Dsp::new()?;
-    tell(&format!("{PORT}{}", dsp.path().display()))?;
-    tell_ready()?;
-    tell_result(&dsp.run(rate, &termination)?)
 }

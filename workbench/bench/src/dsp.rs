@@ -11,7 +11,6 @@ use dsp_sim::pty::Pty;
 use ipc_types::MonotonicNs;
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use serde::{Deserialize, Serialize};
 
 use crate::pace::Pace;
 use crate::stream;
@@ -25,8 +24,8 @@ const FLOOD_FRAMES: u32 = 32;
 /// Bytes that wait for the kernel to take them, at most about so many: an eighth of a second at 20,000 frames a second.
 const MAX_UNSENT: usize = 1 << 18;
 
-/// Most moments that are kept: a minute at 1 kHz, and as much as fits in the one line that tells them.
-const MAX_MOMENTS: usize = 60_000;
+/// Most moments that are kept: ten minutes at 1 kHz.
+const MAX_MOMENTS: usize = 600_000;
 
 /// How often it looks whether it shall end.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
@@ -42,13 +41,6 @@ pub enum Rate {
     Flood,
 }
 
-/// What the DSP has sent: the moments of the first frames, in order. The first has the DSP time 1.
-#[derive(Debug, Default, Serialize, Deserialize)]
-pub struct Sent {
-    /// Just before the frame was written, `CLOCK_MONOTONIC`, ns.
-    pub sent_ns: Vec<u64>,
-}
-
 /// The DSP's end.
 pub struct Dsp {
     pty: Pty,
@@ -57,7 +49,8 @@ pub struct Dsp {
     unsent: Vec<u8>,
     time_ms: u32,
     is_flying: bool,
-    sent: Sent,
+    /// Just before each of the first frames was written, `CLOCK_MONOTONIC`, ns. The first has the DSP time 1.
+    sent_ns: Vec<u64>,
 }
 
 impl Dsp {
@@ -69,17 +62,17 @@ impl Dsp {
             unsent: Vec::with_capacity(1 << 16),
             time_ms: 0,
             is_flying: true,
-            sent: Sent::default(),
+            sent_ns: Vec::new(),
         })
     }
 
-    /// The PC's end, for the bridge.
+    /// The bridge's end.
     pub fn path(&self) -> &std::path::Path {
         self.pty.path()
     }
 
-    /// Talks until `termination`.
-    pub fn run(mut self, rate: Rate, termination: &Termination) -> Result<Sent> {
+    /// Talks until `termination`, and says when it sent its first frames.
+    pub fn run(mut self, rate: Rate, termination: &Termination) -> Result<Vec<u64>> {
         let (ticks_hz, frames) = match rate {
             Rate::Silent => (None, 0),
             Rate::Hz(hz) => (Some(hz.min(MAX_TICKS_HZ)), hz.div_ceil(MAX_TICKS_HZ)),
@@ -101,7 +94,7 @@ impl Dsp {
             self.answer()?;
             self.flush()?;
         }
-        Ok(self.sent)
+        Ok(self.sent_ns)
     }
 
     fn wait(&self, until: MonotonicNs, may_write: bool, termination: &Termination) -> Result<()> {
@@ -133,8 +126,8 @@ impl Dsp {
     fn send_frame(&mut self) {
         self.time_ms += 1;
         let frame = stream::frame(self.time_ms, self.is_flying);
-        if self.sent.sent_ns.len() < MAX_MOMENTS {
-            self.sent.sent_ns.push(MonotonicNs::now().0);
+        if self.sent_ns.len() < MAX_MOMENTS {
+            self.sent_ns.push(MonotonicNs::now().0);
         }
         self.unsent.extend_from_slice(frame.as_bytes());
     }

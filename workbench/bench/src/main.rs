@@ -1,44 +1,32 @@
 //! Measures the RIL side by side with what its users would use otherwise.
 //!
-//! Six commands, each of which prints its tables, and writes them into `docs/performance.md` with a plot beside it:
+//! Six commands, each of which prints its tables and writes them into `docs/performance.md`:
 //!
 //! * `hop`: one sample of telemetry from one process to another;
 //! * `codec`: the decoder of the serial line;
 //! * `end-to-end`: from a byte on the serial line to a consumer, and a request and its answer;
-//! * `cost`: processor time, wake-ups, system calls, highest rate, losses;
+//! * `cost`: processor time, wake-ups, highest rate, losses;
 //! * `record`: how old telemetry is while it is recorded, and what the recorder takes;
 //! * `relay`: telemetry on another machine, beside plain Zenoh, and a star of many robots.
 //!
 //! What is compared is always measured in the same run, in rounds that take turns, so that whatever else the machine
-//! does falls upon all alike. A ratio is that of one round; the median over the rounds is told. Every process that is
+//! does falls upon all alike. A ratio is that of one round; the median over the rounds is what counts. Every process that is
 //! measured is one of its own: this program starts itself again (`child`).
 
 mod child;
 mod commands;
 mod consumer;
 mod dsp;
-mod latency;
-mod machine;
-#[cfg(feature = "peers")]
-mod mavlink_message;
+mod harness;
+mod measured;
 mod pace;
 mod peers;
-mod plain;
-#[cfg(feature = "relay")]
-mod plain_zenoh;
 mod plot;
-mod process;
-#[cfg(feature = "relay")]
+#[cfg(feature = "peers")]
 mod relayed;
 mod report;
 mod requests;
-mod rounds;
-mod setting;
-mod site;
-mod statistics;
 mod stream;
-#[cfg(feature = "relay")]
-mod traffic;
 mod usage;
 
 use std::process::ExitCode;
@@ -61,12 +49,12 @@ enum Command {
     Codec(commands::codec::Args),
     /// From a byte on the serial line to a consumer, and from a request to its report
     EndToEnd(commands::end_to_end::Args),
-    /// Processor time, wake-ups, system calls, highest rate, losses
+    /// Processor time, wake-ups, highest rate, losses
     Cost(commands::cost::Args),
     /// How old telemetry is while it is recorded, and what the recorder takes
     Record(commands::record::Args),
     /// Telemetry on another machine, beside plain Zenoh, and a star of many robots
-    #[cfg(feature = "relay")]
+    #[cfg(feature = "peers")]
     Relay(commands::relay::Args),
     /// A process that another command measures
     #[command(hide = true)]
@@ -80,7 +68,7 @@ fn main() -> ExitCode {
         Command::EndToEnd(args) => commands::end_to_end::run(&args),
         Command::Cost(args) => commands::cost::run(&args),
         Command::Record(args) => commands::record::run(&args),
-        #[cfg(feature = "relay")]
+        #[cfg(feature = "peers")]
         Command::Relay(args) => commands::relay::run(&args),
         Command::Child(args) => return child::run(args),
     };

@@ -1,7 +1,5 @@
-//! Both ends of a relay: robots that publish as bridge and status do, and consumers on a station's machine.
-//!
-//! A relay translates the moments of a sample. So the sample carries the moment of its publishing once more, in a field that
-//! no relay changes: `dsp_time_s`, in seconds of `CLOCK_MONOTONIC`, which both ends share because they are on one machine.
+//! Both ends of a relay, and of plain Zenoh beside it: robots that publish as bridge and status do, and consumers on a station's
+//! machine.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -11,30 +9,29 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
-use ipc_types::{
-    Domain, Ipc, MonotonicNs, Publisher, RobotId, SchedulingRole, Subscriber, request_slice,
-};
+use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, SchedulingRole, request_slice};
 use runtime::signal::Termination;
 use serde::{Deserialize, Serialize};
 
-use crate::latency::{Recorder, Series};
+use crate::measured::{Arrival, WARM_UP};
 use crate::pace::{Pace, sleep_until};
-use crate::peers::{Mark, PATIENCE};
+use crate::peers::network::{zenoh_publisher, zenoh_put, zenoh_session, zenoh_subscriber};
+use crate::peers::{Mark, TIMEOUT};
 use crate::stream::telemetry;
 
-/// What carries the samples of one robot: shared memory, or plain Zenoh beside it.
-pub trait Outlet {
-    /// Publishes what the bridge and status publish of one frame of the DSP: both kinds of telemetry.
-    fn telemetry(&mut self, dsp: &DspTelemetry, hero: &HeroTelemetry) -> Result<()>;
+/// Key of the telemetry that is measured over plain Zenoh.
+const HERO: &str = "bench/hero_telemetry";
 
-    /// Publishes the state of the bridge.
-    fn state(&mut self, state: &ModuleState) -> Result<()>;
-}
+/// How often a relay publishes its counts at least.
+const COUNTS_PERIOD: Duration = Duration::from_secs(1);
 
-/// Publishes telemetry at `rate_hz` and the bridge's state once a second, until `termination`. Begins `delay` late, so that
-/// several robots do not publish all at once.
-pub fn publish(
-    mut outlet: impl Outlet,
+/// What a robot publishes at one moment: both kinds of telemetry of a frame of the DSP, and once a second the state of the bridge.
+type Outlet<'a> =
+    Box<dyn FnMut(&DspTelemetry, &HeroTelemetry, Option<&ModuleState>) -> Result<()> + 'a>;
+
+/// Publishes at `rate_hz` until `termination`. Begins `delay` late, so that several robots do not publish all at once.
+fn publish(
+    mut outlet: Outlet<'_>,
     rate_hz: u32,
     delay: Duration,
     termination: &Termination,
@@ -47,98 +44,91 @@ pub fn publish(
         ..DspTelemetry::default()
     };
     let mut hero = telemetry();
-    while !termination.requested() {
+    for index in 1.. {
         pace.wait()?;
-        hero.source_sequence += 1;
-        let now = MonotonicNs::now();
-        hero.received_ns = now.0;
-        hero.published_ns = now.0;
-        hero.dsp_time_s = now.0 as f64 * 1e-9;
-        outlet.telemetry(&dsp, &hero)?;
-        if hero.source_sequence % u64::from(rate_hz) == 1 {
-            outlet.state(&ModuleState {
-                published_ns: now.0,
-                ..ModuleState::default()
-            })?;
+        if termination.requested() {
+            break;
         }
+        let now = MonotonicNs::now();
+        (hero.received_ns, hero.published_ns) = (now.0, now.0);
+        let sent_ns = now.0;
+        Mark { index, sent_ns }.stamp(&mut hero);
+        let state = ModuleState {
+            published_ns: now.0,
+            ..ModuleState::default()
+        };
+        let is_due = index % u64::from(rate_hz) == 1;
+        outlet(&dsp, &hero, is_due.then_some(&state))?;
     }
     Ok(())
 }
 
-/// What a consumer has read of one robot.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Reading {
-    /// From publishing to reading.
-    pub series: Series,
-    /// Meanwhile, and of all topics: what the robot's relay has sent and the station's relay did not get.
-    pub lost_on_air: u64,
-    /// Meanwhile, and of all topics: what the robot's relay did not read in time.
-    pub lost_in_relay: u64,
-}
-
-/// The mark of a sample that may have been relayed.
-pub fn mark(sample: &HeroTelemetry) -> Mark {
-    Mark {
-        index: sample.source_sequence,
-        sent_ns: (sample.dsp_time_s * 1e9).round() as u64,
-    }
-}
-
-/// The services of one robot.
-struct Robot {
-    dsp: Publisher<DspTelemetry>,
-    hero: Publisher<HeroTelemetry>,
-    state: Publisher<ModuleState>,
-}
-
-impl Robot {
-    fn new(domain: &Domain, number: NonZeroU32) -> Result<Robot> {
-        let ipc = Ipc::join(domain, RobotId::from(number), "bench-robot")?;
-        Ok(Robot {
-            dsp: ipc.publisher()?,
-            hero: ipc.publisher()?,
-            state: ipc.publisher()?,
-        })
-    }
-}
-
-impl Outlet for Robot {
-    fn telemetry(&mut self, dsp: &DspTelemetry, hero: &HeroTelemetry) -> Result<()> {
-        self.dsp.publish(|slot| *slot = *dsp)?;
-        self.hero.publish(|slot| *slot = *hero)?;
+/// The services of one robot in shared memory.
+fn robot(domain: &Domain, number: NonZeroU32) -> Result<Outlet<'static>> {
+    let ipc = Ipc::join(domain, RobotId::from(number), "bench-robot")?;
+    let mut dsp = ipc.publisher::<DspTelemetry>()?;
+    let mut hero = ipc.publisher::<HeroTelemetry>()?;
+    let mut state = ipc.publisher::<ModuleState>()?;
+    Ok(Box::new(move |new_dsp, new_hero, new_state| {
+        dsp.publish(|slot| *slot = *new_dsp)?;
+        hero.publish(|slot| *slot = *new_hero)?;
+        if let Some(new_state) = new_state {
+            state.publish(|slot| *slot = *new_state)?;
+        }
         Ok(())
-    }
-
-    fn state(&mut self, state: &ModuleState) -> Result<()> {
-        self.state.publish(|slot| *slot = *state)?;
-        Ok(())
-    }
+    }))
 }
 
 /// Is robot 1 in the first of these domains, robot 2 in the second and so on, each in a thread of its own.
 pub fn be_robots(
     rate_hz: u32,
     roots: &[PathBuf],
+    termination: &Termination,
     ready: impl FnOnce() -> Result<()>,
 ) -> Result<()> {
-    let termination = Termination::install()?;
-    let mut robots = Vec::new();
-    for (number, root) in numbers().zip(roots) {
-        robots.push(Robot::new(&Domain::new(root)?, number)?);
-    }
-    ready()?;
     let period = Duration::from_secs(1) / rate_hz;
-    let count = robots.len() as u32;
+    let count = roots.len() as u32;
+    let (sender, started) = std::sync::mpsc::channel();
     thread::scope(|scope| {
         let threads: Vec<_> = (0..)
-            .zip(robots)
-            .map(|(place, robot)| {
-                let (delay, termination) = (period * place / count, &termination);
-                scope.spawn(move || publish(robot, rate_hz, delay, termination))
+            .zip(numbers().zip(roots))
+            .map(|(place, (number, root))| {
+                let sender = sender.clone();
+                scope.spawn(move || {
+                    let outlet = robot(&Domain::new(root)?, number)?;
+                    // The other end waits as long as this thread runs.
+                    let _ = sender.send(());
+                    publish(outlet, rate_hz, period * place / count, termination)
+                })
             })
             .collect();
+        drop(sender);
+        if started.iter().take(roots.len()).count() == roots.len() {
+            ready()?;
+        }
         join(threads).map(drop)
     })
+}
+
+/// What a consumer has read of one robot.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Reading {
+    /// The samples that count.
+    pub arrivals: Vec<Arrival>,
+    /// Meanwhile, and of all topics: what the robot's relay has sent and the station's relay did not get.
+    pub lost_on_air: u64,
+    /// Meanwhile, and of all topics: what the robot's relay did not read in time.
+    pub lost_in_relay: u64,
+}
+
+impl Reading {
+    /// Of a way that loses nothing on the air.
+    pub fn of(arrivals: Vec<Arrival>) -> Vec<Reading> {
+        vec![Reading {
+            arrivals,
+            ..Reading::default()
+        }]
+    }
 }
 
 /// Reads `samples` samples of each of `robots` robots, each in a thread of its own. `ready` is called when each robot's first
@@ -158,7 +148,6 @@ pub fn consume(
                 scope.spawn(move || {
                     read(number, samples, || {
                         if missing.fetch_sub(1, Ordering::Relaxed) == 1 {
-                            // The other end waits as long as this thread runs.
                             let _ = first.send(());
                         }
                     })
@@ -178,69 +167,94 @@ fn read(number: NonZeroU32, samples: usize, first: impl FnOnce()) -> Result<Read
     let domain = Domain::from_environment()?;
     let ipc = Ipc::join(&domain, RobotId::from(number), "bench-consumer")?;
     let mut subscriber = ipc.subscriber::<HeroTelemetry>()?;
-    let mut link = LinkCounts::new(&ipc)?;
+    // What the station's relay counts of the link to the robot; zero where there is no relay.
+    let mut counts = ipc.subscriber::<RelayLink>()?;
+    let mut before = RelayLink::default();
     request_slice(SchedulingRole::Consumer);
-    let mut recorder = Recorder::new(samples);
+    let mut arrivals = Vec::with_capacity(WARM_UP + samples);
     let mut first = Some(first);
     let mut last = MonotonicNs::now();
-    while !recorder.is_complete() {
-        subscriber.wait(PATIENCE)?;
-        if subscriber.drain(|sample| recorder.take(mark(sample)))? > 0 {
+    while arrivals.len() < WARM_UP + samples {
+        subscriber.wait(TIMEOUT)?;
+        if subscriber.drain(|sample| arrivals.push(arrival(sample)))? > 0 {
             last = MonotonicNs::now();
             if let Some(first) = first.take() {
                 first();
             }
         }
         ensure!(
-            MonotonicNs::now().since(last) < PATIENCE,
+            MonotonicNs::now().since(last) < TIMEOUT,
             "nothing comes of robot {number}"
         );
-        if !recorder.has_begun() {
-            link.begin()?;
+        if arrivals.len() <= WARM_UP {
+            counts.drain(|counts| before = *counts)?;
         }
     }
-    let (lost_on_air, lost_in_relay) = link.end()?;
+    sleep_until(MonotonicNs::now() + COUNTS_PERIOD)?;
+    let mut after = before;
+    counts.drain(|counts| after = *counts)?;
+    let since = |of: fn(&RelayLink) -> u64| of(&after).saturating_sub(of(&before));
     Ok(Reading {
-        series: recorder.finish(),
-        lost_on_air,
-        lost_in_relay,
+        arrivals: arrivals.split_off(WARM_UP),
+        lost_on_air: since(|counts| counts.samples_lost_on_air),
+        lost_in_relay: since(|counts| counts.samples_lost_in_relay),
     })
 }
 
-/// How often a relay publishes its counts at least.
-const COUNTS_PERIOD: Duration = Duration::from_secs(1);
-
-/// What the station's relay counts of the link to a robot. All zero where there is no relay.
-struct LinkCounts {
-    subscriber: Subscriber<RelayLink>,
-    first: RelayLink,
+fn arrival(sample: &HeroTelemetry) -> Arrival {
+    let mark = Mark::of(sample);
+    Arrival {
+        index: mark.index,
+        sent_ns: mark.sent_ns,
+        arrived_ns: MonotonicNs::now().0,
+        ..Arrival::default()
+    }
 }
 
-impl LinkCounts {
-    fn new(ipc: &Ipc) -> Result<LinkCounts> {
-        Ok(LinkCounts {
-            subscriber: ipc.subscriber()?,
-            first: RelayLink::default(),
-        })
-    }
+/// Publishes as a robot does, over plain Zenoh, until `termination`.
+pub fn publish_over_zenoh(
+    endpoint: &str,
+    rate_hz: u32,
+    termination: &Termination,
+    ready: impl FnOnce() -> Result<()>,
+) -> Result<()> {
+    let session = zenoh_session(endpoint, "listen")?;
+    let keys = ["bench/dsp_telemetry", HERO, "bench/module_state"];
+    let [dsp, hero, state] = keys.map(|key| zenoh_publisher(&session, key));
+    let (dsp, hero, state) = (dsp?, hero?, state?);
+    let outlet: Outlet<'_> = Box::new(|new_dsp, new_hero, new_state| {
+        zenoh_put(&dsp, new_dsp)?;
+        zenoh_put(&hero, new_hero)?;
+        new_state.map_or(Ok(()), |new_state| zenoh_put(&state, new_state))
+    });
+    ready()?;
+    publish(outlet, rate_hz, Duration::ZERO, termination)
+}
 
-    /// What has been lost up to now does not count.
-    fn begin(&mut self) -> Result<()> {
-        self.subscriber.drain(|counts| self.first = *counts)?;
-        Ok(())
+/// Reads `samples` samples over plain Zenoh. `ready` is called when the first one has come.
+pub fn consume_over_zenoh(
+    endpoint: &str,
+    samples: usize,
+    ready: impl FnOnce() -> Result<()>,
+) -> Result<Vec<Arrival>> {
+    let session = zenoh_session(endpoint, "connect")?;
+    let mut receive = zenoh_subscriber(session, "bench/*", HERO)?;
+    let mut arrivals = Vec::with_capacity(WARM_UP + samples);
+    let mut ready = Some(ready);
+    while arrivals.len() < WARM_UP + samples {
+        receive(&mut |mark| {
+            arrivals.push(Arrival {
+                index: mark.index,
+                sent_ns: mark.sent_ns,
+                arrived_ns: MonotonicNs::now().0,
+                ..Arrival::default()
+            });
+        })?;
+        if !arrivals.is_empty() {
+            ready.take().map_or(Ok(()), |ready| ready())?;
+        }
     }
-
-    /// What was lost on the air and in the robot's relay since the beginning.
-    fn end(mut self) -> Result<(u64, u64)> {
-        sleep_until(MonotonicNs::now() + COUNTS_PERIOD)?;
-        let (first, mut last) = (self.first, self.first);
-        self.subscriber.drain(|counts| last = *counts)?;
-        let since = |of: fn(&RelayLink) -> u64| of(&last).saturating_sub(of(&first));
-        Ok((
-            since(|counts| counts.samples_lost_on_air),
-            since(|counts| counts.samples_lost_in_relay),
-        ))
-    }
+    Ok(arrivals.split_off(WARM_UP))
 }
 
 /// 1, 2, 3 …
@@ -253,28 +267,4 @@ fn join<T>(threads: Vec<thread::ScopedJoinHandle<'_, Result<T>>>) -> Result<Vec<
         .into_iter()
         .map(|thread| thread.join().ok().context("a thread has failed")?)
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_moment_in_a_sample_is_right_to_two_nanoseconds_for_months() {
-        for sent_ns in [1, 1_234_567_891, 90 * 86_400 * 1_000_000_000 + 1] {
-            let sample = HeroTelemetry {
-                source_sequence: 7,
-                dsp_time_s: sent_ns as f64 * 1e-9,
-                ..telemetry()
-            };
-            let mark = mark(&sample);
-            assert!(mark.index == 7 && mark.sent_ns.abs_diff(sent_ns) <= 2);
-        }
-    }
-
-    #[test]
-    fn robots_are_counted_from_one() {
-        let first: Vec<u32> = numbers().take(3).map(NonZeroU32::get).collect();
-        assert_eq!(first, [1, 2, 3]);
-    }
 }

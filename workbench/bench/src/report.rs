@@ -1,15 +1,15 @@
-//! Tables, goals and plots: printed, and written into one Markdown file that has a section for each command.
+//! Tables, goals and one plot: printed, and written into one Markdown file that has a section for each command.
 //!
-//! A section is replaced as a whole by the next run of its command. Whatever stands outside of the sections is kept.
+//! A section is replaced as a whole by the next run of its command. What stands outside of the sections is kept.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use crate::machine;
-use crate::statistics::Ratio;
+use crate::measured::{LOST, Measured, Part, Ratio, Times, median};
+use crate::usage::{CPU, MEMORY};
 
 /// Name of the Markdown file.
 const FILE: &str = "performance.md";
@@ -17,22 +17,15 @@ const FILE: &str = "performance.md";
 /// Beginning of a file that does not exist yet.
 const PREAMBLE: &str = "# Performance\n";
 
+/// The columns of latencies.
+pub const PERCENTILES: [(&str, f64); 3] = [("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999)];
+
 /// What a command has found.
 pub struct Section {
     name: &'static str,
     blocks: Vec<String>,
-    goals: Vec<Goal>,
+    goals: Vec<Vec<String>>,
     plots: Vec<(String, String)>,
-}
-
-/// A figure to reach.
-pub struct Goal {
-    /// What is compared.
-    pub what: String,
-    /// The bound of the ratio.
-    pub bound: Bound,
-    /// What was measured; nothing when the peer was not.
-    pub ratio: Option<Ratio>,
 }
 
 /// On which side of a value a figure must lie.
@@ -42,22 +35,6 @@ pub enum Bound {
     AtMost(f64),
     /// Not below it.
     AtLeast(f64),
-}
-
-impl Bound {
-    fn holds(self, value: f64) -> bool {
-        match self {
-            Bound::AtMost(most) => value <= most,
-            Bound::AtLeast(least) => value >= least,
-        }
-    }
-
-    fn text(self) -> String {
-        match self {
-            Bound::AtMost(most) => format!("≤ {most}"),
-            Bound::AtLeast(least) => format!("≥ {least}"),
-        }
-    }
 }
 
 impl Section {
@@ -70,7 +47,7 @@ impl Section {
             blocks: vec![
                 format!("## {title}"),
                 format!("`{command} {}`", arguments.join(" ")),
-                format!("{}.", machine::describe()),
+                format!("{}.", machine()),
             ],
             goals: Vec::new(),
             plots: Vec::new(),
@@ -87,19 +64,58 @@ impl Section {
         self.blocks.push(table(header, rows));
     }
 
+    /// Adds a table of latencies, whole times in µs: a row for each of `cases`, with the ratio of its median to that of each of `others`.
+    pub fn latencies<C: Copy + PartialEq + Display>(
+        &mut self,
+        measured: &Measured<C>,
+        cases: &[(String, C)],
+        others: &[(&str, C)],
+    ) {
+        let mut header = vec!["way", "p50", "p99", "p99.9", "lost"];
+        header.extend(others.iter().map(|(name, _)| *name));
+        let row = |(name, case): &(String, C)| {
+            let mut row = vec![name.clone()];
+            row.extend(percentiles(&measured.times(*case, "", Part::Whole)));
+            row.push(format!("{:.0}", measured.sum(*case, "", LOST)));
+            let medians = measured.medians(*case);
+            row.extend(others.iter().map(|(_, other)| {
+                let ratio = Ratio::of_rounds(&medians, &measured.medians(*other));
+                ratio.map_or_else(|| "–".to_owned(), |ratio| format!("{:.2}", ratio.median))
+            }));
+            row
+        };
+        self.table(&header, &cases.iter().map(row).collect::<Vec<_>>());
+    }
+
+    /// Adds a table of figures, medians of the rounds: a row for each process of each case, and a column for each quantity.
+    pub fn figures<C: Copy + PartialEq + Display>(
+        &mut self,
+        measured: &Measured<C>,
+        rows: &[(C, &'static str)],
+        quantities: &[&'static str],
+    ) {
+        let row = |(case, process): &(C, &'static str)| {
+            let cell = |quantity: &&'static str| {
+                let values = measured.figures(*case, *process, *quantity);
+                figure(quantity, median(&values).unwrap_or_default())
+            };
+            std::iter::once(format!("{process}, {case}"))
+                .chain(quantities.iter().map(cell))
+                .collect()
+        };
+        let header = [&["process"][..], quantities].concat();
+        self.table(&header, &rows.iter().map(row).collect::<Vec<_>>());
+    }
+
     /// Adds a plot, which is a file beside the Markdown file.
     pub fn plot(&mut self, file: &str, description: &str, svg: String) {
         self.blocks.push(format!("![{description}]({file})"));
         self.plots.push((file.to_owned(), svg));
     }
 
-    /// Adds a goal; they make one table at the end.
+    /// Adds a goal; they make one table at the end. `ratio` is `None` when a peer was not measured.
     pub fn goal(&mut self, what: impl Into<String>, bound: Bound, ratio: Option<Ratio>) {
-        self.goals.push(Goal {
-            what: what.into(),
-            bound,
-            ratio,
-        });
+        self.goals.push(goal(what.into(), bound, ratio));
     }
 
     /// Prints the section, and writes it into the folder `out` if there is one.
@@ -108,9 +124,8 @@ impl Section {
     /// The folder cannot be written.
     pub fn publish(mut self, out: Option<&Path>) -> Result<()> {
         if !self.goals.is_empty() {
-            let rows: Vec<_> = self.goals.iter().map(goal_row).collect();
             let header = ["figure", "goal", "measured", "least … most", ""];
-            self.blocks.push(table(&header, &rows));
+            self.blocks.push(table(&header, &self.goals));
         }
         let text = self.blocks.join("\n\n");
         println!("{text}\n");
@@ -138,36 +153,63 @@ pub fn default_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs")
 }
 
+/// What the figures depend on: processor and kernel. Nothing that tells whose machine it is.
+fn machine() -> String {
+    let release = fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    let cpus = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let mut fields = cpus.lines().filter_map(|line| line.split_once(':'));
+    let model = fields.find(|(name, _)| name.trim() == "model name");
+    let model = model.map_or("unknown processor", |(_, model)| model.trim());
+    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    let kind = match cpus.contains(" hypervisor") {
+        true => ", virtual",
+        false => "",
+    };
+    let kernel = release.split(['-', '+']).next().unwrap_or_default().trim();
+    format!("{model}, {cores} cores{kind}, Linux {kernel}")
+}
+
 /// Nanoseconds as microseconds with three digits.
 pub fn us(ns: f64) -> String {
-    let us = ns / 1000.0;
-    match us {
+    match ns / 1000.0 {
         us if us < 10.0 => format!("{us:.2}"),
         us if us < 100.0 => format!("{us:.1}"),
         us => format!("{us:.0}"),
     }
 }
 
-fn goal_row(goal: &Goal) -> Vec<String> {
-    let (measured, spread, met) = match goal.ratio {
-        Some(ratio) => (
+/// The percentiles of the tables, µs.
+pub fn percentiles(times: &Times) -> [String; 3] {
+    PERCENTILES.map(|(_, fraction)| us(times.quantile_ns(fraction)))
+}
+
+fn figure(quantity: &str, value: f64) -> String {
+    match quantity {
+        CPU => format!("{value:.2}"),
+        MEMORY => format!("{value:.1}"),
+        _ => format!("{value:.0}"),
+    }
+}
+
+fn goal(what: String, bound: Bound, ratio: Option<Ratio>) -> Vec<String> {
+    let (goal, holds): (String, Box<dyn Fn(f64) -> bool>) = match bound {
+        Bound::AtMost(most) => (format!("≤ {most}"), Box::new(move |value| value <= most)),
+        Bound::AtLeast(least) => (format!("≥ {least}"), Box::new(move |value| value >= least)),
+    };
+    let [measured, spread, met] = match ratio {
+        Some(ratio) => [
             format!("{:.2}", ratio.median),
             format!("{:.2} … {:.2}", ratio.least, ratio.most),
-            if goal.bound.holds(ratio.median) {
+            if holds(ratio.median) {
                 "reached"
             } else {
                 "**missed**"
-            },
-        ),
-        None => ("–".to_owned(), "–".to_owned(), "not measured"),
+            }
+            .to_owned(),
+        ],
+        None => ["–", "–", "not measured"].map(str::to_owned),
     };
-    vec![
-        goal.what.clone(),
-        goal.bound.text(),
-        measured,
-        spread,
-        met.to_owned(),
-    ]
+    vec![what, goal, measured, spread, met]
 }
 
 fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -215,42 +257,26 @@ mod tests {
 
     #[test]
     fn goals_say_whether_they_are_reached() {
-        let ratio = |median| Ratio {
-            median,
-            least: median,
-            most: median,
+        let met = |bound, value: Option<f64>| {
+            let ratio = value.and_then(|value| Ratio::of_values(&[value]));
+            goal("x".to_owned(), bound, ratio)[4].clone()
         };
-        for (bound, value, met) in [
-            (Bound::AtMost(0.75), 0.75, "reached"),
-            (Bound::AtMost(0.75), 0.76, "**missed**"),
-            (Bound::AtLeast(2.0), 2.1, "reached"),
-            (Bound::AtLeast(2.0), 1.9, "**missed**"),
+        for (bound, value, expected) in [
+            (Bound::AtMost(0.75), Some(0.75), "reached"),
+            (Bound::AtMost(0.75), Some(0.76), "**missed**"),
+            (Bound::AtLeast(2.0), Some(2.1), "reached"),
+            (Bound::AtLeast(2.0), Some(1.9), "**missed**"),
+            (Bound::AtMost(1.0), None, "not measured"),
         ] {
-            let goal = Goal {
-                what: "x".to_owned(),
-                bound,
-                ratio: Some(ratio(value)),
-            };
-            assert_eq!(goal_row(&goal)[4], met, "{bound:?} {value}");
+            assert_eq!(met(bound, value), expected, "{bound:?} {value:?}");
         }
-        let goal = Goal {
-            what: "x".to_owned(),
-            bound: Bound::AtMost(1.0),
-            ratio: None,
-        };
-        assert_eq!(goal_row(&goal)[4], "not measured");
     }
 
     #[test]
-    fn a_table_is_markdown() {
-        let rows = vec![vec!["a".to_owned(), "1".to_owned()]];
-        assert_eq!(table(&["x", "y"], &rows), "| x | y |\n|---|--:|\n| a | 1 |");
-    }
-
-    #[test]
-    fn microseconds_have_three_digits() {
-        for (ns, text) in [(940.0, "0.94"), (12_340.0, "12.3"), (123_456.0, "123")] {
-            assert_eq!(us(ns), text);
-        }
+    fn a_table_is_markdown_and_microseconds_have_three_digits() {
+        let rows = vec![vec!["a".to_owned(), us(12_340.0)]];
+        let expected = "| x | y |\n|---|--:|\n| a | 12.3 |";
+        assert_eq!(table(&["x", "y"], &rows), expected);
+        assert_eq!((us(940.0), us(123_456.0)), ("0.94".into(), "123".into()));
     }
 }

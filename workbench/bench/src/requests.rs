@@ -14,10 +14,7 @@ use ipc_types::{Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, 
 use runtime::signal::Termination;
 
 use crate::pace::{Pace, sleep_until};
-use crate::peers::{iceoryx2 as raw, ours};
-
-/// Longest time that an answer is waited for.
-const PATIENCE: Duration = Duration::from_secs(20);
+use crate::peers::{TIMEOUT, iceoryx2 as raw, join};
 
 /// Rounds at the beginning that do not count.
 const WARM_UP: usize = 20;
@@ -25,7 +22,7 @@ const WARM_UP: usize = 20;
 /// Orders `count` landings at `rate_hz`, or as fast as they are carried out. Of each, the time from the request to the
 /// report that the DSP has acknowledged it, ns.
 pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> Result<Vec<u64>> {
-    let ipc = ours::join("bench-client")?;
+    let ipc = join("bench-client")?;
     request_slice(SchedulingRole::Consumer);
     let mut control = ipc.client::<ModuleControl>()?;
     let mut movement = ipc.client::<MovementData>()?;
@@ -33,7 +30,7 @@ pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> R
     ready()?;
     // Before the first sample the bridge knows no position, and refuses every movement.
     while telemetry.drain(|_| {})? == 0 {
-        telemetry.wait(PATIENCE)?;
+        telemetry.wait(TIMEOUT)?;
     }
     drop(telemetry);
     start(&mut control)?;
@@ -58,7 +55,7 @@ pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> R
 
 /// Starts the module. The bridge may still be getting to know the DSP, and refuses until it does.
 fn start(control: &mut Client<ModuleControl>) -> Result<()> {
-    let patience = MonotonicNs::now() + PATIENCE;
+    let limit = MonotonicNs::now() + TIMEOUT;
     loop {
         let request = ModuleControl {
             request_id: fresh_request_id(),
@@ -68,14 +65,14 @@ fn start(control: &mut Client<ModuleControl>) -> Result<()> {
         control.send(&request)?;
         let mut is_done = false;
         while control.outstanding() > 0 {
-            control.wait(PATIENCE)?;
+            control.wait(TIMEOUT)?;
             control.drain(|report| is_done |= report.stage == Stage::Done.code());
         }
         if is_done {
             return Ok(());
         }
         let now = MonotonicNs::now();
-        ensure!(now < patience, "the bridge does not start");
+        ensure!(now < limit, "the bridge does not start");
         sleep_until(now + Duration::from_millis(10))?;
     }
 }
@@ -84,7 +81,7 @@ fn start(control: &mut Client<ModuleControl>) -> Result<()> {
 fn follow<R: Request>(client: &mut Client<R>) -> Result<MonotonicNs> {
     let (mut begun, mut end) = (None, None);
     while client.outstanding() > 0 {
-        client.wait(PATIENCE)?;
+        client.wait(TIMEOUT)?;
         client.drain(|report| {
             if report.stage == Stage::Progress.code() {
                 begun.get_or_insert_with(MonotonicNs::now);
@@ -161,7 +158,7 @@ pub fn ask_raw(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -
         let pending = client.loan_uninit()?.write_payload(request).send()?;
         ends.notifier.notify()?;
         while pending.receive()?.is_none() {
-            ends.listener.timed_wait(|_| {}, PATIENCE)?;
+            ends.listener.timed_wait(|_| {}, TIMEOUT)?;
         }
         if round >= WARM_UP {
             times.push(MonotonicNs::now().0 - begin.0);

@@ -127,7 +127,7 @@ pub fn corrupt(frames: &mut [Vec<u8>]) {
     }
 }
 
-/// The DSP time in a classic status frame whose mask has it first, or nothing for another frame.
+/// The DSP time in a classic status frame whose mask has it first, `None` for another frame.
 pub fn time_ms_of(frame: &[u8]) -> Option<u32> {
     // Header, mask (3) and flags come first, then five digits of seven bits.
     let digits: [u8; 5] = frame.get(5..10)?.try_into().ok()?;

@@ -1,28 +1,32 @@
-//! What the kernel says about a process: `/proc/PID`, all threads added up, and system calls as `strace` counts them.
+//! What the kernel says about processes: `/proc/PID`, all threads added up.
 
 use std::fs;
 use std::io;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ipc_types::MonotonicNs;
+use ril_tests::Process;
 use rustix::io::Errno;
-use rustix::process::{Pid, Signal, kill_process};
 
-use crate::machine::field;
-use crate::pace::sleep_until;
+use crate::measured::Round;
 
-/// Sums since the process began, over the threads that it has.
+/// Share of a processor.
+pub const CPU: &str = "% of a core";
+/// How often a process slept and was woken.
+pub const WAKES: &str = "wake-ups a second";
+/// Resident memory, with shared pages divided by the processes that share them.
+pub const MEMORY: &str = "PSS, MiB";
+/// Open files.
+pub const FILES: &str = "files";
+
+/// Sums since a process began, over the threads that it has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Usage {
     /// Time on a processor, ns.
     pub cpu_ns: u64,
     /// How often it slept and was woken.
     pub wakes: u64,
-    /// How often it was interrupted by another process.
-    pub preemptions: u64,
 }
 
 impl Usage {
@@ -34,9 +38,8 @@ impl Usage {
         let mut usage = Usage::default();
         let tasks = format!("/proc/{id}/task");
         for task in fs::read_dir(&tasks).context(tasks)? {
-            let thread = task.and_then(|task| ThreadFiles::read(&task.path()));
-            match thread {
-                Ok(files) => usage.add(&files)?,
+            match task.and_then(|task| read(&task.path())) {
+                Ok((schedule, status)) => usage.add(&schedule, &status)?,
                 // The thread has ended since it was listed.
                 Err(error) if is_gone(&error) => {}
                 Err(error) => return Err(error.into()),
@@ -45,45 +48,18 @@ impl Usage {
         Ok(usage)
     }
 
-    fn add(&mut self, thread: &ThreadFiles) -> Result<()> {
+    fn add(&mut self, schedule: &str, status: &str) -> Result<()> {
         // Time on a processor, time waiting for one, slices; ns.
-        let cpu = thread.schedule.split_whitespace().next();
-        self.cpu_ns += cpu
-            .unwrap_or_default()
-            .parse::<u64>()
-            .context("schedstat")?;
-        let count = |key| -> Result<u64> {
-            let value = field(&thread.status, key).context(key)?;
-            value.parse().context(key)
-        };
-        self.wakes += count("voluntary_ctxt_switches")?;
-        self.preemptions += count("nonvoluntary_ctxt_switches")?;
+        let cpu = schedule.split_whitespace().next().unwrap_or_default();
+        self.cpu_ns += cpu.parse::<u64>().context("schedstat")?;
+        self.wakes += field(status, "voluntary_ctxt_switches")?;
         Ok(())
     }
-
-    /// What was used since `earlier`.
-    pub fn since(self, earlier: Usage) -> Usage {
-        Usage {
-            cpu_ns: self.cpu_ns.saturating_sub(earlier.cpu_ns),
-            wakes: self.wakes.saturating_sub(earlier.wakes),
-            preemptions: self.preemptions.saturating_sub(earlier.preemptions),
-        }
-    }
 }
 
-/// What the kernel says about one thread.
-struct ThreadFiles {
-    schedule: String,
-    status: String,
-}
-
-impl ThreadFiles {
-    fn read(task: &Path) -> io::Result<ThreadFiles> {
-        Ok(ThreadFiles {
-            schedule: fs::read_to_string(task.join("schedstat"))?,
-            status: fs::read_to_string(task.join("status"))?,
-        })
-    }
+fn read(task: &Path) -> io::Result<(String, String)> {
+    let read = |name| fs::read_to_string(task.join(name));
+    Ok((read("schedstat")?, read("status")?))
 }
 
 /// Whether what was to be read has ended: before its file was opened, or between that and the reading.
@@ -92,44 +68,69 @@ fn is_gone(error: &io::Error) -> bool {
         || error.raw_os_error() == Some(Errno::SRCH.raw_os_error())
 }
 
-/// The system calls of one process by name, most frequent first.
-pub type Calls = Vec<(String, u64)>;
-
-/// Counts the system calls of process `id`, all threads, for `duration`. Nothing when `strace` is not there or may not
-/// attach. Times mean nothing while this runs.
-pub fn count_calls(id: u32, duration: Duration, scratch: &Path) -> Result<Option<Calls>> {
-    let file = scratch.join(format!("strace-{id}"));
-    let spawned = Command::new("strace")
-        .args(["-f", "-c", "-U", "calls,name", "-o"])
-        .arg(&file)
-        .args(["-p", &id.to_string()])
-        .stdin(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn();
-    let Ok(mut strace) = spawned else {
-        return Ok(None);
-    };
-    sleep_until(MonotonicNs::now() + duration)?;
-    // It may have ended by itself, because it may not attach.
-    let _ = kill_process(Pid::from_child(&strace), Signal::INT);
-    strace.wait()?;
-    let calls = parse_calls(&fs::read_to_string(&file).unwrap_or_default());
-    Ok((!calls.is_empty()).then_some(calls))
+/// The number in the first line `key : number`, which may have a unit.
+fn field(text: &str, key: &'static str) -> Result<u64> {
+    let found = text.lines().find_map(|line| {
+        let (found, value) = line.split_once(':')?;
+        (found.trim() == key).then(|| value.split_whitespace().next())?
+    });
+    found.context(key)?.parse().context(key)
 }
 
-/// Reads the table of `strace -c -U calls,name`.
-fn parse_calls(table: &str) -> Calls {
-    let mut calls: Calls = table
-        .lines()
-        .filter_map(|line| {
-            let mut columns = line.split_whitespace();
-            let count = columns.next()?.parse().ok()?;
-            let name = columns.next()?.to_owned();
-            (name != "total").then_some((name, count))
+/// Processes that are being watched.
+pub struct Watch {
+    begin: MonotonicNs,
+    before: Vec<(&'static str, u32, Usage)>,
+}
+
+impl Watch {
+    /// Begins now. Of processes with the same name the mean is what counts.
+    pub fn begin<'a>(
+        processes: impl IntoIterator<Item = (&'static str, &'a Process)>,
+    ) -> Result<Watch> {
+        let usage = |(name, process): (&'static str, &Process)| -> Result<_> {
+            let id = process.id();
+            Ok((name, id, Usage::of(id)?))
+        };
+        Ok(Watch {
+            before: processes.into_iter().map(usage).collect::<Result<_>>()?,
+            begin: MonotonicNs::now(),
         })
-        .collect();
-    calls.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    calls
+    }
+
+    /// When it began.
+    pub fn since(&self) -> MonotonicNs {
+        self.begin
+    }
+
+    /// Adds what each has used since the beginning, and holds now, to the figures of its name. Says how long that was, s.
+    pub fn end(&self, round: &mut Round) -> Result<f64> {
+        let elapsed_s = MonotonicNs::now().since(self.begin).as_secs_f64();
+        let now: Vec<_> = self
+            .before
+            .iter()
+            .map(|(_, id, _)| Usage::of(*id))
+            .collect();
+        for ((name, id, before), now) in self.before.iter().zip(now) {
+            let now = now?;
+            let same = self.before.iter().filter(|(other, ..)| other == name);
+            let share = 1.0 / same.count() as f64;
+            let a_second = share / elapsed_s;
+            let cpu_ns = now.cpu_ns.saturating_sub(before.cpu_ns) as f64;
+            let wakes = now.wakes.saturating_sub(before.wakes) as f64;
+            let memory = fs::read_to_string(format!("/proc/{id}/smaps_rollup"))?;
+            let files = fs::read_dir(format!("/proc/{id}/fd"))?.count() as f64;
+            for (quantity, value) in [
+                (CPU, cpu_ns / 1e7 * a_second),
+                (WAKES, wakes * a_second),
+                (MEMORY, field(&memory, "Pss")? as f64 / 1024.0 * share),
+                (FILES, files * share),
+            ] {
+                round.add_figure(name, quantity, value);
+            }
+        }
+        Ok(elapsed_s)
+    }
 }
 
 #[cfg(test)]
@@ -144,7 +145,7 @@ mod tests {
         let id = std::process::id();
         let before = Usage::of(id).unwrap();
         let mut sum = 0_u64;
-        while Usage::of(id).unwrap().since(before).cpu_ns == 0 {
+        while Usage::of(id).unwrap().cpu_ns == before.cpu_ns {
             sum = std::hint::black_box(sum + 1);
         }
         assert!(Usage::of(0).is_err());
@@ -168,17 +169,24 @@ mod tests {
     }
 
     #[test]
-    fn a_table_of_calls_is_read_without_its_frame() {
-        let table = "\
-    calls syscall
---------- ----------------
-       12 read
-      300 epoll_wait
---------- ----------------
-      312 total
-";
-        let expected = [("epoll_wait".to_owned(), 300), ("read".to_owned(), 12)];
-        assert_eq!(parse_calls(table), expected);
-        assert!(parse_calls("strace: attach: Operation not permitted\n").is_empty());
+    fn a_field_is_found_by_its_whole_name() {
+        let text = "VmRSS:\t  12 kB\nvoluntary_ctxt_switches:\t7\nnonvoluntary_ctxt_switches:\t9\n";
+        assert_eq!(field(text, "VmRSS").unwrap(), 12);
+        assert_eq!(field(text, "voluntary_ctxt_switches").unwrap(), 7);
+        assert!(field(text, "ctxt_switches").is_err());
+    }
+
+    #[test]
+    fn processes_of_a_name_are_averaged() {
+        let id = std::process::id();
+        let before = Usage::of(id).unwrap();
+        let watch = Watch {
+            begin: MonotonicNs::now(),
+            before: vec![("a", id, before), ("a", id, before)],
+        };
+        let mut round = Round::default();
+        watch.end(&mut round).unwrap();
+        let files = round.figure("a", FILES);
+        assert!(files >= 3.0 && files < 1000.0 && round.figure("a", MEMORY) > 0.0);
     }
 }

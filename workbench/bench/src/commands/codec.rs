@@ -5,12 +5,11 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
-use dsp_protocol::{Decoded, Decoder, Downlink, Framed, Profile, StatusMask, checksum};
+use dsp_protocol::{Decoded, Decoder, Downlink, Profile, StatusMask, checksum};
 
 use super::Common;
+use crate::measured::{Measured, Ratio, Round, median};
 use crate::report::{Bound, Section};
-use crate::rounds::Measured;
-use crate::statistics::{Ratio, median};
 use crate::stream;
 
 /// Frames of one pass: 256 kB, which lie in the second cache as bytes do that have just been read.
@@ -18,6 +17,9 @@ const FRAMES: u32 = 2000;
 
 /// Bytes of one slice: those of one read of the bridge.
 const SLICE_LEN: usize = 4096;
+
+/// The quantity that is measured.
+const RATE: &str = "MB/s";
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -35,12 +37,8 @@ pub struct Args {
 enum Parser {
     /// Our decoder with all values.
     Ours(Profile),
-    /// Our decoder up to the checksum.
-    OurFramer,
-    /// The least that finds and checks frames.
-    Framer,
-    /// The same, and every value unpacked.
-    Unpacker,
+    /// The least that finds and checks frames, and unpacks every value.
+    Bare,
     #[cfg(feature = "peers")]
     Mavlink,
 }
@@ -54,21 +52,17 @@ struct Case {
 
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parser = match self.parser {
+        f.write_str(match self.parser {
             Parser::Ours(Profile::Classic) => "RIL, classic",
             Parser::Ours(Profile::Extended) => "RIL, extended",
-            Parser::OurFramer => "RIL, classic, frames only",
-            Parser::Framer => "bare framer with checksum",
-            Parser::Unpacker => "bare framer with checksum and values",
+            Parser::Bare => "bare framer with checksum and values",
             #[cfg(feature = "peers")]
             Parser::Mavlink => "rust-mavlink, ODOMETRY",
-        };
-        let corrupted = if self.is_corrupted {
-            ", 1 % corrupted"
-        } else {
-            ""
-        };
-        write!(f, "{parser}{corrupted}")
+        })?;
+        match self.is_corrupted {
+            true => f.write_str(", 1 % corrupted"),
+            false => Ok(()),
+        }
     }
 }
 
@@ -76,9 +70,7 @@ impl Parser {
     const ALL: &[Parser] = &[
         Parser::Ours(Profile::Classic),
         Parser::Ours(Profile::Extended),
-        Parser::OurFramer,
-        Parser::Framer,
-        Parser::Unpacker,
+        Parser::Bare,
         #[cfg(feature = "peers")]
         Parser::Mavlink,
     ];
@@ -86,9 +78,7 @@ impl Parser {
     fn frames(self) -> Result<Vec<Vec<u8>>> {
         match self {
             Parser::Ours(profile) => Ok(stream::frames(profile, FRAMES)),
-            Parser::OurFramer | Parser::Framer | Parser::Unpacker => {
-                Ok(stream::frames(Profile::Classic, FRAMES))
-            }
+            Parser::Bare => Ok(stream::frames(Profile::Classic, FRAMES)),
             #[cfg(feature = "peers")]
             Parser::Mavlink => mavlink::frames(),
         }
@@ -98,13 +88,7 @@ impl Parser {
     fn pass(self, stream: &[u8]) -> usize {
         match self {
             Parser::Ours(profile) => decode(profile, stream),
-            Parser::OurFramer => next_frames(stream),
-            Parser::Framer => frame(stream, |frame| {
-                black_box(frame);
-            }),
-            Parser::Unpacker => frame(stream, |frame| {
-                black_box(unpack(&frame[5..frame.len() - 1]));
-            }),
+            Parser::Bare => unpack_all(stream),
             #[cfg(feature = "peers")]
             Parser::Mavlink => mavlink::parse(stream),
         }
@@ -134,32 +118,9 @@ fn decode(profile: Profile, stream: &[u8]) -> usize {
     messages
 }
 
-/// Our decoder up to the checksum, as a recorder or a relay uses it.
-fn next_frames(stream: &[u8]) -> usize {
-    let mut decoder = Decoder::<Downlink>::new();
-    let mut messages = 0;
-    for mut slice in stream.chunks(SLICE_LEN) {
-        loop {
-            let (taken, framed) = decoder.next_frame(slice);
-            match framed {
-                Framed::Incomplete => break,
-                Framed::Frame(frame) => {
-                    black_box(frame);
-                    messages += 1;
-                }
-                Framed::Rejected(error) => {
-                    black_box(error);
-                }
-            }
-            slice = &slice[taken..];
-        }
-    }
-    messages
-}
-
-/// The least that can be done: find the header, tell the length from the mask, add up, compare. No look for headers within
-/// a frame, no judgement of its values, no frame that is cut by the end of a slice.
-fn frame(stream: &[u8], mut take: impl FnMut(&[u8])) -> usize {
+/// The least that can be done: find the header, read the length from the mask, add up, compare, put the digits together. No look for
+/// headers within a frame, no judgement of its values, no frame that is cut by the end of a slice.
+fn unpack_all(stream: &[u8]) -> usize {
     const HEADER: u8 = 0xE9;
     let mut rest = stream;
     let mut messages = 0;
@@ -172,7 +133,7 @@ fn frame(stream: &[u8], mut take: impl FnMut(&[u8])) -> usize {
         let len = StatusMask(mask).status_frame_len();
         let Some(frame) = rest.get(..len) else { break };
         if checksum(&frame[..len - 1]) == frame[len - 1] {
-            take(frame);
+            black_box(unpack(&frame[5..len - 1]));
             messages += 1;
             rest = &rest[len..];
         } else {
@@ -206,26 +167,26 @@ mod mavlink {
     use std::hint::black_box;
 
     use anyhow::Result;
-    use ipc_types::payload::HeroTelemetry;
     use mavlink::dialects::common::MavMessage;
     use mavlink::{MavHeader, MavlinkReader, MavlinkVersion, write_v2_msg};
 
     use super::FRAMES;
-    use crate::mavlink_message::to_message;
+    use crate::peers::Mark;
+    use crate::peers::network::odometry;
 
     pub fn frames() -> Result<Vec<Vec<u8>>> {
-        (1..=FRAMES)
-            .map(|index| {
-                let sample = HeroTelemetry {
-                    source_sequence: index.into(),
-                    published_ns: u64::from(index) * 1_000_000,
-                    ..crate::stream::telemetry()
-                };
-                let mut frame = Vec::new();
-                write_v2_msg(&mut frame, MavHeader::default(), &to_message(&sample))?;
-                Ok(frame)
-            })
-            .collect()
+        let frame = |index: u32| {
+            let mut sample = crate::stream::telemetry();
+            let mark = Mark {
+                index: index.into(),
+                sent_ns: u64::from(index) * 1_000_000,
+            };
+            mark.stamp(&mut sample);
+            let mut frame = Vec::new();
+            write_v2_msg(&mut frame, MavHeader::default(), &odometry(&sample))?;
+            Ok(frame)
+        };
+        (1..=FRAMES).map(frame).collect()
     }
 
     pub fn parse(stream: &[u8]) -> usize {
@@ -240,7 +201,7 @@ mod mavlink {
 }
 
 /// Megabytes a second of one round.
-fn measure(case: Case, millis: u64) -> Result<f64> {
+fn measure(case: Case, millis: u64) -> Result<Round> {
     let mut frames = case.parser.frames()?;
     if case.is_corrupted {
         stream::corrupt(&mut frames);
@@ -261,47 +222,46 @@ fn measure(case: Case, millis: u64) -> Result<f64> {
         passes += 1;
     }
     let bytes = stream.len() as f64 * f64::from(passes);
-    Ok(bytes / begin.elapsed().as_secs_f64() / 1e6)
+    let mut round = Round::default();
+    round.add_figure("", RATE, bytes / begin.elapsed().as_secs_f64() / 1e6);
+    Ok(round)
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let cases: Vec<Case> = [false, true]
-        .into_iter()
-        .flat_map(|is_corrupted| {
-            Parser::ALL.iter().map(move |parser| Case {
-                parser: *parser,
-                is_corrupted,
-            })
+    let of = |is_corrupted| {
+        Parser::ALL.iter().map(move |&parser| Case {
+            parser,
+            is_corrupted,
         })
-        .collect();
+    };
+    let cases: Vec<Case> = of(false).chain(of(true)).collect();
     let measured = Measured::take(&cases, args.common.rounds, |case| {
         measure(case, args.millis)
     })?;
     let mut section = Section::new("codec", "The decoder of the serial line");
     section.text(format!(
-        "Full status frames of 128 bytes (134 in the extended profile) in slices of {SLICE_LEN}; unless it says *frames only*, \
-         all 43 values decoded, scaled to their units and checked. The bare framer finds header and length, adds up and \
-         compares, and looks at no value; *and values*: it also puts the seven-bit digits of each together, unscaled. \
-         rust-mavlink parses `ODOMETRY` messages of 242 bytes. {} rounds of {} ms each, which take turns.",
+        "Full status frames of 128 bytes (134 in the extended profile) in slices of {SLICE_LEN}; all 43 values decoded, scaled to \
+         their units and checked. The bare framer finds header and length, adds up and compares, and puts the seven-bit digits of \
+         each value together, unscaled and unchecked. rust-mavlink parses `ODOMETRY` messages of 242 bytes. {} rounds of {} ms each, \
+         which take turns.",
         args.common.rounds, args.millis,
     ));
-    let of = |case| measured.each(case, |rate| *rate);
-    let rows: Vec<_> = cases.iter().map(|case| row(*case, &of(*case))).collect();
-    section.table(&["parser", "MB/s", "ns a frame"], &rows);
+    let of = |case| measured.figures(case, "", RATE);
+    let row = |case: &Case| {
+        let rate = median(&of(*case)).unwrap_or_default();
+        let frames = case.parser.frames()?;
+        let ns = frames.first().map_or(0, Vec::len) as f64 * 1000.0 / rate;
+        Ok(vec![
+            case.to_string(),
+            format!("{rate:.0}"),
+            format!("{ns:.0}"),
+        ])
+    };
+    let rows = cases.iter().map(row).collect::<Result<Vec<_>>>()?;
+    section.table(&["parser", RATE, "ns a frame"], &rows);
     goals(&mut section, of);
     section.publish(args.common.out().as_deref())
-}
-
-fn row(case: Case, rates: &[f64]) -> Vec<String> {
-    let rate = median(rates).unwrap_or_default();
-    let len = case
-        .parser
-        .frames()
-        .ok()
-        .and_then(|frames| frames.first().map(Vec::len));
-    let ns = len.unwrap_or_default() as f64 * 1000.0 / rate;
-    vec![case.to_string(), format!("{rate:.0}"), format!("{ns:.0}")]
 }
 
 fn goals(section: &mut Section, of: impl Fn(Case) -> Vec<f64>) {
@@ -309,30 +269,20 @@ fn goals(section: &mut Section, of: impl Fn(Case) -> Vec<f64>) {
         parser,
         is_corrupted,
     };
-    let mut goal = |ours: Case, theirs: Case, bound| {
+    let mut goal = |ours: Case, theirs: Case, least| {
         section.goal(
-            format!("{ours} / {theirs}, MB/s"),
-            bound,
+            format!("{ours} / {theirs}, {RATE}"),
+            Bound::AtLeast(least),
             Ratio::of_rounds(&of(ours), &of(theirs)),
         );
     };
-    let classic = Parser::Ours(Profile::Classic);
+    let classic = case(Parser::Ours(Profile::Classic), false);
     #[cfg(feature = "peers")]
-    goal(
-        case(classic, false),
-        case(Parser::Mavlink, false),
-        Bound::AtLeast(2.0),
-    );
-    for (ours, bare) in [
-        (classic, Parser::Framer),
-        (classic, Parser::Unpacker),
-        (Parser::OurFramer, Parser::Framer),
-    ] {
-        goal(case(ours, false), case(bare, false), Bound::AtLeast(0.6));
-    }
+    goal(classic, case(Parser::Mavlink, false), 2.0);
+    goal(classic, case(Parser::Bare, false), 0.6);
     for profile in Profile::ALL {
         let ours = Parser::Ours(profile);
-        goal(case(ours, true), case(ours, false), Bound::AtLeast(0.9));
+        goal(case(ours, true), case(ours, false), 0.9);
     }
 }
 
@@ -341,10 +291,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_parser_finds_every_sound_message() {
+    fn every_parser_finds_every_sound_message_and_a_corrupted_one_costs_no_others() {
         for parser in Parser::ALL {
-            let stream = parser.frames().unwrap().concat();
-            assert_eq!(parser.pass(&stream), FRAMES as usize);
+            let mut frames = parser.frames().unwrap();
+            assert_eq!(parser.pass(&frames.concat()), FRAMES as usize);
+            stream::corrupt(&mut frames);
+            let messages = parser.pass(&frames.concat());
+            // One in a hundred, and a neighbour where a header was made or broken; some the checksum misses.
+            let least = FRAMES as usize * 98 / 100;
+            assert!((least..=FRAMES as usize).contains(&messages), "{messages}");
         }
     }
 
@@ -357,17 +312,5 @@ mod tests {
         let values = unpack(payload);
         assert_eq!(values[0], 7);
         assert_eq!(values[9], 4, "the quality of the fix");
-    }
-
-    #[test]
-    fn corrupted_frames_are_few_and_cost_no_others() {
-        for parser in Parser::ALL {
-            let mut frames = parser.frames().unwrap();
-            stream::corrupt(&mut frames);
-            let messages = parser.pass(&frames.concat());
-            // One in a hundred, and a neighbour where a header was made or broken; some the checksum misses.
-            let least = FRAMES as usize * 98 / 100;
-            assert!((least..=FRAMES as usize).contains(&messages), "{messages}");
-        }
     }
 }

@@ -3,18 +3,16 @@
 use std::fmt;
 
 use anyhow::Result;
+use clap::ValueEnum;
 use ipc_types::payload::HeroTelemetry;
+use ril_tests::process::Signal;
 
 use super::Common;
-use crate::latency::Series;
+use crate::harness::{Placement, Setting, Site};
+use crate::measured::{Arrival, Measured, Part, Ratio, Round, WARM_UP};
 use crate::peers::Peer;
-use crate::plot::Plot;
-use crate::process::Child;
-use crate::report::{Bound, Section, us};
-use crate::rounds::Measured;
-use crate::setting::{Placement, Setting};
-use crate::site::Site;
-use crate::statistics::{Ratio, Times};
+use crate::plot::{self, Bar};
+use crate::report::{Bound, PERCENTILES, Section};
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -27,7 +25,7 @@ pub struct Args {
     rates: Vec<u32>,
 
     /// Where the two processes run
-    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Placement::PINNED)]
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = [Placement::SameProcessor, Placement::OtherProcessor])]
     placements: Vec<Placement>,
 
     /// Seconds that one case is measured for in one round
@@ -35,17 +33,14 @@ pub struct Args {
     seconds: f64,
 
     /// Only these peers
-    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Peer::all().iter().copied())]
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Peer::value_variants().iter().copied())]
     peers: Vec<Peer>,
 }
 
-/// What is measured at once.
 #[derive(Clone, Copy, PartialEq)]
-pub struct Case {
-    /// The way.
-    pub peer: Peer,
-    /// At which rate, and where.
-    pub setting: Setting,
+struct Case {
+    peer: Peer,
+    setting: Setting,
 }
 
 impl fmt::Display for Case {
@@ -54,34 +49,29 @@ impl fmt::Display for Case {
     }
 }
 
-/// Measures `case` once, for about so many seconds.
-pub fn measure(case: Case, seconds: f64) -> Result<Series> {
-    let site = Site::placed(case.setting.placement)?;
-    let (peer, folder) = (case.peer.key(), site.path());
-    let (peer, rate_hz) = (peer.as_str(), case.setting.rate_hz);
+/// Measures a way once, for about so many seconds.
+pub fn measure(peer: Peer, setting: Setting, seconds: f64) -> Result<Round> {
+    let site = Site::new(setting.placement)?;
+    let (key, rate_hz) = (peer.key(), setting.rate_hz);
     let samples = (f64::from(rate_hz) * seconds).ceil() as usize;
-    let mut receiver = Child::start(&site, &[&"hop-receive", &peer, &folder, &samples])?;
-    let sender = Child::start(&site, &[&"hop-send", &peer, &folder, &rate_hz])?;
-    let series = receiver.result()?;
-    sender.end();
-    drop(receiver);
-    Ok(series)
+    let receiver = site.start(&format!("hop-receive {key} {samples}"))?;
+    let mut sender = site.start(&format!("hop-send {key} {rate_hz}"))?;
+    let arrivals: Vec<Arrival> = site.finish(receiver)?;
+    // Over some ways it has failed by now, because the receiver is gone.
+    sender.signal(Signal::TERM);
+    sender.wait_exit();
+    let mut round = Round::default();
+    round.add("", &arrivals[WARM_UP..]);
+    Ok(round)
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let settings = Setting::all(&args.rates, &args.placements);
-    let cases: Vec<Case> = settings
-        .iter()
-        .flat_map(|setting| {
-            args.peers.iter().map(|peer| Case {
-                peer: *peer,
-                setting: *setting,
-            })
-        })
-        .collect();
+    let of = |setting| args.peers.iter().map(move |&peer| Case { peer, setting });
+    let cases: Vec<Case> = settings.iter().copied().flat_map(of).collect();
     let measured = Measured::take(&cases, args.common.rounds, |case| {
-        measure(case, args.seconds)
+        measure(case.peer, case.setting, args.seconds)
     })?;
     let mut section = Section::new("hop", "One hop: from a process to another");
     section.text(format!(
@@ -92,94 +82,44 @@ pub fn run(args: &Args) -> Result<()> {
         args.common.rounds,
         args.seconds,
     ));
-    section.plot(
-        "performance-hop.svg",
-        "Latency of one hop",
-        plot(&settings[..args.placements.len()], args, &measured).to_svg(),
-    );
-    for setting in &settings {
-        section.text(format!("At {setting}:"));
-        let header = [
-            "way",
-            "p50",
-            "p99",
-            "p99.9",
-            "lost",
-            "to Unix socket",
-            "to futex",
-        ];
-        let rows: Vec<_> = args
-            .peers
-            .iter()
-            .map(|peer| row(&measured, *peer, *setting))
-            .collect();
-        section.table(&header, &rows);
+    if let Some(setting) = settings.first() {
+        let bar = |case: Case| {
+            let times = measured.times(case, "", Part::Whole);
+            Bar {
+                name: case.peer.to_string(),
+                is_ours: case.peer.is_ours(),
+                us: PERCENTILES.map(|(_, fraction)| times.quantile_ns(fraction) / 1000.0),
+            }
+        };
+        let bars: Vec<Bar> = of(*setting).map(bar).collect();
+        let title = format!("One sample of telemetry from a process to another, {setting}");
+        let svg = plot::svg(&title, &bars)?;
+        section.plot("performance-hop.svg", "Latency of one hop", svg);
     }
-    goals(&mut section, &settings, &measured);
-    section.publish(args.common.out().as_deref())
-}
-
-/// All rounds of a case together.
-fn merged(rounds: &[Series]) -> Times {
-    Times::merged(rounds.iter().map(Series::times))
-}
-
-fn row(measured: &Measured<Case, Series>, peer: Peer, setting: Setting) -> Vec<String> {
-    let rounds = measured.rounds(Case { peer, setting });
-    let times = merged(rounds);
-    let to = |other| match ratio(measured, peer, other, setting) {
-        Some(ratio) => format!("{:.2}", ratio.median),
-        None => "–".to_owned(),
-    };
-    vec![
-        peer.title().to_owned(),
-        us(times.p50_ns()),
-        us(times.quantile_ns(0.99)),
-        us(times.quantile_ns(0.999)),
-        rounds
-            .iter()
-            .map(|series| series.lost)
-            .sum::<u64>()
-            .to_string(),
-        to(Peer::UnixSocket),
-        to(Peer::Futex),
-    ]
-}
-
-/// The ratio of the medians of two ways.
-fn ratio(
-    measured: &Measured<Case, Series>,
-    peer: Peer,
-    other: Peer,
-    setting: Setting,
-) -> Option<Ratio> {
-    let medians = |peer| measured.each(Case { peer, setting }, |series| series.times().p50_ns());
-    Ratio::of_rounds(&medians(peer), &medians(other))
-}
-
-fn goals(section: &mut Section, settings: &[Setting], measured: &Measured<Case, Series>) {
     for setting in settings {
+        section.text(format!("At {setting}:"));
+        let case = |peer| Case { peer, setting };
+        let named = |case: Case| (case.peer.to_string(), case);
+        section.latencies(
+            &measured,
+            &of(setting).map(named).collect::<Vec<_>>(),
+            &[
+                ("to Unix socket", case(Peer::UnixSocket)),
+                ("to futex", case(Peer::Futex)),
+            ],
+        );
         for (peer, other, most) in [
             (Peer::Ours, Peer::UnixSocket, 0.75),
             (Peer::Ours, Peer::Futex, 1.15),
             (Peer::OursSpin, Peer::IceoryxSpin, 1.1),
         ] {
+            let medians = |peer| measured.medians(case(peer));
             section.goal(
                 format!("{peer} / {other}, p50, {setting}"),
                 Bound::AtMost(most),
-                ratio(measured, peer, other, *setting),
+                Ratio::of_rounds(&medians(peer), &medians(other)),
             );
         }
     }
-}
-
-/// The first rate, at each placement.
-fn plot(settings: &[Setting], args: &Args, measured: &Measured<Case, Series>) -> Plot {
-    Plot::of_latencies(
-        "One sample of telemetry from a process to another",
-        settings,
-        &args.peers,
-        |peer| (peer.title(), peer.is_ours()),
-        |peer, setting| merged(measured.rounds(Case { peer, setting })),
-    )
+    section.publish(args.common.out().as_deref())
 }

@@ -5,13 +5,13 @@ pub mod cost;
 pub mod end_to_end;
 pub mod hop;
 pub mod record;
-#[cfg(feature = "relay")]
+#[cfg(feature = "peers")]
 pub mod relay;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use crate::measured::DEFAULT_ROUNDS;
 use crate::report;
-use crate::rounds::DEFAULT_ROUNDS;
 
 /// What every command takes.
 #[derive(clap::Args, Clone, Debug)]
@@ -32,10 +32,7 @@ pub struct Common {
 impl Common {
     /// Where the results go, if anywhere.
     pub fn out(&self) -> Option<PathBuf> {
-        if self.print_only {
-            return None;
-        }
-        let given = self.out.as_deref().map(Path::to_owned);
-        Some(given.unwrap_or_else(report::default_folder))
+        let given = || self.out.clone().unwrap_or_else(report::default_folder);
+        (!self.print_only).then(given)
     }
 }

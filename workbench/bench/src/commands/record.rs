@@ -4,27 +4,38 @@ use std::path::Path;
 use std::time::Duration;
 use std::{fmt, fs};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use ipc_types::MonotonicNs;
+use ril_tests::Process;
 
 use super::Common;
-use crate::consumer::Watched;
-use crate::dsp::Sent;
-use crate::latency::WARM_UP;
+use crate::harness::{Placement, Ril, Site, end_recorder, start_recorder};
+use crate::measured::{Arrival, LOST, Measured, Part, Ratio, Round, join, median};
 use crate::pace::sleep_until;
-use crate::process::{Child, Recorded, Recorder, Ril, Stage};
 use crate::report::{Bound, Section, us};
-use crate::rounds::Measured;
-use crate::site::Site;
-use crate::statistics::{Ratio, Times, median};
-use crate::usage::Usage;
+use crate::usage::{CPU, WAKES, Watch};
 
-/// How long the processes settle before a window: start-up, first connections, the first snapshots of the journals.
-const SETTLING: Duration = Duration::from_secs(1);
+/// How long the processes run before a window: start-up, first connections, the first snapshots of the journals.
+const START_UP: Duration = Duration::from_secs(1);
 
 /// How much older telemetry may be while it is recorded. No age changes by nothing from one window to the next: the tables have
 /// the two windows without a recorder against each other as well.
 const MOST_OLDER: f64 = 1.05;
+
+/// The windows of a round, in order. Both without the recorder together are [`NOT_RECORDED`].
+const WINDOWS: [&str; 3] = ["before", RECORDED, "after"];
+const RECORDED: &str = "recorded";
+const NOT_RECORDED: &str = "not recorded";
+
+/// The processes, by the window in which they are watched.
+const PROCESSES: [[&str; 3]; 3] = [
+    ["bridge before", "status before", ""],
+    ["bridge, recorded", "status, recorded", "`ril record`"],
+    ["bridge after", "status after", ""],
+];
+
+/// The percentiles that are compared.
+const PERCENTILES: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -52,60 +63,28 @@ impl fmt::Display for Case {
     }
 }
 
-/// The goal: what recording may take of a core, %.
-fn most_percent(rate_hz: u32) -> f64 {
-    if rate_hz <= 50 { 1.0 } else { 5.0 }
-}
+/// A span of time in which nothing is started or ended.
+type Window = std::ops::Range<MonotonicNs>;
 
-/// What is measured in a span of time in which nothing is started or ended.
-struct Window {
-    begin: MonotonicNs,
-    end: MonotonicNs,
-    bridge: Usage,
-    status: Usage,
-    recorder: Usage,
-    file_bytes: u64,
-}
-
-impl Window {
-    /// Measures for so long. The recorder's files are in `folder`.
-    fn measure(
-        ril: &Ril,
-        recorder: Option<&Recorder>,
-        folder: &Path,
-        seconds: f64,
-    ) -> Result<Window> {
-        let status = ril.status().context("status runs")?.id();
-        let look = || -> Result<_> {
-            Ok((
-                Usage::of(ril.bridge().id())?,
-                Usage::of(status)?,
-                recorder.map_or(Ok(Usage::default()), |recorder| Usage::of(recorder.id()))?,
-                taken(folder)?,
-            ))
-        };
-        let before = look()?;
-        let begin = MonotonicNs::now();
-        sleep_until(begin + Duration::from_secs_f64(seconds))?;
-        let end = MonotonicNs::now();
-        let after = look()?;
-        Ok(Window {
-            begin,
-            end,
-            bridge: after.0.since(before.0),
-            status: after.1.since(before.1),
-            recorder: after.2.since(before.2),
-            file_bytes: after.3.saturating_sub(before.3),
-        })
-    }
-
-    fn seconds(&self) -> f64 {
-        self.end.since(self.begin).as_secs_f64()
-    }
-
-    fn has(&self, moment: MonotonicNs) -> bool {
-        (self.begin..self.end).contains(&moment)
-    }
+/// Watches the processes for so long. The recorder's files are in `folder`.
+fn watch(
+    round: &mut Round,
+    number: usize,
+    processes: [Option<&Process>; 3],
+    folder: &Path,
+    seconds: f64,
+) -> Result<Window> {
+    let names = PROCESSES[number].into_iter();
+    let named = names.zip(processes);
+    let watch = Watch::begin(named.filter_map(|(name, process)| Some((name, process?))))?;
+    let bytes = taken(folder)?;
+    let begin = watch.since();
+    sleep_until(begin + Duration::from_secs_f64(seconds))?;
+    let end = MonotonicNs::now();
+    let elapsed_s = watch.end(round)?;
+    let bytes_s = taken(folder)?.saturating_sub(bytes) as f64 / elapsed_s;
+    round.add_figure(WINDOWS[number], "bytes a second", bytes_s);
+    Ok(begin..end)
 }
 
 /// Bytes of the disk that the files in `folder` take: a file that is not finished is longer than what lies in it.
@@ -118,138 +97,59 @@ fn taken(folder: &Path) -> Result<u64> {
     Ok(bytes)
 }
 
-/// What came in one or several windows.
-#[derive(Clone)]
-struct Ages {
-    /// From just before the frame was written to the terminal.
-    whole: Times,
-    /// From the bridge's read on.
-    after_read: Times,
-    lost: u64,
-}
-
-impl Ages {
-    fn in_windows(windows: &[&Window], sent: &Sent, watched: &Watched) -> Ages {
-        let mut ages = Ages {
-            whole: Times::new(),
-            after_read: Times::new(),
-            lost: 0,
-        };
-        for window in windows {
-            let mut last: Option<u32> = None;
-            for sample in watched.samples().skip(WARM_UP) {
-                if !window.has(MonotonicNs(sample.arrived_ns)) {
-                    continue;
-                }
-                if let Some(last) = last.replace(sample.index) {
-                    ages.lost += u64::from(sample.index.saturating_sub(last + 1));
-                }
-                // The first frame has the index 1.
-                let Some(sent_ns) = sent.sent_ns.get(sample.index as usize - 1) else {
-                    continue;
-                };
-                ages.whole.add(sample.arrived_ns.saturating_sub(*sent_ns));
-                ages.after_read
-                    .add(sample.arrived_ns.saturating_sub(sample.received_ns));
-            }
-        }
-        ages
-    }
-}
-
-/// One way of a round: with the recorder or without.
-struct Side {
-    ages: Ages,
-    bridge: Load,
-    status: Load,
-    recorder: Load,
-}
-
-/// What a process takes.
-#[derive(Clone, Copy)]
-struct Load {
-    percent: f64,
-    wakes_hz: f64,
-}
-
-impl Load {
-    fn of(windows: &[&Window], of: fn(&Window) -> Usage) -> Load {
-        let seconds: f64 = windows.iter().map(|window| window.seconds()).sum();
-        let sum = |figure: fn(Usage) -> u64| -> f64 {
-            windows.iter().map(|window| figure(of(window)) as f64).sum()
-        };
-        Load {
-            percent: sum(|usage| usage.cpu_ns) / 1e7 / seconds,
-            wakes_hz: sum(|usage| usage.wakes) / seconds,
-        }
-    }
-}
-
-impl Side {
-    fn of(windows: &[&Window], sent: &Sent, watched: &Watched) -> Side {
-        Side {
-            ages: Ages::in_windows(windows, sent, watched),
-            bridge: Load::of(windows, |window| window.bridge),
-            status: Load::of(windows, |window| window.status),
-            recorder: Load::of(windows, |window| window.recorder),
-        }
-    }
-
-    fn percent(&self) -> f64 {
-        self.bridge.percent + self.status.percent + self.recorder.percent
-    }
+/// The arrivals within a window.
+fn within(window: &Window, arrivals: &[Arrival]) -> Vec<Arrival> {
+    let is_within = |arrival: &&Arrival| window.contains(&MonotonicNs(arrival.arrived_ns));
+    arrivals.iter().filter(is_within).copied().collect()
 }
 
 /// One round: the same processes, before, while and after they are recorded.
-struct Round {
-    without: Side,
-    with: Side,
-    before: Ages,
-    after: Ages,
-    file_bytes_s: f64,
-    recorded: Recorded,
-}
-
 fn measure(case: Case, seconds: f64) -> Result<Round> {
-    let site = Site::new()?;
-    let folder = site.path().join("recording");
+    let site = Site::new(Placement::Free)?;
+    let folder = site.folder().join("recording");
     fs::create_dir(&folder)?;
-    let ril = Ril::start(&site, &case.rate_hz.to_string(), Stage::Status)?;
-    let consumer = Child::start(&site, &[&"watch"])?;
-    let settle = || sleep_until(MonotonicNs::now() + SETTLING);
+    let ril = Ril::start(&site, &case.rate_hz.to_string(), true)?;
+    let consumer = site.start(&format!("consume hero {}", usize::MAX))?;
+    let start_up = || sleep_until(MonotonicNs::now() + START_UP);
     // What begins with the first frames, and the samples that do not count.
-    settle()?;
-    settle()?;
+    start_up()?;
+    start_up()?;
 
-    let before = Window::measure(&ril, None, &folder, seconds / 2.0)?;
-    let recorder = Recorder::start(&site, &folder)?;
-    settle()?;
-    let during = Window::measure(&ril, Some(&recorder), &folder, seconds)?;
-    let recorded = recorder.end()?;
-    settle()?;
-    let after = Window::measure(&ril, None, &folder, seconds / 2.0)?;
+    let mut round = Round::default();
+    let robot = [Some(&ril.bridge), ril.status.as_ref()];
+    let alone = [robot[0], robot[1], None];
+    let before = watch(&mut round, 0, alone, &folder, seconds / 2.0)?;
+    let recorder = start_recorder(&site, "recording")?;
+    start_up()?;
+    let recorded = [robot[0], robot[1], Some(&recorder)];
+    let during = watch(&mut round, 1, recorded, &folder, seconds)?;
+    let end = end_recorder(recorder)?;
+    start_up()?;
+    let after = watch(&mut round, 2, alone, &folder, seconds / 2.0)?;
 
-    let watched: Watched = consumer.finish()?;
-    let sent: Sent = ril.finish()?;
-    Ok(Round {
-        without: Side::of(&[&before, &after], &sent, &watched),
-        with: Side::of(&[&during], &sent, &watched),
-        before: Ages::in_windows(&[&before], &sent, &watched),
-        after: Ages::in_windows(&[&after], &sent, &watched),
-        file_bytes_s: during.file_bytes as f64 / during.seconds(),
-        recorded,
-    })
+    for (quantity, value) in [
+        ("messages", end.messages),
+        ("dropped", end.dropped),
+        ("not received", end.lost),
+    ] {
+        round.add_figure(RECORDED, quantity, value as f64);
+    }
+    let mut arrivals: Vec<Arrival> = site.end(consumer)?;
+    join(&mut arrivals, &ril.end(&site)?);
+    for (name, window) in WINDOWS.into_iter().zip([before, during, after]) {
+        let arrivals = within(&window, &arrivals);
+        round.add(name, &arrivals);
+        if name != RECORDED {
+            round.add(NOT_RECORDED, &arrivals);
+        }
+    }
+    Ok(round)
 }
-
-type Rounds = Measured<Case, Round>;
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let cases: Vec<Case> = args
-        .rates
-        .iter()
-        .map(|rate_hz| Case { rate_hz: *rate_hz })
-        .collect();
+    let case = |rate_hz: &u32| Case { rate_hz: *rate_hz };
+    let cases: Vec<Case> = args.rates.iter().map(case).collect();
     let measured = Measured::take(&cases, args.common.rounds, |case| {
         measure(case, args.seconds)
     })?;
@@ -263,10 +163,17 @@ pub fn run(args: &Args) -> Result<()> {
         args.seconds,
         half = args.seconds / 2.0,
     ));
-    let rows: Vec<_> = cases
-        .iter()
-        .flat_map(|case| age_rows(*case, &measured))
-        .collect();
+    let rows = cases.iter().flat_map(|case| {
+        [NOT_RECORDED, RECORDED].map(|name| {
+            let mut row = vec![format!("{case}, {name}")];
+            for part in [Part::Whole, Part::AfterRead] {
+                let times = measured.times(*case, name, part);
+                row.extend(PERCENTILES.map(|(_, fraction)| us(times.quantile_ns(fraction))));
+            }
+            row.push(format!("{:.0}", measured.sum(*case, name, LOST)));
+            row
+        })
+    });
     let header = [
         "rate",
         "p50",
@@ -275,179 +182,110 @@ pub fn run(args: &Args) -> Result<()> {
         "p99",
         "lost",
     ];
-    section.table(&header, &rows);
+    section.table(&header, &rows.collect::<Vec<_>>());
     section.text(
         "Percentiles of a round with the recorder to those without it, medians over the rounds, least … most. The last column \
          has the second time without the recorder to the first: what the same processes differ by though nothing has changed.",
     );
-    let rows: Vec<_> = cases
+    let rows = cases.iter().flat_map(|case| ratio_rows(*case, &measured));
+    let header = ["percentile", "recorded / not", "not / not"];
+    section.table(&header, &rows.collect::<Vec<_>>());
+    section.text("Processor time and wake-ups, of all threads, medians of the rounds; without the recorder, those before it:");
+    let shown = ["bridge before", "bridge, recorded", "status before"];
+    let shown = [&shown[..], &["status, recorded", "`ril record`"]].concat();
+    let rows = cases
         .iter()
-        .flat_map(|case| ratio_rows(*case, &measured))
-        .collect();
-    section.table(&["percentile", "recorded / not", "not / not"], &rows);
-    section.text("Processor time and wake-ups, of all threads, medians of the rounds:");
-    let rows: Vec<_> = cases
-        .iter()
-        .flat_map(|case| load_rows(*case, &measured))
-        .collect();
-    let header = [
-        "process",
-        "% of a core",
-        "recorded",
-        "wake-ups a second",
-        "recorded",
-    ];
-    section.table(&header, &rows);
-    for case in &cases {
-        section.text(file_line(*case, &measured));
-    }
-    for case in &cases {
-        goals(&mut section, *case, &measured);
+        .flat_map(|case| shown.iter().map(|process| (*case, *process)));
+    section.figures(&measured, &rows.collect::<Vec<_>>(), &[CPU, WAKES]);
+    for case in cases {
+        describe_file(&mut section, case, &measured);
+        goals(&mut section, case, &measured);
     }
     section.publish(args.common.out().as_deref())
 }
 
-fn age_rows(case: Case, measured: &Rounds) -> [Vec<String>; 2] {
-    let row = |what: &str, of: fn(&Round) -> &Ages| {
-        let rounds = measured.rounds(case);
-        let merged = |times: fn(&Ages) -> &Times| {
-            Times::merged(rounds.iter().map(|round| times(of(round)).clone()))
-        };
-        let (whole, after_read) = (merged(|ages| &ages.whole), merged(|ages| &ages.after_read));
-        vec![
-            format!("{case}{what}"),
-            us(whole.p50_ns()),
-            us(whole.quantile_ns(0.99)),
-            us(after_read.p50_ns()),
-            us(after_read.quantile_ns(0.99)),
-            rounds
-                .iter()
-                .map(|round| of(round).lost)
-                .sum::<u64>()
-                .to_string(),
-        ]
-    };
-    [
-        row("", |round| &round.without.ages),
-        row(", recorded", |round| &round.with.ages),
-    ]
-}
-
-/// The percentiles that are compared.
-const PERCENTILES: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
-
-/// A percentile of one time of each round to that of another.
+/// A percentile of one window of each round to that of another.
 fn ratio(
     case: Case,
-    measured: &Rounds,
+    measured: &Measured<Case>,
     fraction: f64,
-    times: fn(&Ages) -> &Times,
-    [one, other]: [fn(&Round) -> &Ages; 2],
+    part: Part,
+    [one, other]: [&'static str; 2],
 ) -> Option<Ratio> {
-    let quantiles = |of: fn(&Round) -> &Ages| {
-        measured.each(case, |round| times(of(round)).quantile_ns(fraction))
-    };
+    let quantiles = |name| measured.quantiles(case, name, part, fraction);
     Ratio::of_rounds(&quantiles(one), &quantiles(other))
 }
 
-/// A part of the way of a sample.
-type Part = fn(&Ages) -> &Times;
-
-/// The windows with the recorder, or those without.
-type WithOrWithout = fn(&Round) -> &Side;
-
-const RECORDED: [fn(&Round) -> &Ages; 2] = [|round| &round.with.ages, |round| &round.without.ages];
-const UNCHANGED: [fn(&Round) -> &Ages; 2] = [|round| &round.after, |round| &round.before];
-
-fn ratio_rows(case: Case, measured: &Rounds) -> Vec<Vec<String>> {
-    let parts: [(&str, Part); 2] = [
-        ("", |ages| &ages.whole),
-        (", from the bridge's read on", |ages| &ages.after_read),
-    ];
+fn ratio_rows(case: Case, measured: &Measured<Case>) -> Vec<Vec<String>> {
     let mut rows = Vec::new();
-    for (part, times) in parts {
+    for (part, name_of_part) in [
+        (Part::Whole, String::new()),
+        (Part::AfterRead, format!(", {}", Part::AfterRead)),
+    ] {
         for (name, fraction) in PERCENTILES {
-            let figure = |pair| {
-                ratio(case, measured, fraction, times, pair).map_or_else(
-                    || "–".to_owned(),
-                    |ratio| {
-                        let Ratio {
-                            median,
-                            least,
-                            most,
-                        } = ratio;
-                        format!("{median:.2}, {least:.2} … {most:.2}")
-                    },
-                )
+            let figure = |pair| match ratio(case, measured, fraction, part, pair) {
+                Some(Ratio {
+                    median,
+                    least,
+                    most,
+                }) => format!("{median:.2}, {least:.2} … {most:.2}"),
+                None => "–".to_owned(),
             };
             rows.push(vec![
-                format!("{case}, {name}{part}"),
-                figure(RECORDED),
-                figure(UNCHANGED),
+                format!("{case}, {name}{name_of_part}"),
+                figure([RECORDED, NOT_RECORDED]),
+                figure([WINDOWS[2], WINDOWS[0]]),
             ]);
         }
     }
     rows
 }
 
-fn load_rows(case: Case, measured: &Rounds) -> [Vec<String>; 3] {
-    let row = |process: &str, of: fn(&Side) -> Load| {
-        let figure = |side: WithOrWithout, figure: fn(Load) -> f64| {
-            let values = measured.each(case, |round| figure(of(side(round))));
-            median(&values).unwrap_or_default()
-        };
-        let percent = |side| format!("{:.2}", figure(side, |load| load.percent));
-        let wakes = |side| format!("{:.0}", figure(side, |load| load.wakes_hz));
-        let [without, with]: [WithOrWithout; 2] = [|round| &round.without, |round| &round.with];
-        vec![
-            format!("{process}, {case}"),
-            percent(without),
-            percent(with),
-            wakes(without),
-            wakes(with),
-        ]
-    };
-    let mut recorder = row("`ril record`", |side| side.recorder);
-    for absent in [1, 3] {
-        recorder[absent] = "–".to_owned();
-    }
-    [
-        row("bridge", |side| side.bridge),
-        row("status", |side| side.status),
-        recorder,
-    ]
+fn describe_file(section: &mut Section, case: Case, measured: &Measured<Case>) {
+    let sum = |quantity| measured.sum(case, RECORDED, quantity);
+    let bytes_s = measured.figures(case, RECORDED, "bytes a second");
+    section.text(format!(
+        "{case}: the file takes {:.0} kB a second of the disk; {:.0} messages in all rounds, {:.0} of them dropped, {:.0} samples lost \
+         on their way to the recorder.",
+        median(&bytes_s).unwrap_or_default() / 1000.0,
+        sum("messages"),
+        sum("dropped"),
+        sum("not received"),
+    ));
 }
 
-fn file_line(case: Case, measured: &Rounds) -> String {
-    let bytes = measured.each(case, |round| round.file_bytes_s);
-    let rounds = measured.rounds(case);
-    let sum = |figure: fn(&Recorded) -> u64| -> u64 {
-        rounds.iter().map(|round| figure(&round.recorded)).sum()
-    };
-    format!(
-        "{case}: the file takes {:.0} kB a second of the disk; {} messages in all rounds, {} of them dropped, {} samples lost on \
-         their way to the recorder.",
-        median(&bytes).unwrap_or_default() / 1000.0,
-        sum(|recorded| recorded.messages),
-        sum(|recorded| recorded.dropped),
-        sum(|recorded| recorded.lost),
-    )
-}
-
-fn goals(section: &mut Section, case: Case, measured: &Rounds) {
+fn goals(section: &mut Section, case: Case, measured: &Measured<Case>) {
     for (name, fraction) in PERCENTILES {
         section.goal(
             format!("recorded / not recorded, {name}, {case}"),
             Bound::AtMost(MOST_OLDER),
-            ratio(case, measured, fraction, |ages| &ages.whole, RECORDED),
+            ratio(
+                case,
+                measured,
+                fraction,
+                Part::Whole,
+                [RECORDED, NOT_RECORDED],
+            ),
         );
     }
-    let recorder = measured.each(case, |round| round.with.recorder.percent);
-    let all = measured.each(case, |round| round.with.percent() - round.without.percent());
+    let cpu = |process| measured.figures(case, process, CPU);
+    let recorder = cpu("`ril record`");
+    let [before, during, after] = PROCESSES.map(|names| names.map(cpu));
+    let all: Vec<f64> = (0..recorder.len())
+        .map(|round| {
+            let sum = |window: &[Vec<f64>; 3]| -> f64 {
+                let of_round = window.iter().filter_map(|values| values.get(round));
+                of_round.sum()
+            };
+            sum(&during) - (sum(&before) + sum(&after)) / 2.0
+        })
+        .collect();
+    // What recording may take of a core, %.
+    let most = if case.rate_hz <= 50 { 1.0 } else { 5.0 };
     for (what, percent) in [("`ril record`", recorder), ("all that recording adds", all)] {
         section.goal(
             format!("{what}, {case}, % of a core"),
-            Bound::AtMost(most_percent(case.rate_hz)),
+            Bound::AtMost(most),
             Ratio::of_values(&percent),
         );
     }
@@ -456,66 +294,26 @@ fn goals(section: &mut Section, case: Case, measured: &Rounds) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::consumer::WatchedSample;
-
-    fn window(begin: u64, end: u64) -> Window {
-        let usage = Usage {
-            cpu_ns: 20_000_000,
-            wakes: 40,
-            preemptions: 0,
-        };
-        Window {
-            begin: MonotonicNs(begin),
-            end: MonotonicNs(end),
-            bridge: usage,
-            status: Usage::default(),
-            recorder: Usage::default(),
-            file_bytes: 0,
-        }
-    }
 
     #[test]
-    fn a_sample_counts_in_the_window_in_which_it_came_and_gaps_within_it_are_losses() {
-        let count = WARM_UP as u32 + 10;
-        let sent = Sent {
-            sent_ns: (1..=u64::from(count)).map(|index| index * 1000).collect(),
-        };
-        let mut watched = Watched::default();
-        let first = u64::from(count) - 10;
-        // The fourth of the ten that count is missing.
-        for index in (1..=count).filter(|index| u64::from(*index) != first + 4) {
-            let sent_ns = u64::from(index) * 1000;
-            watched.add(WatchedSample {
-                index,
-                received_ns: sent_ns + 10,
-                arrived_ns: sent_ns + 60,
-            });
-        }
-        let at = |number: u64| (first + number) * 1000;
-        let (one, other) = (window(at(2), at(6)), window(at(6), at(9)));
-        let ages = Ages::in_windows(&[&one], &sent, &watched);
-        assert_eq!((ages.whole.count(), ages.lost), (3, 1));
-        assert_eq!(ages.whole.p50_ns(), 60.0);
-        assert_eq!(ages.after_read.p50_ns(), 50.0);
-        let both = Ages::in_windows(&[&one, &other], &sent, &watched);
-        assert_eq!((both.whole.count(), both.lost), (6, 1));
-    }
-
-    #[test]
-    fn loads_of_several_windows_are_told_per_second() {
-        let [one, other] = [window(0, 1_000_000_000), window(0, 3_000_000_000)];
-        let load = Load::of(&[&one, &other], |window| window.bridge);
-        assert_eq!((load.percent, load.wakes_hz), (1.0, 20.0));
-        assert_eq!(Load::of(&[&one], |window| window.recorder).percent, 0.0);
+    fn a_sample_counts_in_the_window_in_which_it_came() {
+        let arrivals = [2, 3, 5, 6, 9].map(|index| Arrival {
+            index,
+            arrived_ns: index * 1000,
+            ..Arrival::default()
+        });
+        let window = MonotonicNs(3000)..MonotonicNs(9000);
+        let within = within(&window, &arrivals);
+        assert_eq!(within, arrivals[1..4]);
     }
 
     #[test]
     fn a_file_takes_what_was_written_into_it_and_not_its_holes() {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = ril_tests::PtyFolder::new();
         assert_eq!(taken(folder.path()).unwrap(), 0);
-        let file = fs::File::create(folder.path().join("a")).unwrap();
+        let file = fs::File::create(folder.link("a")).unwrap();
         file.set_len(1 << 30).unwrap();
-        fs::write(folder.path().join("b"), [1; 100_000]).unwrap();
+        fs::write(folder.link("b"), [1; 100_000]).unwrap();
         let bytes = taken(folder.path()).unwrap();
         assert!((100_000..1_000_000).contains(&bytes), "{bytes}");
     }

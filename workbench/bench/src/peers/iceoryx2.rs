@@ -5,19 +5,22 @@
 use anyhow::{Result, anyhow};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{Config, FileName, NodeBuilder, Path, SemanticString, SignalHandlingMode};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use ipc_types::Domain;
 use ipc_types::payload::HeroTelemetry;
 
-use super::ends::{Mark, PATIENCE};
+use super::ends::{Mark, Receive, Send, TIMEOUT};
 
 type Variant = iceoryx2::prelude::ipc::Service;
 type Node = iceoryx2::prelude::Node<Variant>;
 
 /// Samples that a subscriber keeps.
 const BUFFER: usize = 64;
+
+/// Name of both services, the samples and the events.
+const SERVICE: &str = "bench";
 
 /// A node in the domain of the environment.
 pub fn node() -> Result<Node> {
@@ -35,22 +38,12 @@ pub fn node() -> Result<Node> {
         .create::<Variant>()?)
 }
 
-fn publisher(node: &Node) -> Result<Publisher<Variant, HeroTelemetry, ()>> {
-    let service = node
-        .service_builder(&"bench".try_into()?)
+fn service(node: &Node) -> Result<PortFactory<Variant, HeroTelemetry, ()>> {
+    Ok(node
+        .service_builder(&SERVICE.try_into()?)
         .publish_subscribe::<HeroTelemetry>()
         .subscriber_max_buffer_size(BUFFER)
-        .open_or_create()?;
-    Ok(service.publisher_builder().create()?)
-}
-
-fn subscriber(node: &Node) -> Result<Subscriber<Variant, HeroTelemetry, ()>> {
-    let service = node
-        .service_builder(&"bench".try_into()?)
-        .publish_subscribe::<HeroTelemetry>()
-        .subscriber_max_buffer_size(BUFFER)
-        .open_or_create()?;
-    Ok(service.subscriber_builder().buffer_size(BUFFER).create()?)
+        .open_or_create()?)
 }
 
 /// The notifier of the event service `name`.
@@ -65,99 +58,63 @@ pub fn listener(node: &Node, name: &str) -> Result<Listener<Variant>> {
     Ok(service.open_or_create()?.listener_builder().create()?)
 }
 
-/// Publishes, and wakes whoever blocks.
-pub struct Sender {
-    publisher: Publisher<Variant, HeroTelemetry, ()>,
-    notifier: Option<Notifier<Variant>>,
-    _node: Node,
-}
-
-impl Sender {
-    pub fn without_event() -> Result<Sender> {
-        let node = node()?;
-        Ok(Sender {
-            publisher: publisher(&node)?,
-            notifier: None,
-            _node: node,
-        })
-    }
-
-    pub fn with_event() -> Result<Sender> {
-        let sender = Sender::without_event()?;
-        Ok(Sender {
-            notifier: Some(notifier(&sender._node, "bench")?),
-            ..sender
-        })
-    }
-}
-
-impl super::ends::Sender for Sender {
-    fn send(&mut self, sample: &HeroTelemetry) -> Result<()> {
-        self.publisher
-            .loan_uninit()?
-            .write_payload(*sample)
-            .send()?;
-        if let Some(notifier) = &self.notifier {
+/// Publishes, and wakes a receiver that blocks.
+pub fn sender(has_event: bool) -> Result<Send> {
+    let node = node()?;
+    let publisher = service(&node)?.publisher_builder().create()?;
+    let notifier = match has_event {
+        true => Some(notifier(&node, SERVICE)?),
+        false => None,
+    };
+    Ok(Box::new(move |sample| {
+        let _alive = &node;
+        publisher.loan_uninit()?.write_payload(*sample).send()?;
+        if let Some(notifier) = &notifier {
             notifier.notify()?;
         }
         Ok(())
+    }))
+}
+
+type Samples = Subscriber<Variant, HeroTelemetry, ()>;
+
+fn subscriber(node: &Node) -> Result<Samples> {
+    let service = service(node)?;
+    let builder = service.subscriber_builder();
+    Ok(builder.buffer_size(BUFFER).create()?)
+}
+
+fn drain(subscriber: &Samples, take: &mut dyn FnMut(Mark)) -> Result<usize> {
+    let mut taken = 0;
+    while let Some(sample) = subscriber.receive()? {
+        take(Mark::of(&sample));
+        taken += 1;
     }
+    Ok(taken)
 }
 
 /// Asks all the time.
-pub struct Spinning {
-    subscriber: Subscriber<Variant, HeroTelemetry, ()>,
-    _node: Node,
-}
-
-impl Spinning {
-    pub fn new() -> Result<Spinning> {
-        let node = node()?;
-        Ok(Spinning {
-            subscriber: subscriber(&node)?,
-            _node: node,
-        })
-    }
-
-    fn drain(&self, take: &mut dyn FnMut(Mark)) -> Result<usize> {
-        let mut taken = 0;
-        while let Some(sample) = self.subscriber.receive()? {
-            take(Mark::of(&sample));
-            taken += 1;
-        }
-        Ok(taken)
-    }
-}
-
-impl super::ends::Receiver for Spinning {
-    fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
-        while self.drain(take)? == 0 {
+pub fn spinning() -> Result<Receive> {
+    let node = node()?;
+    let subscriber = subscriber(&node)?;
+    Ok(Box::new(move |take| {
+        let _alive = &node;
+        while drain(&subscriber, take)? == 0 {
             std::hint::spin_loop();
         }
         Ok(())
-    }
+    }))
 }
 
 /// Blocks on the listener, then takes what is there.
-pub struct Blocking {
-    data: Spinning,
-    listener: Listener<Variant>,
-}
-
-impl Blocking {
-    pub fn new() -> Result<Blocking> {
-        let data = Spinning::new()?;
-        Ok(Blocking {
-            listener: listener(&data._node, "bench")?,
-            data,
-        })
-    }
-}
-
-impl super::ends::Receiver for Blocking {
-    fn receive(&mut self, take: &mut dyn FnMut(Mark)) -> Result<()> {
-        self.listener.timed_wait(|_| {}, PATIENCE)?;
-        self.data.drain(take)?;
+pub fn blocking() -> Result<Receive> {
+    let node = node()?;
+    let subscriber = subscriber(&node)?;
+    let listener = listener(&node, SERVICE)?;
+    Ok(Box::new(move |take| {
+        let _alive = &node;
+        listener.timed_wait(|_| {}, TIMEOUT)?;
+        drain(&subscriber, take)?;
         Ok(())
-    }
+    }))
 }
