@@ -44,10 +44,10 @@ fn only<'a>(settings: &'a BTreeMap<String, Vec<String>>, key: &str) -> &'a str {
     }
 }
 
-/// Where the packages put their files, each with its source.
+/// Where the packages put their files, each with its source below the repository.
 fn assets() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
-    for package in ["ril", "relay"] {
+    for package in ["ril", "gateways/relay"] {
         let text = fs::read_to_string(repository(package).join("Cargo.toml")).unwrap();
         let manifest: toml::Table = text.parse().unwrap();
         for asset in manifest["package"]["metadata"]["deb"]["assets"]
@@ -61,7 +61,7 @@ fn assets() -> BTreeMap<String, String> {
                 false => format!("/{to}"),
             };
             assert_eq!(
-                all.insert(to.clone(), from.to_owned()),
+                all.insert(to.clone(), from.trim_start_matches("../").to_owned()),
                 None,
                 "{to} comes twice"
             );
@@ -258,12 +258,11 @@ fn the_udev_rule_makes_the_port_of_the_configuration() {
 fn the_packages_list_files_that_there_are_and_scripts_that_a_shell_reads() {
     for (to, from) in assets() {
         // These two are built.
-        if from.starts_with("target/release/") || from.starts_with("../package/out/") {
+        if from.starts_with("target/release/") || from.starts_with("package/out/") {
             continue;
         }
-        // Paths begin at the crate's folder; both crates lie beside each other.
         let (folder, last) = from.rsplit_once('/').unwrap();
-        let folder = repository("ril").join(folder);
+        let folder = repository(folder);
         let suffix = last.trim_start_matches('*');
         let found = fs::read_dir(&folder).unwrap().any(|entry| {
             let name = entry.unwrap().file_name();
@@ -276,6 +275,7 @@ fn the_packages_list_files_that_there_are_and_scripts_that_a_shell_reads() {
         "build",
         "check",
         "configuration",
+        "licences",
         "debian/postinst",
         "debian/prerm",
         "debian/postrm",
