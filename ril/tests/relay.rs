@@ -322,7 +322,7 @@ fn without_the_relay_s_program_the_way_to_build_it_is_named() {
     for args in [&[][..], &["--help"], &["--robot", "7"]] {
         let finished = install.run(&rig, Path::new("/nowhere"), args);
         assert_eq!(finished.code(), Some(1), "{finished:#?}");
-        let expected = "`cargo install --path relay`";
+        let expected = "`cargo install --path gateways/relay`";
         assert!(says(&finished.stderr, expected), "{finished:#?}");
     }
     rig.domain.assert_empty();

@@ -50,7 +50,7 @@ fn program_beside(this: Option<&Path>) -> PathBuf {
 fn not_started(program: &Path, error: &io::Error) -> String {
     if error.kind() == io::ErrorKind::NotFound {
         format!(
-            "there is no `{PROGRAM}`, neither beside `ril` nor in PATH: it is a program of its own, `cargo install --path relay` \
+            "there is no `{PROGRAM}`, neither beside `ril` nor in PATH: it is a program of its own, `cargo install --path gateways/relay` \
              builds and installs it"
         )
     } else {
@@ -230,7 +230,7 @@ mod tests {
     fn a_missing_program_is_named_with_how_it_is_built() {
         let missing = not_started(Path::new(PROGRAM), &io::ErrorKind::NotFound.into());
         assert!(
-            missing.contains("`cargo install --path relay`"),
+            missing.contains("`cargo install --path gateways/relay`"),
             "{missing}"
         );
         let forbidden = not_started(
