@@ -26,7 +26,7 @@ impl Default for ErrorTable {
 }
 
 impl ErrorTable {
-    /// What `code` becomes above the bridge; nothing if it is not fatal.
+    /// What `code` becomes above the bridge; `None` if it is not fatal.
     pub fn escalates(&self, code: DspErrorCode) -> Option<ImiError> {
         if self.hero_dsp_fatal.contains(&code.0) {
             Some(ImiError::HeroDspFatalError)

@@ -20,8 +20,8 @@
 //! use ipc_types::MonotonicNs;
 //! use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
 //!
-//! struct Nobody;
-//! impl Outputs for Nobody {
+//! struct NoOutputs;
+//! impl Outputs for NoOutputs {
 //!     fn telemetry(&mut self, _fill: impl FnOnce(&mut DspTelemetry)) {}
 //!     fn state(&mut self, _state: &ModuleState) {}
 //!     fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
@@ -29,7 +29,7 @@
 //! }
 //!
 //! let mut bridge = Bridge::new(&BridgeConfig::default());
-//! bridge.port_opened(MonotonicNs(0), &mut Nobody);
+//! bridge.port_opened(MonotonicNs(0), &mut NoOutputs);
 //! // The first command of the start-up sequence: write the status mask to port 10000.
 //! assert_eq!(bridge.transmit(MonotonicNs(0))[..5], [0xF0, 0x01, 0x00, 0x4E, 0x10]);
 //! ```

@@ -46,7 +46,7 @@ pub enum Notice {
     },
     /// A safety rule begins to be broken, changes, or is kept again.
     Safety {
-        /// The rule; nothing when all are kept again.
+        /// The rule; `None` if all are kept again.
         violation: Option<Violation>,
     },
 }

@@ -1,4 +1,4 @@
-//! Take-off and landing end by the DSP's own word, and what the DSP refuses is told as refused by the DSP (requirements H2,
+//! Take-off and landing end by the DSP's own word, and what the DSP refuses is reported as refused by the DSP (requirements H2,
 //! H3).
 
 mod desk;

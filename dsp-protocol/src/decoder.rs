@@ -12,7 +12,7 @@ use crate::profile::{Profile, Received};
 /// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give. Its functions are those of the
 /// classic profile; a [`Decoder`] has them for both.
 pub trait Direction: Message {
-    /// How long the message is that begins with `prefix`, as far as its bytes tell. `prefix` begins with a header; it may
+    /// How long the message is that begins with `prefix`, as far as its bytes show. `prefix` begins with a header; it may
     /// be shorter than the message or reach beyond it. Never panics, whatever the bytes.
     fn frame_len(prefix: &[u8]) -> FrameLen {
         Profile::Classic.frame_len::<Self>(prefix)
@@ -227,7 +227,7 @@ fn run_without_header(input: &[u8]) -> usize {
 
 /// The frame at the front of `input` and the sum of its bytes, if it lies there whole and no header breaks it off.
 fn whole_frame<M: Direction>(profile: Profile, input: &[u8]) -> Option<(&[u8], u8)> {
-    // A header among the bytes that tell the length gives a wrong length, but also lies inside that length.
+    // A header among the bytes that encode the length gives a wrong length, but also lies inside that length.
     let FrameLen::Exactly(len) = profile.frame_len::<M>(input) else {
         return None;
     };

@@ -17,7 +17,7 @@ pub trait Message: Sized {
     /// Appends the payload.
     fn write(&self, writer: &mut Writer);
 
-    /// How long the payload of the message with this `header` is, as far as its first bytes tell. `payload` may be
+    /// How long the payload of the message with this `header` is, as far as its first bytes show. `payload` may be
     /// shorter than that, or reach beyond it.
     fn payload_len(header: u8, payload: &[u8]) -> FrameLen;
 

@@ -36,7 +36,7 @@ pub trait Terminal {
     /// What to wait on for bytes and for room.
     fn descriptor(&self) -> BorrowedFd<'_>;
 
-    /// What to wait on for a peer that comes or goes; nothing when it cannot be seen.
+    /// What to wait on for a peer that comes or goes; `None` if it cannot be seen.
     fn peer_watch(&self) -> Option<BorrowedFd<'_>> {
         None
     }

@@ -32,7 +32,7 @@ pub struct Pty {
     master: OwnedFd,
     /// The PC's end, held open.
     slave: OwnedFd,
-    /// Tells when the PC's end is opened and closed.
+    /// Shows when the PC's end is opened and closed.
     watch: OwnedFd,
     path: PathBuf,
 }

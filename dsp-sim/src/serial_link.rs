@@ -14,7 +14,7 @@ const BURST: usize = 16;
 
 /// One direction of the serial link.
 ///
-/// Whoever has bytes for it calls [`begin`](Self::begin), then [`through`](Self::through) and [`take`](Self::take) as
+/// A sender calls [`begin`](Self::begin), then [`through`](Self::through) and [`take`](Self::take) as
 /// time goes on, and [`rest`](Self::rest) when it has no more.
 #[derive(Clone, Debug)]
 pub struct Lane {
@@ -66,12 +66,12 @@ impl Lane {
         self.taken = self.taken.saturating_add(count as u64);
     }
 
-    /// When the next of `waiting` bytes should be taken; nothing when the lane rests or none waits.
+    /// When the next of `waiting` bytes should be taken; `None` if the lane rests or none waits.
     pub fn next_deadline(&self, waiting: usize) -> Option<Duration> {
         self.through_at(waiting.min(BURST).checked_sub(1)?)
     }
 
-    /// When the byte goes through before which `index` others that were not taken do; nothing when the lane rests.
+    /// When the byte goes through before which `index` others that were not taken do; `None` if the lane rests.
     pub fn through_at(&self, index: usize) -> Option<Duration> {
         let since = self.busy_since?;
         let Some(baud) = self.baud else {

@@ -60,7 +60,7 @@ pub struct Simulator {
     input: VecDeque<u8>,
     output: VecDeque<u8>,
     overrun: u64,
-    /// Nothing when all goes well: the bytes then take the short way.
+    /// `None` if all goes well: the bytes then take the short way.
     faults: Option<Box<Injector>>,
     /// Until when the DSP hangs.
     hangs_until: Option<Duration>,
@@ -198,7 +198,7 @@ impl Simulator {
         self.overrun
     }
 
-    /// What the script of faults has done; nothing when there is none.
+    /// What the script of faults has done; `None` if there is none.
     pub fn faults(&self) -> Option<FaultCounters> {
         Some(self.faults.as_ref()?.counters())
     }

@@ -147,7 +147,7 @@ impl Answers {
         }
     }
 
-    /// The answer to a request that must not be carried out; nothing when it is to be.
+    /// The answer to a request that must not be carried out; `None` if it is to be.
     fn known(&mut self, request_id: u64, ticket: Ticket) -> Option<RequestReport> {
         if let Some(report) = self.completed.report_of(request_id) {
             return Some(RequestReport {
@@ -182,7 +182,7 @@ impl Answers {
         }
     }
 
-    /// A further report: which client it is for. Nothing when its request is not under way.
+    /// A further report: which client it is for. `None` if its request is not under way.
     fn go_on(&mut self, report: &RequestReport) -> Option<Option<Ticket>> {
         let mut under_way = self.under_way.iter();
         let index = under_way.position(|work| work.request_id == report.request_id)?;

@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 pub struct SetUp<C> {
     /// The configuration.
     pub config: C,
-    /// The file that it was read from; nothing when there was none.
+    /// The file that it was read from; `None` if there was none.
     pub file: Option<PathBuf>,
     /// SIGINT and SIGTERM.
     pub termination: Termination,

@@ -131,7 +131,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Nothing when the item means the place where the vehicle is: no number, or 0, 0.
+    /// `None` if the item means the place where the vehicle is: no number, or 0, 0.
     fn position(&self) -> Result<Option<Position>, String> {
         let (latitude_deg, longitude_deg) = (self.params[4], self.params[5]);
         let is_absent = latitude_deg.is_nan() && longitude_deg.is_nan();

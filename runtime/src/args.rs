@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn the_robot_is_one_unless_told() {
-        // Whatever the environment of whoever runs the tests says.
+        // Independent of the environment in which the tests run.
         let command = Example::command().mut_arg("robot", |robot| robot.env(Resettable::Reset));
         let robot = |args: &[&str]| {
             let matches = command.clone().get_matches_from(args);

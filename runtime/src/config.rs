@@ -34,7 +34,7 @@ pub use spelling::nearest;
 pub struct Loaded<T> {
     /// The configuration.
     pub value: T,
-    /// The file; nothing when there was none and the built-in defaults rule.
+    /// The file; `None` if there was none and the built-in defaults apply.
     pub file: Option<PathBuf>,
     /// What the file says.
     text: String,

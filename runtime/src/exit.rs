@@ -1,4 +1,4 @@
-//! How a process ends: the exit codes of all commands, and the one place where an error is told.
+//! How a process ends: the exit codes of all commands, and the one place where an error is printed.
 //!
 //! Nothing here ends a process by itself: `main` returns what [`main_with`] gives it, so that every destructor has run.
 
@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::config::ConfigError;
 use crate::signal;
 
-/// What a process tells its caller. `docs/reference.md` says what to do about each.
+/// The result that a process gives its caller. `docs/reference.md` says what to do about each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum ExitCode {
@@ -17,19 +17,19 @@ pub enum ExitCode {
     Ok = 0,
     /// Trouble that none of the others names; a defect included.
     Internal = 1,
-    /// The command line makes no sense.
+    /// A usage error.
     Usage = 2,
     /// The process that should answer is not there.
     ServiceAbsent = 3,
     /// No answer in time.
     Timeout = 4,
-    /// The request was refused; the reason was told.
+    /// The request was refused; the reason was printed.
     Refused = 5,
     /// The line to the DSP is down, or was lost in flight; or the relay's link to a robot on another machine is down.
     LinkDown = 6,
-    /// Nobody can know whether the request was carried out.
+    /// The outcome of the request cannot be known.
     OutcomeUnknown = 7,
-    /// What was examined is not in order; the findings were told.
+    /// What was examined is not in order; the findings were printed.
     NotInOrder = 8,
     /// The configuration is wrong: a restart does not help (`EX_CONFIG`).
     Configuration = 78,
@@ -94,7 +94,7 @@ impl ExitCode {
 #[derive(Debug)]
 pub struct Failure {
     code: ExitCode,
-    /// Nothing to tell: whoever read our standard output has gone, which is how pipelines end.
+    /// `None` if the reader of our standard output has gone, which is how pipelines end.
     error: Option<Box<dyn Error + Send + Sync>>,
     /// What to do about it, where that is not a part of the error's own text.
     next_step: Option<String>,
@@ -103,7 +103,7 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Ends the process with `code`; `error` and its sources are told.
+    /// Ends the process with `code`; `error` and its sources are printed.
     pub fn new(code: ExitCode, error: impl Into<Box<dyn Error + Send + Sync>>) -> Failure {
         Failure {
             code,
@@ -121,7 +121,7 @@ impl Failure {
         }
     }
 
-    /// The signal by which the process ends; nothing when it ends with an exit code.
+    /// The signal by which the process ends; `None` if it ends with an exit code.
     pub fn signal(&self) -> Option<i32> {
         self.signal
     }
@@ -153,7 +153,7 @@ impl Failure {
     /// Standard output could not be written. When its reader has gone, as in `ril echo dsp | head`, the process ends
     /// quietly with code 0.
     ///
-    /// `println!` panics in that case; whoever prints data uses `writeln!(…).map_err(Failure::output)?`.
+    /// `println!` panics in that case; a program that prints data uses `writeln!(…).map_err(Failure::output)?`.
     pub fn output(error: io::Error) -> Failure {
         if error.kind() == io::ErrorKind::BrokenPipe {
             Failure {
@@ -170,7 +170,7 @@ impl Failure {
         }
     }
 
-    /// The same failure with `what` told before it.
+    /// The same failure with `what` printed before it.
     #[must_use]
     pub fn context(self, what: impl Into<String>) -> Failure {
         Failure {
@@ -207,8 +207,8 @@ impl Failure {
         chain
     }
 
-    /// Tells the error on `to`: one line `error: …`, one line for each cause, one for the next step.
-    fn tell(&self, to: &mut impl Write) -> io::Result<()> {
+    /// Prints the error on `to`: one line `error: …`, one line for each cause, one for the next step.
+    fn print(&self, to: &mut impl Write) -> io::Result<()> {
         for (depth, text) in self.chain().iter().enumerate() {
             match depth {
                 0 => writeln!(to, "error: {text}")?,
@@ -233,7 +233,7 @@ pub trait OrFail<T> {
     /// The value, or a [`Failure`] with `code`.
     fn or_fail(self, code: ExitCode) -> Result<T, Failure>;
 
-    /// The value, or a [`Failure`] with `code` that tells `what` before the error.
+    /// The value, or a [`Failure`] with `code` that prints `what` before the error.
     fn or_fail_with(self, code: ExitCode, what: impl Into<String>) -> Result<T, Failure>;
 }
 
@@ -256,11 +256,11 @@ struct Explained {
     cause: Box<dyn Error + Send + Sync>,
 }
 
-/// The body of `main`: runs `run`, tells its error once on standard error and gives the exit code.
+/// The body of `main`: runs `run`, prints its error once on standard error and gives the exit code.
 ///
 /// A limit on the size of files is an error as others are, see [`signal::survive_file_size_limits`].
 ///
-/// A panic has been told by the panic hook; it ends with code 1 after the destructors.
+/// The panic hook has printed a panic; it ends with code 1 after the destructors.
 pub fn main_with(run: impl FnOnce() -> Result<(), Failure>) -> std::process::ExitCode {
     main_and_report(run, |_| {})
 }
@@ -279,7 +279,7 @@ pub fn main_and_report(
         Ok(Ok(())) => ExitCode::Ok,
         Ok(Err(failure)) => {
             // Standard error may be closed; the exit code still says enough.
-            let _ = failure.tell(&mut io::stderr().lock());
+            let _ = failure.print(&mut io::stderr().lock());
             if failure.code != ExitCode::Ok {
                 report(&failure);
             }
@@ -302,9 +302,9 @@ pub fn main_and_report(
 mod tests {
     use super::*;
 
-    fn told(failure: &Failure) -> String {
+    fn printed(failure: &Failure) -> String {
         let mut text = Vec::new();
-        failure.tell(&mut text).unwrap();
+        failure.print(&mut text).unwrap();
         String::from_utf8(text).unwrap()
     }
 
@@ -323,7 +323,7 @@ mod tests {
             .context("the bridge cannot start");
         assert_eq!(failure.code(), ExitCode::LinkDown);
         assert_eq!(
-            told(&failure),
+            printed(&failure),
             "error: the bridge cannot start\n  caused by: /dev/ttyUSB0 cannot be opened\n  caused by: permission denied\n"
         );
     }
@@ -335,7 +335,7 @@ mod tests {
         let failure = failure.with_next_step("start it").context("land");
         assert_eq!(failure.next_step(), "start it");
         assert_eq!(
-            told(&failure),
+            printed(&failure),
             "error: land\n  caused by: there is no bridge\n  next step: start it\n"
         );
     }
@@ -346,14 +346,14 @@ mod tests {
         #[error("wrong: {0}")]
         struct Repeats(#[source] io::Error);
         let failure = Failure::internal(Repeats(io::ErrorKind::NotFound.into()));
-        assert_eq!(told(&failure), "error: wrong: entity not found\n");
+        assert_eq!(printed(&failure), "error: wrong: entity not found\n");
     }
 
     #[test]
     fn a_reader_that_has_gone_is_a_quiet_end() {
-        let failure = Failure::output(io::ErrorKind::BrokenPipe.into()).context("never told");
+        let failure = Failure::output(io::ErrorKind::BrokenPipe.into()).context("never printed");
         assert_eq!(failure.code(), ExitCode::Ok);
-        assert_eq!(told(&failure), "");
+        assert_eq!(printed(&failure), "");
         let full = Failure::output(io::ErrorKind::StorageFull.into());
         assert_eq!(full.code(), ExitCode::Internal);
     }

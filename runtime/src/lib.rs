@@ -3,7 +3,7 @@
 //! * [`args`]: the options that every process takes: robot, configuration, verbosity;
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
 //! * [`duration`]: times as people write them, such as `1m30s`;
-//! * [`exit`]: exit codes, and how an error is told once;
+//! * [`exit`]: exit codes, and how an error is printed once;
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;

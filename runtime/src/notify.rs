@@ -8,7 +8,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::Duration;
 
-/// Tells the supervisor how this process is.
+/// Reports the state of this process to the supervisor.
 #[derive(Debug)]
 pub struct Notifier {
     supervisor: Option<(UnixDatagram, SocketAddr)>,
@@ -47,7 +47,7 @@ impl Notifier {
         self.send("WATCHDOG=1");
     }
 
-    /// How often [`watchdog`](Self::watchdog) should be called: half of what the supervisor tolerates. Nothing when it
+    /// How often [`watchdog`](Self::watchdog) should be called: half of what the supervisor tolerates. `None` if it
     /// does not watch.
     pub fn watchdog_period(&self) -> Option<Duration> {
         self.watchdog.map(|tolerated| tolerated / 2)

@@ -79,7 +79,7 @@ impl Termination {
         Ok(termination)
     }
 
-    /// A termination without signals, and the handle that requests it: for tests, and for whoever runs a process's loop
+    /// A termination without signals, and the handle that requests it: for tests, and for a program that runs a process's loop
     /// in a thread.
     pub fn by_hand() -> io::Result<(Termination, TerminationRequest)> {
         let (receiver, sender) = pair()?;
@@ -97,14 +97,14 @@ impl Termination {
         Ok((termination, request))
     }
 
-    /// The signal that came last; nothing when none did.
+    /// The signal that came last; `None` if none did.
     pub fn signal(&self) -> Option<i32> {
         let signal = self.signal.load(Ordering::Acquire);
         // `BY_HAND` is no number of a signal.
         i32::try_from(signal).ok().filter(|signal| *signal != 0)
     }
 
-    /// Whether the process should end. Never blocks; empties the descriptor, so that it wakes nobody again until the
+    /// Whether the process should end. Never blocks; empties the descriptor, so that it wakes no thread again until the
     /// next signal.
     pub fn requested(&self) -> bool {
         let requested = self.is_set();
@@ -172,7 +172,7 @@ fn wake(mut sender: &UnixStream) {
     let _ = sender.write(b"T");
 }
 
-/// Ends this process by `signal`, as if nothing had ever handled it: whoever waits for the process, such as a shell or a loop
+/// Ends this process by `signal`, as if nothing had ever handled it: a parent that waits for the process, such as a shell or a loop
 /// in a script, then sees that it was interrupted. It returns only when the operating system refuses.
 pub fn end_by(signal: i32) {
     let _ = signal_hook::low_level::emulate_default_handler(signal);
@@ -215,7 +215,7 @@ impl Drop for Termination {
     }
 }
 
-/// Requests a [`Termination`] by hand. Dropping it does so too: whoever could have asked has gone.
+/// Requests a [`Termination`] by hand. Dropping it does so too: nothing else could request it.
 #[derive(Debug)]
 pub struct TerminationRequest {
     sender: UnixStream,

@@ -44,7 +44,7 @@ pub struct Chain {
     binary: PathBuf,
 }
 
-/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. Nothing when there is none: a line on standard
+/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. `None` if there is none: a line on standard
 /// error then says that the test is skipped, also when tests that pass print nothing.
 pub fn installed_or_skip() -> Option<PathBuf> {
     let installed = installed();

@@ -64,7 +64,7 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// The exit code, or nothing when a signal ended the process.
+    /// The exit code, or `None` if a signal ended the process.
     pub fn code(&self) -> Option<i32> {
         self.status.code()
     }

@@ -1,7 +1,7 @@
 //! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what the sources of
 //! the pure crates never mention.
 //!
-//! A failure names the arrow, or the file and the line. Whoever means it changes ARCHITECTURE.md first, and then the
+//! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to the
 //! tables here.
 
 use std::collections::BTreeMap;
@@ -204,7 +204,7 @@ fn metadata() -> Value {
     serde_json::from_slice(&output.stdout).expect("cargo prints JSON")
 }
 
-/// What is wrong with the dependencies of the packages in `metadata`; nothing when all is well.
+/// What is wrong with the dependencies of the packages in `metadata`; empty if all is well.
 fn offences_against_arrows(metadata: &Value) -> Vec<String> {
     let allowed: BTreeMap<_, _> = ARROWS.into_iter().collect();
     let mut offences = Vec::new();

@@ -126,7 +126,7 @@ fn path_len(rest: &str) -> usize {
     end.max(2)
 }
 
-/// The module `path` of the file `module`, from the root of the crate; nothing when it is none but the file's parents, as in
+/// The module `path` of the file `module`, from the root of the crate; `None` if it is none but the file's parents, as in
 /// `pub(in super::super)`.
 fn from_root(module: &str, path: &str) -> Option<String> {
     let mut place: Vec<&str> = module.split("::").filter(|name| !name.is_empty()).collect();

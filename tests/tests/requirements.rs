@@ -1,5 +1,6 @@
-//! `docs/requirements.md` tells the truth: every test that it names is there.
+//! The documents are right: every test that `docs/requirements.md` names exists, and every link leads somewhere.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
@@ -45,4 +46,66 @@ fn every_test_that_the_table_names_is_there() {
         missing.is_empty(),
         "docs/requirements.md names tests that are not there: {missing:#?}"
     );
+}
+
+/// The documents below `folder`.
+fn documents(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    entries
+        .flat_map(|entry| {
+            let (path, name) = (entry.path(), entry.file_name());
+            let name = name.to_string_lossy();
+            let is_source = !name.starts_with('.') && name != "target" && name != "node_modules";
+            match entry.file_type().unwrap().is_dir() {
+                true if is_source => documents(&path),
+                false if name.ends_with(".md") => vec![path],
+                _ => vec![],
+            }
+        })
+        .collect()
+}
+
+/// Whether `document` has a heading with this anchor, as GitHub makes it.
+fn has_anchor(document: &str, anchor: &str) -> bool {
+    let headings = document.lines().filter(|line| line.starts_with('#'));
+    let mut anchors = headings.map(|line| {
+        let text = line.trim_start_matches('#').trim().to_lowercase();
+        let kept = text
+            .chars()
+            .filter(|c| c.is_alphanumeric() || "-_ ".contains(*c));
+        kept.collect::<String>().replace(' ', "-")
+    });
+    anchors.any(|one| one == anchor)
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let (mut checked, mut dead) = (0, Vec::new());
+    for document in documents(&root()) {
+        let text = fs::read_to_string(&document).unwrap();
+        for link in text
+            .split("](")
+            .skip(1)
+            .filter_map(|rest| rest.split(')').next())
+        {
+            if link.contains("://") || link.contains(char::is_whitespace) {
+                continue;
+            }
+            checked += 1;
+            let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = match path {
+                "" => document.clone(),
+                path => document.parent().unwrap().join(path),
+            };
+            let is_there = match anchor {
+                "" => target.exists(),
+                anchor => fs::read_to_string(&target).is_ok_and(|text| has_anchor(&text, anchor)),
+            };
+            if !is_there {
+                dead.push(format!("{}: {link}", document.display()));
+            }
+        }
+    }
+    assert!(checked > 200, "only {checked} links were found");
+    assert!(dead.is_empty(), "{dead:#?}");
 }

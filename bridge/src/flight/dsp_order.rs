@@ -99,7 +99,7 @@ impl Flight {
         }
     }
 
-    /// How far the order for take-off or landing is; nothing when none is under way.
+    /// How far the order for take-off or landing is; `None` if none is under way.
     pub(super) fn dsp_order(&self) -> Option<&DspOrder> {
         match &self.motion {
             Motion::TakingOff(take_off) => Some(&take_off.step),
@@ -161,7 +161,7 @@ impl Flight {
         }
     }
 
-    /// The DSP has the order. That it arrived does not say that it is carried out: the port tells.
+    /// The DSP has the order. That it arrived does not say that it is carried out: the port shows that.
     fn order_acknowledged<O: Outputs>(&mut self, length_m: f64, cx: &mut Context<'_, O>) {
         let Some(DspOrder::Ordering(doubt)) = self.dsp_order().copied() else {
             return;
@@ -266,7 +266,7 @@ impl Flight {
             (Motion::TakingOff(_), Some(DspOrder::Confirming { .. })) if flying => {
                 self.under_way(cx);
             }
-            // Touch-down: the landing lasts until the rotor has stopped, which its port tells.
+            // Touch-down: the landing lasts until the rotor has stopped, which its port shows.
             (Motion::Landing(_), Some(DspOrder::Confirming { .. } | DspOrder::UnderWay))
                 if !flying && !self.timers.is_armed(FlightTimer::Step) =>
             {
@@ -291,7 +291,7 @@ impl Flight {
                 self.note_grant(true);
                 self.look(cx);
             }
-            // It has ended the landing by itself, or has not begun it yet: the port tells.
+            // It has ended the landing by itself, or has not begun it yet: the port shows which.
             Motion::Landing(_) if !self.timers.is_armed(FlightTimer::Step) => self.look(cx),
             _ => {}
         }

@@ -68,7 +68,7 @@ pub enum Motion {
 /// A movement's request.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Order {
-    /// The request; nothing when a safety rule ordered the movement.
+    /// The request; `None` if a safety rule ordered the movement.
     pub requester: Option<RequestHeader>,
     /// How the module rests when the movement has ended as it should.
     pub then: Rest,

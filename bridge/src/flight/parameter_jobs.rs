@@ -25,7 +25,7 @@ pub(super) struct Job {
     pub header: RequestHeader,
     #[serde(with = "super::port_number")]
     pub port: Port,
-    /// The command that writes the port; nothing when it is only read.
+    /// The command that writes the port; `None` if it is only read.
     pub write: Option<Command>,
     /// The write was acknowledged, and the port is being read.
     pub is_written: bool,

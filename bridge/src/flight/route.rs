@@ -24,7 +24,7 @@ pub struct Route {
     /// A snapshot does not have it, but what it was given: `start`, the path of `tracker`, and `advanced`.
     #[serde(skip, default = "no_trajectory")]
     pub(super) trajectory: Box<dyn Trajectory>,
-    /// Where the helicopter was when the generator began; nothing when it has nothing left.
+    /// Where the helicopter was when the generator began; `None` if it has nothing left.
     start: Option<Geographic>,
     /// Points of the generator that were sent.
     pub(super) advanced: u64,

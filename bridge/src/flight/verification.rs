@@ -1,7 +1,7 @@
 //! Verified delivery of waypoints (requirement D14; `docs/protocol.md` sections 6 and 8.4).
 //!
 //! Waypoints are never acknowledged. But the DSP counts those that it takes, and bytes keep their order on the line: when
-//! the count is read after a waypoint was sent, it tells for certain whether that one arrived. So each waypoint is sent,
+//! the count is read after a waypoint was sent, it shows for certain whether that one arrived. So each waypoint is sent,
 //! counted, and sent again if it was lost, before the next one goes. A copy does no harm: the DSP discards a waypoint
 //! that equals the one before.
 //!

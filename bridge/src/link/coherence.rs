@@ -6,7 +6,7 @@
 //! * [`Rule::Confirmed`], the source's: a sample is sent when the next one is newer than it and it is itself newer than
 //!   the last one sent. Every sample is late by one.
 //! * [`Rule::Immediate`], the default: a sample in order is sent at once. Only a sample that looks wrong (its time
-//!   stands still, goes back, or leaps ahead) is held until the next one tells whether it or its predecessor was wrong.
+//!   stands still, goes back, or leaps ahead) is held until the next one shows whether it or its predecessor was wrong.
 //!
 //! A clock that goes back and keeps running from there is a reboot. This module never looks at anything but times.
 

@@ -72,7 +72,7 @@ pub struct Sending {
 /// A command that has been acknowledged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acknowledged<P> {
-    /// What it was for; nothing when that was forgotten meanwhile.
+    /// What it was for; `None` if that was forgotten meanwhile.
     pub purpose: Option<P>,
     /// The acknowledgement can only be that of this command.
     pub is_certain: bool,
@@ -113,7 +113,7 @@ pub enum Timeout<P> {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Outstanding<P> {
     sending: Sending,
-    /// Nothing when it was forgotten.
+    /// `None` if it was forgotten.
     purpose: Option<P>,
     /// No attempt is sent later.
     until: MonotonicNs,
@@ -202,7 +202,7 @@ impl<P: Copy> CommandQueue<P> {
         Some(sending)
     }
 
-    /// Takes an acknowledgement; returns what it completes, or nothing if it matches no command.
+    /// Takes an acknowledgement; returns what it completes, or `None` if it matches no command.
     pub fn acknowledge(&mut self, ack: &Ack) -> Option<Acknowledged<P>> {
         let outstanding = self
             .outstanding

@@ -16,7 +16,7 @@ pub enum Purpose {
     Probe,
     /// The status stays away or has another mask: does the DSP still have ours?
     StatusProbe {
-        /// The mask of the status that came instead; nothing when none comes.
+        /// The mask of the status that came instead; `None` if none comes.
         instead: Option<StatusMask>,
     },
     /// The DSP has our mask, and is asked again to send status.

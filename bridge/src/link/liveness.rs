@@ -43,7 +43,7 @@ impl Link {
         }
     }
 
-    /// The DSP says other things, but no status. Its mask tells whether it has rebooted, or has only stopped to send.
+    /// The DSP sends other messages, but no status. Its mask shows whether it has rebooted, or has only stopped sending.
     pub(super) fn status_overdue(&mut self, now: MonotonicNs) {
         self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead: None });
         self.expect_status(now);

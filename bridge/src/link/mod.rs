@@ -278,7 +278,7 @@ impl Link {
     }
 
     /// Sends a waypoint; false when there is no room or the path buffer is not known, and then it must be offered again at the
-    /// next grant. One that is sent `again` keeps its number, so that the DSP can tell a copy.
+    /// next grant. One that is sent `again` keeps its number, so that the DSP recognises a copy.
     pub fn waypoint(&mut self, now: MonotonicNs, waypoint: &Waypoint, again: bool) -> bool {
         let State::Up(session) = &mut self.state else {
             return false;

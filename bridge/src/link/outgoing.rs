@@ -26,7 +26,7 @@ impl Default for Outgoing {
 }
 
 impl Outgoing {
-    /// These bytes wait; nothing when they are too many.
+    /// These bytes wait; `None` if they are too many.
     pub fn holding(bytes: &[u8]) -> Option<Outgoing> {
         let mut outgoing = Outgoing::default();
         let place = outgoing.bytes.get_mut(..bytes.len())?;

@@ -52,7 +52,7 @@ impl Step {
     /// The first step.
     pub const FIRST: Step = Step::Mask;
 
-    /// The step after this one; nothing when the DSP is started up.
+    /// The step after this one; `None` if the DSP is started up.
     pub fn next(self, config: &BridgeConfig, parameters: &Parameters) -> Option<Step> {
         let parameter =
             |index: usize| (index < parameters.len()).then_some(Step::WriteParameter(index));

@@ -328,7 +328,7 @@ struct Port {
     next_try: Option<MonotonicNs>,
     failures: u32,
     /// The last failure that was logged.
-    told: String,
+    reported: String,
     ever_open: bool,
     /// Whether there was no device at the last attempt.
     was_missing: bool,
@@ -341,7 +341,7 @@ impl Port {
             open: None,
             next_try: Some(MonotonicNs(0)),
             failures: 0,
-            told: String::new(),
+            reported: String::new(),
             ever_open: false,
             was_missing: false,
         }
@@ -363,7 +363,7 @@ impl Port {
                 self.open = Some(port);
                 self.next_try = None;
                 self.failures = 0;
-                self.told.clear();
+                self.reported.clear();
                 self.ever_open = true;
                 Ok(true)
             }
@@ -379,12 +379,12 @@ impl Port {
 
     fn failed(&mut self, now: MonotonicNs, error: &serial::OpenError) {
         self.failures = self.failures.saturating_add(1);
-        let told = error.to_string();
-        if self.told == told {
+        let text = error.to_string();
+        if self.reported == text {
             tracing::debug!(tries = self.failures, "still not open");
         } else {
-            tracing::error!("{told}; trying again");
-            self.told = told;
+            tracing::error!("{text}; trying again");
+            self.reported = text;
         }
         self.was_missing = matches!(error, serial::OpenError::Missing(_));
         let ended = MonotonicNs::now();

@@ -51,7 +51,7 @@ impl Outputs for Recorder {
     }
 }
 
-/// The DSP as a script: it acknowledges (or not), answers reads of the mask, and remembers what it was told.
+/// The DSP as a script: it acknowledges (or not), answers reads of the mask, and remembers its commands.
 pub struct ScriptedDsp {
     pub acknowledges: bool,
     pub silent: bool,
@@ -171,7 +171,7 @@ pub const HOME: Geographic = Geographic {
     altitude_m: 10.0,
 };
 
-/// What a stop tells the DSP.
+/// The commands of a stop.
 pub const STOP: [Command; 2] = [Command::InvalidatePath, Command::ClearErrors];
 
 /// A refusal, as [`Desk::last`] gives it.

@@ -39,13 +39,13 @@ impl Default for Ports {
 }
 
 impl Ports {
-    /// Reads a 16-bit port; nothing when there is none with this number.
+    /// Reads a 16-bit port; `None` if there is none with this number.
     pub fn read_16(&self, number: u16) -> Option<u16> {
         let index = PORTS_16.iter().position(|port| port.number == number)?;
         self.bits_16.get(index).copied()
     }
 
-    /// Reads a 32-bit port; nothing when there is none with this number.
+    /// Reads a 32-bit port; `None` if there is none with this number.
     pub fn read_32(&self, number: u16) -> Option<f32> {
         let index = PORTS_32.iter().position(|port| port.number == number)?;
         self.values_32.get(index).copied()

@@ -197,7 +197,7 @@ impl Guidance {
             };
             return 0.0;
         }
-        // Whoever brakes while sinking fast near the ground flattens out.
+        // A helicopter that brakes while it sinks fast near the ground flattens out.
         let floor_m = self.position_m.z.min(MIN_PATH_HEIGHT_M);
         self.position_m += direction * ((speed_mps + slower_mps) / 2.0 * left_s);
         self.position_m.z = self.position_m.z.max(floor_m);
@@ -221,7 +221,7 @@ impl Guidance {
             // The tolerances are for rounding. Outside them the point brakes on, if need be to a stop at the corner.
             let may_blend =
                 speed_mps > 0.0 && speed_mps <= end.speed_mps * 1.001 && to_go_m > 0.95 * blend_m;
-            // Whoever still speeds up in this step could be too fast and too near to blend in the next.
+            // A helicopter that still speeds up in this step could be too fast and too near to blend in the next.
             let faster_mps = speed_mps + acceleration_mps2 * left_s;
             if may_blend && to_go_m - faster_mps * left_s < corner.blend_m(faster_mps) {
                 let before_s = (to_go_m - blend_m).max(0.0) / speed_mps;

@@ -24,7 +24,7 @@ pub struct PathBuffer {
 }
 
 impl PathBuffer {
-    /// Appends a waypoint and gives its number; nothing when the buffer is full.
+    /// Appends a waypoint and gives its number; `None` if the buffer is full.
     pub fn push(&mut self, position_m: Vector) -> Option<u64> {
         if self.free_places() == 0 {
             return None;

@@ -44,7 +44,7 @@ fn only<'a>(settings: &'a BTreeMap<String, Vec<String>>, key: &str) -> &'a str {
     }
 }
 
-/// Where the packages put their files, each with its source as it is named from the folder of `ril`.
+/// Where the packages put their files, each with its source below the repository.
 fn assets() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
     for package in ["ril", "gateways/relay"] {
@@ -55,13 +55,16 @@ fn assets() -> BTreeMap<String, String> {
             .unwrap()
         {
             let (from, to) = (asset[0].as_str().unwrap(), asset[1].as_str().unwrap());
-            let from = from.replacen("../../", "../", 1);
             let name = from.rsplit('/').next().unwrap();
             let to = match to.ends_with('/') {
                 true => format!("/{to}{name}"),
                 false => format!("/{to}"),
             };
-            assert_eq!(all.insert(to.clone(), from), None, "{to} comes twice");
+            assert_eq!(
+                all.insert(to.clone(), from.trim_start_matches("../").to_owned()),
+                None,
+                "{to} comes twice"
+            );
         }
     }
     all
@@ -255,11 +258,11 @@ fn the_udev_rule_makes_the_port_of_the_configuration() {
 fn the_packages_list_files_that_there_are_and_scripts_that_a_shell_reads() {
     for (to, from) in assets() {
         // These two are built.
-        if from.starts_with("target/release/") || from.starts_with("../package/out/") {
+        if from.starts_with("target/release/") || from.starts_with("package/out/") {
             continue;
         }
         let (folder, last) = from.rsplit_once('/').unwrap();
-        let folder = repository("ril").join(folder);
+        let folder = repository(folder);
         let suffix = last.trim_start_matches('*');
         let found = fs::read_dir(&folder).unwrap().any(|entry| {
             let name = entry.unwrap().file_name();
@@ -272,6 +275,7 @@ fn the_packages_list_files_that_there_are_and_scripts_that_a_shell_reads() {
         "build",
         "check",
         "configuration",
+        "licences",
         "debian/postinst",
         "debian/prerm",
         "debian/postrm",

@@ -38,7 +38,7 @@ impl Fault {
         &self.reason
     }
 
-    /// Where it stands in a file, bytes from the beginning; nothing when the file does not say it.
+    /// Where it stands in a file, bytes from the beginning; `None` if the file does not say it.
     pub(super) fn start(&self, file: &str) -> Option<usize> {
         let document = DeTable::parse(file).ok()?;
         let (last, path) = self.keys.split_last()?;

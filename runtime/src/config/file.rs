@@ -9,7 +9,7 @@ use rustix::fs::OFlags;
 
 use super::error::{ConfigError, MAX_FILE_BYTES, invalid};
 
-/// The text of the file; nothing when none was named and the default one is not there.
+/// The text of the file; `None` if none was named and the default one is not there.
 pub(super) fn read_or_default(
     explicit: Option<&Path>,
     default_file: &Path,
@@ -30,7 +30,7 @@ fn read(file: &Path) -> Result<String, ConfigError> {
     let mut bytes = Vec::new();
     let outcome = open(file).and_then(|opened| match opened {
         Opened::Regular(opened) => {
-            // One byte more than allowed tells a file of the greatest length from a longer one.
+            // One byte more than allowed distinguishes a file of the greatest length from a longer one.
             opened.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
             Ok(None)
         }
@@ -74,7 +74,7 @@ enum Opened {
 
 /// Opens `file` without waiting.
 ///
-/// A pipe would keep its opener waiting until somebody writes into it, and a serial port restarts some autopilots when it
+/// A pipe would keep its opener waiting until a process writes into it, and a serial port restarts some autopilots when it
 /// is opened: therefore the look before. What comes to the place after that look is opened without waiting, and not read.
 fn open(file: &Path) -> io::Result<Opened> {
     let kind = fs::metadata(file)?.file_type();

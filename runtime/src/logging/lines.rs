@@ -1,7 +1,7 @@
 //! [`LogLines`]: the lines of this process's log, for a recorder. They go to standard error all the same.
 //!
 //! A layer of `tracing` puts each line that the filter lets pass into a bounded channel, from whatever thread it comes, and never
-//! waits: a line that finds no room is counted. While nobody wants the lines, one costs a look at a flag.
+//! waits: a line that finds no room is counted. While no reader wants the lines, one costs the check of a flag.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

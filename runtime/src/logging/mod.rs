@@ -60,7 +60,7 @@ pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
     Ok(())
 }
 
-/// This level, and of the network library only its errors: it warns about each connection that a stranger tries, and a stranger
+/// This level, and of the network library only its errors: it warns about each connection that an unknown peer tries, and such a peer
 /// can try without end.
 fn quietened(level: LevelFilter) -> String {
     format!("{level},zenoh={}", level.min(LevelFilter::ERROR))

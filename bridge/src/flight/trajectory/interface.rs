@@ -18,7 +18,7 @@ pub trait Trajectory: std::fmt::Debug {
     /// of the one before.
     fn begin(&mut self, start: Geographic, path: &[Waypoint]);
 
-    /// The point to send next; nothing when all have been given. The last point must be the path's last waypoint, and all
+    /// The point to send next; `None` if all have been given. The last point must be the path's last waypoint, and all
     /// points must lie on the legs of the path, which are what the geofence was checked for.
     fn peek(&self) -> Option<TrajectoryPoint>;
 

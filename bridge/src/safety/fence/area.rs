@@ -185,7 +185,7 @@ fn passes(leg: &Leg, reach: Coord) -> bool {
 }
 
 /// The spans of a leg in a polygon. Membership can only change where the leg is near an edge. So the spans near edges
-/// are found first, and of each span between them one point tells all.
+/// are found first, and one point of each span between them decides for all of it.
 fn where_in_polygon(leg: &Leg, polygon: &Polygon, kind: AreaKind) -> Vec<Span> {
     let mut touching: Vec<Span> = polygon
         .exterior()

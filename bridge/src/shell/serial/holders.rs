@@ -1,5 +1,5 @@
 //! Who uses a terminal device: the processes that have it open, locked or as their controlling terminal, and the kernel's
-//! console. The device is only looked at from outside, so that looking disturbs nobody.
+//! console. The device is only examined from outside, so that no process is disturbed.
 //!
 //! What cannot be seen: the open files of other users' processes (their controlling terminals and locks can), and
 //! processes that `/proc` hides, such as those outside of the container in which this process runs.
@@ -30,7 +30,7 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// The device at `path`, to which `metadata` belongs; nothing if it is no terminal that can be a serial port.
+    /// The device at `path`, to which `metadata` belongs; `None` if it is no terminal that can be a serial port.
     pub fn new(path: &Path, metadata: &Metadata) -> Option<Terminal> {
         if !metadata.file_type().is_char_device() {
             return None;
@@ -40,7 +40,7 @@ impl Terminal {
         if matches!(number, (4, 0..=63) | (5, 0..=2)) {
             return None;
         }
-        // The kernel tells the kind of a device, except of pseudo-terminals.
+        // The kernel reports the kind of a device, except of pseudo-terminals.
         let class = fs::read_link(format!("/sys/dev/char/{}:{}/subsystem", number.0, number.1));
         if class.is_ok_and(|class| class.file_name().is_some_and(|name| name != "tty")) {
             return None;
@@ -195,7 +195,7 @@ impl Holders {
         });
     }
 
-    /// Who keeps the process `own` from using the terminal; nothing if it may. A session's leader comes before its other
+    /// Who keeps the process `own` from using the terminal; `None` if it may. A session's leader comes before its other
     /// processes, and low process numbers before high ones: the same occupant is named each time, so that it is logged once.
     pub fn occupant(&self, own: u32) -> Option<Occupant> {
         let controlling = self
@@ -292,7 +292,7 @@ fn master_index(info: &str) -> Option<u32> {
     index.trim().parse().ok()
 }
 
-/// Whether `/proc/PID/status` tells of a process in a container: it has more than one process number.
+/// Whether `/proc/PID/status` shows a process in a container: it has more than one process number.
 fn has_own_process_numbers(status: &str) -> bool {
     status
         .lines()
