@@ -6,8 +6,8 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-/// Why the relay itself ends a request, which side of it does, and [with what report](Verdict::codes). *Refused* means that the
-/// request was never passed on.
+/// Why the relay itself ends a request, and which side of it does. A report that says *refused* means that the request was never
+/// passed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Station: the station has no link to the robot.

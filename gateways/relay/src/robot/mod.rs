@@ -1,7 +1,7 @@
 //! The robot's side: a member of the robot's shared memory that reads its topics, sends them to the stations, and hands requests
 //! of stations to the robot's processes.
 //!
-//! [`Services`] and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
+//! `Services` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
 pub mod admission;
 mod mailbox;
@@ -259,7 +259,8 @@ impl RobotSide {
         let orders = &mut self.orders;
         for requests in self.services.all_requests() {
             let id = requests.id;
-            (requests.client).drain(|report| orders.report(id, report, now, out));
+            let client = &mut requests.client;
+            client.drain(|report| orders.report(id, report, now, out));
         }
     }
 

@@ -674,7 +674,8 @@ fn a_repetition_waits_longer_for_room_at_the_server() {
 fn a_life_is_the_station_s_that_has_shown_it_first() {
     let mut rig = Rig::new();
     let now = MonotonicNs(rig.now);
-    let other = (rig.robot).session_for(STATION, "other", now, &mut rig.out);
+    let out = &mut rig.out;
+    let other = rig.robot.session_for(STATION, "other", now, out);
     assert_eq!(other, NOT_PERMITTED);
     assert_eq!(rig.robot.name_of(STATION), Some("gcs"));
     assert_eq!(rig.hear(STATION), rig.session);
