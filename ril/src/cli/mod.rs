@@ -32,7 +32,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
-use crate::verbs::check::args::{DoctorArgs, PreflightArgs};
+use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 use exit_codes::EXIT_CODES;
 pub use global::{GlobalArgs, wants_json};
