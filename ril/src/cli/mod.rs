@@ -24,7 +24,7 @@ use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand}
 use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
-use crate::verbs::check::args::{DoctorArgs, PreflightArgs};
+use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 pub use crate::verbs::log::options::{
     LogArgs, LogCommand, LogCsvArgs, LogFileArgs, LogListArgs, LogPlaceArgs, LogRecoverArgs,

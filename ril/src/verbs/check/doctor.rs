@@ -8,9 +8,9 @@ use std::io::{self, Write};
 use runtime::exit::{ExitCode, Failure};
 use serde::{Serialize, Serializer};
 
-use super::args::DoctorArgs;
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
+use super::options::DoctorArgs;
 use super::{HEADING, gather, width};
 use crate::commands::json_line;
 use crate::finding::{Finding, Severity};

@@ -25,11 +25,11 @@ use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
-use super::args::MachineArgs;
 use super::facts::{
     Clock, Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
     Look, MachineFacts, Namespace, PortFacts, PortHolders, Provided, Trouble,
 };
+use super::options::MachineArgs;
 use super::services::bridge_pid;
 
 /// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times

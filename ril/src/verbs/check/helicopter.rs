@@ -9,6 +9,8 @@ use super::limits::{Limits, Threshold};
 use super::robot::{Checked, age_s, either, state};
 use crate::finding::Finding;
 use crate::messages::details::amount;
+use crate::pilot::GpsFix;
+use crate::words::count;
 
 /// What to do about a group that the DSP does not send.
 const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";
@@ -107,7 +109,7 @@ fn gps_fix(facts: &Facts, limits: &Limits) -> Checked {
     const ID: &str = "gps-fix";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality))?;
     let quality = u32::from(dsp.gps_quality);
-    let value = format!("quality {quality} ({})", fix_name(quality));
+    let value = format!("quality {quality} ({})", GpsFix(quality).name());
     let check = if limits.gps_quality_pass.contains(&quality) {
         Finding::note(ID, value)
     } else if limits.gps_quality_warn.contains(&quality) {
@@ -125,22 +127,6 @@ fn gps_fix(facts: &Facts, limits: &Limits) -> Checked {
         list(&limits.gps_quality_pass),
         list(&limits.gps_quality_warn)
     )))
-}
-
-/// The NMEA name of a fix quality.
-fn fix_name(quality: u32) -> &'static str {
-    match quality {
-        0 => "no fix",
-        1 => "GPS",
-        2 => "differential GPS",
-        3 => "PPS",
-        4 => "RTK fixed",
-        5 => "RTK float",
-        6 => "dead reckoning",
-        7 => "entered by hand",
-        8 => "simulated",
-        _ => "unknown",
-    }
 }
 
 fn list(numbers: &[u32]) -> String {
@@ -193,10 +179,7 @@ fn fence(facts: &Facts) -> Checked {
     let state = state(facts, ID)?;
     let in_force = state.safety.fence_areas as usize;
     let in_file = facts.bridge.as_ref().map(|config| &config.fence);
-    let areas = |number: usize| match number {
-        1 => "1 area".to_owned(),
-        number => format!("{number} areas"),
-    };
+    let areas = |number: usize| count(number as u64, "area");
     let check = match in_file {
         Some(file) if file.areas() != in_force => Finding::warning(
             ID,

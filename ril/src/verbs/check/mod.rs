@@ -4,7 +4,6 @@
 //! `serial` and `relay_link`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
 //! [findings](crate::finding).
 
-pub mod args;
 pub mod diagnosis;
 pub mod doctor;
 mod domain;
@@ -13,6 +12,7 @@ pub(crate) mod gather;
 mod helicopter;
 pub mod limits;
 mod machine;
+pub mod options;
 pub mod preflight;
 mod relay_link;
 mod robot;

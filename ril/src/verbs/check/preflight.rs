@@ -13,9 +13,9 @@ use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 use serde::{Serialize, Serializer};
 
-use super::args::{MachineArgs, PreflightArgs};
 use super::facts::{Facts, FileContent, FileFacts, Live, Logs, Namespace};
 use super::limits::Limits;
+use super::options::{MachineArgs, PreflightArgs};
 use super::{HEADING, gather, helicopter, machine, robot, width};
 use crate::commands::conversation::{Conversation, Format};
 use crate::commands::exchange::Until;

@@ -159,6 +159,24 @@ fn each_trouble_is_found_by_its_own_check() {
     type Change = fn(&mut Facts);
     let cases: &[(&str, Change, Option<Severity>, &str)] = &[
         (
+            "dsp-link",
+            |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Gone.code(),
+            Some(Error),
+            "gone for 100.0 s: ",
+        ),
+        (
+            "dsp-link",
+            |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Silent.code(),
+            Some(Error),
+            "silent for 100.0 s: ",
+        ),
+        (
+            "dsp-link",
+            |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Connecting.code(),
+            Some(Error),
+            "connecting for 100.0 s: ",
+        ),
+        (
             "dsp-errors",
             |facts| {
                 let errors = &mut facts.live.state.as_mut().unwrap().dsp_errors;
@@ -422,26 +440,12 @@ fn each_trouble_is_found_by_its_own_check() {
         let others: &[&str] = match *id {
             "telemetry" => &["ground", "home", "gps-fix", "battery", "fuel"],
             "gps-fix" => &["home"],
+            "dsp-link" => &["dsp-timeout"],
             _ => &[],
         };
         let check = after(id, others, change);
         assert_eq!(made(&check), *severity, "{check:?}");
         assert!(check.text.contains(expected), "{expected}: {check:?}");
-    }
-}
-
-#[test]
-fn the_link_is_told_by_its_state() {
-    for (state, expected) in [
-        (LinkState::Gone, "gone"),
-        (LinkState::Silent, "silent"),
-        (LinkState::Connecting, "connecting"),
-    ] {
-        let check = after("dsp-link", &["dsp-timeout"], |facts| {
-            facts.live.state.as_mut().unwrap().link.state = state.code();
-        });
-        assert_eq!(made(&check), Some(Severity::Error));
-        assert!(check.text.starts_with(expected), "{check:?}");
     }
 }
 

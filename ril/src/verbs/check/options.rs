@@ -1,4 +1,4 @@
-//! The arguments of `ril doctor` and `ril preflight`.
+//! The options of `ril doctor` and `ril preflight`.
 
 use std::path::PathBuf;
 use std::time::Duration;
