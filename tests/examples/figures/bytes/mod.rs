@@ -12,7 +12,7 @@ pub mod obliging;
 pub mod script;
 pub mod stream;
 
-#[path = "../../../../dsp-protocol/examples/undetected/random.rs"]
+#[path = "../undetected/random.rs"]
 pub mod random;
-#[path = "../../../../dsp-protocol/examples/undetected/traffic.rs"]
+#[path = "../undetected/traffic.rs"]
 pub mod traffic;
