@@ -1,4 +1,4 @@
-//! The table of [`crate::undetected`].
+//! The table of [`crate::bytes::undetected`].
 //!
 //! | column | content |
 //! |---|---|
@@ -12,8 +12,8 @@
 
 use dsp_protocol::Profile;
 
-use crate::undetected::damage::Damage;
-use crate::undetected::measure::{self, Tally};
+use crate::bytes::undetected::damage::Damage;
+use crate::bytes::undetected::measure::{self, Tally};
 
 /// Measures and prints one profile; false when a frame of the extended profile was taken for good, or when a good frame behind a damaged
 /// one was lost.

@@ -18,7 +18,6 @@
 mod bytes;
 mod frames;
 mod replays;
-mod undetected;
 
 #[path = "../../tests/missions/buffer.rs"]
 mod buffer;
