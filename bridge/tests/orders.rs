@@ -326,7 +326,10 @@ fn a_start_before_a_stop_is_superseded_and_a_parameter_is_only_too_late() {
 
 #[test]
 fn the_helicopter_does_what_was_ordered_last() {
-    let seen = chance::play(1, 2000);
+    // For the long form, such as 100,000 other sequences.
+    let number = |name| std::env::var(name).map(|text| text.parse().expect("a whole number"));
+    let seed = number("RIL_SEED").unwrap_or(1);
+    let seen = chance::play(seed, number("RIL_SEQUENCES").unwrap_or(2000));
     assert!(seen.as_ordered > 1000, "{seen:?}");
     assert!(seen.refused > 50 && seen.began > 1000, "{seen:?}");
     assert!(seen.superseded > 300 && seen.too_late > 100, "{seen:?}");

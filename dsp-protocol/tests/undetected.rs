@@ -1,17 +1,13 @@
-//! The short form of the program `undetected`: what a receiver takes for a message although the line damaged it.
+//! The short form of `figures undetected`: what a receiver takes for a message although the line damaged it.
 
-#[path = "../examples/undetected/damage.rs"]
-mod damage;
-#[path = "../examples/undetected/measure.rs"]
-mod measure;
-#[path = "../examples/undetected/random.rs"]
-mod random;
-#[path = "../examples/undetected/traffic.rs"]
-mod traffic;
+#![allow(dead_code)] // The program uses the rest of what it shares with these tests.
 
-use damage::Damage;
+#[path = "../../tests/examples/figures/undetected/mod.rs"]
+mod undetected;
+
 use dsp_protocol::Profile;
-use measure::{Tally, measure};
+use undetected::damage::Damage;
+use undetected::measure::{Tally, measure};
 
 const SEED: u64 = 7;
 /// Damaged frames of each kind.

@@ -344,10 +344,7 @@ impl BytesPublisher {
     }
 
     /// See [`Publisher::publish_batched`].
-    fn publish_batched(
-        &mut self,
-        fill: impl FnOnce(&mut [u8]),
-    ) -> Result<u64, PublishError> {
+    fn publish_batched(&mut self, fill: impl FnOnce(&mut [u8])) -> Result<u64, PublishError> {
         let sequence = self.send(fill)?;
         if self.batch.is_multiple_of(BATCH) {
             self.wake();

@@ -1,41 +1,44 @@
 //! The short form of the attacks of the program `endurance`: clients that die in groups, floods of requests, a full memory,
-//! strangers' files, starts that are stopped, and containers.
+//! foreign files, starts that are stopped, and containers.
+
+// Each of these tests uses a part of what all measurements share.
+#![allow(dead_code)]
 
 #[path = "../examples/endurance/clients.rs"]
 mod clients;
-// Some of it is for the endurance tests.
-#[path = "../examples/endurance/crew.rs"]
-#[allow(dead_code)]
-mod crew;
 #[path = "../examples/endurance/flood.rs"]
 mod flood;
+#[path = "../examples/endurance/foreign_files.rs"]
+mod foreign_files;
 #[path = "../examples/endurance/full.rs"]
 mod full;
 #[path = "../examples/endurance/joiners.rs"]
 mod joiners;
+#[path = "../examples/endurance/listener.rs"]
+mod listener;
 #[path = "../examples/endurance/memory.rs"]
 mod memory;
 #[path = "../examples/endurance/namespaces.rs"]
 mod namespaces;
-#[path = "../examples/endurance/spread.rs"]
-#[allow(dead_code)]
-mod spread;
-#[path = "../examples/endurance/strangers.rs"]
-mod strangers;
+#[path = "../examples/endurance/outcome.rs"]
+mod outcome;
+#[path = "../examples/endurance/site.rs"]
+mod site;
 
 use std::time::Duration;
 
-use crew::{Program, Site};
-use full::Lack;
+use ril_tests::Sandbox;
 
-const SEED: u64 = 7;
+use full::Lack;
+use outcome::Plan;
+use site::Site;
 
 /// Longer than that of other tests: some of these wait for a group of processes at a time.
 const LIMIT: Duration = Duration::from_secs(240);
 
 fn site(name: &str) -> Site {
-    let program = Program::at(env!("CARGO_BIN_EXE_ril"));
-    Site::new(&program, name, LIMIT)
+    let sandbox = Sandbox::new([env!("CARGO_BIN_EXE_ril")], name, LIMIT);
+    Site::new(sandbox, &Plan::short(0))
 }
 
 /// Runs `body` in a `/dev/shm` of its own: this test program again, with nothing but the test `name`.
@@ -51,113 +54,85 @@ fn in_own_memory(name: &str, mount_options: &str, body: impl FnOnce()) {
 
 #[test]
 fn clients_that_end_in_groups_cost_the_bridge_nothing() {
-    let plan = clients::Plan {
-        clients: 150,
-        seed: SEED,
-    };
-    let outcome = clients::run(&site("clients"), &plan, &|| true);
-    assert!(outcome.is_clean(), "{outcome}");
-    assert!(
-        outcome.killed > 0 && outcome.ended_in_order > 0,
-        "{outcome}"
-    );
+    let outcome = clients::run(&site("clients"), &Plan::short(150), &|| true);
+    assert!(outcome.is_good(), "{outcome}");
+    assert!(outcome.count("killed") > 0, "{outcome}");
+    assert!(outcome.count("ended in order") > 0, "{outcome}");
 }
 
 #[test]
-fn when_no_byte_is_left_telemetry_goes_on() {
-    let name = "when_no_byte_is_left_telemetry_goes_on";
+fn when_no_byte_is_left_telemetry_goes_on_and_the_helicopter_can_be_landed() {
+    let name = "when_no_byte_is_left_telemetry_goes_on_and_the_helicopter_can_be_landed";
     in_own_memory(name, Lack::Bytes.mount_options(), || {
         let outcome = full::run(&site(name), Lack::Bytes);
-        assert!(outcome.flies_on(), "{outcome}");
+        assert!(outcome.is_good(), "{outcome}");
     });
 }
 
 #[test]
-fn when_no_byte_is_left_the_helicopter_can_be_landed() {
-    let name = "when_no_byte_is_left_the_helicopter_can_be_landed";
-    in_own_memory(name, Lack::Bytes.mount_options(), || {
-        let outcome = full::run(&site(name), Lack::Bytes);
-        assert!(outcome.is_landed(), "{outcome}");
-    });
-}
-
-#[test]
-fn when_no_file_can_be_made_telemetry_goes_on() {
-    let name = "when_no_file_can_be_made_telemetry_goes_on";
+fn when_no_file_can_be_made_telemetry_goes_on_and_the_helicopter_can_be_landed() {
+    let name = "when_no_file_can_be_made_telemetry_goes_on_and_the_helicopter_can_be_landed";
     in_own_memory(name, Lack::Inodes.mount_options(), || {
         let outcome = full::run(&site(name), Lack::Inodes);
-        assert!(outcome.flies_on(), "{outcome}");
+        assert!(outcome.is_good(), "{outcome}");
     });
 }
 
 #[test]
-fn when_no_file_can_be_made_the_helicopter_can_be_landed() {
-    let name = "when_no_file_can_be_made_the_helicopter_can_be_landed";
-    in_own_memory(name, Lack::Inodes.mount_options(), || {
-        let outcome = full::run(&site(name), Lack::Inodes);
-        assert!(outcome.is_landed(), "{outcome}");
+fn foreign_files_keep_no_process_from_anything() {
+    let name = "foreign_files_keep_no_process_from_anything";
+    in_own_memory(name, foreign_files::MOUNT_OPTIONS, || {
+        println!("{}", foreign_files::run(&site(name), &Plan::short(20_000)));
     });
 }
 
 #[test]
-fn strangers_files_keep_nobody_from_anything() {
-    let name = "strangers_files_keep_nobody_from_anything";
-    in_own_memory(name, strangers::MOUNT_OPTIONS, || {
-        let plan = strangers::Plan { files: 20_000 };
-        println!("{}", strangers::run(&site(name), &plan));
-    });
-}
-
-#[test]
-fn whoever_is_stopped_while_it_starts_keeps_nobody_waiting() {
-    let plan = joiners::Plan {
-        joiners: 20,
-        seed: SEED,
-    };
-    let outcome = joiners::run(&site("joiners"), &plan, &|| true);
-    assert_eq!(
-        (outcome.joiners, outcome.done, outcome.interrupted),
-        (20, 60, 40)
-    );
+fn a_process_that_is_stopped_while_it_starts_keeps_no_other_waiting() {
+    let outcome = joiners::run(&site("joiners"), &Plan::short(20), &|| true);
+    for (heading, count) in [
+        ("stopped", 20),
+        ("commands done meanwhile", 60),
+        ("ended at a signal meanwhile", 40),
+    ] {
+        assert_eq!(outcome.count(heading), count, "{heading}");
+    }
 }
 
 #[test]
 fn an_operator_gets_through_a_flood_of_requests() {
-    let plan = flood::Plan { rounds: 1 };
-    let outcome = flood::run(&site("flood"), &plan, &|| true);
-    assert!(outcome.failures.is_empty(), "{outcome}");
-    assert!(outcome.flood > 0, "{outcome}");
+    let outcome = flood::run(&site("flood"), &Plan::short(1), &|| true);
+    assert!(outcome.is_good(), "{outcome}");
+    assert!(outcome.count("requests of the flood") > 0, "{outcome}");
 }
 
 #[test]
 fn processes_of_the_same_number_in_other_namespaces_all_start() {
-    let plan = namespaces::Plan { starts: 30 };
-    let outcome = namespaces::same_numbers(&site("namespaces"), &plan, &|| true);
-    if let Some(outcome) = outcome {
-        assert!(outcome.failures.is_empty(), "{outcome}");
+    let site = site("namespaces");
+    if let Some(outcome) = namespaces::same_numbers(&site, &Plan::short(30), &|| true) {
+        assert!(outcome.is_good(), "{outcome}");
     }
 }
 
 #[test]
 fn a_consumer_with_another_clock_gets_samples() {
     if let Some(outcome) = namespaces::other_clocks(&site("clocks")) {
-        assert!(outcome.failures.is_empty(), "{outcome}");
+        assert!(outcome.is_good(), "{outcome}");
     }
 }
 
 #[test]
 fn containers_take_part_when_they_share_the_memory_and_else_disturb_nobody() {
     if let Some(outcome) = namespaces::other_mounts(&site("mounts")) {
-        assert!(outcome.failures.is_empty(), "{outcome}");
+        assert!(outcome.is_good(), "{outcome}");
     }
 }
 
 #[test]
 fn a_command_of_another_user_names_the_domains_that_there_are() {
     let name = "a_command_of_another_user_names_the_domains_that_there_are";
-    in_own_memory(name, strangers::MOUNT_OPTIONS, || {
+    in_own_memory(name, foreign_files::MOUNT_OPTIONS, || {
         if let Some(outcome) = namespaces::other_users(&site("users")) {
-            assert!(outcome.failures.is_empty(), "{outcome}");
+            assert!(outcome.is_good(), "{outcome}");
         }
     });
 }

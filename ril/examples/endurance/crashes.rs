@@ -1,7 +1,7 @@
-//! Processes of every kind that start, and are killed, stopped or crash, so many a second: what do those lose that do nothing wrong?
+//! Processes of every kind that start, and are killed, stopped or crash, so many a second. Measures the samples that healthy consumers
+//! lose meanwhile.
 
 use std::collections::VecDeque;
-use std::fmt;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -11,15 +11,16 @@ use ril_tests::Process;
 use ril_tests::process::Signal;
 use rustix::process::{Resource, Rlimit, setrlimit};
 
-use crate::crew::{Holdings, Kind, Site, ask, end, has, is_alive, start_chain};
-use crate::healthy::{Healthy, Heard};
+use crate::listener::Listener;
+use crate::outcome::{Outcome, Plan};
+use crate::site::{ECHO_DSP, ECHO_HERO, Kind, Site, Survivors, count_lines};
 
 /// What is started. The last ones are modules: one that finds its place taken, one that waits, and one with a topic of its own.
 const STARTS: [Start; 9] = [
     Start::Ril("goto 37.4300,-6.0010,25 --preempt"),
     Start::Ril("hold"),
-    Start::Ril("echo hero --json --field sequence --timeout 80s"),
-    Start::Ril("echo dsp --json --field sequence --timeout 80s"),
+    Start::Ril(ECHO_HERO),
+    Start::Ril(ECHO_DSP),
     Start::InC("print_telemetry.c", ""),
     Start::InPython("print_telemetry.py"),
     Start::Ril("run bridge --port dsp"),
@@ -45,16 +46,16 @@ const MAX_STOPPED: usize = 6;
 /// Part of the time during which the survivors warm up: what they hold then at most, they may hold at the end.
 const WARM_UP: u32 = 5;
 
-/// How often it is looked what there is.
-const LOOK: Duration = Duration::from_secs(1);
+/// How often the survivors and the domain are looked at.
+const LOOK_PERIOD: Duration = Duration::from_secs(1);
 
 /// Files that killed processes may leave in the generation of a service before another one begins, and the services.
 const MAX_LEFTOVERS: usize = 256 * 7;
 
-/// How long it may take until what was left is removed.
-const SETTLE_LIMIT: Duration = Duration::from_secs(30);
+/// Less than a subscriber's buffer holds at the rate of the chain: 128 samples, 200 a second.
+const BUFFERED: Duration = Duration::from_millis(500);
 
-/// What a new generation of shared memory is told by, in the log of its provider.
+/// What the log of a provider says of a new generation of shared memory.
 const NEW_GENERATION: &str = "a new generation of shared memory begins";
 
 #[derive(Clone, Copy, Debug)]
@@ -64,119 +65,6 @@ enum Start {
     InPython(&'static str),
 }
 
-/// What to do.
-#[derive(Clone, Copy, Debug)]
-pub struct Plan {
-    /// How many start, and end, a second.
-    pub per_second: u32,
-    /// How long.
-    pub duration: Duration,
-    /// Seed of what starts, and how it ends when.
-    pub seed: u64,
-}
-
-/// How processes ended.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Ends {
-    /// By `kill -9`.
-    pub killed: u32,
-    /// As if by a fault of their own.
-    pub crashed: u32,
-    /// Stopped for a while, then killed; half of them went on in between.
-    pub stopped: u32,
-    /// In order, or killed half a second after they were asked to.
-    pub asked: u32,
-}
-
-impl Ends {
-    fn all(self) -> u32 {
-        self.killed + self.crashed + self.stopped + self.asked
-    }
-}
-
-/// What came of it.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// How long it was.
-    pub duration: Duration,
-    /// How many processes started and ended.
-    pub ends: Ends,
-    /// Of the bridge's telemetry, of that of status, and of the bridge's state.
-    pub heard: [Heard; 3],
-    /// New generations of the bridge, and of status.
-    pub generations: [usize; 2],
-    /// How often the bridge lost its link to the DSP, which nothing has touched.
-    pub link_losses: usize,
-    /// Whether the helicopter could be landed as if nothing had been.
-    pub flies_on: bool,
-    /// Files and segments of the domain: before, at most, and after what was left had been removed.
-    pub things: [usize; 3],
-    /// What the bridge and status held at most while they warmed up, and at the end.
-    pub holdings: [(Holdings, Holdings); 2],
-}
-
-impl Outcome {
-    /// Samples that healthy consumers missed.
-    pub fn lost(&self) -> u64 {
-        self.heard.iter().map(|heard| heard.losses.lost).sum()
-    }
-
-    /// Whether nothing was lost, nothing is left beyond what may be, and no survivor holds more descriptors than before.
-    pub fn is_clean(&self) -> bool {
-        let [before, _, after] = self.things;
-        let are_flat =
-            |(before, after): &(Holdings, Holdings)| after.descriptors <= before.descriptors;
-        self.lost() == 0
-            && self.link_losses == 0
-            && self.flies_on
-            && after <= before + MAX_LEFTOVERS
-            && self.holdings.iter().all(are_flat)
-    }
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (ends, duration_s) = (self.ends, self.duration.as_secs_f64());
-        let per_second = f64::from(ends.all()) / duration_s;
-        write!(
-            f,
-            "| {duration_s:.0} s, {} processes, {per_second:.0} a second: {} killed, {} crashed, {} stopped, {} asked to end | ",
-            ends.all(),
-            ends.killed,
-            ends.crashed,
-            ends.stopped,
-            ends.asked
-        )?;
-        let [dsp, hero, state] = &self.heard;
-        for (name, heard) in [("dsp", dsp), ("hero", hero)] {
-            let losses = heard.losses;
-            write!(
-                f,
-                "{name}: {} samples, {} lost, gaps {}; at new generations {}; ",
-                losses.received, losses.lost, heard.gaps, heard.gaps_at_generations
-            )?;
-        }
-        let (states, lost) = (state.losses.received, state.losses.lost);
-        write!(f, "{states} states, {lost} lost | ")?;
-        let [bridge, status] = self.generations;
-        write!(f, "{bridge} of the bridge, {status} of status | ")?;
-        let [before, most, after] = self.things;
-        write!(f, "{before} before, {most} at most, {after} after | ")?;
-        for (name, (before, after)) in ["bridge", "status"].into_iter().zip(self.holdings) {
-            write!(
-                f,
-                "{name}: {} → {} descriptors, {} → {} KiB; ",
-                before.descriptors, after.descriptors, before.memory_kib, after.memory_kib
-            )?;
-        }
-        let end = match self.flies_on {
-            true => "landed",
-            false => "NOT landed",
-        };
-        write!(f, "link lost {} times, {end} |", self.link_losses)
-    }
-}
-
 /// Starts and ends processes as planned, or until `goes_on` says no.
 ///
 /// # Panics
@@ -184,106 +72,103 @@ impl fmt::Display for Outcome {
 /// When bridge or status end, when the helicopter cannot be commanded any more, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     // Crashes leave no images of their memory.
-    let _ = setrlimit(
-        Resource::Core,
-        Rlimit {
-            current: Some(0),
-            maximum: Some(0),
-        },
-    );
-    let [sim, bridge, status] = start_chain(site);
-    ask(site, "start");
-    ask(site, "takeoff --altitude 5");
-    let mut survivors = [bridge, status];
+    let none = Rlimit {
+        current: Some(0),
+        maximum: Some(0),
+    };
+    let _ = setrlimit(Resource::Core, none);
+    let duration = plan.duration(600);
+    let [sim, mut bridge, mut status] = site.start_flight();
     let domain = &site.domain;
-    let consumers = [
-        Healthy::start::<DspTelemetry>(domain),
-        Healthy::start::<HeroTelemetry>(domain),
-        Healthy::start::<ModuleState>(domain),
+    let healthy = [
+        Listener::start(domain, |sample: &DspTelemetry| sample.epoch_ns),
+        Listener::start(domain, |sample: &HeroTelemetry| sample.epoch_ns),
+        Listener::start(domain, |state: &ModuleState| state.epoch_ns),
     ];
     let before = domain.residue().len();
-    let mut most_things = before;
-    let mut warm = survivors.each_ref().map(|one| Holdings::of(one.id()));
+    let mut most = before;
+    let mut survivors = Survivors::of([("bridge", &bridge), ("status", &status)]);
     let mut crowd = Crowd::new(site, plan.seed);
     let begun = Instant::now();
-    let mut looked = begun;
+    let (mut looked, mut next_start) = (begun, begun);
     let period = Duration::from_secs(1) / plan.per_second;
-    let mut next_start = begun;
-    while begun.elapsed() < plan.duration && goes_on() {
+    while begun.elapsed() < duration && goes_on() {
         crowd.start_one();
         // What a busy machine is late by it does not make up for.
         next_start = (next_start + period).max(Instant::now());
         crowd.end_until(next_start);
-        if looked.elapsed() > LOOK {
+        if looked.elapsed() > LOOK_PERIOD {
             looked = Instant::now();
-            most_things = most_things.max(domain.residue().len());
-            for (survivor, warm) in survivors.iter_mut().zip(&mut warm) {
-                assert!(
-                    is_alive(survivor.id()),
-                    "a survivor has ended: {:#?}",
-                    survivor.lines()
-                );
-                if begun.elapsed() < plan.duration / WARM_UP {
-                    *warm = most(*warm, Holdings::of(survivor.id()));
-                }
+            most = most.max(domain.residue().len());
+            for survivor in [&mut bridge, &mut status] {
+                let lives = survivor.is_running();
+                assert!(lives, "a survivor has ended: {:#?}", survivor.lines());
+            }
+            if begun.elapsed() < duration / WARM_UP {
+                survivors.warm_up();
             }
         }
     }
-    let duration = begun.elapsed();
+    let lasted_s = begun.elapsed().as_secs_f64();
     let ends = crowd.end();
-    let are_flat = |now: &[Holdings; 2]| {
-        let pairs = now.iter().zip(&warm);
-        pairs
-            .into_iter()
-            .all(|(now, warm)| now.descriptors <= warm.descriptors)
-    };
-    let ended = Instant::now();
-    let (now, things) = loop {
-        let now = survivors.each_ref().map(|one| Holdings::of(one.id()));
-        let things = domain.residue().len();
-        let is_over = ended.elapsed() > SETTLE_LIMIT;
-        if (are_flat(&now) && things <= before + MAX_LEFTOVERS) || is_over {
-            break (now, things);
-        }
-        // Whatever it says: a second of telemetry is the occasion, the survivors clean up by themselves.
-        site.run("echo dsp --duration 1s");
-    };
-    // A path, a hold, or nothing is under way: what the last client that was heard wanted.
-    let mut flies_on = site.run("land --preempt").code() == Some(0);
-    if !flies_on {
-        ask(site, "start");
-        flies_on = site.run("land --preempt").code() == Some(0);
-    }
-    ask(site, "stop");
-    let heard = consumers.map(Healthy::end);
-    let [bridge, status] = &mut survivors;
-    let count = |process: &mut Process, text: &str| {
-        let lines = process.lines().iter();
-        lines.filter(|line| line.text.contains(text)).count()
-    };
-    let outcome = Outcome {
-        duration,
-        ends,
-        heard,
-        generations: [count(bridge, NEW_GENERATION), count(status, NEW_GENERATION)],
-        link_losses: count(bridge, " link from=\"up\""),
-        flies_on,
-        things: [before, most_things, things],
-        holdings: [(warm[0], now[0]), (warm[1], now[1])],
-    };
-    let [bridge, status] = survivors;
-    [status, bridge, sim].into_iter().for_each(end);
-    // Robot 2 has had nobody but those that were killed.
-    domain.sweep();
-    domain.assert_empty();
-    outcome
-}
+    survivors.wait_until_flat(
+        // Whatever it says: a second of telemetry is the occasion.
+        || _ = site.run("echo dsp --duration 1s"),
+        || domain.residue().len() <= before + MAX_LEFTOVERS,
+    );
+    let after = domain.residue().len();
+    let lands = site.lands();
+    site.ask("stop");
+    let healthy = healthy.map(Listener::end);
 
-fn most(one: Holdings, other: Holdings) -> Holdings {
-    Holdings {
-        descriptors: one.descriptors.max(other.descriptors),
-        memory_kib: one.memory_kib.max(other.memory_kib),
+    let mut outcome = Outcome::default();
+    let all: u32 = ends.iter().sum();
+    let [killed, crashed, stopped, asked] = ends;
+    let per_second = f64::from(all) / lasted_s;
+    outcome.cell(
+        "crashes",
+        format!(
+            "{lasted_s:.0} s, {all} processes, {per_second:.0} a second: {killed} killed, {crashed} crashed, {stopped} stopped, \
+             {asked} asked to end"
+        ),
+    );
+    for (name, summary) in ["dsp", "hero", "states"].into_iter().zip(&healthy) {
+        let losses = summary.losses;
+        outcome.cell(
+            name,
+            format!(
+                "{} samples, {} lost, gaps {}; at new generations {}",
+                losses.received, losses.lost, summary.gaps, summary.gaps_at_generations
+            ),
+        );
+        let is_harmed = match plan.is_short {
+            true => summary.is_harmed(BUFFERED),
+            false => losses.lost > 0,
+        };
+        outcome.require(!is_harmed, format!("{name}: {} lost", losses.lost));
+        outcome.require(losses.received > 0, format!("no samples of {name}"));
     }
+    let generations = [&mut bridge, &mut status].map(|one| count_lines(one, NEW_GENERATION));
+    outcome.cell(
+        "new generations of bridge, status",
+        format!("{generations:?}"),
+    );
+    outcome.cell(
+        "files and segments",
+        format!("{before} before, {most} at most, {after} after"),
+    );
+    survivors.report(&mut outcome);
+    let link_losses = count_lines(&mut bridge, " link from=\"up\"");
+    outcome.require(link_losses == 0, format!("link lost {link_losses} times"));
+    outcome.require(lands, "NOT landed");
+    if !plan.is_short {
+        // In a short time the survivors do not come to hold all that they need.
+        outcome.require(survivors.are_flat(), "a survivor holds more descriptors");
+        outcome.require(after <= before + MAX_LEFTOVERS, "too much is left");
+    }
+    // Robot 2 has had only processes that were killed.
+    site.end([sim, bridge, status], true);
+    outcome
 }
 
 /// A process, and the signals that it will get: each with the time from the one before it. The last one ends it.
@@ -295,30 +180,30 @@ struct Doomed {
     is_to_be_stopped: bool,
 }
 
-/// Those that do not end in peace.
+/// The processes that do not end in peace.
 struct Crowd<'a> {
     site: &'a Site,
     chance: Random,
     starts: Vec<Start>,
     alive: Vec<Doomed>,
-    ends: Ends,
+    /// Killed; crashed as if by a fault of their own; stopped for a while, then killed, and half of them went on in between; ended in
+    /// order, or killed half a second after they were asked to.
+    ends: [u32; 4],
 }
 
 impl<'a> Crowd<'a> {
     fn new(site: &'a Site, seed: u64) -> Crowd<'a> {
-        let has_c = has(Kind::ConsumerInC);
-        let has_python = has(Kind::ConsumerInPython);
         let is_possible = |start: &Start| match start {
             Start::Ril(_) => true,
-            Start::InC(..) => has_c,
-            Start::InPython(_) => has_python,
+            Start::InC(..) => Kind::CConsumer.is_possible(),
+            Start::InPython(_) => Kind::PythonConsumer.is_possible(),
         };
         Crowd {
             site,
             chance: Random::new(seed, 0),
             starts: STARTS.into_iter().filter(is_possible).collect(),
             alive: Vec::new(),
-            ends: Ends::default(),
+            ends: [0; 4],
         }
     }
 
@@ -355,12 +240,12 @@ impl<'a> Crowd<'a> {
                 (Signal::STOP, then.into())
             }
         };
-        match signal {
-            Signal::KILL => self.ends.killed += 1,
-            Signal::STOP => self.ends.stopped += 1,
-            Signal::INT => self.ends.asked += 1,
-            _ => self.ends.crashed += 1,
-        }
+        self.ends[match signal {
+            Signal::KILL => 0,
+            Signal::STOP => 2,
+            Signal::INT => 3,
+            _ => 1,
+        }] += 1;
         self.alive.push(Doomed {
             process,
             at: started + age,
@@ -396,7 +281,7 @@ impl<'a> Crowd<'a> {
     }
 
     /// Kills those that are left.
-    fn end(self) -> Ends {
+    fn end(self) -> [u32; 4] {
         self.ends
     }
 }

@@ -1,6 +1,5 @@
 //! Clients that send one request after the other without a pause: an operator must get through.
 
-use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
@@ -9,8 +8,8 @@ use std::time::{Duration, Instant};
 use ipc_types::payload::MovementData;
 use ipc_types::{Domain, Ipc, RobotId};
 
-use crate::crew::{Site, end, start_chain};
-use crate::spread::Spread;
+use crate::outcome::{Outcome, Plan, Times};
+use crate::site::{Site, is_done};
 
 /// How many clients flood the bridge; half of the places that a service has.
 const FLOODERS: usize = 8;
@@ -30,43 +29,8 @@ const ORDERS: [&str; 8] = [
     "stop",
 ];
 
-/// Those of them that are done as soon as they are heard.
+/// Those of them that are done as soon as they are answered.
 const AT_ONCE: [&str; 3] = ["start", "goto 37.4112,-6.0010,25 --no-wait", "stop"];
-
-/// What to do.
-#[derive(Clone, Copy, Debug)]
-pub struct Plan {
-    /// How often all orders are given.
-    pub rounds: u32,
-}
-
-/// What came of it.
-#[derive(Clone, Debug, Default)]
-pub struct Outcome {
-    /// Requests of the flood that were answered.
-    pub flood: u64,
-    /// Orders that were done.
-    pub done: u32,
-    /// From the start of a command that waits for nothing in the air until it had its answer.
-    pub answer: Spread,
-    /// What was said to those that were not.
-    pub failures: Vec<String>,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (flood, failed) = (self.flood, self.failures.len());
-        write!(
-            f,
-            "| {flood} answered | {} done, {failed} not | {} | ",
-            self.done, self.answer
-        )?;
-        for failure in self.failures.iter().take(3) {
-            write!(f, "{failure}; ")?;
-        }
-        f.write_str("|")
-    }
-}
 
 /// Flies while others flood the bridge.
 ///
@@ -74,42 +38,38 @@ impl fmt::Display for Outcome {
 ///
 /// When an order hangs, when a flooder cannot send, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
-    let [sim, bridge, status] = start_chain(site);
+    let chain = site.start_chain();
     let over = Arc::new(AtomicBool::new(false));
     let answered = Arc::new(AtomicU64::new(0));
     let flooders: Vec<_> = (0..FLOODERS)
         .map(|number| flooder(&site.domain, number as u64, &over, &answered))
         .collect();
     let mut outcome = Outcome::default();
-    for _ in 0..plan.rounds {
+    let (mut done, mut answers) = (0, Times::default());
+    for _ in 0..plan.count.unwrap_or(20) {
         for order in ORDERS {
             if !goes_on() {
                 break;
             }
             let started = Instant::now();
             let finished = site.run(order);
-            match finished.code() {
-                Some(0) if AT_ONCE.contains(&order) => {
-                    outcome.answer.push(started.elapsed());
-                    outcome.done += 1;
-                }
-                Some(0) => outcome.done += 1,
-                // What a machine shows that stalls is old.
-                Some(4) if order == "state" && !finished.stdout.is_empty() => outcome.done += 1,
-                code => {
-                    let words = finished.stderr.join(", ");
-                    outcome.failures.push(format!("{order}: {code:?} {words}"));
-                }
+            let is_done = is_done(order, &finished);
+            if is_done && AT_ONCE.contains(&order) {
+                answers.push(started.elapsed());
             }
+            done += u32::from(is_done);
+            let (code, words) = (finished.code(), finished.stderr.join(", "));
+            outcome.require(is_done, format!("{order}: {code:?} {words}"));
         }
     }
     over.store(true, Ordering::Relaxed);
     for flooder in flooders {
         flooder.join().expect("it ends in order");
     }
-    outcome.flood = answered.load(Ordering::Relaxed);
-    [status, bridge, sim].into_iter().for_each(end);
-    site.domain.sweep();
+    outcome.cell("requests of the flood", answered.load(Ordering::Relaxed));
+    outcome.cell("orders done", done);
+    outcome.cell("answered", answers);
+    site.end(chain, true);
     outcome
 }
 

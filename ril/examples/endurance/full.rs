@@ -2,7 +2,6 @@
 //!
 //! Runs in a `/dev/shm` of its own, see [`crate::memory`].
 
-use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
@@ -10,8 +9,9 @@ use std::path::PathBuf;
 use ril_tests::Process;
 use ril_tests::process::{Signal, Stream};
 
-use crate::crew::{Site, ask, is_alive, start_chain};
 use crate::memory;
+use crate::outcome::Outcome;
+use crate::site::Site;
 
 /// Samples that each healthy consumer must get while nothing can be had: more than the buffers of the others hold, so that
 /// their publishers use all of their memory.
@@ -39,51 +39,6 @@ impl Lack {
     }
 }
 
-/// What came of it.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// What was lacking.
-    pub lack: Lack,
-    /// Whether the bridge lived to the end.
-    pub bridge_lives: bool,
-    /// Whether status did.
-    pub status_lives: bool,
-    /// How many samples healthy consumers of the bridge and of status got while nothing was to be had, of [`SAMPLES`].
-    pub heard: [usize; 2],
-    /// Exit codes of `land` and `stop`, and what they said.
-    pub answers: Vec<(&'static str, Option<i32>, String)>,
-}
-
-impl Outcome {
-    /// Whether telemetry went on.
-    pub fn flies_on(&self) -> bool {
-        self.bridge_lives && self.status_lives && self.heard == [SAMPLES; 2]
-    }
-
-    /// Whether the helicopter could be landed and stopped.
-    pub fn is_landed(&self) -> bool {
-        self.answers.iter().all(|(_, code, _)| *code == Some(0))
-    }
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [raw, hero] = self.heard;
-        let life = |lives| if lives { "lives" } else { "DIED" };
-        write!(
-            f,
-            "| {:?} | bridge {}, status {} | {raw} and {hero} of {SAMPLES} samples | ",
-            self.lack,
-            life(self.bridge_lives),
-            life(self.status_lives),
-        )?;
-        for (request, code, words) in &self.answers {
-            write!(f, "{request}: {code:?} {words}; ")?;
-        }
-        f.write_str("|")
-    }
-}
-
 /// Flies while nothing is to be had.
 ///
 /// # Panics
@@ -91,40 +46,38 @@ impl fmt::Display for Outcome {
 /// When this is not in a `/dev/shm` of its own, or when the chain does not start.
 pub fn run(site: &Site, lack: Lack) -> Outcome {
     assert!(memory::is_own(), "it would fill the memory of everybody");
-    let [sim, bridge, status] = start_chain(site);
-    ask(site, "start");
-    ask(site, "takeoff --altitude 5");
+    let [sim, bridge, status] = site.start_flight();
     let args = format!("--json --field sequence --timeout {SILENCE_S}s");
-    let mut raw = site.start(&format!("echo dsp {args}"));
-    let mut hero = site.start(&format!("echo hero {args}"));
-    let mut stuck = site.start(&format!("echo dsp {args}"));
-    for consumer in [&mut raw, &mut hero, &mut stuck] {
-        consumer.wait_for_line(|line| line.stream == Stream::Stdout);
-    }
+    let echo = |topic: &str| {
+        let mut echo = site.start(&format!("echo {topic} {args}"));
+        echo.wait_for_line(|line| line.stream == Stream::Stdout);
+        echo
+    };
+    let (mut raw, mut hero, stuck) = (echo("dsp"), echo("hero"), echo("dsp"));
     stuck.signal(Signal::STOP);
     let filler = Filler::fill(lack);
-    let heard_raw = hear(&mut raw);
+    let mut outcome = Outcome::default();
+    outcome.cell("nothing left", format!("{lack:?}"));
+    let mut samples = |heading, consumer: &mut Process| {
+        let count = count_samples(consumer);
+        outcome.cell(heading, count);
+        let failure = format!("{heading}: {count} of {SAMPLES}");
+        outcome.require(count == SAMPLES, failure);
+    };
+    samples("samples of the bridge", &mut raw);
     // Without the bridge, status is silent and its consumer waits.
-    let heard_hero = match heard_raw {
-        SAMPLES => hear(&mut hero),
-        _ => 0,
-    };
-    let (bridge_lives, status_lives) = (is_alive(bridge.id()), is_alive(status.id()));
-    let answers = match bridge_lives {
-        true => ["land", "stop"].map(|request| {
+    if bridge.is_running() {
+        samples("of status", &mut hero);
+        for request in ["land", "stop"] {
             let finished = site.run(request);
-            (request, finished.code(), finished.stderr.join(", "))
-        }),
-        // There is nobody to answer.
-        false => ["land", "stop"].map(|request| (request, None, "no bridge".to_owned())),
-    };
-    let outcome = Outcome {
-        lack,
-        bridge_lives: bridge_lives && is_alive(bridge.id()),
-        status_lives: status_lives && is_alive(status.id()),
-        heard: [heard_raw, heard_hero],
-        answers: answers.into(),
-    };
+            let (code, words) = (finished.code(), finished.stderr.join(", "));
+            outcome.cell(request, format!("{code:?} {words}"));
+            outcome.require(code == Some(0), format!("{request}: {code:?} {words}"));
+        }
+    }
+    for (name, process) in [("bridge", &bridge), ("status", &status)] {
+        outcome.require(process.is_running(), format!("{name} DIED"));
+    }
     drop(filler);
     // They are killed; what they leave goes with the file system.
     drop((raw, hero, stuck, status, bridge, sim));
@@ -133,7 +86,7 @@ pub fn run(site: &Site, lack: Lack) -> Outcome {
 }
 
 /// How many samples a consumer gets, up to [`SAMPLES`], before its publisher is gone for too long.
-fn hear(consumer: &mut Process) -> usize {
+fn count_samples(consumer: &mut Process) -> usize {
     // At its end it prints a summary on standard error.
     (0..SAMPLES)
         .take_while(|_| consumer.wait_for_line(|_| true).stream == Stream::Stdout)

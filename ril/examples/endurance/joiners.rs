@@ -1,7 +1,6 @@
-//! Processes that are stopped while they start: they may hold whatever a start needs, and must keep nobody waiting.
+//! Processes that are stopped while they start: they may hold whatever a start needs, and must keep no other process waiting.
 
 use std::collections::VecDeque;
-use std::fmt;
 use std::thread;
 use std::time::Duration;
 
@@ -9,7 +8,8 @@ use dsp_sim::random::Random;
 use ril_tests::Process;
 use ril_tests::process::Signal;
 
-use crate::crew::{Site, ask, end, start_chain};
+use crate::outcome::{Outcome, Plan};
+use crate::site::Site;
 
 /// What is stopped.
 const JOINERS: [&str; 5] = [
@@ -26,43 +26,14 @@ const START_UP: Duration = Duration::from_millis(20);
 /// How many of them are there at a time. Each may keep one of the places that a service has for clients and subscribers.
 const STOPPED: usize = 6;
 
-/// What to do.
-#[derive(Clone, Copy, Debug)]
-pub struct Plan {
-    /// How many are stopped.
-    pub joiners: u32,
-    /// Seed of who is stopped when.
-    pub seed: u64,
-}
-
-/// What came of it.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Outcome {
-    /// How many were stopped.
-    pub joiners: u32,
-    /// How many commands did their work meanwhile.
-    pub done: u32,
-    /// How many ended at a signal meanwhile, while they started or worked.
-    pub interrupted: u32,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "| {} stopped | {} commands done | {} ended at a signal |",
-            self.joiners, self.done, self.interrupted
-        )
-    }
-}
-
 /// Stops joiners as planned, or until `goes_on` says no.
 ///
 /// # Panics
 ///
-/// When somebody is kept waiting, or when something is left.
+/// When a process is kept waiting, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
-    let chain = start_chain(site);
+    let chain = site.start_chain();
+    let joiners = plan.count.unwrap_or(2000);
     let mut chance = Random::new(plan.seed, 0);
     let mut moment = |span: Duration| {
         // The moment is what is tried here, not something that is waited for.
@@ -70,21 +41,21 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         chance.next_u64()
     };
     let mut stopped: VecDeque<Process> = VecDeque::new();
-    let mut outcome = Outcome::default();
-    while outcome.joiners < plan.joiners && goes_on() {
-        let args = JOINERS[outcome.joiners as usize % JOINERS.len()];
+    let (mut count, mut done, mut interrupted) = (0, 0, 0);
+    while count < joiners && goes_on() {
+        let args = JOINERS[count as usize % JOINERS.len()];
         let joiner = site.start(args);
         moment(START_UP);
         joiner.signal(Signal::STOP);
         stopped.push_back(joiner);
-        outcome.joiners += 1;
+        count += 1;
         for args in ["status", "echo hero --count 1"] {
-            ask(site, args);
+            site.ask(args);
         }
         // Whatever it finds; it takes note of those that are stopped.
         let doctor = site.run("doctor").code();
         assert!(matches!(doctor, Some(0 | 8)), "{doctor:?}");
-        outcome.done += 3;
+        done += 3;
         for (args, signal) in [
             ("echo hero", Signal::INT),
             ("run status --robot 2", Signal::TERM),
@@ -93,7 +64,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             moment(2 * START_UP);
             process.signal(signal);
             process.wait_exit();
-            outcome.interrupted += 1;
+            interrupted += 1;
         }
         if stopped.len() > STOPPED {
             let oldest = stopped.pop_front().expect("there are some");
@@ -109,8 +80,10 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         }
     }
     drop(stopped);
-    let [sim, bridge, status] = chain;
-    [status, bridge, sim].into_iter().for_each(end);
-    site.domain.sweep();
+    site.end(chain, true);
+    let mut outcome = Outcome::default();
+    outcome.cell("stopped", count);
+    outcome.cell("commands done meanwhile", done);
+    outcome.cell("ended at a signal meanwhile", interrupted);
     outcome
 }

@@ -15,7 +15,7 @@ pub fn is_own() -> bool {
     std::env::var_os(INSIDE).is_some()
 }
 
-/// Runs this program again, with `args`, with a `/dev/shm` that is mounted with `options`. Nothing when the kernel forbids
+/// Runs this program again, with `args`, with a `/dev/shm` that is mounted with `options`. `None` when the kernel forbids
 /// that; the reason is printed.
 pub fn run_again(options: &str, args: &[String]) -> io::Result<Option<ExitStatus>> {
     let program = std::env::current_exe()?;

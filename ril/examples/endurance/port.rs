@@ -2,13 +2,12 @@
 //!
 //! The DSP knows nothing of it: it runs on, here on a thread of this process, which notes when the port is back.
 
-use std::fmt;
 use std::io;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::Duration;
 
-use dsp_sim::faults::{Fault, PortState, Script, Times};
+use dsp_sim::faults::{self, Fault, PortState, Script};
 use dsp_sim::port::{Port, Terminal};
 use dsp_sim::pty_port::PtyPort;
 use dsp_sim::random::Random;
@@ -19,8 +18,8 @@ use ril_tests::process::WAIT_LIMIT;
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use crate::crew::{Kind, Site, end};
-use crate::spread::Spread;
+use crate::outcome::{Outcome, Plan, Times};
+use crate::site::{Kind, Site, count_lines};
 
 /// When the port is hung up for the first time: the bridge has started by then.
 const FIRST: Duration = Duration::from_secs(2);
@@ -31,48 +30,17 @@ const THERE: (Duration, Duration) = (Duration::from_millis(400), Duration::from_
 /// How long it is gone at least, and how much longer at most: through all of the pauses before it is opened again.
 const GONE: (Duration, Duration) = (Duration::from_millis(1), Duration::from_millis(700));
 
-/// What to do.
-#[derive(Clone, Copy, Debug)]
-pub struct Plan {
-    /// How often the port goes.
-    pub times: u32,
-    /// Seed of the moments.
-    pub seed: u64,
-}
-
-/// What came of it.
-#[derive(Clone, Debug, Default)]
-pub struct Outcome {
-    /// How often it came back as another device.
-    pub elsewhere: u32,
-    /// From the moment the port was back until a consumer had telemetry that came through it.
-    pub again: Spread,
-    /// How often the bridge opened it.
-    pub openings: usize,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (times, elsewhere, openings) = (self.again.count(), self.elsewhere, self.openings);
-        write!(
-            f,
-            "| {times}, {elsewhere} of them as another device | {} | {openings} |",
-            self.again
-        )
-    }
-}
-
-/// Takes the port away as planned. The first line that is not `goes_on` ends it early.
+/// Takes the port away as planned, or until `goes_on` says no.
 ///
 /// # Panics
 ///
 /// When the bridge ends, when no telemetry comes any more, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
-    let mut chance = Random::new(plan.seed, 0);
-    let script = script(plan, &mut chance);
+    let times = plan.count.unwrap_or(200);
+    let script = script(times, plan.seed);
     let is_elsewhere =
         |fault: &&Fault| matches!(fault, Fault::HangUp { elsewhere, .. } if *elsewhere);
-    let elsewhere = script.faults.iter().filter(is_elsewhere).count() as u32;
+    let elsewhere = script.faults.iter().filter(is_elsewhere).count();
     let (sender, returns) = mpsc::channel();
     let mut port = NotedPort {
         port: PtyPort::new(&site.path("dsp")).expect("a pseudo-terminal under a link"),
@@ -89,33 +57,35 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         dsp_sim::shell::run(&mut simulator, &mut port, 1.0, &termination, &supervisor)
             .expect("the simulator's loop");
     });
-    let mut bridge = site.start_one(Kind::Bridge);
-    bridge.wait_for_text("ready");
-    let mut outcome = listen(site, plan, &returns, goes_on);
-    outcome.elsewhere = elsewhere;
-    let is_opening = |line: &&ril_tests::process::Line| line.text.contains("port open");
-    outcome.openings = bridge.lines().iter().filter(is_opening).count();
-    end(bridge);
+    let mut bridge = site.start_working(Kind::Bridge);
+    let again = listen(site, times, &returns, goes_on);
+    let openings = count_lines(&mut bridge, "port open");
+    site.end([bridge], false);
     request.request();
     line.join().expect("it ends in order");
-    site.domain.assert_empty();
+    let mut outcome = Outcome::default();
+    outcome.cell("port gone and back", again.count());
+    outcome.cell("of them as another device", elsewhere);
+    outcome.cell("telemetry again", again);
+    outcome.cell("openings", openings);
     outcome
 }
 
-/// Hears telemetry until the port has come back as often as planned, and then once more.
+/// Receives telemetry until the port has come back as often as planned, and then once more. From each moment that the port was back
+/// until a consumer had telemetry that came through it.
 fn listen(
     site: &Site,
-    plan: &Plan,
+    times: u32,
     returns: &Receiver<MonotonicNs>,
     goes_on: &dyn Fn() -> bool,
-) -> Outcome {
+) -> Times {
     let ipc = site.domain.join("consumer");
     let mut telemetry = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
-    let mut outcome = Outcome::default();
-    // A port that goes again before anything was heard is heard when something is.
+    let mut again = Times::default();
+    // A port that goes again before anything came through it has come back when something does.
     let mut open = Vec::new();
     let mut silent_since = MonotonicNs::now();
-    while outcome.again.count() < plan.times as usize && goes_on() {
+    while again.count() < times as usize && goes_on() {
         let silence = MonotonicNs::now().since(silent_since);
         assert!(silence < WAIT_LIMIT, "no telemetry for {silence:?}");
         telemetry.wait(WAIT_LIMIT).expect("a wait");
@@ -126,32 +96,30 @@ fn listen(
             open.retain(|back: &MonotonicNs| {
                 let is_new = sample.received_ns > back.0;
                 if is_new {
-                    outcome.again.push(silent_since.since(*back));
+                    again.push(silent_since.since(*back));
                 }
                 !is_new
             });
         });
     }
-    outcome
+    again
 }
 
-fn script(plan: &Plan, chance: &mut Random) -> Script {
+fn script(times: u32, seed: u64) -> Script {
+    let mut chance = Random::new(seed, 0);
     let mut draw = |(least, more): (Duration, Duration)| least + more.mul_f64(chance.uniform());
     let mut at = FIRST;
     let mut faults = Vec::new();
-    for index in 0..plan.times {
+    for index in 0..times {
         let length = draw(GONE);
         faults.push(Fault::HangUp {
-            times: Times::once(at),
+            times: faults::Times::once(at),
             length,
             elsewhere: index % 2 == 1,
         });
         at += length + draw(THERE);
     }
-    Script {
-        seed: plan.seed,
-        faults,
-    }
+    Script { seed, faults }
 }
 
 /// The simulator's port, and a note of when it came back.

@@ -4,7 +4,6 @@
 //! The files stay as they were at the kill until there are [`BATCH`]. Then each reader opens them all with one process, and they go.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -17,16 +16,16 @@ use ipc_types::{MonotonicNs, Subscriber};
 use recording::play::anchor_of;
 use recording::read::{self, Bytes};
 use ril_tests::Process;
+use ril_tests::languages::target_folder;
 use ril_tests::process::Signal;
 
-use crate::crew::{Site, end, start_chain_at};
-use crate::opened::{Killed, Opened};
+use crate::outcome::{Outcome, Plan, Times};
 use crate::readers::Reader;
-use crate::spread::Spread;
+use crate::site::Site;
 use crate::sums::Sums;
 
 /// What the record promises: everything older than this is in the file.
-pub const PROMISE: Duration = Duration::from_millis(500);
+const PROMISE: Duration = Duration::from_millis(500);
 
 /// Longest time that a recorder works before it is killed: several times that between two writes, so that every phase is met.
 const WORK: Duration = Duration::from_millis(1500);
@@ -53,82 +52,10 @@ const STEADY: [&str; 6] = [
 /// Samples that are remembered: at 200 a second, more than a recorder lives.
 const REMEMBERED: usize = 4000;
 
-/// What to do.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// How often.
-    pub kills: u32,
-    /// Seed of the moments.
-    pub seed: u64,
-    /// Simulated seconds for one of the host: 50 samples for each.
-    pub speed: u32,
-    /// What opens the files.
-    pub readers: Vec<Reader>,
-    /// Where the files go, to be opened with other programs; nowhere when absent.
-    pub keep: Option<PathBuf>,
-}
-
-/// What came of it.
-#[derive(Clone, Debug, Default)]
-pub struct Outcome {
-    /// How often.
-    pub kills: u32,
-    /// Of those, before the recorder had written anything.
-    pub empty: u32,
-    /// How old the oldest sample that a file lacked was at the moment of the kill.
-    pub lacking: Spread,
-    /// How old the last message of a topic that never rests was at the moment of the kill: all that is missing was younger.
-    pub last: BTreeMap<&'static str, Spread>,
-    /// Messages in all files.
-    pub messages: u64,
-    /// Files that our own reader could not read, or that had a hole that they said nothing about.
-    pub broken: Vec<String>,
-    /// What the readers of others found.
-    pub opened: Vec<Opened>,
-}
-
-impl Outcome {
-    /// Whether every file was readable and nothing older than [`PROMISE`] was missing.
-    pub fn is_kept(&self) -> bool {
-        self.is_whole() && self.lacking.iter().all(|age| age <= PROMISE)
-    }
-
-    /// Whether every file was readable for every reader, without a hole that it says nothing about.
-    pub fn is_whole(&self) -> bool {
-        self.broken.is_empty() && self.opened.iter().all(Opened::is_whole)
-    }
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "| kills | oldest sample missing | messages | files |\n|---|---|---|---|"
-        )?;
-        writeln!(
-            f,
-            "| {}, {} of them before the first sample | {} | {} | {} broken |",
-            self.kills,
-            self.empty,
-            self.lacking,
-            self.messages,
-            self.broken.len()
-        )?;
-        for broken in &self.broken {
-            writeln!(f, "{broken}")?;
-        }
-        writeln!(f, "\n| topic | age of the last message |\n|---|---|")?;
-        for (topic, last) in &self.last {
-            writeln!(f, "| {topic} | {last} |")?;
-        }
-        write!(
-            f,
-            "\n| reader | files opened | messages | files as our own reader |\n|---|---|---|---|"
-        )?;
-        self.opened
-            .iter()
-            .try_for_each(|opened| write!(f, "\n{opened}"))
-    }
+/// A file as it was at the kill, and what our own reader found in it.
+struct Killed {
+    path: PathBuf,
+    sums: Sums,
 }
 
 /// Kills as planned, or until `goes_on` says no.
@@ -136,22 +63,20 @@ impl fmt::Display for Outcome {
 /// # Panics
 ///
 /// When a recorder does not come up, or a process of the robot or a reader fails.
-pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
+pub fn run(site: &Site, plan: &Plan, readers: &[Reader], goes_on: &dyn Fn() -> bool) -> Outcome {
+    let kills = plan.count.unwrap_or(1000);
     let mut chance = Random::new(plan.seed, 0);
-    let mut outcome = Outcome {
-        opened: Opened::by(&plan.readers),
-        ..Outcome::default()
-    };
-    let [sim, bridge, status] = start_chain_at(site, plan.speed);
+    let mut found = Found::by(readers);
+    let chain = site.start_chain_at(plan.speed);
     let mut witness = Witness::new(site);
     let files = site.path("killed");
     fs::create_dir(&files).expect("a folder of this program");
     let mut batch = Vec::new();
-    while outcome.kills < plan.kills && goes_on() {
-        let count = TOGETHER.min(plan.kills - outcome.kills);
+    while found.kills < kills && goes_on() {
+        let count = TOGETHER.min(kills - found.kills);
         let mut recorders = Vec::new();
         for index in 0..count {
-            recorders.push(Recorder::start(site, outcome.kills + index));
+            recorders.push(Recorder::start(site, found.kills + index));
             witness.listen();
         }
         for recorder in recorders {
@@ -160,24 +85,24 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             let folder = recorder.folder.clone();
             let killed = recorder.kill();
             witness.listen();
-            outcome.kills += 1;
-            let file = files.join(format!("{}.mcap", outcome.kills));
+            found.kills += 1;
+            let file = files.join(format!("{}.mcap", found.kills));
             if take_only_file(&folder, &file) {
-                batch.push(outcome.judge(file, killed, &witness));
+                batch.push(found.judge(file, killed, &witness));
             } else {
                 let none = format!("{}: there is not one file", folder.display());
-                outcome.broken.push(none);
+                found.faults.push(none);
             }
         }
         if batch.len() >= BATCH {
-            outcome.open(&mut batch, plan);
+            found.open(&mut batch, plan);
         }
     }
-    outcome.open(&mut batch, plan);
-    for process in [bridge, status, sim] {
-        end(process);
+    found.open(&mut batch, plan);
+    for process in chain.into_iter().rev() {
+        process.end();
     }
-    outcome
+    found.outcome(plan)
 }
 
 /// A recorder that will be killed.
@@ -232,7 +157,7 @@ impl Witness {
         drained.expect("a bridge that can be reached");
     }
 
-    /// How old the first sample after `sequence` was at `moment`; nothing when it came later. When this process missed that sample
+    /// How old the first sample after `sequence` was at `moment`; zero when it came later. When this process missed that sample
     /// itself, the one before it counts, which was older.
     fn age_after(&self, sequence: u64, moment: MonotonicNs) -> Duration {
         let next = self
@@ -250,7 +175,39 @@ impl Witness {
     }
 }
 
-impl Outcome {
+/// What came of the kills so far.
+struct Found {
+    kills: u32,
+    /// Of those, before the recorder had written anything.
+    empty: u32,
+    /// How old the oldest sample that a file lacked was at the moment of the kill.
+    lacking: Times,
+    /// How old the last message of a topic that never rests was at the moment of the kill: all that is missing was younger.
+    last: BTreeMap<&'static str, Times>,
+    /// Messages in all files.
+    messages: u64,
+    /// Files that a reader refused or found other messages in than ours, or that had a hole that they said nothing about.
+    faults: Vec<String>,
+    /// The readers that others wrote and that open unfinished files: files without a complaint, messages in all files, and files in which
+    /// it found exactly what our own reader found: each message of each topic, with its time and its data.
+    readers: Vec<(Reader, [u64; 3])>,
+}
+
+impl Found {
+    fn by(readers: &[Reader]) -> Found {
+        let readers = readers.iter().cloned();
+        let readers = readers.filter(|reader| reader.is_of_others() && reader.reads_unfinished());
+        Found {
+            kills: 0,
+            empty: 0,
+            lacking: Times::default(),
+            last: BTreeMap::new(),
+            messages: 0,
+            faults: Vec::new(),
+            readers: readers.map(|reader| (reader, [0; 3])).collect(),
+        }
+    }
+
     /// Looks at the file of a recorder that was killed at this moment.
     fn judge(&mut self, path: PathBuf, killed: MonotonicNs, witness: &Witness) -> Killed {
         let bytes = Bytes::open(&path).expect("a file that can be read");
@@ -258,26 +215,40 @@ impl Outcome {
         self.messages += sums.messages();
         let hole = hole(&bytes);
         if let Some(reason) = sums.error.as_ref().or(hole.as_ref()) {
-            self.broken.push(format!("{}: {reason}", path.display()));
+            self.faults.push(format!("{}: {reason}", path.display()));
         }
         match last_sample(&bytes) {
             Some(last) => self.lacking.push(witness.age_after(last, killed)),
             None => self.empty += 1,
         }
         for (topic, last) in last_messages(&bytes) {
-            let spread = self.last.entry(topic).or_default();
-            spread.push(killed.since(last));
+            let times = self.last.entry(topic).or_default();
+            times.push(killed.since(last));
         }
         Killed { path, sums }
     }
 
-    /// Opens the files with all readers, and removes or keeps them.
+    /// Opens the files with all readers, each with one process, and removes or keeps them.
     fn open(&mut self, batch: &mut Vec<Killed>, plan: &Plan) {
         if batch.is_empty() {
             return;
         }
-        for opened in &mut self.opened {
-            opened.open(batch);
+        let paths: Vec<&Path> = batch.iter().map(|file| file.path.as_path()).collect();
+        for (reader, [opened, messages, agreeing]) in &mut self.readers {
+            for (file, found) in batch.iter().zip(reader.sums(&paths)) {
+                let agrees = found.topics == file.sums.topics;
+                *messages += found.messages();
+                *agreeing += u64::from(agrees);
+                *opened += u64::from(found.error.is_none());
+                let complaint = match &found.error {
+                    None if agrees => continue,
+                    None => "it found other messages",
+                    Some(error) => error,
+                };
+                let copy = keep(&file.path);
+                let fault = format!("{}: {reader}: {complaint}", copy.display());
+                self.faults.push(fault);
+            }
         }
         for Killed { path, .. } in batch.drain(..) {
             if let Some(keep) = &plan.keep {
@@ -287,6 +258,37 @@ impl Outcome {
             fs::remove_file(path).expect("a file of this program");
         }
     }
+
+    fn outcome(self, plan: &Plan) -> Outcome {
+        let mut outcome = Outcome::default();
+        outcome.cell("kills", self.kills);
+        outcome.cell("of them before the first sample", self.empty);
+        outcome.cell("messages", self.messages);
+        for (topic, last) in &self.last {
+            outcome.note(format!("age of the last message of {topic}: {last}"));
+        }
+        for (reader, [opened, messages, agreeing]) in &self.readers {
+            outcome.note(format!(
+                "{reader}: {opened} files opened, {messages} messages, {agreeing} files as our own reader"
+            ));
+        }
+        outcome.require(self.faults.is_empty(), self.faults.join("\n"));
+        if !plan.is_short {
+            let is_kept = self.lacking.0.iter().all(|age| *age <= PROMISE);
+            outcome.require(is_kept, format!("older than {PROMISE:?} and missing"));
+        }
+        outcome.cell("oldest sample missing", self.lacking);
+        outcome
+    }
+}
+
+/// Copies a file with a fault to where it stays.
+fn keep(file: &Path) -> PathBuf {
+    let folder = target_folder().join("tmp/refused-recordings");
+    fs::create_dir_all(&folder).expect("a folder for the files");
+    let copy = folder.join(file.file_name().expect("a file"));
+    fs::copy(file, &copy).expect("a copy");
+    copy
 }
 
 /// The number of the last sample of raw telemetry.
@@ -315,7 +317,7 @@ fn last_messages(bytes: &[u8]) -> BTreeMap<&'static str, MonotonicNs> {
     last
 }
 
-/// A hole that the file does not tell of.
+/// A hole that the file does not report.
 fn hole(bytes: &[u8]) -> Option<String> {
     let check = read::check(bytes);
     check.topics.iter().find_map(|(name, topic)| {

@@ -3,18 +3,18 @@
 //!
 //! Both ends speak the extended profile, whose numbers and CRC show every byte that is missing.
 
-use std::fmt;
 use std::thread;
 use std::time::Duration;
 
 use dsp_sim::random::Random;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RefusedCounters};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Ipc, Losses, MonotonicNs, Subscriber};
 use ril_tests::Process;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 
-use crate::crew::{Kind, Site, await_ready, end};
-use crate::healthy::Healthy;
+use crate::listener::Listener;
+use crate::outcome::{Outcome, Plan};
+use crate::site::{ECHO_DSP, Kind, Site};
 
 /// Longest pause between two disturbances.
 const PAUSE: Duration = Duration::from_millis(30);
@@ -22,124 +22,61 @@ const PAUSE: Duration = Duration::from_millis(30);
 /// Disturbances between two readings of the slow subscriber: so many samples come meanwhile that its buffer overflows.
 const SLOWNESS: u64 = 40;
 
-/// What to do.
-#[derive(Clone, Copy, Debug)]
-pub struct Plan {
-    /// How long the disturbances last.
-    pub duration: Duration,
-    /// Period of telemetry, ms.
-    pub period_ms: u16,
-    /// Seed of what happens when.
-    pub seed: u64,
-}
-
-/// What came of it.
-#[derive(Clone, Copy, Debug)]
-pub struct Outcome {
-    /// Period of telemetry, ms.
-    pub period_ms: u16,
-    /// How long it was.
-    pub duration: Duration,
-    /// What the bridge received.
-    pub bytes: u64,
-    /// What it refused of it.
-    pub refused: RefusedCounters,
-    /// What the healthy consumers of the bridge and of status got and missed.
-    pub healthy: [Losses; 2],
-    /// What was done to them.
-    pub disturbances: Disturbances,
-}
-
-/// What the disturbing subscribers did and suffered.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Disturbances {
-    /// What the slow one got and missed.
-    pub slow: Losses,
-    /// How often a subscriber came and went within a process.
-    pub churned: u64,
-    /// How often a process that subscribed was killed.
-    pub killed: u64,
-    /// How often a process that subscribed was stopped.
-    pub stopped: u64,
-}
-
-impl Outcome {
-    /// Bytes, or messages, that did not arrive as they were sent.
-    pub fn damaged(&self) -> u32 {
-        let refused = &self.refused;
-        let bytes = refused.stray + refused.unknown_header + refused.truncated + refused.checksum;
-        bytes + refused.padding + refused.value + refused.missed_messages
-    }
-
-    /// Samples that healthy consumers missed.
-    pub fn lost(&self) -> u64 {
-        self.healthy.iter().map(|losses| losses.lost).sum()
-    }
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [raw, hero] = self.healthy;
-        let done = self.disturbances;
-        write!(
-            f,
-            "| {} ms, {:.0} s | {} bytes, {} damaged or missed | {} + {} samples, {} lost | \
-             {} came and went, {} killed, {} stops; the slow one got {} and lost {} |",
-            self.period_ms,
-            self.duration.as_secs_f64(),
-            self.bytes,
-            self.damaged(),
-            raw.received,
-            hero.received,
-            self.lost(),
-            done.churned,
-            done.killed,
-            done.stopped,
-            done.slow.received,
-            done.slow.lost
-        )
-    }
-}
-
 /// Disturbs as planned, or until `goes_on` says no.
 ///
 /// # Panics
 ///
 /// When a process ends or does not start, or when something is left.
 pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
-    let line = "[serial]\nbaud_rate = 4000000\nprofile = \"extended\"\n";
-    site.write("dsp-sim.toml", line);
-    let (profile, period_ms) = ("profile = \"extended\"", plan.period_ms);
-    let text = format!(
-        "[serial]\nbaud_rate = 4000000\n[link]\n{profile}\n[parameters]\nstatus_period_ms = {period_ms}\n"
-    );
-    site.write("bridge.toml", &text);
-    let mut crew = Vec::new();
-    for kind in [Kind::Sim, Kind::Bridge, Kind::Status] {
-        let mut process = site.start_one(kind);
-        await_ready(kind, &mut process);
-        crew.push(process);
-    }
-    let raw = Healthy::start::<DspTelemetry>(&site.domain);
-    let hero = Healthy::start::<HeroTelemetry>(&site.domain);
+    let period_ms = plan.period_ms.unwrap_or(2);
+    let serial = "[serial]\nbaud_rate = 4000000\n";
+    site.write("dsp-sim.toml", &format!("{serial}profile = \"extended\"\n"));
+    let link = "[link]\nprofile = \"extended\"\n";
+    let parameters = format!("[parameters]\nstatus_period_ms = {period_ms}\n");
+    site.write("bridge.toml", &format!("{serial}{link}{parameters}"));
+    let chain = [Kind::Sim, Kind::Bridge, Kind::Status].map(|kind| site.start_working(kind));
+    let healthy = [
+        Listener::start(&site.domain, |sample: &DspTelemetry| sample.epoch_ns),
+        Listener::start(&site.domain, |sample: &HeroTelemetry| sample.epoch_ns),
+    ];
     let mut crowd = Crowd::new(site, plan.seed);
     let begun = MonotonicNs::now();
-    while MonotonicNs::now().since(begun) < plan.duration && goes_on() {
+    let duration = plan.duration(120);
+    while MonotonicNs::now().since(begun) < duration && goes_on() {
         crowd.disturb();
     }
-    let duration = MonotonicNs::now().since(begun);
-    let disturbances = crowd.end();
+    let lasted_s = MonotonicNs::now().since(begun).as_secs_f64();
+    let done = crowd.end();
     let state = last_state(site);
-    let outcome = Outcome {
-        period_ms,
-        duration,
-        bytes: state.link.bytes_received,
-        refused: state.refused,
-        healthy: [raw.end().losses, hero.end().losses],
-        disturbances,
-    };
-    crew.into_iter().rev().for_each(end);
-    site.domain.assert_empty();
+    let mut outcome = Outcome::default();
+    outcome.cell("telemetry", format!("{period_ms} ms, {lasted_s:.0} s"));
+    // Bytes, or messages, that did not arrive as they were sent.
+    let refused = &state.refused;
+    let bytes = refused.stray + refused.unknown_header + refused.truncated + refused.checksum;
+    let damaged = bytes + refused.padding + refused.value + refused.missed_messages;
+    outcome.cell("bytes", state.link.bytes_received);
+    outcome.cell("damaged or missed", damaged);
+    outcome.require(damaged == 0, format!("damaged: {refused:?}"));
+    for (name, listener) in ["samples of the bridge", "of status"]
+        .into_iter()
+        .zip(healthy)
+    {
+        let losses = listener.end().losses;
+        outcome.cell(name, format!("{}, {} lost", losses.received, losses.lost));
+        let is_whole = losses.lost == 0 && losses.received > 0;
+        outcome.require(is_whole, format!("{name}: {losses:?}"));
+    }
+    outcome.cell("came and went", done.churned);
+    outcome.cell("killed", done.killed);
+    let slow = done.slow;
+    outcome.cell(
+        "the others",
+        format!(
+            "{} stops; the slow one got {} and lost {}",
+            done.stopped, slow.received, slow.lost
+        ),
+    );
+    site.end(chain, false);
     outcome
 }
 
@@ -161,6 +98,19 @@ fn last_state(site: &Site) -> ModuleState {
 
 /// Subscribers of both topics.
 type Pair = (Subscriber<DspTelemetry>, Subscriber<HeroTelemetry>);
+
+/// What the disturbing subscribers did and lost.
+#[derive(Clone, Copy, Debug, Default)]
+struct Disturbances {
+    /// What the slow one got and missed.
+    slow: Losses,
+    /// How often a subscriber came and went within a process.
+    churned: u64,
+    /// How often a process that subscribed was killed.
+    killed: u64,
+    /// How often a process that subscribed was stopped.
+    stopped: u64,
+}
 
 /// Those that disturb.
 struct Crowd<'a> {
@@ -185,7 +135,7 @@ struct Crowd<'a> {
 impl<'a> Crowd<'a> {
     fn new(site: &'a Site, seed: u64) -> Crowd<'a> {
         let ipc = site.domain.join("crowd");
-        let mut stopped = consumer(site);
+        let mut stopped = site.start(ECHO_DSP);
         stopped.wait_for_text("sequence");
         Crowd {
             site,
@@ -195,7 +145,7 @@ impl<'a> Crowd<'a> {
             churning: None,
             stopped,
             is_stopped: false,
-            killed: consumer(site),
+            killed: site.start(ECHO_DSP),
             steps: 0,
             done: Disturbances::default(),
             ipc,
@@ -225,7 +175,7 @@ impl<'a> Crowd<'a> {
             1..4 => {
                 self.killed.signal(Signal::KILL);
                 self.killed.wait_exit();
-                self.killed = consumer(self.site);
+                self.killed = self.site.start(ECHO_DSP);
                 self.done.killed += 1;
             }
             _ => match self.churning.take() {
@@ -245,7 +195,7 @@ impl<'a> Crowd<'a> {
             ..raw
         };
         self.stopped.signal(Signal::CONT);
-        end(self.stopped);
+        self.stopped.end();
         self.killed.signal(Signal::KILL);
         self.killed.wait_exit();
         self.done
@@ -256,9 +206,4 @@ fn pair(ipc: &Ipc) -> Pair {
     let raw = ipc.subscriber().expect("a subscriber");
     let hero = ipc.subscriber().expect("a subscriber");
     (raw, hero)
-}
-
-/// A consumer in a process of its own.
-fn consumer(site: &Site) -> Process {
-    site.start("echo dsp --json --field sequence --timeout 80s")
 }

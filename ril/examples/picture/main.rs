@@ -10,10 +10,9 @@
 
 mod svg;
 
-use std::ffi::OsString;
 use std::fs;
 use std::path::PathBuf;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::time::SystemTime;
 
 use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
@@ -26,8 +25,8 @@ use ril::keys::Key;
 use ril::verbs::watch::app::App;
 use ril::verbs::watch::model::Process as Kind;
 use ril::verbs::watch::view::{self, Clock, Glyphs};
-use ril_tests::process::{Process, Signal};
-use ril_tests::{PtyFolder, TestDomain};
+use ril_tests::watchdog::DEFAULT_LIMIT;
+use ril_tests::{Process, Sandbox, TestDomain};
 
 const BE_RIL: &str = "be-ril";
 
@@ -99,16 +98,20 @@ QGC WPL 110
 5\t0\t3\t21\t0\t0\t0\t0\t37.41105\t-6.00050\t0\t1
 ";
 
+/// A folder with the configuration of the pictures, in which this program is `ril`.
+fn sandbox() -> Sandbox {
+    let this = std::env::current_exe().expect("a name");
+    let ril = [this.as_os_str(), BE_RIL.as_ref()];
+    let sandbox = Sandbox::new(ril, "picture", DEFAULT_LIMIT);
+    sandbox.write("bridge.toml", BRIDGE);
+    sandbox
+}
+
 /// What `ril plan check` says of a plan inside the geofence of the pictures.
 fn check_and_draw() -> String {
-    let domain = TestDomain::new();
-    let folder = PtyFolder::new();
-    fs::write(folder.link("bridge.toml"), BRIDGE).expect("a folder that can be written");
-    fs::write(folder.link("survey.waypoints"), PLAN).expect("the same");
-    let mut command = Command::new(std::env::current_exe().expect("a name"));
-    command.args([BE_RIL, "plan", "check", "survey.waypoints"]);
-    command.current_dir(folder.path());
-    let lines = Process::spawn(&domain, command).wait_exit().stdout;
+    let sandbox = sandbox();
+    sandbox.write("survey.waypoints", PLAN);
+    let lines = sandbox.run("plan check survey.waypoints").stdout;
     let height = u16::try_from(lines.len()).expect("a screen");
     let mut buffer = Buffer::empty(Rect::new(0, 0, PLAN_COLUMNS, height));
     for (row, line) in (0..).zip(&lines) {
@@ -124,27 +127,11 @@ fn check_and_draw() -> String {
 
 /// A flight, up to the picture.
 fn fly_and_draw() -> String {
-    let domain = TestDomain::new();
-    let folder = PtyFolder::new();
-    let config = folder.link("bridge.toml");
-    fs::write(&config, BRIDGE).expect("a folder that can be written");
-    let start = |args: &str| {
-        let mut command = Command::new(std::env::current_exe().expect("a name"));
-        command
-            .arg(BE_RIL)
-            .args(args.split_whitespace().map(OsString::from));
-        command.current_dir(folder.path());
-        Process::spawn(&domain, command)
-    };
-    let ready = |args: &str| {
-        let mut process = start(args);
-        process.wait_for_text("ready");
-        process
-    };
-    let sim = ready("run sim --link dsp");
-    let bridge = ready("run bridge --port dsp");
-    let status = ready("run status");
-    let mut screen = Watched::new(&domain);
+    let sandbox = sandbox();
+    let sim = sandbox.start_ready("run sim --link dsp");
+    let bridge = sandbox.start_ready("run bridge --port dsp");
+    let status = sandbox.start_ready("run status");
+    let mut screen = Watched::new(&sandbox.domain);
     let is_up = |state: &ModuleState| {
         state.link.state() == Some(ipc_types::code::LinkState::Up)
             && state.link.telemetry_published > 0
@@ -155,19 +142,18 @@ fn fly_and_draw() -> String {
         .map(|[lat, lon]| format!("{lat},{lon},30"))
         .collect();
     for order in ["start".to_owned(), "takeoff --altitude 20".to_owned()] {
-        let mut process = start(&order);
+        let mut process = sandbox.start(&order);
         screen.until_ended(&mut process);
     }
-    let order = start(&format!("goto {}", path.join(" ")));
+    let order = sandbox.start(&format!("goto {}", path.join(" ")));
     screen.until(|state| {
         state.movement.waypoints_reached == 2 && state.movement.distance_to_go_m < 58.0
     });
     let picture = svg::svg(&screen.drawn(), "ril watch");
     drop(screen);
     drop(order);
-    for mut process in [status, bridge, sim] {
-        process.signal(Signal::TERM);
-        process.wait_exit();
+    for process in [status, bridge, sim] {
+        process.end();
     }
     picture
 }

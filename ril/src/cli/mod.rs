@@ -228,9 +228,3 @@ pub enum RunCommand {
     /// Run the simulator of DSP and helicopter, in the foreground
     Sim(ProcessArgs<dsp_sim::cli::Args>),
 }
-
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
-}

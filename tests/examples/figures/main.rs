@@ -1,4 +1,4 @@
-//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes and replays,
+//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes, replays and damaged frames,
 //! all of them in virtual time. Every mission is verified by replaying its journals. Prints the rows of its table.
 //!
 //! ```sh
@@ -6,6 +6,7 @@
 //! cargo run --release -p ril-tests --example figures -- delivery [--seeds 0..14000]
 //! cargo run --release -p ril-tests --example figures -- bytes [--bytes 1e9] [--seed 1]
 //! cargo run --release -p ril-tests --example figures -- replay [--seconds 600]
+//! cargo run --release -p ril-tests --example figures -- undetected [--frames 1e8] [--seed 1] [--profile extended]
 //! ```
 //!
 //! The same seeds give the same figures. A failure prints its seed, and `--seeds 17` repeats it alone; the exit code is
@@ -15,6 +16,7 @@
 #![allow(dead_code)]
 
 mod bytes;
+mod frames;
 mod replays;
 
 #[path = "../../tests/missions/buffer.rs"]
@@ -56,79 +58,90 @@ use std::time::Instant;
 use bytes::heap::Counting;
 use bytes::measure::{self, Tally};
 use chance::Seen;
+use clap::Parser;
 use dsp_protocol::Profile;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-const USAGE: &str = "figures missions [--seeds FIRST..END] [--kind KIND]\nfigures delivery [--seeds FIRST..END]\n\
-     figures bytes [--bytes N] [--seed N]\nfigures replay [--seconds N]";
-
-/// What is to be measured.
+/// Measures the figures of `docs/reliability.md` that need no process
+#[derive(Parser)]
 enum Measure {
+    /// Missions of chance
     Missions {
+        /// Seeds, such as `17` or `0..1000`
+        #[arg(long, value_parser = range, default_value = "0..1000")]
         seeds: Range<u64>,
+        /// One kind of missions; all of them otherwise
+        #[arg(long, value_parser = KINDS.map(|(name, ..)| name))]
         kind: Option<String>,
     },
-    Delivery(Range<u64>),
+    /// Missions in which waypoints are lost, repeated and delayed
+    Delivery {
+        /// Seeds, such as `17` or `0..100`
+        #[arg(long, value_parser = range, default_value = "0..100")]
+        seeds: Range<u64>,
+    },
+    /// Random and damaged bytes into the decoders and the bridge's core
     Bytes {
-        count: u64,
+        /// How many for each
+        #[arg(long, value_parser = number, default_value = "1e8")]
+        bytes: u64,
+        #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+    /// How fast a recorded flight is verified
     Replay {
+        /// How long the flight takes at least
+        #[arg(long, value_parser = number, default_value = "600")]
         seconds: u64,
+    },
+    /// Damaged frames that a receiver takes for good ones
+    Undetected {
+        /// Damaged frames for each profile, spread over all kinds of damage
+        #[arg(long, value_parser = number, default_value = "1e7")]
+        frames: u64,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// One profile; both otherwise
+        #[arg(long, value_parser = Profile::ALL.map(Profile::name))]
+        profile: Option<String>,
     },
 }
 
-impl Measure {
-    fn parse(mut words: impl Iterator<Item = String>) -> Result<Measure, String> {
-        let what = words.next().ok_or("nothing to measure")?;
-        let (mut seeds, mut kind, mut count, mut seed) = (None, None, 100_000_000, 1);
-        let mut seconds = 600;
-        while let Some(option) = words.next() {
-            let value = words.next().ok_or(format!("{option} wants a value"))?;
-            let bad = || format!("{value} is no value of {option}");
-            match option.as_str() {
-                "--seeds" => seeds = Some(seeds::parse(&value).ok_or_else(bad)?),
-                "--kind" => {
-                    let is_known = KINDS.iter().any(|(name, ..)| *name == value);
-                    kind = Some(is_known.then(|| value.clone()).ok_or_else(bad)?);
-                }
-                "--bytes" => count = number(&value).ok_or_else(bad)?,
-                "--seconds" => seconds = number(&value).ok_or_else(bad)?,
-                "--seed" => seed = number(&value).ok_or_else(bad)?,
-                _ => return Err(format!("{option} is no option")),
-            }
-        }
-        match what.as_str() {
-            "missions" => Ok(Measure::Missions {
-                seeds: seeds.unwrap_or(0..1_000),
-                kind,
-            }),
-            "delivery" => Ok(Measure::Delivery(seeds.unwrap_or(0..100))),
-            "bytes" => Ok(Measure::Bytes { count, seed }),
-            "replay" => Ok(Measure::Replay { seconds }),
-            _ => Err(format!("{what} is nothing to measure")),
-        }
-    }
+/// `17` or `17..20`.
+fn range(text: &str) -> Result<Range<u64>, String> {
+    seeds::parse(text).ok_or_else(|| "neither `17` nor `17..20`".to_owned())
 }
 
 /// A whole number; `1e9` is one too.
-fn number(text: &str) -> Option<u64> {
-    let value = f64::from_str(text).ok()?;
-    (value.fract() == 0.0 && (0.0..1e15).contains(&value)).then_some(value as u64)
+fn number(text: &str) -> Result<u64, String> {
+    let value = f64::from_str(text).unwrap_or(-1.0);
+    match value.fract() == 0.0 && (0.0..1e15).contains(&value) {
+        true => Ok(value as u64),
+        false => Err("no whole number below 1e15".to_owned()),
+    }
 }
 
 fn main() -> ExitCode {
     let started = Instant::now();
-    let is_good = match Measure::parse(std::env::args().skip(1)) {
-        Ok(Measure::Missions { seeds, kind }) => missions(&seeds, kind.as_deref()),
-        Ok(Measure::Delivery(seeds)) => deliveries(seeds),
-        Ok(Measure::Bytes { count, seed }) => random_bytes(count, seed),
-        Ok(Measure::Replay { seconds }) => replays::measure(seconds),
-        Err(reason) => {
-            eprintln!("{reason}\n{USAGE}");
-            return ExitCode::from(2);
+    let is_good = match Measure::parse() {
+        Measure::Missions { seeds, kind } => missions(&seeds, kind.as_deref()),
+        Measure::Delivery { seeds } => deliveries(seeds),
+        Measure::Bytes { bytes, seed } => random_bytes(bytes, seed),
+        Measure::Replay { seconds } => replays::measure(seconds),
+        Measure::Undetected {
+            frames,
+            seed,
+            profile,
+        } => {
+            let is_chosen = |one: &Profile| profile.as_ref().is_none_or(|name| name == one.name());
+            let profiles = Profile::ALL.into_iter().filter(is_chosen);
+            // All are measured, whatever the first one gives.
+            let good: Vec<bool> = profiles
+                .map(|profile| frames::measure(profile, frames, seed))
+                .collect();
+            good.into_iter().all(|is_good| is_good)
         }
     };
     println!("\n{:.1} s", started.elapsed().as_secs_f64());

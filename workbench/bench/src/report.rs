@@ -96,7 +96,7 @@ impl Section {
     ) {
         let row = |(case, process): &(C, &'static str)| {
             let cell = |quantity: &&'static str| {
-                let values = measured.figures(*case, *process, *quantity);
+                let values = measured.figures(*case, process, quantity);
                 figure(quantity, median(&values).unwrap_or_default())
             };
             std::iter::once(format!("{process}, {case}"))

@@ -2,7 +2,8 @@
 //!
 //! * [`stream`]: noise, damaged frames, and random numbers; [`decoders`], [`core`]: what the bytes go into;
 //! * [`obliging`]: a DSP that does whatever it is told, so that noise meets the bridge in every phase of a flight;
-//! * [`heap`]: what it costs the allocator; [`measure`]: all of it, counted; [`script`]: the input of a fuzz target.
+//! * [`heap`]: what it costs the allocator; [`measure`]: all of it, counted; [`script`]: the input of a fuzz target;
+//! * [`undetected`]: damaged frames that are taken for good ones, with the random numbers and messages of all.
 
 pub mod core;
 pub mod decoders;
@@ -12,7 +13,7 @@ pub mod obliging;
 pub mod script;
 pub mod stream;
 
-#[path = "../../../../dsp-protocol/examples/undetected/random.rs"]
-pub mod random;
-#[path = "../../../../dsp-protocol/examples/undetected/traffic.rs"]
-pub mod traffic;
+#[path = "../undetected/mod.rs"]
+pub mod undetected;
+
+pub use undetected::{random, traffic};
