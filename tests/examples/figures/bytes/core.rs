@@ -201,8 +201,12 @@ impl Core {
         };
         let key = RequestKey::Control(key);
         self.listener.open.push(key);
-        self.bridge
-            .control(self.now, key, &request, &mut self.listener);
+        let input = Input::Control {
+            key,
+            sender: None,
+            request,
+        };
+        self.bridge.apply(self.now, input, &mut self.listener);
     }
 
     fn movement(&mut self, request: MovementData) {
@@ -219,8 +223,12 @@ impl Core {
         };
         let key = RequestKey::Movement(key);
         self.listener.open.push(key);
-        self.bridge
-            .movement(self.now, key, &request, &mut self.listener);
+        let input = Input::Movement {
+            key,
+            sender: None,
+            request,
+        };
+        self.bridge.apply(self.now, input, &mut self.listener);
     }
 
     /// A point within some metres of where the DSP is, of the one path that is ever built.
