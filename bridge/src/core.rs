@@ -1,8 +1,9 @@
 //! [`Bridge`]: the whole bridge as one value, without a thread, a file or a clock.
 //!
-//! It is given the time and one input: the port opened or closed, bytes, a request, a deadline. While it works it speaks
+//! It is given the time and one [`Input`]: the port opened or closed, bytes, a request, a deadline. While it works it speaks
 //! through [`Outputs`]; afterwards there may be bytes to write ([`Bridge::transmit`]) and there is a next deadline
-//! ([`Bridge::deadline`]). That is all a driver needs to know, be it the shell or a simulation in virtual time.
+//! ([`Bridge::deadline`]). That is all a driver needs to know, be it the shell, a simulation in virtual time or a replay of a
+//! [journal](crate::journal), which records exactly this.
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, LinkState, ModuleId, Reason};
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, Parameters};
 use crate::flight::request::{RequestKey, parse_control, parse_movement, parse_parameter};
+use crate::flight::route::NotASnapshot;
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
 use crate::link::dsp_path::DspPath;
@@ -21,11 +23,109 @@ use crate::link::last_minute::LastMinute;
 use crate::link::{Link, LinkEvent};
 use crate::outputs::Outputs;
 use crate::safety::fence::Fence;
-use crate::snapshot::NotASnapshot;
 use crate::{errors, translate};
 
 /// A state may be published early by this part of its period, if the bridge is awake anyway.
 const EARLY: u32 = 5;
+
+/// What the core can be given. A journal has inputs as this enum in postcard's format, see `docs/journal.md`.
+///
+/// `sender` is the process that sent a request, `None` if it is not known. The core does not look at it; readers of journals do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Input<'a> {
+    /// The serial port was opened.
+    PortOpened,
+    /// The serial port is gone.
+    PortClosed,
+    /// Bytes arrived from the DSP. All of them are handled.
+    Received(&'a [u8]),
+    /// A control request arrived.
+    Control {
+        /// To whom the reports go.
+        key: RequestKey,
+        /// Process id.
+        sender: Option<u32>,
+        /// The request.
+        #[serde(with = "raw")]
+        request: ModuleControl,
+    },
+    /// A control request to reload the geofence arrived.
+    NewFence {
+        /// To whom the reports go.
+        key: RequestKey,
+        /// Process id.
+        sender: Option<u32>,
+        /// The request.
+        #[serde(with = "raw")]
+        request: ModuleControl,
+        /// What the configuration says now, or why it cannot be used.
+        #[serde(with = "read_fence")]
+        fence: Result<Fence, Reason>,
+    },
+    /// A movement request arrived.
+    Movement {
+        /// To whom the reports go.
+        key: RequestKey,
+        /// Process id.
+        sender: Option<u32>,
+        /// The request.
+        #[serde(with = "raw")]
+        request: MovementData,
+    },
+    /// A parameter request arrived.
+    Parameter {
+        /// To whom the reports go.
+        key: RequestKey,
+        /// Process id.
+        sender: Option<u32>,
+        /// The request.
+        #[serde(with = "raw")]
+        request: ParameterRequest,
+    },
+    /// The sender of a request is gone; reports to it would be lost.
+    SenderGone(RequestKey),
+    /// Time has passed: every deadline up to now is handled. Cheap if there is none.
+    Advance,
+    /// The bridge is about to end: a path ends, no request is taken any more, and the DSP's path buffer is emptied. The driver goes
+    /// on until [`Bridge::has_wound_down`], for a bounded time, and then gives [`Input::Close`].
+    WindDown,
+    /// The bridge is ending: every open request gets its final report, and the state is published once more.
+    Close,
+    /// The bytes for the port are asked for: [`Bridge::transmit`].
+    Transmit,
+    /// The port took so many of them, from the first on.
+    Transmitted(usize),
+    /// The kernel was made to discard what it had not sent: [`Bridge::take_discard_unsent`].
+    DiscardUnsent,
+}
+
+/// A geofence as its text in `bridge.toml`, or the number of the reason.
+mod read_fence {
+    use super::{Fence, Reason};
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::ser::{Error as _, Serialize, Serializer};
+
+    type Read = Result<Fence, Reason>;
+
+    pub fn serialize<S: Serializer>(fence: &Read, to: S) -> Result<S::Ok, S::Error> {
+        let read = match fence {
+            Ok(fence) => Ok(toml::to_string(fence).map_err(S::Error::custom)?),
+            Err(reason) => Err(reason.code()),
+        };
+        read.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Read, D::Error> {
+        match Result::<&str, u32>::deserialize(from)? {
+            Ok(text) => runtime::config::parse(text, "the journal")
+                .map(Ok)
+                .map_err(D::Error::custom),
+            Err(code) => Reason::from_code(code)
+                .map(Err)
+                .ok_or_else(|| D::Error::custom("no reason has this number")),
+        }
+    }
+}
 
 /// See the module's documentation.
 #[derive(Debug, Serialize, Deserialize)]
@@ -98,124 +198,79 @@ impl Bridge {
         self.flight.fence()
     }
 
-    /// The serial port was opened.
-    pub fn port_opened<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        self.link.opened(now);
-        self.publish_if_due(now, out);
-    }
-
-    /// The serial port is gone.
-    pub fn port_closed<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        self.link.closed(now);
-        self.publish_if_due(now, out);
-    }
-
-    /// Bytes arrived from the DSP. All of them are handled.
-    pub fn receive<O: Outputs>(&mut self, now: MonotonicNs, mut bytes: &[u8], out: &mut O) {
-        self.begin(now, out);
-        while !bytes.is_empty() {
-            self.link.receive(now, &mut bytes);
-            self.handle_events(now, out);
-        }
-        self.link.end_read(now);
-        self.publish_if_due(now, out);
-    }
-
-    /// A control request arrived.
-    pub fn control<O: Outputs>(
-        &mut self,
-        now: MonotonicNs,
-        key: RequestKey,
-        control: &ModuleControl,
-        out: &mut O,
-    ) {
-        self.begin(now, out);
-        let (header, command) = parse_control(key, control, &self.limits, now);
+    /// Takes an input.
+    pub fn apply<O: Outputs>(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut O) {
         let link = &mut self.link;
-        self.flight
-            .control_request(&header, command, &mut Context { now, link, out });
-        self.publish_if_due(now, out);
-    }
-
-    /// A control request to reload the geofence arrived; `fence` is what the configuration says now.
-    pub fn new_fence<O: Outputs>(
-        &mut self,
-        now: MonotonicNs,
-        key: RequestKey,
-        control: &ModuleControl,
-        fence: Result<Fence, Reason>,
-        out: &mut O,
-    ) {
-        self.begin(now, out);
-        let (header, command) = parse_control(key, control, &self.limits, now);
-        let fence = command.and(fence);
-        let link = &mut self.link;
-        self.flight
-            .new_fence(&header, fence, &mut Context { now, link, out });
-        self.publish_if_due(now, out);
-    }
-
-    /// A movement request arrived.
-    pub fn movement<O: Outputs>(
-        &mut self,
-        now: MonotonicNs,
-        key: RequestKey,
-        data: &MovementData,
-        out: &mut O,
-    ) {
-        self.begin(now, out);
-        let (header, movement) = parse_movement(key, data, &self.limits, now);
-        let link = &mut self.link;
-        self.flight
-            .movement_request(&header, movement, &mut Context { now, link, out });
-        self.publish_if_due(now, out);
-    }
-
-    /// A parameter request arrived.
-    pub fn parameter<O: Outputs>(
-        &mut self,
-        now: MonotonicNs,
-        key: RequestKey,
-        request: &ParameterRequest,
-        out: &mut O,
-    ) {
-        self.begin(now, out);
-        let (header, operation) = parse_parameter(key, request, &self.limits, now);
-        let link = &mut self.link;
-        let cx = &mut Context { now, link, out };
-        self.flight
-            .parameter_request(&header, operation, request, cx);
-        self.publish_if_due(now, out);
-    }
-
-    /// The sender of a request is gone; reports to it would be lost.
-    pub fn sender_gone<O: Outputs>(&mut self, now: MonotonicNs, key: RequestKey, out: &mut O) {
-        let link = &mut self.link;
-        self.flight
-            .sender_gone(key, &mut Context { now, link, out });
-        self.publish_if_due(now, out);
-    }
-
-    /// Time has passed: handles every deadline up to `now`. Cheap when there is none.
-    pub fn advance<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        self.begin(now, out);
-        loop {
-            let link_expired = self.link.expire(now);
-            self.handle_events(now, out);
-            let link = &mut self.link;
-            let flight_expired = self.flight.expire(&mut Context { now, link, out });
-            if !link_expired && !flight_expired {
-                break;
+        match input {
+            Input::PortOpened => link.opened(now),
+            Input::PortClosed => link.closed(now),
+            Input::Received(mut bytes) => {
+                self.begin(now, out);
+                while !bytes.is_empty() {
+                    self.link.receive(now, &mut bytes);
+                    self.handle_events(now, out);
+                }
+                self.link.end_read(now);
+            }
+            Input::Control { key, request, .. } => {
+                self.begin(now, out);
+                let (header, command) = parse_control(key, &request, &self.limits, now);
+                let link = &mut self.link;
+                self.flight
+                    .control_request(&header, command, &mut Context { now, link, out });
+            }
+            Input::NewFence {
+                key,
+                request,
+                fence,
+                ..
+            } => {
+                self.begin(now, out);
+                let (header, command) = parse_control(key, &request, &self.limits, now);
+                let link = &mut self.link;
+                self.flight
+                    .new_fence(&header, command.and(fence), &mut Context { now, link, out });
+            }
+            Input::Movement { key, request, .. } => {
+                self.begin(now, out);
+                let (header, movement) = parse_movement(key, &request, &self.limits, now);
+                let link = &mut self.link;
+                self.flight
+                    .movement_request(&header, movement, &mut Context { now, link, out });
+            }
+            Input::Parameter { key, request, .. } => {
+                self.begin(now, out);
+                let (header, operation) = parse_parameter(key, &request, &self.limits, now);
+                let link = &mut self.link;
+                let cx = &mut Context { now, link, out };
+                self.flight
+                    .parameter_request(&header, operation, &request, cx);
+            }
+            Input::SenderGone(key) => self
+                .flight
+                .sender_gone(key, &mut Context { now, link, out }),
+            Input::Advance => self.advance(now, out),
+            Input::WindDown => self.flight.wind_down(&mut Context { now, link, out }),
+            Input::Close => {
+                self.flight.close(&mut Context { now, link, out });
+                self.is_closed = true;
+                self.link.closed(now);
+                self.next_state = now;
+            }
+            Input::Transmit => {
+                self.transmit(now);
+                return;
+            }
+            Input::Transmitted(count) => {
+                let unsent = link.unsent();
+                out.sent(&unsent[..count.min(unsent.len())]);
+                return link.transmitted(count);
+            }
+            Input::DiscardUnsent => {
+                self.take_discard_unsent();
+                return;
             }
         }
-        self.publish_if_due(now, out);
-    }
-
-    /// The bridge is about to end: a path ends, no request is taken any more, and the DSP's path buffer is emptied. The driver goes
-    /// on until [`Bridge::has_wound_down`], for a bounded time, and then calls [`Bridge::close`].
-    pub fn wind_down<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        let link = &mut self.link;
-        self.flight.wind_down(&mut Context { now, link, out });
         self.publish_if_due(now, out);
     }
 
@@ -224,17 +279,7 @@ impl Bridge {
         self.link.path() == DspPath::Empty || !self.link.is_up()
     }
 
-    /// The bridge is ending: every open request gets its final report, and the state is published once more.
-    pub fn close<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
-        let link = &mut self.link;
-        self.flight.close(&mut Context { now, link, out });
-        self.is_closed = true;
-        self.link.closed(now);
-        self.next_state = now;
-        self.publish_if_due(now, out);
-    }
-
-    /// The bytes to write to the port now; [`Bridge::transmitted`] says how many of them were.
+    /// The bytes to write to the port now; [`Input::Transmitted`] says how many of them were. With none, nothing has happened.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
         self.link.transmit(now)
     }
@@ -244,18 +289,13 @@ impl Bridge {
         self.link.unsent()
     }
 
-    /// The first `count` bytes of [`Bridge::transmit`] have been written.
-    pub fn transmitted(&mut self, count: usize) {
-        self.link.transmitted(count);
-    }
-
     /// Whether bytes that the kernel has not sent yet should be discarded, because what they say was given up. Asking
     /// resets the answer.
     pub fn take_discard_unsent(&mut self) -> bool {
         self.link.take_discard_unsent()
     }
 
-    /// When [`Bridge::advance`] has something to do. There always is a next state to publish.
+    /// When [`Input::Advance`] has something to do. There always is a next state to publish.
     pub fn deadline(&self) -> MonotonicNs {
         [self.link.deadline(), self.flight.deadline()]
             .into_iter()
@@ -273,10 +313,23 @@ impl Bridge {
         &self.published
     }
 
-    /// First of every input: what the time that has passed since the one before says of the DSP.
+    /// First of most inputs: what the time that has passed since the one before says of the DSP.
     fn begin<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
         self.link.begin_input(now);
         self.handle_events(now, out);
+    }
+
+    fn advance<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+        self.begin(now, out);
+        loop {
+            let link_expired = self.link.expire(now);
+            self.handle_events(now, out);
+            let link = &mut self.link;
+            let flight_expired = self.flight.expire(&mut Context { now, link, out });
+            if !link_expired && !flight_expired {
+                break;
+            }
+        }
     }
 
     fn handle_events<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {

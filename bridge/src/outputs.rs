@@ -1,7 +1,11 @@
 //! What the core says to the world; the shell implements it with shared memory and a log, tests with a recorder.
 
+use std::borrow::Cow;
+
 use dsp_protocol::{Command, DspErrorCode, StatusMask};
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
+use module_kit::journal::raw;
+use serde::{Deserialize, Serialize};
 
 use crate::flight::request::RequestKey;
 use crate::flight::violation::Violation;
@@ -18,8 +22,70 @@ pub trait Outputs {
     /// Sends `report` to the sender of a request. After a final stage the key is not used again.
     fn report(&mut self, to: RequestKey, report: &RequestReport);
 
+    /// The port took these bytes.
+    fn sent(&mut self, _bytes: &[u8]) {}
+
     /// Takes note of something that the log should have. Requests, reports and states come by the other functions.
     fn notice(&mut self, notice: &Notice);
+}
+
+/// Nobody hears what the core says.
+impl Outputs for () {
+    fn telemetry(&mut self, _fill: impl FnOnce(&mut DspTelemetry)) {}
+    fn state(&mut self, _state: &ModuleState) {}
+    fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
+    fn notice(&mut self, _notice: &Notice) {}
+}
+
+/// What the core said, as a value. What the publisher of a sample or a state fills in is 0. A journal has outputs as this enum in
+/// postcard's format, see `docs/journal.md`; notices follow from the others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+// A sample is most of what comes; a box would allocate for each.
+#[allow(clippy::large_enum_variant)]
+pub enum Output<'a> {
+    /// A telemetry sample, without `sequence` and `epoch_ns`.
+    Telemetry(#[serde(with = "raw")] DspTelemetry),
+    /// A state, without `sequence`, `epoch_ns` and `published_ns`.
+    State(#[serde(with = "raw")] ModuleState),
+    /// A report, and to whom.
+    Report(RequestKey, #[serde(with = "raw")] RequestReport),
+    /// Bytes that the port took.
+    Sent(#[serde(borrow)] Cow<'a, [u8]>),
+}
+
+/// Gives each output to `0` as a value.
+#[derive(Debug)]
+pub struct AsValues<F>(pub F);
+
+impl<F: FnMut(Output<'_>)> Outputs for AsValues<F> {
+    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+        let mut sample = DspTelemetry::default();
+        fill(&mut sample);
+        (self.0)(Output::Telemetry(DspTelemetry {
+            sequence: 0,
+            epoch_ns: 0,
+            ..sample
+        }));
+    }
+
+    fn state(&mut self, state: &ModuleState) {
+        (self.0)(Output::State(ModuleState {
+            sequence: 0,
+            epoch_ns: 0,
+            published_ns: 0,
+            ..*state
+        }));
+    }
+
+    fn report(&mut self, to: RequestKey, report: &RequestReport) {
+        (self.0)(Output::Report(to, *report));
+    }
+
+    fn sent(&mut self, bytes: &[u8]) {
+        (self.0)(Output::Sent(Cow::Borrowed(bytes)));
+    }
+
+    fn notice(&mut self, _notice: &Notice) {}
 }
 
 /// Something for the log (requirement H8).

@@ -4,6 +4,7 @@ mod desk;
 
 use std::collections::HashMap;
 
+use bridge::Input;
 use desk::{Desk, north};
 use ipc_types::code::{ControlCommand, Stage};
 
@@ -37,14 +38,14 @@ fn one_step(desk: &mut Desk, random: &mut Random) {
         12 => desk.dsp.status.flying = random.below(2) > 0,
         13 => desk.dsp.at(point),
         14 => desk.dsp_error([8, 18, 30, 40, 102, 999][random.below(6) as usize]),
-        15 if random.below(4) == 0 => desk.bridge.port_closed(desk.now, &mut desk.out),
-        15 if random.below(2) == 0 => desk.bridge.port_opened(desk.now, &mut desk.out),
+        15 if random.below(4) == 0 => desk.apply(Input::PortClosed),
+        15 if random.below(2) == 0 => desk.apply(Input::PortOpened),
         16 if random.below(4) == 0 => (desk.dsp.mask, desk.dsp.time_ms) = (0, 0),
         17 => {
             let noise: Vec<u8> = (0..random.below(40))
                 .map(|_| random.below(256) as u8)
                 .collect();
-            desk.bridge.receive(desk.now, &noise, &mut desk.out);
+            desk.apply(Input::Received(&noise));
         }
         _ => desk.run(10 << random.below(8)),
     }
@@ -58,7 +59,7 @@ fn every_request_has_exactly_one_final_report() {
         for _ in 0..200 {
             one_step(&mut desk, &mut random);
         }
-        desk.bridge.close(desk.now, &mut desk.out);
+        desk.apply(Input::Close);
         let mut finals: HashMap<u64, u32> = HashMap::new();
         for report in &desk.out.reports {
             let stage = Stage::from_code(report.stage).unwrap();

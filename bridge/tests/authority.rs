@@ -3,7 +3,7 @@
 
 mod desk;
 
-use bridge::{BridgeConfig, RequestKey};
+use bridge::{BridgeConfig, Input, RequestKey};
 use desk::{Desk, HOME, aborted, go_to, north, refused};
 use dsp_protocol::{Command, StatusMask, port};
 use ipc_types::code::{
@@ -259,8 +259,12 @@ fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
             ..ModuleControl::new(request_id, ControlCommand::ReloadFence)
         };
         let key = RequestKey::Control(request_id);
-        desk.bridge
-            .new_fence(desk.now, key, &request, fence, &mut desk.out);
+        desk.apply(Input::NewFence {
+            key,
+            sender: None,
+            request,
+            fence,
+        });
         desk.exchange();
         desk.last(request_id)
     };
@@ -392,7 +396,7 @@ fn the_state_shows_an_error_as_long_as_it_holds() {
 
     // A port that cannot be opened, and a start-up that was never answered.
     let mut desk = Desk::closed(&BridgeConfig::default());
-    desk.bridge.advance(desk.now, &mut desk.out);
+    desk.apply(Input::Advance);
     assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
     desk.dsp.silent = true;
     desk.open();
@@ -555,7 +559,7 @@ fn hold_and_land_wait_for_a_dsp_that_is_not_heard() {
             let mut desk = Desk::flying();
             desk.run(200);
             match unheard_ms {
-                0 => desk.bridge.port_closed(desk.now, &mut desk.out),
+                0 => desk.apply(Input::PortClosed),
                 _ => desk.dsp.silent = true,
             }
             desk.run(unheard_ms);
@@ -567,7 +571,7 @@ fn hold_and_land_wait_for_a_dsp_that_is_not_heard() {
             assert_eq!(desk.last(request), wanted, "{unheard_ms}");
             desk.dsp.silent = false;
             if unheard_ms == 0 {
-                desk.bridge.port_opened(desk.now, &mut desk.out);
+                desk.apply(Input::PortOpened);
             }
             desk.run(1500);
             carry_out(&mut desk, request);

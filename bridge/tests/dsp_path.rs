@@ -3,7 +3,7 @@
 
 mod desk;
 
-use bridge::BridgeConfig;
+use bridge::{BridgeConfig, Input};
 use desk::{Desk, aborted, north};
 use dsp_protocol::{Command, port};
 use ipc_types::code::{
@@ -287,7 +287,7 @@ fn a_bridge_that_ends_in_flight_says_so_when_the_buffer_is_empty_and_else_that_i
         let mut desk = Desk::flying();
         let path = mid_path(&mut desk);
         desk.dsp.acknowledges = acknowledges;
-        desk.bridge.wind_down(desk.now, &mut desk.out);
+        desk.apply(Input::WindDown);
         assert_eq!(desk.last(path[3]).0, Stage::Progress);
         desk.exchange();
         assert_eq!(desk.bridge.has_wound_down(), acknowledges);
@@ -295,7 +295,7 @@ fn a_bridge_that_ends_in_flight_says_so_when_the_buffer_is_empty_and_else_that_i
         if acknowledges {
             assert_eq!(desk.last(path[3]), aborted(ending));
         }
-        desk.bridge.close(desk.now, &mut desk.out);
+        desk.apply(Input::Close);
         if !acknowledges {
             let unknown = (Stage::Unknown, ending, ImiError::None);
             assert_eq!(desk.last(path[3]), unknown);
@@ -307,7 +307,7 @@ fn a_bridge_that_ends_in_flight_says_so_when_the_buffer_is_empty_and_else_that_i
 fn a_bridge_that_ends_in_flight_empties_the_buffer_before_it_goes() {
     let mut desk = Desk::flying();
     let path = mid_path(&mut desk);
-    desk.bridge.wind_down(desk.now, &mut desk.out);
+    desk.apply(Input::WindDown);
     assert!(!desk.bridge.has_wound_down());
     let late = desk.land();
     assert_eq!(desk.last(late), desk::refused(Reason::BridgeEnding));
@@ -315,6 +315,6 @@ fn a_bridge_that_ends_in_flight_empties_the_buffer_before_it_goes() {
     assert_eq!(desk.last(path[3]), aborted(Reason::BridgeEnding));
     assert!(desk.bridge.has_wound_down());
     assert!(desk.dsp.held.is_empty());
-    desk.bridge.close(desk.now, &mut desk.out);
+    desk.apply(Input::Close);
     assert_eq!(desk.imi_error(), ImiError::None, "it ends as it should");
 }

@@ -2,7 +2,7 @@
 
 mod desk;
 
-use bridge::{BridgeConfig, RequestKey};
+use bridge::{BridgeConfig, Input, RequestKey};
 use desk::{Desk, STOP, aborted, go_to, north, refused};
 use dsp_protocol::{Command, port};
 use ipc_types::code::{
@@ -123,12 +123,12 @@ fn what_is_refused_when() {
     };
     let gone: fn() -> Desk = || {
         let mut desk = Desk::flying();
-        desk.bridge.port_closed(desk.now, &mut desk.out);
+        desk.apply(Input::PortClosed);
         desk
     };
     let gone_on_ground: fn() -> Desk = || {
         let mut desk = Desk::started();
-        desk.bridge.port_closed(desk.now, &mut desk.out);
+        desk.apply(Input::PortClosed);
         desk
     };
     let taking_off: fn() -> Desk = || {
@@ -341,12 +341,12 @@ fn a_mask_without_position_flies_no_path_but_lands() {
 fn ending_answers_everybody() {
     let mut desk = Desk::flying();
     let open = desk.waypoint(1, 1, 0, north(3));
-    desk.bridge.close(desk.now, &mut desk.out);
+    desk.apply(Input::Close);
     assert_eq!(desk.last(open), aborted(Reason::BridgeEnding));
     let mut desk = Desk::flying();
     let path = desk.path(1, &[north(3)]);
     desk.run(200);
-    desk.bridge.close(desk.now, &mut desk.out);
+    desk.apply(Input::Close);
     assert_eq!(
         desk.last(path[0]),
         (Stage::Unknown, Reason::BridgeEnding, ImiError::None)
@@ -367,7 +367,11 @@ fn asking_again_never_executes_twice() {
             ..MovementData::default()
         };
         let key = RequestKey::Movement(take_off);
-        desk.bridge.movement(desk.now, key, &data, &mut desk.out);
+        desk.apply(Input::Movement {
+            key,
+            sender: None,
+            request: data,
+        });
         desk.exchange();
         desk.last(take_off)
     };

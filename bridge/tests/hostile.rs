@@ -5,7 +5,7 @@ mod desk;
 
 use std::collections::HashMap;
 
-use bridge::RequestKey;
+use bridge::{Input, RequestKey};
 use desk::{Desk, HOME};
 use dsp_protocol::{Command, port};
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
@@ -89,7 +89,11 @@ fn one_step(desk: &mut Desk, random: &mut Random, request_id: u64) {
                 ..control
             };
             let key = RequestKey::Control(request_id);
-            desk.bridge.control(desk.now, key, &control, &mut desk.out);
+            desk.apply(Input::Control {
+                key,
+                sender: None,
+                request: control,
+            });
         }
         1 => desk.run(10 << random.below(6)),
         2 => desk.dsp.status.flying = random.below(2) > 0,
@@ -101,8 +105,11 @@ fn one_step(desk: &mut Desk, random: &mut Random, request_id: u64) {
                 ..movement
             };
             let key = RequestKey::Movement(request_id);
-            desk.bridge
-                .movement(desk.now, key, &movement, &mut desk.out);
+            desk.apply(Input::Movement {
+                key,
+                sender: None,
+                request: movement,
+            });
         }
     }
     desk.exchange();
@@ -124,10 +131,13 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
             request_id: 0,
             ..random.movement()
         };
-        desk.bridge
-            .movement(desk.now, key, &movement, &mut desk.out);
+        desk.apply(Input::Movement {
+            key,
+            sender: None,
+            request: movement,
+        });
         desk.run(1000);
-        desk.bridge.close(desk.now, &mut desk.out);
+        desk.apply(Input::Close);
 
         let mut finals: HashMap<u64, u32> = HashMap::new();
         for report in &desk.out.reports {

@@ -2,8 +2,8 @@
 
 mod desk;
 
-use bridge::BridgeConfig;
 use bridge::link::coherence::Rule;
+use bridge::{BridgeConfig, Input};
 use desk::{Desk, north};
 use dsp_protocol::downlink::Attitude;
 use dsp_protocol::{Command, Downlink, FlowControl, Profile, Status, port};
@@ -64,7 +64,7 @@ fn start_up_is_mask_activate_clear_invalidate_follow_and_the_parameters() {
 fn each_start_up_command_waits_for_the_ack_of_the_one_before() {
     let mut desk = Desk::closed(&BridgeConfig::default());
     desk.dsp.acknowledges = false;
-    desk.bridge.port_opened(desk.now, &mut desk.out);
+    desk.apply(Input::PortOpened);
     desk.exchange();
     for (index, command) in START_UP.iter().enumerate() {
         assert_eq!(desk.dsp.commands, START_UP[..=index]);
@@ -202,7 +202,7 @@ fn a_dsp_that_only_answers_probes_is_started_again() {
     // The scripted DSP sends no status with an empty mask; it answers, but grants nothing.
     for _ in 0..300 {
         desk.now = ipc_types::MonotonicNs(desk.now.0 + 10_000_000);
-        desk.bridge.advance(desk.now, &mut desk.out);
+        desk.apply(Input::Advance);
         desk.exchange();
     }
     assert_eq!(desk.dsp.commands[..2], [PROBE, PROBE]);
@@ -279,7 +279,7 @@ fn a_port_that_goes_and_comes_back_is_started_again() {
     let mut desk = Desk::flying();
     let path = desk.path(1, &[north(5)]);
     desk.run(300);
-    desk.bridge.port_closed(desk.now, &mut desk.out);
+    desk.apply(Input::PortClosed);
     assert_eq!(desk.link(), LinkState::Gone);
     assert_eq!(desk.last(path[0]).0, Stage::Unknown);
     assert!(desk.bridge.transmit(desk.now).is_empty());
@@ -359,7 +359,7 @@ fn telemetry_is_published_at_once_or_confirmed_by_the_next() {
         let mut config = BridgeConfig::default();
         config.status.coherence = rule;
         let mut desk = Desk::closed(&config);
-        desk.bridge.port_opened(desk.now, &mut desk.out);
+        desk.apply(Input::PortOpened);
         for (index, count) in expected.into_iter().enumerate() {
             let status = Status {
                 time_ms: Some(20 * index as u32),
@@ -421,8 +421,8 @@ fn noise_is_counted_by_reason_and_costs_no_good_message() {
     *wrong_sum.last_mut().unwrap() ^= 1;
     let noise: [&[u8]; 4] = [&[0x01, 0x02], &[0x80, 0x05], &bytes[..4], &wrong_sum];
     for noise in noise {
-        desk.bridge.receive(desk.now, noise, &mut desk.out);
-        desk.bridge.receive(desk.now, bytes, &mut desk.out);
+        desk.apply(Input::Received(noise));
+        desk.apply(Input::Received(bytes));
     }
     assert_eq!(desk.out.telemetry.len(), 4);
     desk.run(250);

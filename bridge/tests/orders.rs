@@ -4,6 +4,7 @@
 mod chance;
 mod desk;
 
+use bridge::Input;
 use desk::{Desk, aborted, go_to, north, refused};
 use dsp_protocol::{Command, Downlink, FlowControl, port};
 use ipc_types::MonotonicNs;
@@ -196,7 +197,7 @@ fn a_take_off_is_not_ordered_after_its_moment_nor_once_more() {
         command: 2,
         value: 10.0,
     });
-    desk.bridge.advance(desk.now, &mut desk.out);
+    desk.apply(Input::Advance);
     desk.exchange();
     assert_eq!(desk.last(take_off), aborted(Reason::TooLate));
     assert_eq!(count(&desk), 0);
@@ -285,7 +286,11 @@ fn a_request_without_a_moment_or_from_the_future_is_invalid() {
             ..ModuleControl::new(request_id, ControlCommand::Stop)
         };
         let key = bridge::RequestKey::Control(request_id);
-        desk.bridge.control(desk.now, key, &control, &mut desk.out);
+        desk.apply(Input::Control {
+            key,
+            sender: None,
+            request: control,
+        });
         assert_eq!(desk.last(request_id), refused(Reason::InvalidRequest));
     }
     let path = desk.preempting(4, north(9));
@@ -304,7 +309,11 @@ fn a_start_before_a_stop_is_superseded_and_a_parameter_is_only_too_late() {
         ..ModuleControl::new(request_id, ControlCommand::Start)
     };
     let key = bridge::RequestKey::Control(request_id);
-    desk.bridge.control(desk.now, key, &start, &mut desk.out);
+    desk.apply(Input::Control {
+        key,
+        sender: None,
+        request: start,
+    });
     assert_eq!(desk.last(request_id), refused(Reason::Superseded));
 
     for (ago_ms, expected) in [(1100, Stage::Done), (5100, Stage::Refused)] {
@@ -318,7 +327,11 @@ fn a_start_before_a_stop_is_superseded_and_a_parameter_is_only_too_late() {
             ..ParameterRequest::read(request_id, port::CRUISE_SPEED_MPS)
         };
         let key = bridge::RequestKey::Parameter(request_id);
-        desk.bridge.parameter(desk.now, key, &read, &mut desk.out);
+        desk.apply(Input::Parameter {
+            key,
+            sender: None,
+            request: read,
+        });
         desk.exchange();
         assert_eq!(desk.last(request_id).0, expected);
     }

@@ -2,8 +2,8 @@
 
 mod desk;
 
-use bridge::BridgeConfig;
 use bridge::outputs::Notice;
+use bridge::{BridgeConfig, Input};
 use desk::{Desk, aborted, refused};
 use dsp_protocol::port::{self, PORTS_16, PORTS_32};
 use dsp_protocol::{Command, DspErrorCode};
@@ -100,7 +100,7 @@ fn what_is_refused_and_why() {
     assert_eq!(desk.last(gain), refused(Reason::NotInFlight));
     let speed = desk.parameter(write(0, port::CRUISE_SPEED_MPS, 3.0));
     assert_eq!(desk.last(speed).0, Stage::Done);
-    desk.bridge.port_closed(desk.now, &mut desk.out);
+    desk.apply(Input::PortClosed);
     let speed = desk.parameter(write(0, port::CRUISE_SPEED_MPS, 3.0));
     assert_eq!(desk.last(speed), refused(Reason::LinkDown));
 }

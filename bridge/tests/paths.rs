@@ -4,7 +4,7 @@ mod desk;
 
 use bridge::flight::assembly::MAX_WAYPOINTS;
 use bridge::flight::trajectory::{Trajectory, TrajectoryPoint};
-use bridge::{Bridge, BridgeConfig, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, RequestKey};
 use desk::{Desk, HOME, STOP, aborted, go_to, north, refused};
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
@@ -106,8 +106,7 @@ fn a_path_whose_sender_stops_sending_is_given_up() {
     desk.run(5100);
     assert_eq!(desk.last(late), aborted(Reason::TooLate));
     let vanished = desk.waypoint(2, 1, 0, north(3));
-    desk.bridge
-        .sender_gone(desk.now, RequestKey::Movement(vanished), &mut desk.out);
+    desk.apply(Input::SenderGone(RequestKey::Movement(vanished)));
     assert_eq!(desk.last(vanished), aborted(Reason::PathBroken));
     assert_eq!(desk.functionality(), Functionality::AtRest);
 }
@@ -116,8 +115,7 @@ fn a_path_whose_sender_stops_sending_is_given_up() {
 fn a_sender_that_vanishes_does_not_stop_a_closed_path() {
     let mut desk = Desk::flying();
     let path = desk.path(1, &[north(3)]);
-    desk.bridge
-        .sender_gone(desk.now, RequestKey::Movement(path[0]), &mut desk.out);
+    desk.apply(Input::SenderGone(RequestKey::Movement(path[0])));
     assert_eq!(desk.functionality(), Functionality::FollowingPath);
 }
 

@@ -1,7 +1,8 @@
 //! What the process decides: a value that is given samples and the time, and gives what to publish, what happened, and
 //! when it wants to be woken next.
 //!
-//! It knows no port, no clock and no thread. It never delays a sample: publishing comes before logging.
+//! It knows no port, no clock and no thread. It never delays a sample: publishing comes before logging. What it publishes follows
+//! from its [`Input`]s alone, so a [journal](crate::journal) of these replays it.
 
 use std::time::Duration;
 
@@ -9,6 +10,7 @@ use ipc_types::code::ControlCommand;
 use ipc_types::module::State;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{Module, MonotonicNs, StatusModule};
+use module_kit::journal::raw;
 use module_kit::{Manager, OnStop};
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +39,35 @@ pub struct InputCounts {
     pub lost: u64,
     /// How often another bridge took over.
     pub publisher_restarts: u64,
+}
+
+/// What the core can be given. A journal has inputs as this enum in postcard's format, see `docs/journal.md`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+// A sample is most of what comes; a box would allocate for each.
+#[allow(clippy::large_enum_variant)]
+pub enum Input {
+    /// A sample of the bridge arrived. Its translation is the output.
+    Sample(#[serde(with = "raw")] DspTelemetry),
+    /// The translation of the last sample was published, or could not be.
+    Published(Result<(), String>),
+    /// What the subscriber has counted, and that time has passed.
+    Step(InputCounts),
+    /// The state is to be published: in any case when `always`, else if it has changed. It is the output. Without one, nothing has
+    /// happened.
+    State {
+        /// In any case.
+        always: bool,
+    },
+}
+
+/// What the core said to an input, but for what the publisher fills in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)]
+pub enum Output {
+    /// A telemetry sample to publish, without `sequence` and `epoch_ns`.
+    Telemetry(#[serde(with = "raw")] HeroTelemetry),
+    /// A state to publish, without `sequence`, `epoch_ns` and `published_ns`.
+    State(#[serde(with = "raw")] State),
 }
 
 /// Something that the operator should know.
@@ -87,8 +118,8 @@ pub struct Status {
     calibration: Calibration,
     estimator: Option<Box<dyn Estimator + Send>>,
     logs: Logs,
-    input: Input,
-    output: Output,
+    input: InputState,
+    output: OutputState,
     /// The sample that was translated last, without its implausible groups, and those.
     checked: (DspTelemetry, GroupSet),
     /// What the published state says.
@@ -99,7 +130,7 @@ pub struct Status {
 
 /// The state of the input.
 #[derive(Clone, Serialize, Deserialize)]
-struct Input {
+struct InputState {
     counts: InputCounts,
     /// When the last sample came, while the input is not silent.
     flowing_since: Option<MonotonicNs>,
@@ -110,7 +141,7 @@ struct Input {
 
 /// The state of the output.
 #[derive(Clone, Default, Serialize, Deserialize)]
-struct Output {
+struct OutputState {
     published: u64,
     /// Whether the last sample could not be published.
     failing: bool,
@@ -119,8 +150,8 @@ struct Output {
 /// What a snapshot has of the process. Logs and events are not of it: nothing that is published follows from them.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Kept {
-    input: Input,
-    output: Output,
+    input: InputState,
+    output: OutputState,
     manager: Manager,
     estimator: KeptEstimator,
 }
@@ -203,13 +234,13 @@ impl Status {
             calibration,
             estimator: None,
             logs,
-            input: Input {
+            input: InputState {
                 counts: InputCounts::default(),
                 flowing_since: None,
                 lost: RateLimitedCounter::every(LOSS_REPORT_PERIOD),
                 implausible: GroupSet::default(),
             },
-            output: Output::default(),
+            output: OutputState::default(),
             checked: Default::default(),
             manager,
             events: Vec::new(),
@@ -223,6 +254,26 @@ impl Status {
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Status {
         self.estimator = Some(estimator);
         self
+    }
+
+    /// Takes an input.
+    pub fn apply(&mut self, now: MonotonicNs, input: Input) -> Option<Output> {
+        match input {
+            Input::Sample(dsp) => Some(Output::Telemetry(self.translate(&dsp, now))),
+            Input::Published(outcome) => {
+                self.record(outcome, now);
+                None
+            }
+            Input::Step(counts) => {
+                self.count(counts, now);
+                self.on_time(now);
+                None
+            }
+            Input::State { always } => {
+                let is_due = self.manager.take_changed() || always;
+                is_due.then(|| Output::State(self.manager.state(StatusModule::ID)))
+            }
+        }
     }
 
     /// What to publish for `dsp` at `now`. To be called once for each sample: the estimator goes on with it.
@@ -298,16 +349,6 @@ impl Status {
         std::mem::take(&mut self.events)
     }
 
-    /// The state of the module, but for the publisher's fields and its time.
-    pub fn state(&self) -> State {
-        self.manager.state(StatusModule::ID)
-    }
-
-    /// Whether the state has changed since the last call.
-    pub fn take_state_changed(&mut self) -> bool {
-        self.manager.take_changed()
-    }
-
     /// Closes the logs; the last thing to do. How their writers end is not known here.
     pub fn finish(&mut self) -> Summary {
         self.logs.close();
@@ -336,7 +377,7 @@ impl Status {
     }
 }
 
-impl Input {
+impl InputState {
     /// When the input counts as silent, unless a sample comes.
     fn silent_at(&self) -> Option<MonotonicNs> {
         self.flowing_since.map(|since| since + SILENT_AFTER)

@@ -12,7 +12,7 @@
 //! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
 //! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a full
 //!   disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
-//! * [`journaled`] stands between shell and core and writes the [`journal`], from which a recording replays what was published;
+//! * [`journal`]: a wrapper around the core that records its inputs, from which a replay makes what was published;
 //! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
 //! * [`shell`] owns ports, clock, threads and the one wait; [`cli`] is the command line, [`config`] the file.
 //!
@@ -54,7 +54,6 @@ pub mod estimator;
 pub mod fields;
 pub mod group;
 pub mod journal;
-pub mod journaled;
 pub mod log;
 pub mod plausible;
 pub mod rate_limited;
@@ -64,3 +63,5 @@ mod test_samples;
 #[cfg(test)]
 mod test_store;
 pub mod translate;
+
+pub use core::{Input, Output};

@@ -19,9 +19,9 @@ use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
 use crate::config::Config;
-use crate::core::{InputCounts, Status, Summary};
+use crate::core::{Input, InputCounts, Output, Status, Summary};
 use crate::estimator::Estimator;
-use crate::journaled::Journaled;
+use crate::journal::Journaled;
 use crate::log::store::{FileStore, Store};
 use log_thread::{END_TIMEOUT, LogThreads};
 
@@ -132,7 +132,7 @@ impl Shell {
             lost: losses.lost,
             publisher_restarts: losses.publisher_restarts,
         };
-        self.status.step(counts, now);
+        self.status.apply(now, Input::Step(counts));
         self.log_events();
         self.publish_state(false, now);
         self.journal.publish(self.status.writer(), now);
@@ -140,7 +140,8 @@ impl Shell {
 
     /// Publishes the state: in any case, or if it has changed.
     fn publish_state(&mut self, always: bool, now: MonotonicNs) {
-        let Some(mut state) = self.status.state(always, now) else {
+        let state = self.status.apply(now, Input::State { always });
+        let Some(Output::State(mut state)) = state else {
             return;
         };
         state.published_ns = now.0;
@@ -158,11 +159,15 @@ impl Shell {
         let (status, output) = (&mut self.status, &mut self.output);
         let result = self.input.drain(|dsp| {
             let now = MonotonicNs::now();
-            let published = output.publish_batched(|hero| *hero = status.translate(dsp, now));
+            let published = output.publish_batched(|hero| {
+                if let Some(Output::Telemetry(sample)) = status.apply(now, Input::Sample(*dsp)) {
+                    *hero = sample;
+                }
+            });
             let outcome = published
                 .map(|_sequence| ())
                 .map_err(|error| error.to_string());
-            status.record(dsp, outcome, now);
+            status.apply(now, Input::Published(outcome));
         });
         output.end_batch();
         let was_failing = std::mem::replace(&mut self.input_failing, result.is_err());

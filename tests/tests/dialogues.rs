@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, RequestKey};
 use dsp_protocol::{
     Command, Decoded, Decoder, Direction, Downlink, Profile, Sequence, StatusMask, Uplink, port,
 };
@@ -19,7 +19,7 @@ use dsp_sim::helicopter::Phase;
 use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, MovementKind};
-use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, MovementData, RequestReport};
+use ipc_types::payload::{ModuleControl, MovementData};
 
 /// The host's clock at time 0 of a dialogue: far from zero, so that nobody takes one clock for the other.
 const HOST_EPOCH_NS: u64 = 86_400_000_000_000;
@@ -359,24 +359,8 @@ impl Side for DspSide {
 /// The bridge's core.
 struct PcSide {
     bridge: Bridge,
-    outputs: Silent,
     requests: u64,
     sent: Sent,
-}
-
-/// Takes what the core publishes and forgets it.
-struct Silent;
-
-impl Outputs for Silent {
-    fn notice(&mut self, _: &bridge::outputs::Notice) {}
-
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
-        fill(&mut DspTelemetry::default());
-    }
-
-    fn state(&mut self, _: &ModuleState) {}
-
-    fn report(&mut self, _: RequestKey, _: &RequestReport) {}
 }
 
 impl PcSide {
@@ -398,10 +382,13 @@ impl PcSide {
             runtime::config::parse(&toml, "dialogue.toml").expect("the bridge's settings");
         PcSide {
             bridge: Bridge::new(&config),
-            outputs: Silent,
             requests: 0,
             sent: Sent::default(),
         }
+    }
+
+    fn apply(&mut self, at_ms: u64, input: Input<'_>) {
+        self.bridge.apply(host(at_ms), input, &mut ());
     }
 
     fn collect(&mut self, at_ms: u64) {
@@ -410,7 +397,7 @@ impl PcSide {
             if bytes.is_empty() {
                 return;
             }
-            self.bridge.transmitted(bytes.len());
+            self.apply(at_ms, Input::Transmitted(bytes.len()));
             self.sent.push(at_ms, &bytes);
         }
     }
@@ -422,9 +409,14 @@ impl PcSide {
             issued_ns: host(at_ms).0,
             ..data
         };
-        let key = RequestKey::Movement(self.requests);
-        self.bridge
-            .movement(host(at_ms), key, &data, &mut self.outputs);
+        self.apply(
+            at_ms,
+            Input::Movement {
+                key: RequestKey::Movement(self.requests),
+                sender: None,
+                request: data,
+            },
+        );
     }
 }
 
@@ -437,7 +429,7 @@ impl Side for PcSide {
     const IS_PC: bool = true;
 
     fn advance(&mut self, at_ms: u64) {
-        self.bridge.advance(host(at_ms), &mut self.outputs);
+        self.apply(at_ms, Input::Advance);
         self.collect(at_ms);
     }
 
@@ -448,7 +440,7 @@ impl Side for PcSide {
             .map(|number| number.parse().expect("a number"))
             .collect();
         match (name, numbers.as_slice()) {
-            ("open", []) => self.bridge.port_opened(host(at_ms), &mut self.outputs),
+            ("open", []) => self.apply(at_ms, Input::PortOpened),
             ("start", []) => {
                 self.requests += 1;
                 let control = ModuleControl {
@@ -457,9 +449,14 @@ impl Side for PcSide {
                     command: ControlCommand::Start.code(),
                     ..ModuleControl::default()
                 };
-                let key = RequestKey::Control(self.requests);
-                self.bridge
-                    .control(host(at_ms), key, &control, &mut self.outputs);
+                self.apply(
+                    at_ms,
+                    Input::Control {
+                        key: RequestKey::Control(self.requests),
+                        sender: None,
+                        request: control,
+                    },
+                );
             }
             ("takeoff", [altitude_m]) => self.movement(
                 at_ms,
@@ -489,7 +486,7 @@ impl Side for PcSide {
     }
 
     fn receive(&mut self, at_ms: u64, bytes: &[u8]) {
-        self.bridge.receive(host(at_ms), bytes, &mut self.outputs);
+        self.apply(at_ms, Input::Received(bytes));
         self.collect(at_ms);
     }
 

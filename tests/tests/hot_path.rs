@@ -6,7 +6,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::time::Duration;
 
-use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey};
 use dsp_sim::simulator::{Setup, Simulator};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RequestReport};
@@ -77,7 +77,7 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
         samples: 0,
         latest: HeroTelemetry::default(),
     };
-    bridge.port_opened(MonotonicNs(1), &mut behind);
+    bridge.apply(MonotonicNs(1), Input::PortOpened, &mut behind);
     let (mut now, mut line) = (Duration::ZERO, Vec::with_capacity(4096));
     let (mut allocations, mut counted_from) = (0, 0);
     while now < END {
@@ -90,8 +90,8 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
             bytes.len()
         });
         let before = ALLOCATIONS.get();
-        bridge.receive(behind.now, &line, &mut behind);
-        bridge.advance(behind.now, &mut behind);
+        bridge.apply(behind.now, Input::Received(&line), &mut behind);
+        bridge.apply(behind.now, Input::Advance, &mut behind);
         let count = bridge.transmit(behind.now).len();
         if now > WARM_UP {
             allocations += ALLOCATIONS.get() - before;
@@ -100,7 +100,7 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
         }
         let taken = dsp.receive(now, bridge.transmit(behind.now));
         assert_eq!(taken, count);
-        bridge.transmitted(taken);
+        bridge.apply(behind.now, Input::Transmitted(taken), &mut behind);
     }
     let samples = behind.samples - counted_from;
     assert!(samples >= 400, "{samples} samples");

@@ -52,7 +52,6 @@ use crate::link::dsp_path::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent, Sample};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
-use crate::snapshot::NotASnapshot;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
 use issue_order::Mark;
@@ -61,7 +60,7 @@ use observation::{Observation, known_position};
 use parameter_jobs::ParameterRequests;
 use report::{Refusal, Verdict, in_time};
 use request::{RequestHeader, RequestKey};
-use route::Route;
+use route::{NotASnapshot, Route};
 use safety::Safety;
 use trajectory::Trajectory;
 

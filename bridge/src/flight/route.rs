@@ -8,7 +8,11 @@ use super::arrival::{Tracker, distance_m, here};
 use super::trajectory::{PassThrough, Trajectory};
 use super::verification::Verification;
 use crate::config::ArrivalConfig;
-use crate::snapshot::NotASnapshot;
+
+/// The bytes are no snapshot of this version's core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("these bytes are no snapshot of a bridge of this version")]
+pub struct NotASnapshot;
 
 /// So many points are never sent for one path: fifty a second for a day. A snapshot with more is none.
 const MAX_ADVANCED: u64 = 50 * 86_400;

@@ -14,8 +14,8 @@ use runtime::signal::Termination;
 use super::publish::{Incoming, Services};
 use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
-use crate::journal::Input;
-use crate::journaled::Journaled;
+use crate::core::Input;
+use crate::journal::Journaled;
 use crate::link::commands::ATTEMPTS;
 use crate::safety::fence::Fence;
 
@@ -270,7 +270,10 @@ impl Shell<'_> {
             return;
         }
         match port.write(bytes) {
-            Ok(count) => self.bridge.transmitted(count),
+            Ok(count) => {
+                let taken = Input::Transmitted(count);
+                self.bridge.apply(now, taken, &mut self.services);
+            }
             Err(gone) => self.close_port(&gone),
         }
     }

@@ -6,7 +6,7 @@
 use std::collections::{HashMap, VecDeque};
 
 use bridge::outputs::Notice;
-use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey};
 use dsp_protocol::downlink::{Geographic, ServoPulses, Supply};
 use dsp_protocol::{
     Command, DecodeError, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile,
@@ -384,8 +384,13 @@ impl Desk {
         }
     }
 
+    /// Gives the bridge an input.
+    pub fn apply(&mut self, input: Input<'_>) {
+        self.bridge.apply(self.now, input, &mut self.out);
+    }
+
     pub fn open(&mut self) {
-        self.bridge.port_opened(self.now, &mut self.out);
+        self.apply(Input::PortOpened);
         self.run(100);
     }
 
@@ -425,7 +430,7 @@ impl Desk {
                 }
             }
             if self.unread.is_none() {
-                self.bridge.advance(self.now, &mut self.out);
+                self.apply(Input::Advance);
             }
         }
         self.exchange();
@@ -436,7 +441,7 @@ impl Desk {
         self.unread = Some(vec![]);
         self.run(ms);
         for piece in self.unread.take().unwrap_or_default().chunks(4095) {
-            self.bridge.receive(self.now, piece, &mut self.out);
+            self.apply(Input::Received(piece));
             self.exchange();
         }
     }
@@ -448,10 +453,9 @@ impl Desk {
             if bytes.is_empty() {
                 return;
             }
-            self.bridge.transmitted(bytes.len());
+            self.apply(Input::Transmitted(bytes.len()));
             for answer in self.dsp.hear(&bytes) {
-                self.bridge
-                    .receive(self.now, answer.as_bytes(), &mut self.out);
+                self.apply(Input::Received(answer.as_bytes()));
             }
         }
     }
@@ -460,9 +464,7 @@ impl Desk {
         let frame = self.dsp.frame(&message, None);
         match &mut self.unread {
             Some(unread) => unread.extend_from_slice(frame.as_bytes()),
-            None => self
-                .bridge
-                .receive(self.now, frame.as_bytes(), &mut self.out),
+            None => self.apply(Input::Received(frame.as_bytes())),
         }
     }
 
@@ -478,12 +480,11 @@ impl Desk {
             command: command.code(),
             ..ModuleControl::default()
         };
-        self.bridge.control(
-            self.now,
-            RequestKey::Control(request_id),
-            &control,
-            &mut self.out,
-        );
+        self.apply(Input::Control {
+            key: RequestKey::Control(request_id),
+            sender: None,
+            request: control,
+        });
         self.exchange();
         request_id
     }
@@ -498,12 +499,11 @@ impl Desk {
     pub fn ordered(&mut self, data: MovementData) -> u64 {
         let request_id = self.request_id();
         let data = MovementData { request_id, ..data };
-        self.bridge.movement(
-            self.now,
-            RequestKey::Movement(request_id),
-            &data,
-            &mut self.out,
-        );
+        self.apply(Input::Movement {
+            key: RequestKey::Movement(request_id),
+            sender: None,
+            request: data,
+        });
         self.exchange();
         request_id
     }
@@ -515,12 +515,11 @@ impl Desk {
             issued_ns: self.now.0,
             ..request
         };
-        self.bridge.parameter(
-            self.now,
-            RequestKey::Parameter(request_id),
-            &request,
-            &mut self.out,
-        );
+        self.apply(Input::Parameter {
+            key: RequestKey::Parameter(request_id),
+            sender: None,
+            request,
+        });
         self.exchange();
         request_id
     }

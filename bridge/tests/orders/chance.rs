@@ -1,7 +1,7 @@
 //! Random orders of several senders to a bridge, over ways that lose, delay, double and reorder them, with clocks that are not
 //! known exactly and a bridge that stands still at times. At the end the helicopter does what was ordered last.
 
-use bridge::{BridgeConfig, RequestKey};
+use bridge::{BridgeConfig, Input, RequestKey};
 use dsp_protocol::{Downlink, FlowControl, StatusMask};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, Reason, Stage};
@@ -277,7 +277,7 @@ impl Sequence {
     /// One wake-up of the bridge: all that has come meanwhile, what the DSP says first, as the shell hands it on.
     fn wake(&mut self) {
         let (desk, line) = (&mut self.desk, std::mem::take(&mut self.line));
-        desk.bridge.receive(desk.now, &line, &mut desk.out);
+        desk.apply(Input::Received(&line));
         while let Some((_, number, index)) = self
             .messages
             .first()
@@ -288,12 +288,16 @@ impl Sequence {
             let order = &mut self.orders[number];
             let data = &order.requests[index];
             let key = RequestKey::Movement(data.request_id);
-            desk.bridge.movement(desk.now, key, data, &mut desk.out);
+            desk.apply(Input::Movement {
+                key,
+                sender: None,
+                request: *data,
+            });
             if index + 1 == order.requests.len() {
                 order.read.get_or_insert(desk.now);
             }
         }
-        desk.bridge.advance(desk.now, &mut desk.out);
+        desk.apply(Input::Advance);
         desk.exchange();
     }
 

@@ -4,9 +4,9 @@ use bridge::BridgeConfig;
 use ipc_types::Topic;
 use ipc_types::payload::{BridgeJournal, SharedStruct, StatusJournal};
 use status::config::Config;
+use status::journal::Snapshot;
 
 use crate::bridge_core::BridgeCore;
-use crate::status_core::StatusCore;
 use crate::track::Track;
 use crate::verdict::Verdict;
 
@@ -16,7 +16,7 @@ use crate::verdict::Verdict;
 #[derive(Debug)]
 pub struct Verifier {
     bridge: Track<BridgeCore>,
-    status: Track<StatusCore>,
+    status: Track<Snapshot>,
 }
 
 impl Default for Verifier {
@@ -29,8 +29,8 @@ impl Verifier {
     /// With the configuration that each journal has.
     pub fn new() -> Verifier {
         Verifier {
-            bridge: Track::new(BridgeCore::new(None)),
-            status: Track::new(StatusCore::new(None)),
+            bridge: Track::new(None),
+            status: Track::new(None),
         }
     }
 
@@ -38,14 +38,14 @@ impl Verifier {
     /// included, stays as it was recorded.
     #[must_use]
     pub fn against(mut self, config: BridgeConfig) -> Verifier {
-        self.bridge.core = BridgeCore::new(Some(config));
+        self.bridge = Track::new(Some(config));
         self
     }
 
     /// Status with another configuration, in the same way.
     #[must_use]
     pub fn against_status(mut self, config: Config) -> Verifier {
-        self.status.core = StatusCore::new(Some(config));
+        self.status = Track::new(Some(config));
         self
     }
 

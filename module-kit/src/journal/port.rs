@@ -7,7 +7,7 @@ use ipc_types::service::SUBSCRIBER_BUFFER;
 use ipc_types::{Ipc, JournalPiece, MonotonicNs, OpenError, Publisher, Source};
 use runtime::logging::LogLines;
 
-use super::log_line::LogLine;
+use super::codec::LogLine;
 use super::writer::{Piece, Writer};
 
 /// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own beginning.
@@ -26,7 +26,7 @@ pub struct Port<P: JournalPiece> {
     next: MonotonicNs,
     /// The last piece could not be published.
     is_failing: bool,
-    /// Nothing when another journal of this process has them.
+    /// `None` if another journal of this process has them.
     log: Option<LogLines>,
 }
 
@@ -115,8 +115,8 @@ impl<P: JournalPiece> Port<P> {
             return;
         };
         for line in log.drain() {
-            let line = LogLine::new(&line, log.take_lost());
-            writer.record(now, |record| line.put(record));
+            let at = MonotonicNs(line.at_ns);
+            writer.line(now, at, &LogLine::new(&line, log.take_lost()));
         }
     }
 

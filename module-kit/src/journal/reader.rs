@@ -1,12 +1,9 @@
 //! [`Reader`]: pieces to records. It notices what is missing, and goes on at the next snapshot.
 
 use ipc_types::JournalPiece;
+use serde::Deserialize;
 
-use super::bytes::{Cursor, Malformed};
-use super::writer::MAX_RECORD;
-
-/// Most bytes of a record's length.
-const LENGTH_BYTES: usize = 10;
+use super::codec::{Codec, MAX_RECORD, Malformed, Record};
 
 /// Why the records before a piece do not go on in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,12 +30,18 @@ struct Place {
 #[derive(Clone, Debug, Default)]
 pub struct Reader {
     last: Option<Place>,
-    /// Records can be read: a piece that begins was seen, and none is missing since.
-    is_reading: bool,
+    /// `None` if no record can be read: before the first piece that begins, after a loss, after damage.
+    unread: Option<Unread>,
+    codec: Codec,
+    lost: u64,
+}
+
+/// Bytes of records.
+#[derive(Clone, Debug, Default)]
+struct Unread {
     bytes: Vec<u8>,
     /// How many of them were given.
     given: usize,
-    lost: u64,
 }
 
 impl Reader {
@@ -70,16 +73,14 @@ impl Reader {
             self.lost = self.lost.saturating_add(pieces);
         }
         if broken.is_some() {
-            self.stop();
+            self.unread = None;
         }
         if piece.begins() {
-            self.stop();
-            self.is_reading = true;
+            self.unread = Some(Unread::default());
         }
-        if self.is_reading {
-            self.bytes.drain(..self.given);
-            self.given = 0;
-            self.bytes.extend_from_slice(piece.bytes_of_journal());
+        if let Some(Unread { bytes, given }) = &mut self.unread {
+            bytes.drain(..std::mem::take(given));
+            bytes.extend_from_slice(piece.bytes_of_journal());
         }
         broken
     }
@@ -87,64 +88,62 @@ impl Reader {
     /// The next whole record.
     ///
     /// # Errors
-    /// The bytes are no record. Reading goes on at the next piece that begins.
+    /// The bytes are no record of this version: the rest of what was taken is dropped, and reading goes on at the next snapshot.
     #[allow(clippy::should_implement_trait)] // What it gives is borrowed.
-    pub fn next(&mut self) -> Result<Option<&[u8]>, Malformed> {
-        let rest = self.bytes.get(self.given..).unwrap_or_default();
-        let mut cursor = Cursor::new(rest);
-        let length = match cursor.count(MAX_RECORD) {
-            Ok(length) => length,
-            // The length may go on in the next piece.
-            Err(Malformed)
-                if rest.len() < LENGTH_BYTES && rest.iter().all(|byte| byte & 0x80 != 0) =>
-            {
-                return Ok(None);
-            }
-            Err(Malformed) => {
-                self.stop();
-                return Err(Malformed);
-            }
-        };
-        if cursor.rest().len() < length {
-            return Ok(None);
-        }
-        let begin = self.bytes.len() - cursor.rest().len();
-        self.given = begin + length;
-        Ok(self.bytes.get(begin..self.given))
-    }
-
-    /// Gives every whole record to `take`.
-    ///
-    /// # Errors
-    /// The bytes are no record, or `take` says that a record is none: the rest of what was read is dropped, and reading goes on at
-    /// the next piece that begins.
-    pub fn drain(
-        &mut self,
-        mut take: impl FnMut(&[u8]) -> Result<(), Malformed>,
-    ) -> Result<(), Malformed> {
-        while let Some(record) = self.next()? {
-            if let Err(malformed) = take(record) {
-                self.stop();
+    pub fn next<'a, I, O>(&'a mut self) -> Result<Option<Record<'a, I, O>>, Malformed>
+    where
+        I: Deserialize<'a>,
+        O: Deserialize<'a>,
+    {
+        let Reader { unread, codec, .. } = self;
+        let kind = match unread
+            .as_mut()
+            .map_or(Ok(None), |unread| unread.next(codec))
+        {
+            Ok(None) => return Ok(None),
+            Ok(Some(kind)) => kind,
+            Err(malformed) => {
+                *unread = None;
                 return Err(malformed);
             }
+        };
+        let codec: &'a Codec = codec;
+        match codec.entry(kind) {
+            Ok(entry) => Ok(Some(Record {
+                at: codec.at(),
+                entry,
+            })),
+            Err(malformed) => {
+                *unread = None;
+                Err(malformed)
+            }
         }
-        Ok(())
-    }
-
-    /// The records read so far are damaged: goes on at the next piece that begins.
-    pub fn stop(&mut self) {
-        self.is_reading = false;
-        self.bytes.clear();
-        self.given = 0;
     }
 
     /// Whether records can be read; not before the first snapshot, and not between a loss and the next one.
     pub fn is_reading(&self) -> bool {
-        self.is_reading
+        self.unread.is_some()
     }
 
     /// Pieces that are missing so far.
     pub fn lost(&self) -> u64 {
         self.lost
+    }
+}
+
+impl Unread {
+    /// Lets `codec` take the next record, if there is a whole one. Gives its kind.
+    fn next(&mut self, codec: &mut Codec) -> Result<Option<u8>, Malformed> {
+        let (length, rest) = match postcard::take_from_bytes::<usize>(&self.bytes[self.given..]) {
+            Ok((length, rest)) if length <= MAX_RECORD => (length, rest),
+            // The length goes on in the next piece.
+            Err(postcard::Error::DeserializeUnexpectedEnd) => return Ok(None),
+            _ => return Err(Malformed),
+        };
+        let Some(record) = rest.get(..length) else {
+            return Ok(None);
+        };
+        self.given = self.bytes.len() - rest.len() + length;
+        codec.take(record).map(Some)
     }
 }

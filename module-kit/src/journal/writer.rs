@@ -1,15 +1,12 @@
-//! [`Writer`]: records to pieces. A pure value; while nothing is recorded it is asked one question for each input.
+//! [`Writer`]: entries to pieces. A pure value; while nothing is recorded it is asked one question for each input.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use serde::Serialize;
 
-use super::bytes::put_number;
-
-/// Longest record, bytes. The longest are snapshots: of a bridge with the largest geofence (64 areas of 256 vertices, twice 650 KiB)
-/// and 2048 final reports (at most 290 KiB). A longer record is not written; the journal then begins again.
-pub const MAX_RECORD: usize = 2 << 20;
+use super::codec::{Codec, LogLine, MAX_RECORD, Malformed, put};
 
 /// Bytes that may wait until they are published. When more come the journal loses them all, and begins again with a snapshot.
 pub const MAX_WAITING: usize = 4 << 20;
@@ -60,6 +57,7 @@ pub struct Writer {
     since_snapshot: u64,
     beginnings: u32,
     losses: u64,
+    codec: Codec,
     record: Vec<u8>,
 }
 
@@ -77,6 +75,7 @@ impl Writer {
             since_snapshot: 0,
             beginnings: 0,
             losses: 0,
+            codec: Codec::default(),
             record: Vec::new(),
         }
     }
@@ -123,8 +122,8 @@ impl Writer {
         }
     }
 
-    /// Writes a snapshot, which `fill` appends, in a piece of its own beginning.
-    pub fn snapshot(&mut self, now: MonotonicNs, fill: impl FnOnce(&mut Vec<u8>)) {
+    /// Writes a snapshot, in a piece of its own beginning.
+    pub fn snapshot(&mut self, now: MonotonicNs, snapshot: &[u8]) {
         if self.state == State::Off {
             return;
         }
@@ -138,22 +137,42 @@ impl Writer {
             since: now,
             length: 0,
         };
-        self.record(now, fill);
+        self.write(now, |codec, out| codec.put_snapshot(now, snapshot, out));
         if let State::On { length, .. } = &mut self.state {
             *length = self.record.len() as u64;
         }
         self.since_snapshot = 0;
     }
 
-    /// Writes a record, which `fill` appends. Nothing happens while records are not taken.
-    pub fn record(&mut self, now: MonotonicNs, fill: impl FnOnce(&mut Vec<u8>)) {
+    /// Writes an input of the core. Nothing happens while entries are not taken; so with the other ones.
+    pub fn input<I: Serialize>(&mut self, now: MonotonicNs, input: &I) {
+        self.write(now, |codec, out| codec.put_input(now, input, out));
+    }
+
+    /// Writes what the core said to the last input.
+    pub fn output<O: Serialize>(&mut self, output: &O) {
+        let at = self.codec.at();
+        self.write(at, |codec, out| codec.put_output(at, output, out));
+    }
+
+    /// Writes a line of the log, of the time `at`.
+    pub fn line(&mut self, now: MonotonicNs, at: MonotonicNs, line: &LogLine<'_>) {
+        self.write(now, |codec, out| codec.put_line(at, line, out));
+    }
+
+    fn write(
+        &mut self,
+        now: MonotonicNs,
+        fill: impl FnOnce(&mut Codec, &mut Vec<u8>) -> Result<(), Malformed>,
+    ) {
         if !self.is_on() {
             return;
         }
         let mut record = std::mem::take(&mut self.record);
         record.clear();
-        fill(&mut record);
-        if record.len() > MAX_RECORD || self.waiting + record.len() > MAX_WAITING {
+        let filled = fill(&mut self.codec, &mut record);
+        if filled.is_err() || record.len() > MAX_RECORD || self.waiting + record.len() > MAX_WAITING
+        {
             self.losses += 1;
             self.start();
         } else {
@@ -196,7 +215,8 @@ impl Writer {
 
     fn append(&mut self, now: MonotonicNs, record: &[u8]) {
         let mut length = Vec::with_capacity(4);
-        put_number(&mut length, record.len() as u64);
+        // Writing a number into memory does not fail.
+        let _ = put(&mut length, &record.len());
         self.since_snapshot += (length.len() + record.len()) as u64;
         for mut bytes in [length.as_slice(), record] {
             while !bytes.is_empty() {

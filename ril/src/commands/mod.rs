@@ -1,6 +1,6 @@
 //! The operator's commands, each a thin shell around a pure value, and what they share.
 
-mod conversation;
+pub(crate) mod conversation;
 pub mod exchange;
 pub(crate) mod json;
 pub(crate) mod latest;

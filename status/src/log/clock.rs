@@ -3,11 +3,9 @@
 use std::fmt;
 
 use ipc_types::MonotonicNs;
+use time::{Date, PrimitiveDateTime, Time, UtcDateTime};
 
 const NS_PER_S: u64 = 1_000_000_000;
-
-/// From 0000-03-01 to 1970-01-01.
-const DAYS_TO_1970: u64 = 719_468;
 
 /// What wall clock and monotonic clock showed at the same moment.
 ///
@@ -54,7 +52,7 @@ impl IsoTime {
         self.unix_ns
     }
 
-    /// Reads a time as it is shown; nothing when it is written otherwise.
+    /// Reads a time as it is shown; `None` if it is written otherwise.
     pub fn parse(text: &str) -> Option<IsoTime> {
         let (date, time) = text.strip_suffix('Z')?.split_once('T')?;
         let (time, us) = time.split_once('.')?;
@@ -118,71 +116,35 @@ pub struct Utc {
 }
 
 impl Utc {
-    /// The moment `unix_s` seconds after the beginning of 1970.
+    /// The moment `unix_s` seconds after the beginning of 1970; its beginning after the year 9999.
     pub fn from_unix(unix_s: u64) -> Utc {
-        let (days, second_of_day) = (unix_s / 86_400, unix_s % 86_400);
-        let (year, month, day) = date(days);
+        let at = i64::try_from(unix_s).map(UtcDateTime::from_unix_timestamp);
+        let at = at
+            .ok()
+            .and_then(Result::ok)
+            .unwrap_or(UtcDateTime::UNIX_EPOCH);
         Utc {
-            year,
-            month,
-            day,
-            hour: second_of_day / 3600,
-            minute: second_of_day / 60 % 60,
-            second: second_of_day % 60,
+            year: u64::from(at.year().unsigned_abs()),
+            month: u8::from(at.month()).into(),
+            day: at.day().into(),
+            hour: at.hour().into(),
+            minute: at.minute().into(),
+            second: at.second().into(),
         }
     }
 
-    /// Seconds since the beginning of 1970; nothing for a time before that, or one that no clock shows.
+    /// Seconds since the beginning of 1970; `None` for a time before that, or one that no clock shows.
     pub fn unix_s(self) -> Option<u64> {
-        if !self.is_plausible() || !(1970..=9999).contains(&self.year) {
-            return None;
-        }
-        // Years are counted from March, as in `date`: January and February belong to the one before.
-        let (year, month) = match self.month {
-            1 | 2 => (self.year - 1, self.month + 9),
-            month => (self.year, month - 3),
-        };
-        let leap_days = year / 4 - year / 100 + year / 400;
-        let days = year * 365 + leap_days + (153 * month + 2) / 5 + self.day - 1;
-        let seconds = self.hour * 3600 + self.minute * 60 + self.second;
-        Some((days.checked_sub(DAYS_TO_1970)?) * 86_400 + seconds)
-    }
-
-    /// Whether each number is one that a clock shows.
-    pub fn is_plausible(self) -> bool {
-        (1..=12).contains(&self.month)
-            && (1..=31).contains(&self.day)
-            && self.hour < 24
-            && self.minute < 60
-            && self.second < 60
-    }
-}
-
-/// Year, month and day of the date `days` after 1970-01-01.
-///
-/// Years are counted from March: then the leap day is the last of its year, and a month's first day is a straight line
-/// of its number, rounded.
-fn date(days: u64) -> (u64, u64, u64) {
-    const DAYS_OF_400_YEARS: u64 = 146_097;
-    const DAYS_OF_100_YEARS: u64 = 36_524;
-    const DAYS_OF_4_YEARS: u64 = 1_461;
-    let days = days + DAYS_TO_1970;
-    let (cycle, day) = (days / DAYS_OF_400_YEARS, days % DAYS_OF_400_YEARS);
-    // The last day of a cycle, and of four years, is a leap day: it still belongs to the century and year before it.
-    let century = (day / DAYS_OF_100_YEARS).min(3);
-    let day = day - century * DAYS_OF_100_YEARS;
-    let (quad, day) = (day / DAYS_OF_4_YEARS, day % DAYS_OF_4_YEARS);
-    let year = (day / 365).min(3);
-    let day = day - year * 365;
-    // Months from March have 31, 30, 31, 30, 31 days again and again: 153 in five.
-    let month = (5 * day + 2) / 153;
-    let day_of_month = day - (153 * month + 2) / 5 + 1;
-
-    let year = 400 * cycle + 100 * century + 4 * quad + year;
-    if month < 10 {
-        (year, month + 3, day_of_month)
-    } else {
-        (year + 1, month - 9, day_of_month)
+        let byte = |number: u64| u8::try_from(number).ok();
+        let month = byte(self.month)?.try_into().ok()?;
+        let year = i32::try_from(self.year).ok()?;
+        let date = Date::from_calendar_date(year, month, byte(self.day)?).ok()?;
+        let (hour, minute, second) = (byte(self.hour)?, byte(self.minute)?, byte(self.second)?);
+        let time = Time::from_hms(hour, minute, second).ok()?;
+        let unix_s = PrimitiveDateTime::new(date, time)
+            .assume_utc()
+            .unix_timestamp();
+        unix_s.try_into().ok()
     }
 }
 
@@ -254,19 +216,5 @@ mod tests {
         ] {
             assert_eq!(IsoTime::parse(text), None, "{text}");
         }
-    }
-
-    #[test]
-    fn every_day_of_four_centuries_follows_the_one_before() {
-        let mut last = date(0);
-        for days in 1..=146_097 {
-            let (year, month, day) = date(days);
-            let next_day = (year, month) == (last.0, last.1) && day == last.2 + 1;
-            let next_month = day == 1 && year == last.0 && month == last.1 + 1 && last.2 >= 28;
-            let next_year = (month, day) == (1, 1) && year == last.0 + 1 && last.1 == 12;
-            assert!(next_day || next_month || next_year, "{last:?} {days}");
-            last = (year, month, day);
-        }
-        assert_eq!(last, (2370, 1, 1));
     }
 }

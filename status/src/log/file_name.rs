@@ -100,7 +100,7 @@ impl Series {
             let number = number.parse().ok()?;
             // The name is of this series only if this series could give it.
             let stem = self.with_time(&time(format, at));
-            let own = at.is_plausible() && file_name(&stem, number, self.kind) == name;
+            let own = at.unix_s().is_some() && file_name(&stem, number, self.kind) == name;
             own.then_some(Stamp { at, number })
         })
     }

@@ -5,9 +5,9 @@ use dsp_sim::helicopter::geodesy::{wrap_degrees, wrap_radians};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, StatusJournal};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use status::config::Config;
-use status::core::{InputCounts, Status};
+use status::core::{Input, InputCounts, Output, Status};
 use status::estimator::config::{EstimatorConfig, EstimatorKind};
-use status::journaled::Journaled;
+use status::journal::Journaled;
 use status::log::Logs;
 
 use crate::recording::{Recording, started};
@@ -70,11 +70,13 @@ impl Chain {
 
     /// Translates the next sample.
     pub fn take(&mut self, sample: &DspTelemetry, now: MonotonicNs) {
-        let hero = self.status.translate(sample, now);
-        self.status.record(sample, Ok(()), now);
+        let Some(Output::Telemetry(hero)) = self.status.apply(now, Input::Sample(*sample)) else {
+            panic!("a sample without a translation");
+        };
+        self.status.apply(now, Input::Published(Ok(())));
         self.counts.received += 1;
-        self.status.step(self.counts, now);
-        self.status.state(false, now);
+        self.status.apply(now, Input::Step(self.counts));
+        self.status.apply(now, Input::State { always: false });
         self.status.take_events();
         self.recording.take(self.status.writer(), now);
         assert_eq!(hero.source_sequence, sample.sequence);

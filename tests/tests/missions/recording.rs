@@ -1,7 +1,7 @@
 //! Every mission's journals, verified while they are written: second cores are driven by them and must say the same, bit for bit.
 
 use bridge::BridgeConfig;
-use bridge::journaled::Journaled;
+use bridge::journal::Journaled;
 use ipc_types::payload::BridgeJournal;
 use ipc_types::{JournalPiece, MonotonicNs};
 use module_kit::journal::{Piece, Writer};

@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
+use bridge::Input;
 use bridge::config::TrajectoryKind;
-use bridge::journal::Input;
-use bridge::journaled::Journaled;
+use bridge::journal::Journaled;
 use bridge::{Bridge, BridgeConfig, RequestKey};
 use dsp_protocol::Waypoint;
 use dsp_sim::faults::PortState;
@@ -457,7 +457,10 @@ impl World {
             // A real line would drop what was given up; here it has been sent.
             self.bridge.take_discard_unsent(now);
             let mut to_dsp = self.bridge.transmit(now).to_vec();
-            self.bridge.transmitted(to_dsp.len());
+            if !to_dsp.is_empty() {
+                let taken = Input::Transmitted(to_dsp.len());
+                self.bridge.apply(now, taken, &mut self.witness);
+            }
             if from_dsp.is_empty() && to_dsp.is_empty() {
                 return;
             }

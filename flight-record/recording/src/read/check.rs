@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use crate::event::EventKind;
 use crate::event_message;
 
-use super::error::ReadError;
-use super::message::Message;
+use super::message::{Message, ReadError};
 use super::walk::{Item, Walk};
 
 /// Errors that are listed at most.

@@ -9,21 +9,16 @@
 //! not by the crate `mcap`, which copies every message, and panics at some records that cannot be.
 
 mod check;
-mod error;
-mod footer;
 mod message;
-mod messages;
 mod record;
 mod recover;
-mod search;
 mod store;
 mod summary;
 mod walk;
 
 pub use check::{Check, RecordedEvent, TopicCheck, check};
-pub use error::ReadError;
-pub use message::Message;
-pub use messages::messages;
+pub use message::{Message, ReadError};
 pub use recover::{RECOVERED_METADATA, Recovered, extract, recover};
 pub use store::Bytes;
 pub use summary::{Summary, summary_of};
+pub use walk::messages;

@@ -9,8 +9,7 @@ use mcap::{McapError, Writer};
 use crate::encoder::write_options;
 use crate::sink::Counted;
 
-use super::error::ReadError;
-use super::message::Message;
+use super::message::{Message, ReadError};
 use super::walk::{ChannelFacts, Item, Walk};
 
 /// Name of the record of metadata that says what was wrong with the damaged file.

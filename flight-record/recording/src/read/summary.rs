@@ -8,9 +8,8 @@ use mcap::records::op;
 use crate::settings::Attachment;
 
 use super::check::check;
-use super::error::ReadError;
-use super::footer::{FOOTER_LEN, summary_start};
-use super::record::{self, AttachmentRecord, Fields, Record};
+use super::message::ReadError;
+use super::record::{self, AttachmentRecord, FOOTER_LEN, Fields, Record, summary_start};
 use super::store::room_for;
 use super::walk::{Item, Walk};
 

@@ -1,16 +1,29 @@
-//! [`Walk`]: one pass through a file, from its beginning to its end, over damaged places.
+//! [`Walk`]: one pass through a file, from its beginning to its end, over damaged places; [`Search`]: where the next whole chunk lies
+//! behind one.
 
 use std::collections::{BTreeMap, HashMap};
 
 use mcap::records::op;
 
-use super::error::ReadError;
-use super::footer::{FOOTER_LEN, summary, summary_start};
-use super::message::Message;
+use super::message::{Message, ReadError};
 use super::record::{
-    self, AttachmentRecord, ChannelRecord, ChunkRecord, Fields, MessageRecord, Record, SchemaRecord,
+    self, AttachmentRecord, ChannelRecord, ChunkRecord, FOOTER_LEN, Fields, MessageRecord, Record,
+    SchemaRecord, summary, summary_start,
 };
-use super::search::Search;
+
+/// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file that was
+/// made to look like chunks everywhere could take hours.
+const MAX_SUMS: usize = 4;
+
+/// All messages in the order of the file, events of the recording included. Damage is one error; what follows is the next whole
+/// chunk. That a file was not finished is no error here.
+pub fn messages(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, ReadError>> {
+    Walk::new(bytes).filter_map(|item| match item {
+        Item::Message(message, _) => Some(Ok(message)),
+        Item::Error(error) => Some(Err(error)),
+        Item::Chunk | Item::Metadata(..) | Item::Attachment(_) => None,
+    })
+}
 
 /// What a file has at a place.
 #[derive(Debug)]
@@ -282,5 +295,47 @@ impl<'a> Iterator for Walk<'a> {
                 return Some(item);
             }
         }
+    }
+}
+
+/// Searches chunks.
+struct Search<'a> {
+    bytes: &'a [u8],
+    /// Bytes that may be summed up.
+    budget: usize,
+}
+
+impl<'a> Search<'a> {
+    fn new(bytes: &'a [u8]) -> Search<'a> {
+        Search {
+            bytes,
+            budget: bytes.len().saturating_mul(MAX_SUMS),
+        }
+    }
+
+    /// Where a chunk begins, at `from` or behind, whose checksum fits.
+    fn chunk_from(&mut self, mut from: usize) -> Option<usize> {
+        loop {
+            let rest = self.bytes.get(from..)?;
+            let found = from + rest.iter().position(|byte| *byte == op::CHUNK)?;
+            if self.is_chunk(&self.bytes[found..])? {
+                return Some(found);
+            }
+            from = found + 1;
+        }
+    }
+
+    /// Whether a chunk lies at the beginning; nothing when the search has to end.
+    fn is_chunk(&mut self, bytes: &'a [u8]) -> Option<bool> {
+        let chunk = Record::first(bytes).and_then(|record| record::chunk(record.content));
+        let Some(chunk) = chunk else {
+            return Some(false);
+        };
+        // Without a checksum, anything could look like a chunk.
+        if chunk.crc == 0 || chunk.uncompressed_len != chunk.records.len() as u64 {
+            return Some(false);
+        }
+        self.budget = self.budget.checked_sub(chunk.records.len())?;
+        Some(chunk.compression.is_empty() && chunk.is_sound())
     }
 }

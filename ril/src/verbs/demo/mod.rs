@@ -30,7 +30,6 @@ use status::log::file_name::{FileKind, recognize};
 
 use crate::cli::exit_codes::EXIT_CODES;
 use crate::finding::{Severity, count_of};
-use crate::recorded::check::FileCheck;
 use crate::recorded::topic_of;
 use checks::{Evidence, RecordEvidence};
 pub use children::end_with_parent;

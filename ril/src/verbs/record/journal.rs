@@ -4,13 +4,14 @@
 
 use std::collections::BTreeMap;
 
-use bridge::journal::{Decoder, Entry, Input, Output, Record};
+use bridge::journal::Record;
+use bridge::{Input, Output};
 use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason, Stage};
 use ipc_types::payload::{
     BridgeJournal, ModuleControl, MovementData, ParameterRequest, RequestReport, SharedStruct,
 };
 use ipc_types::{MonotonicNs, RobotId};
-use module_kit::journal::{LogLine, Reader};
+use module_kit::journal::{Entry, Reader};
 use recording::Recorder;
 use ros_messages::Level;
 
@@ -28,7 +29,6 @@ const MAX_OPEN: usize = 1024;
 #[derive(Debug)]
 pub struct JournalTopics {
     reader: Reader,
-    decoder: Decoder,
     made: Made,
 }
 
@@ -40,7 +40,6 @@ impl JournalTopics {
         };
         JournalTopics {
             reader: Reader::new(),
-            decoder: Decoder::new(),
             made: Made {
                 requests: outlet("requests", REQUEST_EVENT, REQUEST_EVENT_TEXT),
                 received: outlet("serial/received", SERIAL_BYTES, SERIAL_BYTES_TEXT),
@@ -61,21 +60,13 @@ impl JournalTopics {
         let Some(piece) = BridgeJournal::from_bytes(piece) else {
             return;
         };
-        let JournalTopics {
-            reader,
-            decoder,
-            made,
-        } = self;
+        let JournalTopics { reader, made } = self;
         reader.take(&piece);
         let mut to = To { recorder, log, now };
         // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
-        let _ = reader.drain(|record| {
-            match LogLine::of(record)? {
-                Some(line) => to.log.process(to.recorder, now, "bridge", &line),
-                None => made.take(&mut to, &decoder.decode(record)?),
-            }
-            Ok(())
-        });
+        while let Ok(Some(record)) = reader.next() {
+            made.take(&mut to, &record);
+        }
     }
 }
 
@@ -114,6 +105,7 @@ impl Made {
     fn take(&mut self, to: &mut To<'_>, record: &Record<'_>) {
         let at = record.at;
         match &record.entry {
+            Entry::Line(line) => to.log.process(to.recorder, (to.now, at), "bridge", line),
             Entry::Input(Input::Received(bytes)) => {
                 let bytes = serial_bytes(at.0, bytes);
                 self.received.add(to.recorder, to.now, at, &bytes);

@@ -4,7 +4,7 @@
 use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct, StatusJournal};
 use ipc_types::{MonotonicNs, RobotId};
-use module_kit::journal::{LogLine, Reader};
+use module_kit::journal::{Entry, LogLine, Reader};
 use recording::{Anchor, Channel, ChannelId, Recorder};
 use ros_messages::{Level, Log, UnixOffset, definition};
 
@@ -35,17 +35,17 @@ impl LogTopic {
     pub fn process(
         &mut self,
         recorder: &mut Recorder,
-        now: MonotonicNs,
+        times: (MonotonicNs, MonotonicNs),
         process: &str,
         line: &LogLine<'_>,
     ) {
         if line.lost > 0 {
             let text = format!("{} more lines of the log were lost", line.lost);
-            self.write(recorder, (now, line.at), (process, ""), Level::Warn, &text);
+            self.write(recorder, times, (process, ""), Level::Warn, &text);
         }
         let source = (process, line.module);
         let level = level_of(line.level);
-        self.write(recorder, (now, line.at), source, level, line.text);
+        self.write(recorder, times, source, level, line.text);
     }
 
     /// Adds the lines of a piece of status's journal, as it lies in shared memory.
@@ -56,12 +56,11 @@ impl LogTopic {
         let mut reader = std::mem::take(&mut self.status);
         reader.take(&piece);
         // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
-        let _ = reader.drain(|record| {
-            if let Some(line) = LogLine::of(record)? {
-                self.process(recorder, now, "status", &line);
+        while let Ok(Some(record)) = reader.next::<status::Input, status::Output>() {
+            if let Entry::Line(line) = &record.entry {
+                self.process(recorder, (now, record.at), "status", line);
             }
-            Ok(())
-        });
+        }
         self.status = reader;
     }
 

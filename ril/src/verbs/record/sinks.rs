@@ -72,8 +72,9 @@ impl Sinks {
     pub fn own_lines(&mut self, recorder: &mut Recorder, now: MonotonicNs) {
         let Some(lines) = &self.lines else { return };
         for line in lines.drain() {
+            let times = (now, MonotonicNs(line.at_ns));
             let line = LogLine::new(&line, lines.take_lost());
-            self.log.process(recorder, now, "record", &line);
+            self.log.process(recorder, times, "record", &line);
         }
     }
 

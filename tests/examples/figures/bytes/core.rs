@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bridge::{Bridge, BridgeConfig, Outputs, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey};
 use dsp_protocol::Profile;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, MovementKind};
@@ -92,20 +92,23 @@ impl Core {
             requests: 0,
             said: Vec::with_capacity(2 * MOST_SAID),
         };
-        core.bridge.port_opened(core.now, &mut core.listener);
+        core.bridge
+            .apply(core.now, Input::PortOpened, &mut core.listener);
         core
     }
 
     /// Gives the bridge bytes as they are, and lets the DSP hear the answers.
     pub fn receive(&mut self, bytes: &[u8]) {
-        self.bridge.receive(self.now, bytes, &mut self.listener);
+        self.bridge
+            .apply(self.now, Input::Received(bytes), &mut self.listener);
         self.transmit();
     }
 
     /// Lets time pass.
     pub fn advance(&mut self, time: Duration) {
         self.now = self.now + time;
-        self.bridge.advance(self.now, &mut self.listener);
+        self.bridge
+            .apply(self.now, Input::Advance, &mut self.listener);
         assert!(
             self.bridge.deadline() > self.now,
             "a deadline that was handled is over"
@@ -136,12 +139,12 @@ impl Core {
             8..=10 => self.path(1 + (value % 12) as usize, value),
             11 => self.path(70, value),
             12..=15 => self.waypoint(value & 1 != 0, value & 2 != 0, value),
-            16 => self.bridge.port_closed(now, out),
-            17 | 18 => self.bridge.port_opened(now, out),
+            16 => self.bridge.apply(now, Input::PortClosed, out),
+            17 | 18 => self.bridge.apply(now, Input::PortOpened, out),
             19 => self.dsp.reboot(),
             20 => {
                 let key = RequestKey::Movement(self.requests.saturating_sub(value % 64));
-                self.bridge.sender_gone(now, key, out);
+                self.bridge.apply(now, Input::SenderGone(key), out);
             }
             21 => self.any_movement(value),
             22 => self.control(value as u32, value >> 32),
@@ -154,7 +157,8 @@ impl Core {
     /// The bridge ends: every request must have had its final report.
     pub fn finish(mut self) -> Heard {
         let heard = self.heard();
-        self.bridge.close(self.now, &mut self.listener);
+        self.bridge
+            .apply(self.now, Input::Close, &mut self.listener);
         assert_eq!(self.listener.open, [], "without a final report");
         assert_eq!(self.listener.final_reports, self.requests);
         heard
@@ -174,7 +178,8 @@ impl Core {
         let bytes = self.bridge.transmit(self.now);
         let count = bytes.len();
         self.dsp.hear(bytes, &mut self.said);
-        self.bridge.transmitted(count);
+        let taken = Input::Transmitted(count);
+        self.bridge.apply(self.now, taken, &mut self.listener);
         // A DSP that nobody listens to says nothing more.
         self.said.truncate(MOST_SAID);
     }
@@ -196,8 +201,12 @@ impl Core {
         };
         let key = RequestKey::Control(key);
         self.listener.open.push(key);
-        self.bridge
-            .control(self.now, key, &request, &mut self.listener);
+        let input = Input::Control {
+            key,
+            sender: None,
+            request,
+        };
+        self.bridge.apply(self.now, input, &mut self.listener);
     }
 
     fn movement(&mut self, request: MovementData) {
@@ -214,8 +223,12 @@ impl Core {
         };
         let key = RequestKey::Movement(key);
         self.listener.open.push(key);
-        self.bridge
-            .movement(self.now, key, &request, &mut self.listener);
+        let input = Input::Movement {
+            key,
+            sender: None,
+            request,
+        };
+        self.bridge.apply(self.now, input, &mut self.listener);
     }
 
     /// A point within some metres of where the DSP is, of the one path that is ever built.

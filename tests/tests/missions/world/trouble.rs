@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bridge::journal::Input;
+use bridge::Input;
 use bridge::link::commands::ATTEMPTS;
 
 use super::{REOPENING, World, host};

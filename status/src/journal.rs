@@ -1,0 +1,234 @@
+//! Status' input journal: every input of the core in order with its time, what it published, and snapshots of the core from which it
+//! can be gone on with. `docs/journal.md` has every byte. Logs are not of it: nothing that is published follows from them.
+//!
+//! * [`Journaled`]: a wrapper around the core that writes the journal while somebody records it;
+//! * [`Snapshot`]: the configuration and the core as bytes, bit for bit;
+//! * [`Record`]: what a [`Reader`](module_kit::journal::Reader) finds in the pieces of the topic `status/journal`.
+
+use ipc_types::MonotonicNs;
+use module_kit::journal::Writer;
+use serde::{Deserialize, Serialize};
+
+use crate::config::Config;
+use crate::core::{Event, Input, Kept, Output, Status, Summary};
+use crate::estimator::Estimator;
+
+/// An entry of the journal of status.
+pub type Record<'a> = module_kit::journal::Record<'a, Input, Output>;
+
+/// A [`Status`] whose inputs and outputs are recorded, while its writer is started.
+pub struct Journaled {
+    status: Status,
+    /// The configuration as a text, once for all snapshots.
+    text: String,
+    writer: Writer,
+    /// The last input and what the core said to it, which are not in the journal yet: publishing the output comes first.
+    pending: Option<(MonotonicNs, Input, Option<Output>)>,
+}
+
+impl Journaled {
+    /// `status`, which was made with `config`. Nothing is recorded until `writer` is started.
+    pub fn new(status: Status, config: &Config, writer: Writer) -> Journaled {
+        Journaled {
+            status,
+            text: Snapshot::text_of(config),
+            writer,
+            pending: None,
+        }
+    }
+
+    /// The same with another estimator than the configured one.
+    #[must_use]
+    pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Journaled {
+        self.status = self.status.with_estimator(estimator);
+        self
+    }
+
+    /// The writer: to start and stop it, and to take its pieces.
+    pub fn writer(&mut self) -> &mut Writer {
+        self.write_pending();
+        &mut self.writer
+    }
+
+    /// The writer, to ask when it has something.
+    pub fn journal(&self) -> &Writer {
+        &self.writer
+    }
+
+    /// See [`Status::apply`].
+    pub fn apply(&mut self, now: MonotonicNs, input: Input) -> Option<Output> {
+        self.write_pending();
+        // Between a sample and the word that it was published, the core has more than a snapshot.
+        if matches!(input, Input::Step(_)) && self.writer.wants_snapshot(now) {
+            let snapshot = Snapshot::take(&self.status, &self.text);
+            self.writer.snapshot(now, &snapshot);
+        }
+        if !self.writer.is_on() {
+            return self.status.apply(now, input);
+        }
+        let output = self.status.apply(now, input.clone());
+        if output.is_some() || !matches!(input, Input::State { .. }) {
+            self.pending = Some((now, input, output.clone()));
+        }
+        output
+    }
+
+    /// See [`Status::deadline`].
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.status.deadline()
+    }
+
+    /// See [`Status::take_events`].
+    pub fn take_events(&mut self) -> Vec<Event> {
+        self.status.take_events()
+    }
+
+    /// See [`Status::finish`].
+    pub fn finish(&mut self) -> Summary {
+        self.status.finish()
+    }
+
+    fn write_pending(&mut self) {
+        if let Some((at, input, output)) = self.pending.take() {
+            self.writer.input(at, &input);
+            if let Some(output) = output {
+                self.writer.output(&output);
+            }
+        }
+    }
+}
+
+/// The version of the bytes. Another version of the core has another one.
+const VERSION: u32 = 2;
+
+/// The bytes are no snapshot of this version's core, or its estimator could not say what it knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("these bytes are no snapshot of a status of this version that can be gone on with")]
+pub struct NotASnapshot;
+
+/// Status and its configuration.
+pub struct Snapshot {
+    /// The configuration, but for the logs.
+    pub config: Config,
+    /// The core, without logs.
+    pub status: Status,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    version: u32,
+    config: String,
+    kept: Kept,
+}
+
+impl Snapshot {
+    /// The configuration as the text that a snapshot has, as `status.toml` has it.
+    pub fn text_of(config: &Config) -> String {
+        // Every value came from such a text.
+        toml::to_string(config).unwrap_or_default()
+    }
+
+    /// The bytes of `status`; `text` is its configuration.
+    pub fn take(status: &Status, text: &str) -> Vec<u8> {
+        let saved = Saved {
+            version: VERSION,
+            config: text.to_owned(),
+            kept: status.keep(),
+        };
+        // Writing into memory does not fail, and every type of the core can be written.
+        postcard::to_allocvec(&saved).unwrap_or_default()
+    }
+
+    /// The core that these bytes are.
+    ///
+    /// # Errors
+    /// They are no snapshot, or one of another version.
+    pub fn restore(bytes: &[u8]) -> Result<Snapshot, NotASnapshot> {
+        let (version, _) = postcard::take_from_bytes::<u32>(bytes).map_err(|_| NotASnapshot)?;
+        if version != VERSION {
+            return Err(NotASnapshot);
+        }
+        let (saved, rest) = postcard::take_from_bytes::<Saved>(bytes).map_err(|_| NotASnapshot)?;
+        if !rest.is_empty() {
+            return Err(NotASnapshot);
+        }
+        let config: Config =
+            runtime::config::parse(&saved.config, "the journal").map_err(|_| NotASnapshot)?;
+        let calibration = config.calibration.clone();
+        let status = Status::from_kept(saved.kept, calibration, config.estimator.build());
+        let status = status.ok_or(NotASnapshot)?;
+        Ok(Snapshot { config, status })
+    }
+
+    /// The same core with another configuration: what it would do from here on.
+    #[must_use]
+    pub fn against(mut self, config: &Config) -> Snapshot {
+        let calibration = config.calibration.clone();
+        self.status
+            .reconfigure(calibration, config.estimator.build());
+        self.config = config.clone();
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::payload::StatusJournal;
+    use ipc_types::{JournalPiece, Topic};
+    use module_kit::journal::{Entry, Reader};
+
+    use super::*;
+    use crate::core::InputCounts;
+    use crate::log::Logs;
+    use crate::test_samples::sample;
+
+    #[test]
+    fn what_the_core_was_given_and_said_is_read_again() {
+        let mut writer = Writer::new(StatusJournal::ROOM);
+        writer.start();
+        let at = MonotonicNs(1_000_000_007);
+        let config = Config::default();
+        let status = Status::new(config.calibration.clone(), Logs::default(), at);
+        let mut status = Journaled::new(status, &config, writer);
+        // Nothing before the first snapshot is recorded.
+        status.apply(at, Input::Sample(sample(1, 1)));
+        status.apply(at, Input::Published(Ok(())));
+        let inputs = [
+            Input::Step(InputCounts {
+                received: 7,
+                lost: 0,
+                publisher_restarts: 1,
+            }),
+            Input::Sample(sample(1, 2)),
+            Input::Published(Err("no room".to_owned())),
+            Input::State { always: true },
+            // Nothing has changed: it is not recorded.
+            Input::State { always: false },
+            Input::Step(InputCounts::default()),
+        ];
+        let mut expected = Vec::new();
+        for (index, input) in inputs.into_iter().enumerate() {
+            // A clock that was read before the last one.
+            let at = MonotonicNs(at.0 + 20 - index as u64);
+            let output = status.apply(at, input.clone());
+            if input != (Input::State { always: false }) {
+                expected.push((at, Entry::Input(input)));
+            }
+            expected.extend(output.map(|output| (at, Entry::Output(output))));
+        }
+        let mut reader = Reader::new();
+        for (piece, sequence) in status.writer().take_all().zip(1..) {
+            let mut sample = StatusJournal::default();
+            sample.fill(0, piece.begins, piece.beginnings, &piece.bytes);
+            sample.stamp(sequence, 1);
+            reader.take(&sample);
+        }
+        let snapshot: Option<Record<'_>> = reader.next().unwrap();
+        assert!(matches!(snapshot.unwrap().entry, Entry::Snapshot(_)));
+        for (at, entry) in expected {
+            let record: Option<Record<'_>> = reader.next().unwrap();
+            assert_eq!(record, Some(Record { at, entry }));
+        }
+        assert_eq!(reader.next::<Input, Output>(), Ok(None));
+    }
+}
