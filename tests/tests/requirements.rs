@@ -26,12 +26,12 @@ fn named_tests(row: &str) -> Vec<(String, Option<String>)> {
 
 #[test]
 fn every_test_that_the_table_names_is_there() {
-    let table = std::fs::read_to_string(root().join("docs/requirements.md")).unwrap();
+    let table = fs::read_to_string(root().join("docs/requirements.md")).unwrap();
     let (mut checked, mut missing) = (0, Vec::new());
     for row in table.lines().filter(|line| line.starts_with("| ")) {
         for (file, function) in named_tests(row) {
             checked += 1;
-            let source = std::fs::read_to_string(root().join(&file)).unwrap_or_default();
+            let source = fs::read_to_string(root().join(&file)).unwrap_or_default();
             let found = match &function {
                 Some(function) => source.contains(&format!("fn {function}(")),
                 None => source.contains("#[test]"),
