@@ -113,7 +113,7 @@ fn the_pilot_s_switch_refuses_movements_and_ends_the_one_under_way() {
     // Without the group the switch is not known, and the rule cannot hold.
     let mut desk = Desk::flying();
     desk.dsp.status.withdraw(StatusMask(1 << 10));
-    desk.run(1500);
+    desk.run(2500);
     assert_eq!(
         desk.bridge.state().safety.pilot_switch(),
         Some(PilotSwitch::Unknown)

@@ -384,7 +384,7 @@ fn a_status_without_the_time_that_was_asked_for_does_not_overtake_one_that_is_he
         );
         desk.say(Downlink::Status(Status::default()));
         assert_eq!(desk.out.telemetry.len(), samples, "{rule:?}");
-        desk.run(250);
+        desk.run(1000);
         let now = desk.bridge.state().link.telemetry_incoherent;
         assert_eq!(now, dropped + 1, "{rule:?}");
         let times = desk.out.telemetry.iter().map(|sample| sample.received_ns);
@@ -404,7 +404,7 @@ fn an_implausible_group_is_withdrawn_and_counted() {
     let sample = desk.out.telemetry[0];
     assert_eq!(sample.valid_groups, !(1 << 5), "the other groups stay");
     assert_eq!(sample.attitude.pitch_deg, 0.0);
-    desk.run(250);
+    desk.run(1000);
     let refused = desk.bridge.state().refused;
     assert_eq!(refused.implausible_mask, 1 << 5);
     assert!(refused.implausible_groups >= 1);
@@ -425,7 +425,7 @@ fn noise_is_counted_by_reason_and_costs_no_good_message() {
         desk.apply(Input::Received(bytes));
     }
     assert_eq!(desk.out.telemetry.len(), 4);
-    desk.run(250);
+    desk.run(1000);
     let refused = desk.bridge.state().refused;
     assert_eq!(
         (
@@ -442,8 +442,8 @@ fn noise_is_counted_by_reason_and_costs_no_good_message() {
 fn the_state_is_published_at_every_change_and_every_period() {
     let mut desk = Desk::up(&BridgeConfig::default());
     desk.out.states.clear();
-    desk.run(2000);
-    // Four a second while nothing changes, or a few more: it comes early when a status comes shortly before.
+    desk.run(8000);
+    // One a second while nothing changes, or a few more: it comes early when a status comes shortly before.
     let states = desk.out.states.len();
     assert!((8..=10).contains(&states), "{states}");
     desk.out.states.clear();
@@ -498,6 +498,6 @@ fn messages_that_were_missed_are_counted_by_their_numbers() {
         desk.dsp
             .frame(&Downlink::FlowControl(FlowControl::Stop), None);
     }
-    desk.run(260);
+    desk.run(1000);
     assert_eq!(desk.bridge.state().refused.missed_messages, 3);
 }

@@ -355,8 +355,8 @@ impl BytesPublisher {
 
     /// See [`Publisher::end_batch`].
     fn end_batch(&mut self) {
-        let batch = std::mem::take(&mut self.batch);
-        if batch > 0 && (batch - 1) % BATCH > 0 {
+        let after_first = std::mem::take(&mut self.batch).saturating_sub(1);
+        if !after_first.is_multiple_of(BATCH) {
             self.wake();
         }
     }
