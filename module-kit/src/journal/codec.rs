@@ -325,7 +325,8 @@ mod tests {
     fn records_are_written_as_the_document_says() {
         let mut codec = Codec::default();
         let at = MonotonicNs(300);
-        let mut put = |put: &dyn Fn(&mut Codec, &mut Vec<u8>) -> Result<(), Malformed>| {
+        type Put<'a> = &'a dyn Fn(&mut Codec, &mut Vec<u8>) -> Result<(), Malformed>;
+        let mut put = |put: Put<'_>| {
             let mut out = Vec::new();
             put(&mut codec, &mut out).unwrap();
             out

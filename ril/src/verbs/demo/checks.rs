@@ -321,7 +321,8 @@ mod tests {
 
     #[test]
     fn a_good_flight_passes_and_each_fault_fails_its_own_check() {
-        let cases: [(fn(&mut Evidence<'_>), &[&str]); 13] = [
+        type Change = fn(&mut Evidence<'_>);
+        let cases: [(Change, &[&str]); 13] = [
             (|_| (), &[]),
             (|evidence| evidence.orders_done = 5, &["every order done"]),
             (
@@ -390,7 +391,8 @@ mod tests {
 
     #[test]
     fn each_fault_that_a_consumer_sees_fails_its_own_check() {
-        let cases: [(fn(&mut Seen), &[&str]); 4] = [
+        type Change = fn(&mut Seen);
+        let cases: [(Change, &[&str]); 4] = [
             (|seen| seen.counts.hero.lost = 1, &["no sample lost"]),
             (
                 |seen| seen.state(&state(ModuleStatus::Aborted, Functionality::AtRest)),
