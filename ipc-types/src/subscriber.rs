@@ -424,11 +424,12 @@ impl BytesSubscriber {
     /// Looks for another generation, unless there is a former one: its samples are on the way.
     fn follow_if_alone(&mut self) -> Result<(), ReceiveError> {
         match self.former {
-            None => self.follow(HISTORY).map_err(|error| ReceiveError {
+            // Asked here as well, because what `follow` returns is as large as a port.
+            None if self.follower.is_due() => self.follow(HISTORY).map_err(|error| ReceiveError {
                 is_full: matches!(error, OpenError::Full { .. }),
                 ..self.failed(error.with_cause())
             }),
-            Some(_) => Ok(()),
+            _ => Ok(()),
         }
     }
 
