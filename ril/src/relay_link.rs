@@ -1,4 +1,4 @@
-//! The link of a relay to a robot on another machine: [`LinkWatch`] tells whether a topic comes over it, [`LinkReport`] says how it is,
+//! The link of a relay to a robot on another machine: `LinkWatch` says whether a topic comes over it, [`LinkReport`] says how it is,
 //! as text for people and as part of a JSON object for programs.
 
 use std::fmt;
