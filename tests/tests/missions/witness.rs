@@ -10,7 +10,7 @@ use ipc_types::{MonotonicNs, TelemetryGroup};
 use crate::plausible::assert_plausible;
 
 /// Longest time between two published states, with the default configuration.
-const STATE_PERIOD_NS: u64 = 250_000_000;
+const STATE_PERIOD_NS: u64 = 1_000_000_000;
 
 /// Longest time between two samples on a sound line, by the DSP's clock.
 const LONGEST_GAP_MS: u32 = 60_000;
