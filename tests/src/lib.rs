@@ -95,7 +95,7 @@
 //! charges.publish(&Charge { charge: 0.5, ..Charge::default() });
 //! subscriber.wait(WAIT_LIMIT).unwrap();
 //! assert_eq!(subscriber.latest().unwrap().unwrap().charge, 0.5);
-//! let mut client = ipc.client().unwrap();
+//! let mut client = ipc.client::<ControlOf<BatteryWatch>>().unwrap();
 //! let start = ControlOf::<BatteryWatch>::command(7, ControlCommand::Start);
 //! client.send(&start).unwrap();
 //! assert_eq!(control.next_request(), start);
