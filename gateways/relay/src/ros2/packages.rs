@@ -91,7 +91,7 @@ pub enum WriteError {
 ///
 /// # Errors
 ///
-/// See [`WriteError`]. What was written before it stays.
+/// A file cannot be written. What was written before it stays.
 pub fn write_packages(
     folder: &Path,
     ipc: &Ipc,
