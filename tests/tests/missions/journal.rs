@@ -65,7 +65,8 @@ fn a_mission_is_verified_in_one_span_with_all_that_was_said() {
     assert!(verdict.is_verified(), "{verdict:?}");
     assert_eq!((verdict.spans.len(), verdict.break_count), (1, 0));
     assert!(verdict.snapshots > 3, "{verdict:?}");
-    assert!(verdict.samples > 1000 && verdict.states > 100 && verdict.bytes_sent > 100);
+    assert!(verdict.samples > 1000 && verdict.bytes_sent > 100);
+    assert!(verdict.states >= mission.time.as_secs(), "one each second");
     assert!(verdict.reports > 10, "{verdict:?}");
     let mut verifier = Verifier::new();
     for piece in &mission.status {

@@ -1,5 +1,7 @@
 //! Requests that must be refused, each at a moment when it makes sense to try.
 
+use std::time::Duration;
+
 use bridge::flight::assembly::MAX_WAYPOINTS;
 use ipc_types::code::{
     ControlCommand, Functionality, ImiCode, ImiError, MovementKind, Reason, Stage,
@@ -24,9 +26,14 @@ enum Moment {
     NoLink,
 }
 
+/// How often the state is published, so that each refusal is soon seen in it.
+const STATE_PERIOD: Duration = Duration::from_millis(250);
+
 /// A world at that moment.
 fn world_at(moment: Moment) -> World {
-    let mut world = World::new(&WorldConfig::new());
+    let mut config = WorldConfig::new();
+    config.bridge.state.period_ms = STATE_PERIOD.as_millis() as u64;
+    let mut world = World::new(&config);
     if moment == Moment::NoLink {
         // The port opens a little later.
         return world;
@@ -229,7 +236,7 @@ fn every_refusal_has_its_reason_and_changes_nothing() {
         };
         assert_eq!(outcome.imi, ImiCode::from(imi), "{moment:?} {reason:?}");
         // The state says so at its next publication.
-        world.run_for(std::time::Duration::from_millis(250));
+        world.run_for(STATE_PERIOD);
         if moment != NoLink {
             assert_eq!(world.witness.state.refused.requests, refused + 1);
             assert!(world.witness.phases.starts_with(&phases));
@@ -311,7 +318,7 @@ fn a_waypoint_too_many_breaks_its_path() {
     assert!(older.iter().all(|o| *o == (Stage::Done, Reason::None)));
     assert_eq!(*newest, (Stage::Aborted, Reason::PathTooLong));
     assert_eq!(*one_too_many, (Stage::Refused, Reason::PathTooLong));
-    world.run_for(std::time::Duration::from_secs(1));
+    world.run_for(Duration::from_secs(1));
     assert_eq!(world.probe.waypoints, 0, "something of the path was sent");
     assert_eq!(
         world.witness.state.movement.kind(),
