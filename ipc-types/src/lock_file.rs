@@ -161,7 +161,7 @@ pub(crate) fn open_to_look(path: &Path) -> io::Result<LockFile> {
         .map(LockFile::new)
 }
 
-/// What is in a folder; `None` if it cannot be read, because it is gone for example.
+/// What is in a folder; empty if it cannot be read, because it is gone for example.
 pub(crate) fn entries(folder: &Path) -> impl Iterator<Item = DirEntry> {
     fs::read_dir(folder).into_iter().flatten().flatten()
 }
