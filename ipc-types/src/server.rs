@@ -236,7 +236,9 @@ impl BytesServer {
         };
         let broken = self.replace_port(port);
         self.abandon(broken);
-        Err(self.failed("iceoryx2 panicked; a new generation has begun".to_owned()))
+        let error = self.failed("iceoryx2 panicked; a new generation has begun".to_owned());
+        tracing::warn!("{error}");
+        Err(error)
     }
 
     fn failed(&self, reason: String) -> ServeError {
