@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 16] = [
+const ARROWS: [(&str, &[&str]); 17] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -66,6 +66,10 @@ const ARROWS: [(&str, &[&str]); 16] = [
             "runtime",
             "status",
         ],
+    ),
+    (
+        "endurance",
+        &["dsp-sim", "ipc-types", "recording", "ril-tests", "runtime"],
     ),
 ];
 

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use ril_tests::languages::{run, skip, target_folder};
+use crate::languages::{run, skip, target_folder};
 
-use crate::readers::Reader;
+use super::reader::Reader;
 
 /// From PyPI.
 const PYTHON_PACKAGES: [&str; 5] = [

@@ -8,8 +8,11 @@ use ipc_types::schema::Value;
 /// A message: times, number and fields; what a reader does not give is absent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
+    /// When it was recorded, ns.
     pub log_time: Option<u64>,
+    /// When it was published, ns.
     pub publish_time: Option<u64>,
+    /// Number of the recording.
     pub sequence: Option<u32>,
     /// `name=value`.
     pub fields: Vec<String>,
@@ -18,7 +21,9 @@ pub struct Line {
 /// What a reader found in a file: messages by topic, and what it complained of.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Read {
+    /// By topic, in order.
     pub messages: BTreeMap<String, Vec<Line>>,
+    /// `None` if the reader has no complaint.
     pub error: Option<String>,
 }
 

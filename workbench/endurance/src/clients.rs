@@ -7,7 +7,8 @@ use std::time::Duration;
 use dsp_sim::random::Random;
 use ril_tests::process::Signal;
 
-use crate::outcome::{Outcome, Plan};
+use crate::outcome::Outcome;
+use crate::plan::Plan;
 use crate::site::{Site, Survivors, count_lines};
 
 /// What the clients ask. Each `--preempt` replaces the path before it, so that many of them have a request open.

@@ -12,8 +12,9 @@ use ril_tests::process::Signal;
 use rustix::process::{Resource, Rlimit, setrlimit};
 
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Plan};
-use crate::site::{ECHO_DSP, ECHO_HERO, Kind, Site, Survivors, count_lines};
+use crate::outcome::Outcome;
+use crate::plan::{Kind, Plan};
+use crate::site::{ECHO_DSP, ECHO_HERO, Site, Survivors, count_lines};
 
 /// What is started. The last ones are modules: one that finds its place taken, one that waits, and one with a topic of its own.
 const STARTS: [Start; 9] = [

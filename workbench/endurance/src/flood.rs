@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use ipc_types::payload::MovementData;
 use ipc_types::{Domain, Ipc, RobotId};
 
-use crate::outcome::{Outcome, Plan, Times};
+use crate::outcome::{Outcome, Times};
+use crate::plan::Plan;
 use crate::site::{Site, is_done};
 
 /// How many clients flood the bridge; half of the places that a service has.

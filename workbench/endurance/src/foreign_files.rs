@@ -12,8 +12,9 @@ use ril_tests::process::Signal;
 
 use crate::listener::Listener;
 use crate::memory;
-use crate::outcome::{Outcome, Plan, Times};
-use crate::site::{Kind, Site};
+use crate::outcome::{Outcome, Times};
+use crate::plan::{Kind, Plan};
+use crate::site::Site;
 
 /// Options of the file system.
 pub const MOUNT_OPTIONS: &str = "size=512m,nr_inodes=1m";

@@ -9,8 +9,9 @@ use ipc_types::payload::DspTelemetry;
 use ril_tests::process::Signal;
 
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Plan, Times};
-use crate::site::{Kind, Site};
+use crate::outcome::{Outcome, Times};
+use crate::plan::{Kind, Plan};
+use crate::site::Site;
 
 /// Samples that a bridge publishes before it is killed: it works.
 const SAMPLES_BEFORE: usize = 5;

@@ -8,7 +8,8 @@ use dsp_sim::random::Random;
 use ril_tests::Process;
 use ril_tests::process::Signal;
 
-use crate::outcome::{Outcome, Plan};
+use crate::outcome::Outcome;
+use crate::plan::Plan;
 use crate::site::Site;
 
 /// What is stopped.

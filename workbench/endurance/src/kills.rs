@@ -10,8 +10,9 @@ use ril_tests::Process;
 use ril_tests::process::Signal;
 use ril_tests::sandbox::{Holdings, Witness};
 
-use crate::outcome::{Outcome, Plan, Times};
-use crate::site::{Kind, Site, Survivors};
+use crate::outcome::{Outcome, Times};
+use crate::plan::{Kind, Plan};
+use crate::site::{Site, Survivors};
 
 /// Longest time that a process works before it is killed. Two periods of telemetry and more: every phase of its work.
 const WORK: Duration = Duration::from_millis(50);

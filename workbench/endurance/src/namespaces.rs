@@ -9,7 +9,8 @@ use std::process::Command;
 use ril_tests::process::Finished;
 
 use crate::memory;
-use crate::outcome::{Outcome, Plan};
+use crate::outcome::Outcome;
+use crate::plan::Plan;
 use crate::site::Site;
 
 /// Starts at the same moment, half of them in each kind of namespace.

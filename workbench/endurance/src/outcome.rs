@@ -1,68 +1,7 @@
-//! What is to be measured ([`Plan`]), and what came of it ([`Outcome`]): a row of a table, and what was not as it must be.
+//! What came of a measurement ([`Outcome`]): a row of a table, and what was not as it must be.
 
 use std::fmt::{self, Display};
-use std::path::PathBuf;
 use std::time::Duration;
-
-use clap::Args;
-
-use crate::site::Kind;
-
-/// What to do. The program reads it from its command line, the tests fill it in.
-#[derive(Args, Clone, Debug)]
-pub struct Plan {
-    /// Which process is killed [default: each, one after the other]
-    #[arg(long, value_enum)]
-    pub victim: Option<Kind>,
-    /// How often, or how many; each measurement has a number of its own. Port no more than 256
-    #[arg(long)]
-    pub count: Option<u32>,
-    /// How long subscribers disturb (120 s), or processes crash (600 s)
-    #[arg(long)]
-    pub duration_s: Option<u64>,
-    /// How many processes start, and crash, a second
-    #[arg(long, default_value = "50", value_parser = clap::value_parser!(u32).range(1..))]
-    pub per_second: u32,
-    /// Period of telemetry [default: gap 20 ms, subscribers 2 ms]
-    #[arg(long)]
-    pub period_ms: Option<u16>,
-    /// Simulated seconds for one of the host: records
-    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u32).range(1..=10))]
-    pub speed: u32,
-    /// Where the files of `records` go, to be opened with other programs; it must be there
-    #[arg(long)]
-    pub keep: Option<PathBuf>,
-    /// Seed of all moments
-    #[arg(long, default_value = "1")]
-    pub seed: u64,
-    /// The short form, which the tests are: it runs where a machine may stall, and judges no times and nothing that takes minutes to
-    /// show
-    #[arg(skip)]
-    pub is_short: bool,
-}
-
-impl Plan {
-    /// The short form, `count` times.
-    #[allow(dead_code)] // For the tests.
-    pub fn short(count: u32) -> Plan {
-        Plan {
-            victim: None,
-            count: Some(count),
-            duration_s: None,
-            per_second: 20,
-            period_ms: Some(20),
-            speed: 4,
-            keep: None,
-            seed: 7,
-            is_short: true,
-        }
-    }
-
-    /// How long it lasts.
-    pub fn duration(&self, usual_s: u64) -> Duration {
-        Duration::from_secs(self.duration_s.unwrap_or(usual_s))
-    }
-}
 
 /// What came of a measurement.
 #[derive(Clone, Debug, Default)]
@@ -95,7 +34,6 @@ impl Outcome {
     /// # Panics
     ///
     /// When there is none.
-    #[allow(dead_code)] // For the tests.
     pub fn count(&self, heading: &str) -> u64 {
         let mut cells = self.cells.iter();
         let cell = cells.find(|(other, _)| *other == heading);

@@ -18,8 +18,9 @@ use ril_tests::process::WAIT_LIMIT;
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use crate::outcome::{Outcome, Plan, Times};
-use crate::site::{Kind, Site, count_lines};
+use crate::outcome::{Outcome, Times};
+use crate::plan::{Kind, Plan};
+use crate::site::{Site, count_lines};
 
 /// When the port is hung up for the first time: the bridge has started by then.
 const FIRST: Duration = Duration::from_secs(2);

@@ -18,11 +18,11 @@ use recording::read::{self, Bytes};
 use ril_tests::Process;
 use ril_tests::languages::target_folder;
 use ril_tests::process::Signal;
+use ril_tests::readers::{Reader, sums::Sums};
 
-use crate::outcome::{Outcome, Plan, Times};
-use crate::readers::Reader;
+use crate::outcome::{Outcome, Times};
+use crate::plan::Plan;
 use crate::site::Site;
-use crate::sums::Sums;
 
 /// What the record promises: everything older than this is in the file.
 const PROMISE: Duration = Duration::from_millis(500);
@@ -321,10 +321,10 @@ fn last_messages(bytes: &[u8]) -> BTreeMap<&'static str, MonotonicNs> {
 fn hole(bytes: &[u8]) -> Option<String> {
     let check = read::check(bytes);
     check.topics.iter().find_map(|(name, topic)| {
-        let told = check.events.iter().filter(|event| event.topic == *name);
-        let told: u64 = told.map(|event| event.count).sum();
-        let lacks = format!("{name} lacks {} and tells of {told}", topic.missing);
-        (topic.missing > told).then_some(lacks)
+        let reported = check.events.iter().filter(|event| event.topic == *name);
+        let reported: u64 = reported.map(|event| event.count).sum();
+        let lacks = format!("{name} lacks {} and reports {reported}", topic.missing);
+        (topic.missing > reported).then_some(lacks)
     })
 }
 

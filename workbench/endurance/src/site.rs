@@ -7,14 +7,14 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use clap::ValueEnum;
 use ril_tests::chain::PATIENT;
-use ril_tests::languages::{Compiler, python, python_example, skip};
+use ril_tests::languages::{Compiler, python, python_example};
 use ril_tests::process::{Finished, Stream};
 use ril_tests::sandbox::Holdings;
-use ril_tests::{Process, Sandbox};
+use ril_tests::{Process, Robot, Sandbox};
 
-use crate::outcome::{Outcome, Plan};
+use crate::outcome::Outcome;
+use crate::plan::{Kind, Plan};
 
 /// How long it may take until what killed processes left is removed: their providers look twice a second, and count files every ten
 /// seconds.
@@ -25,76 +25,13 @@ pub const ECHO_DSP: &str = "echo dsp --json --field sequence --timeout 80s";
 /// The same of telemetry in SI units.
 pub const ECHO_HERO: &str = "echo hero --json --field sequence --timeout 80s";
 
-/// A process that can be killed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Kind {
-    /// The simulator, with the serial port
-    Sim,
-    /// The bridge
-    Bridge,
-    /// Status
-    Status,
-    /// A consumer of telemetry in SI units, which prints it
-    Consumer,
-    /// The same in C
-    CConsumer,
-    /// The same in Python
-    PythonConsumer,
-}
-
-impl Kind {
-    /// All, in the order of the data.
-    pub const ALL: [Kind; 6] = [
-        Kind::Sim,
-        Kind::Bridge,
-        Kind::Status,
-        Kind::Consumer,
-        Kind::CConsumer,
-        Kind::PythonConsumer,
-    ];
-
-    /// Those that need nothing but `ril`.
-    pub const OF_RIL: [Kind; 4] = [Kind::Sim, Kind::Bridge, Kind::Status, Kind::Consumer];
-
-    /// As it is named in the tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::Sim => "sim",
-            Kind::Bridge => "bridge",
-            Kind::Status => "status",
-            Kind::Consumer => "consumer",
-            Kind::CConsumer => "c-consumer",
-            Kind::PythonConsumer => "python-consumer",
-        }
-    }
-
-    /// Whether other processes need nothing of it.
-    pub fn is_consumer(self) -> bool {
-        !matches!(self, Kind::Sim | Kind::Bridge | Kind::Status)
-    }
-
-    /// Whether this machine has what the process needs. What it has not is printed. The first call may build a library, which can take
-    /// minutes: call it before a [`Site`] begins to watch the time.
-    pub fn is_possible(self) -> bool {
-        let lack = match self {
-            Kind::CConsumer => Compiler::c().err(),
-            Kind::PythonConsumer => python().err().map(str::to_owned),
-            _ => None,
-        };
-        if let Some(why) = &lack {
-            skip(self.name(), why);
-        }
-        lack.is_none()
-    }
-}
-
 /// Where everything happens: a domain and a folder that no other process has.
 pub struct Site {
     sandbox: Sandbox,
     /// Programs in C, as they are built.
     c_programs: RefCell<BTreeMap<&'static str, PathBuf>>,
     /// What ends no flight when the machine stalls: `bridge.toml`.
-    patience: &'static str,
+    bridge_toml: &'static str,
 }
 
 impl Deref for Site {
@@ -112,7 +49,7 @@ impl Site {
             sandbox,
             c_programs: RefCell::default(),
             // The long form counts each second in which the link was silent.
-            patience: match plan.is_short {
+            bridge_toml: match plan.is_short {
                 true => PATIENT,
                 false => "[link]\npc_timeout_ms = 60000\n",
             },
@@ -165,13 +102,15 @@ impl Site {
     /// fast, and a machine that stalls for seconds ends no flight.
     #[track_caller]
     pub fn start_chain_at(&self, speed: u32) -> [Process; 3] {
-        self.write("bridge.toml", self.patience);
-        let sim = format!("run sim --link dsp --seed 1 --speed {speed}");
-        let mut chain =
-            [&*sim, "run bridge --port dsp", "run status"].map(|args| self.start_ready(args));
-        chain[1].wait_for_text("to=\"up\"");
-        self.ask("echo hero --count 1");
-        chain
+        self.write("bridge.toml", self.bridge_toml);
+        let Robot {
+            sim,
+            mut bridge,
+            status,
+            ..
+        } = self.start_robot(1, speed);
+        bridge.wait_for_text("to=\"up\"");
+        [sim, bridge, status]
     }
 
     /// As [`Site::start_chain_at`], four times as fast.

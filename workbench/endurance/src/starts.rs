@@ -10,8 +10,9 @@ use ril_tests::Process;
 use ril_tests::process::Signal;
 use ril_tests::sandbox::Witness;
 
-use crate::outcome::{Outcome, Plan, Times};
-use crate::site::{Kind, Site};
+use crate::outcome::{Outcome, Times};
+use crate::plan::{Kind, Plan};
+use crate::site::Site;
 
 /// Longest time that a process works before it is killed: every phase of its work.
 const WORK: Duration = Duration::from_millis(50);

@@ -13,8 +13,9 @@ use ril_tests::Process;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Plan};
-use crate::site::{ECHO_DSP, Kind, Site};
+use crate::outcome::Outcome;
+use crate::plan::{Kind, Plan};
+use crate::site::{ECHO_DSP, Site};
 
 /// Longest pause between two disturbances.
 const PAUSE: Duration = Duration::from_millis(30);

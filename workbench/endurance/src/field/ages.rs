@@ -5,11 +5,11 @@ use std::collections::HashMap;
 
 use ipc_types::payload::{HeroTelemetry, RelayLink};
 use ipc_types::{MonotonicNs, Wake};
-use ril_tests::Process;
 use ril_tests::process::{Stream, WAIT_LIMIT};
+use ril_tests::sandbox::TopicWatch;
+use ril_tests::{Process, Sandbox};
 
-use crate::machine::{Listener, Machine, kill};
-use crate::site::AHEAD_S;
+use super::site::AHEAD_S;
 
 /// A sample as the station has it.
 #[derive(Clone, Copy, Debug)]
@@ -26,18 +26,20 @@ pub struct Shown {
 
 /// Samples at the station, from now on.
 pub struct Observer {
-    listener: Listener<HeroTelemetry>,
-    links: Listener<RelayLink>,
+    telemetry: TopicWatch<HeroTelemetry>,
+    links: TopicWatch<RelayLink>,
     uncertainty_s: f64,
+    /// What came so far, in order.
     pub shown: Vec<Shown>,
 }
 
 impl Observer {
-    pub fn new(station: &Machine) -> Observer {
+    /// Begins when the clocks are known.
+    pub fn new(station: &Sandbox) -> Observer {
         let mut links = station.subscribe::<RelayLink>(1);
         let link = links.until("the clocks are known", |link| link.clock_valid == 1);
         Observer {
-            listener: station.subscribe(1),
+            telemetry: station.subscribe(1),
             links,
             uncertainty_s: link.clock_uncertainty_s,
             shown: Vec::new(),
@@ -71,14 +73,14 @@ impl Observer {
     }
 
     fn step(&mut self, timeout: std::time::Duration) -> Wake {
-        let wake = self.listener.port.wait(timeout).expect("a wait");
+        let wake = self.telemetry.port.wait(timeout).expect("a wait");
         if let Ok(Some(link)) = self.links.port.latest() {
             self.uncertainty_s = link.clock_uncertainty_s;
         }
         let (came, uncertainty_s, shown) =
             (MonotonicNs::now(), self.uncertainty_s, &mut self.shown);
         // What cannot be received now can be by the next call, says the subscriber.
-        let _ = self.listener.port.drain(|sample| {
+        let _ = self.telemetry.port.drain(|sample| {
             shown.push(Shown {
                 number: sample.source_sequence,
                 received: MonotonicNs(sample.received_ns),
@@ -91,21 +93,19 @@ impl Observer {
 }
 
 /// Writes down when the robot received each sample.
-pub struct Truth<'a> {
-    robot: &'a Machine,
-    echo: Process,
-}
+pub struct Truth(Process);
 
-impl Truth<'_> {
-    pub fn start(robot: &Machine) -> Truth<'_> {
+impl Truth {
+    /// Begins to write.
+    pub fn start(robot: &Sandbox) -> Truth {
         let mut echo = robot.start("echo dsp --json --field sequence --field received_ns");
         echo.wait_for_line(|line| line.stream == Stream::Stdout);
-        Truth { robot, echo }
+        Truth(echo)
     }
 
     /// When each sample was received, in the station's clock.
-    pub fn end(self) -> HashMap<u64, MonotonicNs> {
-        let lines = kill(self.robot, self.echo).stdout;
+    pub fn end(self, robot: &Sandbox) -> HashMap<u64, MonotonicNs> {
+        let lines = robot.kill(self.0).stdout;
         let mut truth = HashMap::new();
         for line in lines {
             let Ok(sample) = serde_json::from_str::<serde_json::Value>(&line) else {

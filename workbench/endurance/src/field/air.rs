@@ -3,6 +3,7 @@
 use std::collections::BinaryHeap;
 use std::time::Duration;
 
+use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
 
 /// What the air does to packets.
@@ -61,9 +62,8 @@ struct UnderWay {
 }
 
 /// The air between machine 0 and machine 1.
-#[derive(Debug)]
 pub struct Air {
-    random: u64,
+    random: Random,
     under_way: BinaryHeap<UnderWay>,
     /// In each direction, until when the link is busy with what came before.
     busy_until: [MonotonicNs; 2],
@@ -72,10 +72,10 @@ pub struct Air {
 }
 
 impl Air {
-    /// Air in which the same packets meet the same fate for the same seed.
+    /// Air in which the same packets meet the same outcome for the same seed.
     pub fn new(seed: u64) -> Air {
         Air {
-            random: seed,
+            random: Random::new(seed, 0),
             under_way: BinaryHeap::new(),
             busy_until: [MonotonicNs(0); 2],
             waiting: [0; 2],
@@ -85,7 +85,7 @@ impl Air {
 
     /// A packet is sent to machine `to`.
     pub fn send(&mut self, to: usize, bytes: &[u8], weather: &Weather, now: MonotonicNs) {
-        if self.share() < weather.loss || self.waiting[to] >= weather.packets {
+        if self.random.uniform() < weather.loss || self.waiting[to] >= weather.packets {
             return;
         }
         let mut sent = now;
@@ -94,7 +94,7 @@ impl Air {
             sent = now.max(self.busy_until[to]) + Duration::from_nanos(lasts_ns);
             self.busy_until[to] = sent;
         }
-        let jitter = weather.jitter.mul_f64(self.share());
+        let jitter = weather.jitter.mul_f64(self.random.uniform());
         self.number += 1;
         self.waiting[to] += 1;
         self.under_way.push(UnderWay {
@@ -117,15 +117,5 @@ impl Air {
     /// When the next packet arrives.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         self.under_way.peek().map(|packet| packet.due.0.0)
-    }
-
-    /// 0 … 1, by SplitMix64.
-    pub fn share(&mut self) -> f64 {
-        self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut word = self.random;
-        word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        word ^= word >> 31;
-        (word >> 11) as f64 / (1_u64 << 53) as f64
     }
 }

@@ -3,16 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use dsp_sim::random::Random;
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::payload::{
-    DspTelemetry, ModuleControl, MovementData, RequestReport, WaypointPosition,
-};
+use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
 use ipc_types::{Client, MonotonicNs, SendError, fresh_request_id};
 use ril_tests::process::Finished;
+use ril_tests::relayed::BridgeLog;
 
-use crate::air::{Air, Weather};
-use crate::bridge_log::BridgeLog;
-use crate::site::{Plan, Site};
+use super::air::Weather;
+use super::site::{Plan, Site};
+use crate::outcome::Outcome;
 
 /// From one request to the next.
 const PERIOD: Duration = Duration::from_millis(150);
@@ -24,7 +24,7 @@ const BETWEEN: Duration = Duration::from_secs(8);
 const OUTAGE: Duration = Duration::from_secs(10);
 
 /// How long the end of a request is waited for after all disturbances. A relay gives a request up after a minute.
-const PATIENCE: Duration = Duration::from_secs(150);
+const LAST_WAIT: Duration = Duration::from_secs(150);
 
 /// What disturbs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -42,57 +42,7 @@ const DISTURBANCES: [Disturbance; 4] = [
     Disturbance::Bridge,
 ];
 
-/// What came of it.
-#[derive(Default)]
-pub struct Outcome {
-    loss: f64,
-    sent: usize,
-    disturbances: BTreeMap<Disturbance, u32>,
-    /// Final reports by stage and reason.
-    finals: BTreeMap<String, usize>,
-    /// Requests without a final report.
-    silent: usize,
-    /// Final reports about requests that had one.
-    repeated: usize,
-    /// Requests that a bridge accepted.
-    executed: usize,
-    executed_twice: usize,
-    /// Requests that were said to be refused or not to be known, of which a bridge carried out those of the first kind.
-    untrue: usize,
-}
-
-impl Outcome {
-    /// Whether every promise was kept.
-    pub fn is_good(&self) -> bool {
-        self.silent + self.repeated + self.executed_twice + self.untrue == 0
-    }
-}
-
-impl std::fmt::Display for Outcome {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "requests through {:.0} % loss, {:?} | {} requests: {} without a final report, {} with two, {} executed, {} executed twice, {} \
-             refused and executed all the same; ",
-            self.loss * 100.0,
-            self.disturbances,
-            self.sent,
-            self.silent,
-            self.repeated,
-            self.executed,
-            self.executed_twice,
-            self.untrue
-        )?;
-        let finals: Vec<String> = self
-            .finals
-            .iter()
-            .map(|(end, count)| format!("{count} {end}"))
-            .collect();
-        write!(f, "{}", finals.join(", "))
-    }
-}
-
-/// Both clients, and what they heard.
+/// Both clients, and the reports that they got.
 struct Operator {
     movements: Client<MovementData>,
     controls: Client<ModuleControl>,
@@ -167,15 +117,10 @@ impl Operator {
 /// # Errors
 ///
 /// Why this machine cannot do it.
-pub fn run(
-    plan: &Plan,
-    count: u32,
-    loss: f64,
-    goes_on: &dyn Fn() -> bool,
-) -> Result<Outcome, String> {
+pub fn run(plan: &Plan, count: u32, goes_on: &dyn Fn() -> bool) -> Result<Outcome, String> {
     let mut site = Site::start(plan)?;
-    let place = site.station.subscribe::<DspTelemetry>(1).next().geographic;
-    let ipc = site.station.domain.join("operator");
+    let [latitude_deg, longitude_deg, altitude_m] = site.rig.place();
+    let ipc = site.rig.station.domain.join("operator");
     let mut operator = Operator {
         movements: ipc.client().expect("a client"),
         controls: ipc.client().expect("a client"),
@@ -183,19 +128,15 @@ pub fn run(
         ended: BTreeMap::new(),
         repeated: 0,
         place: WaypointPosition {
-            latitude_deg: place.latitude_deg,
-            longitude_deg: place.longitude_deg,
-            altitude_m: place.altitude_m + 6.0,
+            latitude_deg,
+            longitude_deg,
+            altitude_m: altitude_m + 6.0,
         },
         count: 0,
     };
-    site.air.set(Weather::loss(loss));
-    let mut outcome = Outcome {
-        loss,
-        ..Outcome::default()
-    };
-    let mut killed_bridges: Vec<Finished> = Vec::new();
-    let mut chance = Chance(plan.seed);
+    let mut bridges: Vec<Finished> = Vec::new();
+    let mut disturbances = BTreeMap::<Disturbance, u32>::new();
+    let mut chance = Random::new(plan.seed, 1);
     let mut next_disturbance = MonotonicNs::now() + BETWEEN;
     let mut fine_again: Option<MonotonicNs> = None;
     while operator.count < count && goes_on() {
@@ -203,67 +144,74 @@ pub fn run(
         operator.wait_until(MonotonicNs::now() + PERIOD);
         let now = MonotonicNs::now();
         if fine_again.is_some_and(|at| at <= now) {
-            site.air.set(Weather::loss(loss));
+            site.air.set(Weather::loss(plan.loss));
             fine_again = None;
         }
         if now >= next_disturbance {
-            let disturbance = DISTURBANCES[chance.below(DISTURBANCES.len() as u64) as usize];
-            *outcome.disturbances.entry(disturbance).or_default() += 1;
+            let disturbance = DISTURBANCES[chance.next_u64() as usize % DISTURBANCES.len()];
+            *disturbances.entry(disturbance).or_default() += 1;
             match disturbance {
                 Disturbance::Outage => {
                     site.air.set(Weather::OUTAGE);
                     fine_again = Some(now + OUTAGE);
                 }
-                Disturbance::RobotRelay => site.restart_robot_relay(),
-                Disturbance::StationRelay => site.restart_station_relay(),
-                Disturbance::Bridge => {
-                    let crew = site.crew.as_mut().expect("it runs");
-                    killed_bridges.push(crew.restart_bridge(&site.robot));
+                Disturbance::RobotRelay => {
+                    site.rig.kill_robot_relay();
+                    site.rig.start_robot_relay();
                 }
+                Disturbance::StationRelay => {
+                    site.rig.kill_station_relay();
+                    site.rig.start_station_relay();
+                }
+                Disturbance::Bridge => bridges.push(site.rig.restart_bridge()),
             }
-            let pause = BETWEEN.mul_f64(0.25 + chance.below(1000) as f64 / 666.0);
+            let pause = BETWEEN.mul_f64(0.25 + 1.5 * chance.uniform());
             next_disturbance = MonotonicNs::now() + pause;
         }
     }
-    site.air.set(Weather::loss(loss));
-    let give_up = MonotonicNs::now() + PATIENCE;
+    site.air.set(Weather::loss(plan.loss));
+    let give_up = MonotonicNs::now() + LAST_WAIT;
     while !operator.open.is_empty() && MonotonicNs::now() < give_up && goes_on() {
         operator.wait_until(MonotonicNs::now() + PERIOD);
     }
-    let [last, _] = {
-        outcome.sent = operator.ended.len() + operator.open.len();
-        outcome.silent = operator.open.len();
-        outcome.repeated = operator.repeated;
-        drop((operator.movements, operator.controls, ipc));
-        site.end()
-    };
-    killed_bridges.push(last);
-    let log = BridgeLog::of(&killed_bridges);
+    let Operator {
+        open,
+        ended,
+        repeated,
+        ..
+    } = operator;
+    drop(ipc);
+    let [last, _] = site.end();
+    bridges.push(last);
+    let log = BridgeLog::of(&bridges);
     let executed = log.accepted();
-    outcome.executed = executed.len();
-    outcome.executed_twice = log.executed_twice().len();
-    for (id, report) in &operator.ended {
+    let mut finals = BTreeMap::<String, usize>::new();
+    let mut untrue = 0;
+    for (id, report) in &ended {
         let stage = report.stage().map_or("?", Stage::name);
         let reason = match report.reason() {
             None | Some(Reason::None) => String::new(),
             Some(reason) => format!(" ({})", reason.name()),
         };
-        *outcome
-            .finals
-            .entry(format!("{stage}{reason}"))
-            .or_default() += 1;
+        *finals.entry(format!("{stage}{reason}")).or_default() += 1;
         let is_refused = report.stage() == Some(Stage::Refused);
-        outcome.untrue += usize::from(is_refused && executed.contains(id));
+        untrue += usize::from(is_refused && executed.contains(id));
     }
+    let mut outcome = Outcome::default();
+    outcome.cell("packets lost, %", plan.loss * 100.0);
+    outcome.cell("disturbances", format!("{disturbances:?}"));
+    outcome.cell("requests", ended.len() + open.len());
+    outcome.cell("executed", executed.len());
+    for (heading, count) in [
+        ("without a final report", open.len()),
+        ("with two", repeated),
+        ("executed twice", log.executed_twice().len()),
+        ("refused and executed all the same", untrue),
+    ] {
+        outcome.cell(heading, count);
+        outcome.require(count == 0, format!("{count} {heading}"));
+    }
+    let finals = finals.iter().map(|(end, count)| format!("{count} {end}"));
+    outcome.cell("final reports", finals.collect::<Vec<_>>().join(", "));
     Ok(outcome)
-}
-
-/// Draws numbers, the same for the same seed.
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_add(1);
-        (Air::new(self.0).share() * bound as f64) as u64
-    }
 }

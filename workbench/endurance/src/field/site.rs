@@ -8,11 +8,12 @@ use std::process::Command;
 use std::time::Duration;
 
 use ipc_types::Domain;
-use ril_tests::Process;
+use ril_tests::process::Finished;
+use ril_tests::relayed::STATION;
+use ril_tests::{Process, Rig, Sandbox};
 
-use crate::air::Weather;
-use crate::machine::{Crew, Machine, end, kill};
-use crate::tunnel::{INTERFACE, Tunnel};
+use super::air::Weather;
+use super::tunnel::{INTERFACE, Tunnel};
 
 /// How far the robot's monotonic clock is ahead of the station's, s.
 pub const AHEAD_S: i64 = 25_200;
@@ -29,16 +30,8 @@ const WITH_THIS: &str = "setpriv --pdeathsig KILL";
 /// Nothing but this program reaches these networks.
 const OPEN: &str = "[security]\ninsecure = true\n";
 
-/// The name of the station, and the one that may command.
-const STATION: &str = "gcs";
-
 /// The name of the robot's certificate.
 const ROBOT: &str = "robot-1";
-
-/// Whether the protocol wants certificates.
-fn is_encrypted(protocol: &str) -> bool {
-    ["tls", "quic"].contains(&protocol)
-}
 
 /// The configuration of a machine with certificates in this folder.
 fn certificates(folder: &Path, name: &str) -> String {
@@ -53,128 +46,80 @@ fn certificates(folder: &Path, name: &str) -> String {
 pub struct Plan {
     /// What is measured.
     pub name: &'static str,
-    /// The relay's program; `ril` lies beside it.
+    /// The program `ril`; the relay's lies beside it.
     pub ril: PathBuf,
     /// Protocol of the link, such as `tcp`.
     pub protocol: String,
     /// Part of `relay.toml` for both sides, without `[security]`.
     pub relay_toml: String,
+    /// Packets that are lost but for outages, 0 … 1.
+    pub loss: f64,
     /// A measurement that takes longer hangs.
     pub limit: Duration,
     /// Of the air's chances.
     pub seed: u64,
-    /// What all processes log; the logs of the relays are printed at the end.
-    pub log: Option<String>,
 }
 
 /// Both machines with everything that runs on them.
 pub struct Site {
+    /// What is between the networks.
     pub air: Tunnel,
-    pub crew: Option<Crew>,
-    robot_relay: Option<Process>,
-    station_relay: Option<Process>,
-    pub robot: Machine,
-    pub station: Machine,
-    endpoint: String,
+    /// What runs on the machines.
+    pub rig: Rig,
+    /// Last: the namespaces end with them.
     _holders: [Process; 2],
 }
 
 impl Site {
-    /// Starts everything in fine weather, and returns when the station shows the robot.
+    /// Starts everything in fine weather, and returns when the station shows the robot and packets are lost as planned.
     ///
     /// # Errors
     ///
     /// What this machine does not have or does not allow.
     pub fn start(plan: &Plan) -> Result<Site, String> {
         let clock = format!("--time --monotonic={AHEAD_S} --boottime={AHEAD_S}");
-        let robot = Place::make(&clock)?;
-        let station = Place::make("")?;
+        let places = [Place::make(&clock)?, Place::make("")?];
+        let [robot, station] = &places;
         let air = Tunnel::between([&robot.network(), &station.network()], plan.seed)
             .map_err(|error| format!("/dev/net/tun: {error}"))?;
-        for (place, address) in [&robot, &station].into_iter().zip(ADDRESSES) {
+        for (place, address) in places.iter().zip(ADDRESSES) {
             place.run("ip link set lo up")?;
             place.run(&format!("ip addr add {address}/24 dev {INTERFACE}"))?;
             place.run(&format!("ip link set {INTERFACE} up"))?;
         }
-        let machine = |place: &Place| {
-            let mut machine = Machine::within(&plan.ril, plan.name, place.starter(), plan.limit);
-            machine.log.clone_from(&plan.log);
-            machine.speed = 1;
-            machine
-        };
-        let (robot_machine, station_machine) = (machine(&robot), machine(&station));
-        if is_encrypted(&plan.protocol) {
+        let machines = places.each_ref().map(|place| {
+            let ril = plan.ril.display().to_string();
+            let words = place.starter().into_iter().chain([ril]);
+            Sandbox::new(words, plan.name, plan.limit)
+        });
+        let is_encrypted = ["tls", "quic"].contains(&plan.protocol.as_str());
+        if is_encrypted {
             let names = format!("{ROBOT}={} {STATION}", ADDRESSES[0]);
-            robot_machine.run(&format!("relay certify pki {names}"), 0);
+            machines[0].expect(&format!("relay certify pki {names}"), 0);
         }
-        for (machine, name) in [(&robot_machine, ROBOT), (&station_machine, STATION)] {
-            let security = match is_encrypted(&plan.protocol) {
-                true => certificates(&robot_machine.path("pki"), name),
+        let folder = machines[0].path("pki");
+        for (machine, name) in machines.iter().zip([ROBOT, STATION]) {
+            let security = match is_encrypted {
+                true => certificates(&folder, name),
                 false => OPEN.to_owned(),
             };
             machine.write("relay.toml", &format!("{security}{}", plan.relay_toml));
         }
-        let crew = Crew::start(&robot_machine, 1);
-        let mut site = Site {
+        let endpoint = format!("{}/{}:{PORT}", plan.protocol, ADDRESSES[0]);
+        let [robot, station] = machines;
+        let rig = Rig::between(robot, station, endpoint, 1);
+        air.set(Weather::loss(plan.loss));
+        Ok(Site {
             air,
-            crew: Some(crew),
-            robot_relay: None,
-            station_relay: None,
-            robot: robot_machine,
-            station: station_machine,
-            endpoint: format!("{}/{}:{PORT}", plan.protocol, ADDRESSES[0]),
-            _holders: [robot.holder, station.holder],
-        };
-        site.start_robot_relay();
-        site.start_station_relay();
-        site.station.await_link(1);
-        Ok(site)
+            rig,
+            _holders: places.map(|place| place.holder),
+        })
     }
 
-    /// Starts the robot's relay in the place of one that was killed.
-    pub fn start_robot_relay(&mut self) {
-        let args = format!(
-            "relay robot --listen {} --may-command {STATION}",
-            self.endpoint
-        );
-        self.robot_relay = Some(self.robot.start_ready(&args));
-    }
-
-    /// Starts the station's relay in the place of one that was killed.
-    pub fn start_station_relay(&mut self) {
-        let args = format!("relay station --name {STATION} --connect {}", self.endpoint);
-        self.station_relay = Some(self.station.start_ready(&args));
-    }
-
-    /// Kills the robot's relay and starts another one.
-    pub fn restart_robot_relay(&mut self) {
-        if let Some(relay) = self.robot_relay.take() {
-            kill(&self.robot, relay);
-        }
-        self.start_robot_relay();
-    }
-
-    /// Kills the station's relay and starts another one.
-    pub fn restart_station_relay(&mut self) {
-        if let Some(relay) = self.station_relay.take() {
-            kill(&self.station, relay);
-        }
-        self.start_station_relay();
-    }
-
-    /// Ends all processes in order, in fine weather; the machines look whether anything is left when they are dropped. Returns the log of the bridge and that of the simulator.
-    pub fn end(&mut self) -> [ril_tests::process::Finished; 2] {
+    /// Ends all processes in order, in fine weather. Returns what the bridge and the simulator had printed.
+    pub fn end(&mut self) -> [Finished; 2] {
         self.air.set(Weather::default());
-        for relay in [self.station_relay.take(), self.robot_relay.take()]
-            .into_iter()
-            .flatten()
-        {
-            let log = end(relay).stderr;
-            if self.robot.log.is_some() {
-                eprintln!("{}", log.join("\n"));
-            }
-        }
-        self.crew.take().expect("it runs").end()
+        self.rig.end()
     }
 }
 

@@ -1,92 +1,41 @@
 //! A slow link: how old samples are when they come, by priority.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, RelayLink};
 use ipc_types::{MonotonicNs, Topic};
+use ril_tests::sandbox::TopicWatch;
 
-use crate::air::Weather;
-use crate::machine::Listener;
-use crate::site::{Plan, Site};
+use super::air::Weather;
+use super::site::{Plan, Site};
+use crate::outcome::{Outcome, Times};
 
 /// Priorities of both topics of telemetry, of which each has 50 samples a second.
 pub const RELAY_TOML: &str = "[topics]\nrules = [{ key = \"hero_telemetry\", priority = \"high\" }, { key = \"dsp_telemetry\", priority = \"low\" }]\n";
 
 /// How long what was under way in fine weather is not counted.
-const SETTLE: Duration = Duration::from_secs(3);
+const START_UP: Duration = Duration::from_secs(3);
 
 /// How often the observer looks.
 const LOOK_PERIOD: Duration = Duration::from_millis(10);
 
-/// Ages of a topic's samples.
-#[derive(Default)]
-struct Ages(Vec<Duration>);
-
-impl Ages {
-    fn note<T: Topic>(
-        &mut self,
-        listener: &mut Listener<T>,
-        received_ns: impl Fn(&T) -> u64,
-        counts: bool,
-    ) {
-        let now = MonotonicNs::now();
-        // What cannot be received now can be by the next call, says the subscriber.
-        let _ = listener.port.drain(|sample| {
-            if counts {
-                self.0.push(now.since(MonotonicNs(received_ns(sample))));
-            }
-        });
-    }
-
-    /// Median and worst, ms, and how many.
-    fn text(&self) -> String {
-        let mut sorted = self.0.clone();
-        sorted.sort();
-        let ms = |index: usize| sorted.get(index).copied().unwrap_or_default().as_secs_f64() * 1e3;
-        let last = sorted.len().saturating_sub(1);
-        format!(
-            "{} samples, {:.0} / {:.0} / {:.0} ms",
-            sorted.len(),
-            ms(last / 2),
-            ms(last * 99 / 100),
-            ms(last)
-        )
-    }
+/// Takes what has come, and notes how old it is if that counts.
+fn take<T: Topic>(
+    topic: &mut TopicWatch<T>,
+    received_ns: impl Fn(&T) -> u64,
+    ages: &mut Times,
+    counts: bool,
+) {
+    let now = MonotonicNs::now();
+    // What cannot be received now can be by the next call, says the subscriber.
+    let _ = topic.port.drain(|sample| {
+        if counts {
+            ages.push(now.since(MonotonicNs(received_ns(sample))));
+        }
+    });
 }
 
-/// What came of it.
-pub struct Outcome {
-    rate_bps: u64,
-    duration: Duration,
-    high: Ages,
-    low: Ages,
-    link: RelayLink,
-    packets: usize,
-    verb_ms: f64,
-    verb_code: Option<i32>,
-}
-
-impl std::fmt::Display for Outcome {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "link of {} kbit/s with a queue of {} packets, {:?}; age when they come, median / 99 % / worst | high priority: {}; low priority: {}; {} samples lost on the \
-             air; round trip {:.0} ms, outages {}; a verb took {:.0} ms (exit code {})",
-            self.rate_bps / 1000,
-            self.packets,
-            self.duration,
-            self.high.text(),
-            self.low.text(),
-            self.link.samples_lost_on_air,
-            self.link.round_trip_s * 1e3,
-            self.link.outages,
-            self.verb_ms,
-            self.verb_code.unwrap_or(-1),
-        )
-    }
-}
-
-/// Watches for `duration`.
+/// Watches for `duration` a link of this speed, in which so many packets may wait.
 ///
 /// # Errors
 ///
@@ -98,39 +47,37 @@ pub fn run(
     duration: Duration,
 ) -> Result<Outcome, String> {
     let mut site = Site::start(plan)?;
-    let mut hero = site.station.subscribe::<HeroTelemetry>(1);
-    let mut dsp = site.station.subscribe::<DspTelemetry>(1);
+    let station = &site.rig.station;
+    let mut hero = station.subscribe::<HeroTelemetry>(1);
+    let mut dsp = station.subscribe::<DspTelemetry>(1);
     site.air.set(Weather {
         rate_bps: Some(rate_bps),
         packets,
-        ..Weather::default()
+        ..Weather::loss(plan.loss)
     });
-    let begin = MonotonicNs::now() + SETTLE;
-    let end = begin + duration;
-    let (mut high, mut low) = (Ages::default(), Ages::default());
-    let mut watch_until = |end: MonotonicNs| {
-        while MonotonicNs::now() < end {
-            hero.port.wait(LOOK_PERIOD).expect("a wait");
-            let counts = MonotonicNs::now() >= begin;
-            high.note(&mut hero, |sample| sample.received_ns, counts);
-            low.note(&mut dsp, |sample| sample.received_ns, counts);
-        }
-    };
-    watch_until(end);
+    let begin = MonotonicNs::now() + START_UP;
+    let (mut high, mut low) = (Times::default(), Times::default());
+    while MonotonicNs::now() < begin + duration {
+        hero.port.wait(LOOK_PERIOD).expect("a wait");
+        let counts = MonotonicNs::now() >= begin;
+        take(&mut hero, |sample| sample.received_ns, &mut high, counts);
+        take(&mut dsp, |sample| sample.received_ns, &mut low, counts);
+    }
     // A verb on the same link.
-    let asked = MonotonicNs::now();
-    let verb = site.station.start("start").wait_exit();
-    let verb_ms = MonotonicNs::now().since(asked).as_secs_f64() * 1e3;
-    let link = site.station.subscribe::<RelayLink>(1).next();
+    let asked = Instant::now();
+    let verb = station.run("start");
+    let verb_ms = asked.elapsed().as_millis();
+    let link = station.subscribe::<RelayLink>(1).next_sample();
     site.end();
-    Ok(Outcome {
-        rate_bps,
-        duration,
-        high,
-        low,
-        packets,
-        link,
-        verb_ms,
-        verb_code: verb.code(),
-    })
+    let mut outcome = Outcome::default();
+    outcome.cell("link, kbit/s", rate_bps / 1000);
+    outcome.cell("queue, packets", packets);
+    outcome.cell("age when they come, high priority", high);
+    outcome.cell("low priority", low);
+    outcome.cell("samples lost on the air", link.samples_lost_on_air);
+    let round_trip_ms = format!("{:.0}", link.round_trip_s * 1e3);
+    outcome.cell("round trip, ms", round_trip_ms);
+    outcome.cell("outages", link.outages);
+    outcome.cell("a verb, ms", format!("{verb_ms} ({:?})", verb.code()));
+    Ok(outcome)
 }

@@ -16,7 +16,7 @@ use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::ioctl::{Opcode, Setter, ioctl};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
-use crate::air::{Air, Weather};
+use super::air::{Air, Weather};
 
 /// Name of the interface in each namespace.
 pub const INTERFACE: &str = "air";
