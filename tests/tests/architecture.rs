@@ -160,7 +160,7 @@ const BANS: [Ban; 5] = [
             "flight-record/ros-messages/src",
             "gateways/relay/src/clock",
             "gateways/relay/src/orders",
-            "gateways/relay/src/description.rs",
+            "gateways/relay/src/message.rs",
             "gateways/relay/src/telemetry.rs",
             "gateways/relay/src/station/catalog.rs",
             "gateways/relay/src/station/link.rs",

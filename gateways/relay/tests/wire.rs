@@ -3,7 +3,7 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
-use relay::description::Part;
+use relay::message::Part;
 use relay::message::{
     Ask, MAX_BYTES, NoMessage, Ping, Pong, SampleHeader, Tell, VERSION, decode, encode,
 };

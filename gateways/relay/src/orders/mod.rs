@@ -64,7 +64,6 @@
 pub mod message;
 pub mod robot;
 pub mod station;
-pub mod verdict;
 
 #[cfg(test)]
 mod tests;

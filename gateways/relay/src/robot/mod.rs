@@ -3,9 +3,7 @@
 //!
 //! `Services` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
-pub mod admission;
-mod mailbox;
-mod reaction;
+pub mod mailbox;
 mod ros2_publisher;
 mod services;
 pub mod stations;
@@ -14,12 +12,12 @@ use std::num::NonZeroU32;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use ipc_types::payload::RelayStations;
-use ipc_types::{Ipc, MonotonicNs, WaitError, Wake};
+use ipc_types::payload::{MovementData, RelayStations};
+use ipc_types::{Client, Ipc, MonotonicNs, OpenError, Source, WaitError, Wake, fresh_request_id};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
-use crate::config::{Config, Side};
+use crate::config::{Config, LinkLoss, Side};
 use crate::message::{Ask, Ping, Pong, Tell, encode};
 use crate::names;
 use crate::network::Network;
@@ -28,9 +26,7 @@ use crate::orders::robot as orders;
 use crate::orders::robot::{NotSent, Output};
 use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
-use admission::Admission;
-use mailbox::{Mail, Mailbox};
-use reaction::Reaction;
+use mailbox::{Admission, Mail, Mailbox};
 use ros2_publisher::Ros2Publisher;
 use services::{LOOK_PERIOD, Services};
 use stations::Stations;
@@ -340,5 +336,51 @@ impl Process for RobotSide {
         .flatten()
         .chain([fixed])
         .min()
+    }
+}
+
+/// What the robot does when a station is lost whose request is under way: it holds or lands, as it was configured.
+struct Reaction {
+    link_loss: LinkLoss,
+    client: Client<MovementData>,
+}
+
+impl Reaction {
+    /// `None` if the movement is to go on. It fails if there is a bridge, and its service cannot be opened.
+    fn open(ipc: &Ipc, link_loss: LinkLoss) -> Result<Option<Reaction>, OpenError> {
+        match link_loss {
+            LinkLoss::Continue => Ok(None),
+            LinkLoss::Hold | LinkLoss::Land => Ok(Some(Reaction {
+                link_loss,
+                client: ipc.client()?,
+            })),
+        }
+    }
+
+    /// What to wait for.
+    fn client(&mut self) -> &mut dyn Source {
+        &mut self.client
+    }
+
+    /// Ends the movement that is under way.
+    fn act(&mut self) {
+        let id = fresh_request_id();
+        let request = match self.link_loss {
+            LinkLoss::Land => MovementData::land(id).preempting(),
+            LinkLoss::Hold | LinkLoss::Continue => MovementData::hold(id),
+        };
+        tracing::warn!(reaction = ?self.link_loss, "the movement is ended");
+        if let Err(error) = self.client.send(&request) {
+            tracing::error!(%error, "the movement could not be ended");
+        }
+    }
+
+    /// Takes what the bridge reports.
+    fn drain(&mut self) {
+        self.client.drain(|report| {
+            if report.is_final() {
+                tracing::warn!(stage = ?report.stage(), reason = ?report.reason(), "the movement was ended");
+            }
+        });
     }
 }

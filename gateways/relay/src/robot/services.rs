@@ -16,8 +16,8 @@ use ros_messages::message as cdr_message;
 
 use super::ros2_publisher::Ros2Publisher;
 use crate::config::{TopicPlan, TopicsConfig};
-use crate::description::{MAX_SERVICES, Part, Service};
 use crate::message::encode;
+use crate::message::{MAX_SERVICES, Part, Service};
 use crate::names;
 use crate::network::{Declaration, Network, Outbox};
 use crate::orders::robot::NotSent;

@@ -8,7 +8,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::schema::MAX_TEXT_LEN;
 
-use crate::description::{MAX_SERVICES, Part, Service};
+use crate::message::{MAX_SERVICES, Part, Service};
 
 /// How long a part of a description may take, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
@@ -169,7 +169,7 @@ impl Assembly {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::PART_BYTES;
+    use crate::message::PART_BYTES;
     use crate::message::{Ask, MAX_ASK_BYTES, MAX_TELL_BYTES, Tell, decode, encode};
     const LIFE: u64 = u64::MAX;
 

@@ -16,7 +16,7 @@ use ipc_types::payload::RelayLink;
 
 use super::catalog::{Catalog, Question};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
-use crate::description::{Part, Service};
+use crate::message::{Part, Service};
 use crate::message::{Ping, Pong};
 use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
 

@@ -10,8 +10,8 @@ use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs,
 
 use crate::budget::Budget;
 use crate::clock::{Clock, RemoteNs};
-use crate::description::{MAX_SERVICES, Service};
 use crate::message::SampleHeader;
+use crate::message::{MAX_SERVICES, Service};
 use crate::names::service_id;
 use crate::request::{RequestFields, word};
 use crate::telemetry::{Counts, SampleReceiver};

@@ -5,14 +5,14 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{MAX_STATIONS, RequestReport};
-use relay::description::Part;
+use relay::message::Part;
 use relay::message::{Ask, Ping, Pong, SampleHeader, Tell, decode, encode};
 use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, Robot, SESSIONS, Traits,
 };
 use relay::orders::station::{Config as StationConfig, OPEN_ORDERS, Request, Station};
-use relay::robot::admission::Admission;
+use relay::robot::mailbox::Admission;
 use relay::robot::stations::Stations;
 use relay::station::link::Link;
 use relay::station::moments::Moments;

@@ -12,8 +12,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::message::{Order, request_id};
-use super::verdict::Verdict;
+use super::message::{Order, Verdict, request_id};
 use records::{Known, Record, Records, State};
 pub use records::{NotSent, ORPHANS, Output, Traits};
 use sessions::Sessions;

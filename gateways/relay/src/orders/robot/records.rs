@@ -7,8 +7,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::RequestReport;
 
 use super::sessions::Sessions;
-use crate::orders::message::{Answer, Order, request_id};
-use crate::orders::verdict::Verdict;
+use crate::orders::message::{Answer, Order, Verdict, request_id};
 
 /// What is to be known of a request before it is handed on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -7,8 +7,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::orders::message::{NO_PLACE, NOT_PERMITTED, WINDOW};
-use crate::orders::verdict::Verdict;
+use crate::orders::message::{NO_PLACE, NOT_PERMITTED, Verdict, WINDOW};
 
 /// Lives of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
 /// the time that an outage takes. One more has to wait, and its requests are refused.
