@@ -27,7 +27,7 @@ pub const WINDOW: u64 = 128;
 /// [moves to another number](super::station).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Order {
-    /// Session that the robot side gave this life of the station.
+    /// Session that the robot side gave this instance of the station.
     pub session: u64,
     /// Number of the order. A station counts from 1, through all its sessions.
     pub number: u64,

@@ -1,6 +1,6 @@
 //! [`Mirrors`]: the services of a robot as this machine has them.
 //!
-//! A mirror outlives the robot's relay: the next life of it describes the same service again, and consumers notice nothing.
+//! A mirror outlives the robot's relay: the next instance of it describes the same service again, and consumers notice nothing.
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;

@@ -21,7 +21,7 @@ use module_kit::process::{Process, Sources};
 use crate::Failure;
 use crate::config::{Config, RemoteRobot, Side};
 use crate::message::{
-    Ask, MAX_TELL_BYTES, Part, Pong, SampleHeader, Tell, Unreadable, decode, encode,
+    Ask, MAX_REPLY_BYTES, Part, Pong, Reply, SampleHeader, Unreadable, decode, encode,
 };
 use crate::names;
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
@@ -133,8 +133,8 @@ const SAMPLES: Room = Room {
 /// Answers that may wait: the parts of descriptions are the long ones, of which one is asked for at a time.
 const ANSWERS: Room = Room {
     messages: 512,
-    bytes: 512 * MAX_TELL_BYTES,
-    longest: MAX_TELL_BYTES,
+    bytes: 512 * MAX_REPLY_BYTES,
+    longest: MAX_REPLY_BYTES,
 };
 
 /// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows what it is, and
@@ -154,7 +154,7 @@ struct Remote {
     /// Deadline of a request that says neither when it was issued nor until when it may begin.
     default_deadline: Duration,
     endpoints: String,
-    tells: Inbox,
+    replies: Inbox,
     samples: Inbox,
     topics: OwnTopics<RelayLink>,
     counts: Counts,
@@ -195,7 +195,7 @@ impl Remote {
             endpoints: [&config.station.connect[..], &config.station.listen[..]]
                 .concat()
                 .join(" "),
-            tells: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
+            replies: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
             samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
             topics: OwnTopics::open(&ipc)?,
             counts: Counts::default(),
@@ -214,7 +214,7 @@ impl Remote {
     fn step(&mut self, network: &Network, now: MonotonicNs, looks: bool) {
         let mut out = Vec::new();
         self.take_samples();
-        self.take_tells(&mut out);
+        self.take_replies(&mut out);
         let was_shown = self.link.shown_state();
         self.link.note_complete();
         if self.link.shown_state() != was_shown {
@@ -233,9 +233,9 @@ impl Remote {
         if let Some(ping) = self.link.ping(MonotonicNs::now(), suspended_ns()) {
             self.ask(network, &Ask::Ping(ping));
         }
-        if let Some((robot_life, Question { index, from })) = self.link.question(now) {
+        if let Some((robot_instance, Question { index, from })) = self.link.question(now) {
             let ask = Ask::Describe {
-                robot_life,
+                robot_instance,
                 index,
                 from,
             };
@@ -266,8 +266,8 @@ impl Remote {
                 Ok(header) => header,
                 Err(error) => return counts.unreadable.note(incoming.key, &error),
             };
-            // A sample of another life of the robot's relay waits for its first answer, which may have another clock.
-            if !link.is_up() || link.robot_life() != Some(header.robot_life) {
+            // A sample of another instance of the robot's relay waits for its first answer, which may have another clock.
+            if !link.is_up() || link.robot_instance() != Some(header.robot_instance) {
                 return;
             }
             let key = names::last(incoming.key);
@@ -277,22 +277,22 @@ impl Remote {
         });
     }
 
-    fn take_tells(&mut self, out: &mut Vec<Output>) {
-        let mut tells = Vec::new();
+    fn take_replies(&mut self, out: &mut Vec<Output>) {
+        let mut replies = Vec::new();
         let counts = &mut self.counts;
-        self.tells.drain(|incoming| {
+        self.replies.drain(|incoming| {
             counts.bytes_received += incoming.payload.len() as u64;
-            match decode::<Tell>(incoming.payload) {
-                Ok(tell) => tells.push((tell, incoming.at)),
+            match decode::<Reply>(incoming.payload) {
+                Ok(reply) => replies.push((reply, incoming.at)),
                 Err(error) => counts.unreadable.note(incoming.key, &error),
             }
         });
-        for (tell, at) in tells {
-            match tell {
-                Tell::Pong(pong) => self.take_pong(&pong, at, out),
-                Tell::Part(part) => self.take_part(&part),
-                Tell::Answer(answer) => self.orders.answer(&answer, at, out),
-                Tell::UnknownSession(session) => self.orders.unknown_session(session),
+        for (reply, at) in replies {
+            match reply {
+                Reply::Pong(pong) => self.take_pong(&pong, at, out),
+                Reply::Part(part) => self.take_part(&part),
+                Reply::Answer(answer) => self.orders.answer(&answer, at, out),
+                Reply::UnknownSession(session) => self.orders.unknown_session(session),
             }
         }
     }

@@ -27,7 +27,7 @@ pub const OPEN_ORDERS: usize = 32;
 /// An open order so many numbers behind the newest moves to a new number.
 pub const MOVE_AFTER: u64 = WINDOW / 2;
 
-/// Former sessions that are known as such: a clock message of the robot side's former life may be late. One that is older
+/// Former sessions that are known as such: a clock message of the robot side's former instance may be late. One that is older
 /// is taken for a new session, which the robot side denies; the next clock message repairs that.
 const FORMER_SESSIONS: usize = 8;
 
@@ -75,7 +75,7 @@ pub enum Output {
     },
 }
 
-/// One life of a station: its orders to one robot.
+/// One instance of a station: its orders to one robot.
 #[derive(Clone, Debug)]
 pub struct Station {
     config: Config,
