@@ -1,37 +1,13 @@
 //! The short form of the attacks of the program `endurance`: clients that die in groups, floods of requests, a full memory,
 //! foreign files, starts that are stopped, and containers.
 
-// Each of these tests uses a part of what all measurements share.
-#![allow(dead_code)]
-
-#[path = "../examples/endurance/clients.rs"]
-mod clients;
-#[path = "../examples/endurance/flood.rs"]
-mod flood;
-#[path = "../examples/endurance/foreign_files.rs"]
-mod foreign_files;
-#[path = "../examples/endurance/full.rs"]
-mod full;
-#[path = "../examples/endurance/joiners.rs"]
-mod joiners;
-#[path = "../examples/endurance/listener.rs"]
-mod listener;
-#[path = "../examples/endurance/memory.rs"]
-mod memory;
-#[path = "../examples/endurance/namespaces.rs"]
-mod namespaces;
-#[path = "../examples/endurance/outcome.rs"]
-mod outcome;
-#[path = "../examples/endurance/site.rs"]
-mod site;
-
 use std::time::Duration;
 
+use endurance::full::Lack;
+use endurance::plan::Plan;
+use endurance::site::Site;
+use endurance::{clients, flood, foreign_files, full, joiners, memory, namespaces};
 use ril_tests::Sandbox;
-
-use full::Lack;
-use outcome::Plan;
-use site::Site;
 
 /// Longer than that of other tests: some of these wait for a group of processes at a time.
 const LIMIT: Duration = Duration::from_secs(240);

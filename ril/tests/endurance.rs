@@ -1,43 +1,11 @@
 //! The short form of the program `endurance`: processes that are killed, disturbed and cut off at random moments.
 
-// Each of these tests uses a part of what all measurements share.
-#![allow(dead_code)]
-
-#[path = "../examples/endurance/crashes.rs"]
-mod crashes;
-#[path = "../examples/endurance/gap.rs"]
-mod gap;
-#[path = "../examples/endurance/kills.rs"]
-mod kills;
-#[path = "../examples/endurance/listener.rs"]
-mod listener;
-#[path = "../examples/endurance/outcome.rs"]
-mod outcome;
-#[path = "../examples/endurance/port.rs"]
-mod port;
-#[path = "../examples/endurance/records.rs"]
-mod records;
-#[path = "../examples/endurance/site.rs"]
-mod site;
-#[path = "../examples/endurance/starts.rs"]
-mod starts;
-#[path = "../examples/endurance/subscribers.rs"]
-mod subscribers;
-
-#[path = "stock_readers/environment.rs"]
-mod environment;
-#[path = "stock_readers/expected.rs"]
-mod expected;
-#[path = "stock_readers/readers.rs"]
-mod readers;
-#[path = "stock_readers/sums.rs"]
-mod sums;
-
-use environment::readers_or_skip;
-use outcome::Plan;
+use endurance::plan::{Kind, Plan};
+use endurance::site::Site;
+use endurance::{crashes, gap, kills, port, records, starts, subscribers};
 use ril_tests::Sandbox;
+use ril_tests::readers::readers_or_skip;
 use ril_tests::watchdog::DEFAULT_LIMIT;
-use site::{Kind, Site};
 
 fn site(name: &str, plan: &Plan) -> Site {
     let sandbox = Sandbox::new([env!("CARGO_BIN_EXE_ril")], name, DEFAULT_LIMIT);

@@ -25,11 +25,15 @@ pub fn root() -> PathBuf {
     member.parent().expect("a workspace above").to_owned()
 }
 
-/// The target folder of this build. Tests and examples ask for it; cargo tells tests alone.
+/// The target folder of this build, for programs of all kinds; cargo tells tests alone.
 pub fn target_folder() -> PathBuf {
     let program = std::env::current_exe().expect("this program's path");
-    // The folder of the program, `deps` or `examples`, lies in that of the profile.
-    let folder = program.ancestors().nth(3);
+    let folder = program.parent().expect("a folder");
+    // Tests lie in `deps` and examples in `examples`, both in the folder of the profile.
+    let is_below = ["deps", "examples"]
+        .iter()
+        .any(|name| folder.ends_with(name));
+    let folder = folder.ancestors().nth(if is_below { 2 } else { 1 });
     folder.expect("a target folder").to_owned()
 }
 

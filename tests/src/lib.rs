@@ -6,10 +6,10 @@
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
 //! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that nobody knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
-//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold;
+//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with relays between;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
 //! * [`pty`]: a folder for links to pseudo-terminals;
-//! * [`languages`]: programs in C, C++ and Python with the RIL's library;
+//! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read recordings;
 //! * [`watchdog`]: ends a test that hangs.
 //!
 //! # A consumer and its test
@@ -113,7 +113,9 @@ pub mod garbage;
 pub mod languages;
 pub mod process;
 pub mod pty;
+pub mod readers;
 pub mod recording;
+pub mod relayed;
 pub mod replay;
 pub mod sandbox;
 pub mod script;
@@ -127,6 +129,7 @@ pub use garbage::Garbage;
 pub use process::Process;
 pub use pty::PtyFolder;
 pub use recording::Recording;
+pub use relayed::Rig;
 pub use replay::Replay;
 pub use sandbox::Sandbox;
 pub use script::Script;

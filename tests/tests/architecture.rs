@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 16] = [
+const ARROWS: [(&str, &[&str]); 17] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -66,6 +66,10 @@ const ARROWS: [(&str, &[&str]); 16] = [
             "runtime",
             "status",
         ],
+    ),
+    (
+        "endurance",
+        &["dsp-sim", "ipc-types", "recording", "ril-tests", "runtime"],
     ),
 ];
 
@@ -156,7 +160,7 @@ const BANS: [Ban; 5] = [
             "flight-record/ros-messages/src",
             "gateways/relay/src/clock",
             "gateways/relay/src/orders",
-            "gateways/relay/src/description.rs",
+            "gateways/relay/src/message.rs",
             "gateways/relay/src/telemetry.rs",
             "gateways/relay/src/station/catalog.rs",
             "gateways/relay/src/station/link.rs",

@@ -25,6 +25,7 @@ const CRATES: &[&str] = &[
     "status",
     "tests",
     "workbench/bench",
+    "workbench/endurance",
 ];
 
 /// A file by the path of its module, such as `link::commands`.

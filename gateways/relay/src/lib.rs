@@ -9,7 +9,7 @@
 //! * [`clock`]: what the other machine's clock shows, and how surely;
 //! * [`orders`]: requests that are executed at most once, and answered with one final report, through any loss;
 //! * [`telemetry`]: what is sent of a topic, and what was lost where;
-//! * [`message`], [`description`], [`names`], [`request`]: what relays say to one another, and where;
+//! * [`message`], [`names`], [`request`]: what relays send one another, and where;
 //! * [`ros2`]: the same topics for nodes of ROS 2, without ROS on the robot;
 //! * [`config`]: the file `relay.toml`;
 //! * [`access`]: which certificate may do what; [`certify`] makes certificates.
@@ -24,7 +24,6 @@ pub mod certify;
 pub mod cli;
 pub mod clock;
 pub mod config;
-pub mod description;
 mod failure;
 pub mod message;
 pub mod names;

@@ -5,7 +5,7 @@
 //! | `hero/<robot>/topic/<key>` | robot → all | samples, with a `SampleHeader` as attachment |
 //! | `hero/<robot>/ask/<station>` | station → robot | `Ask` |
 //! | `hero/<robot>/order/<station>` | station → robot | `Order` |
-//! | `hero/<robot>/tell/<station>` | robot → station | `Tell` |
+//! | `hero/<robot>/tell/<station>` | robot → station | `Reply` |
 //!
 //! The four are apart so that the [access rules](crate::access) can allow or forbid each. A robot is a number, or `*` for all robots;
 //! a station is a name, or `*` for all stations.
@@ -42,7 +42,7 @@ pub fn tell<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/tell/{station}")
 }
 
-/// What a request service is called in orders, whatever its index in a life of the robot's relay: a hash of its key and of the
+/// What a request service is called in orders, whatever its index in an instance of the robot's relay: a hash of its key and of the
 /// layout of its requests. So an order never reaches another service, nor one whose requests have another layout.
 pub fn service_id(key: &str, schema: &Schema) -> u64 {
     let bytes = key

@@ -22,7 +22,7 @@ pub const MAX_BACKLOG: usize = 16;
 /// One topic on its way out of the robot.
 #[derive(Debug)]
 pub struct SampleSender {
-    robot_life: u64,
+    robot_instance: u64,
     /// Shortest time between two samples. `None` if all are sent.
     period: Option<Duration>,
     /// Not before then.
@@ -37,9 +37,9 @@ pub struct SampleSender {
 
 impl SampleSender {
     /// A topic of which every sample is sent, or one each `period`.
-    pub fn new(robot_life: u64, period: Option<Duration>) -> SampleSender {
+    pub fn new(robot_instance: u64, period: Option<Duration>) -> SampleSender {
         SampleSender {
-            robot_life,
+            robot_instance,
             period,
             next: MonotonicNs(0),
             waiting: Vec::new(),
@@ -94,7 +94,7 @@ impl SampleSender {
 
     fn header(&self, lost: u64) -> SampleHeader {
         SampleHeader {
-            robot_life: self.robot_life,
+            robot_instance: self.robot_instance,
             number: self.number,
             left_out: self.left_out,
             lost,
@@ -115,10 +115,10 @@ impl SampleSender {
 /// One topic on its way into a station.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SampleReceiver {
-    robot_life: u64,
+    robot_instance: u64,
     number: u64,
     counts: Counts,
-    /// What earlier lives of the robot's relay have counted.
+    /// What earlier instances of the robot's relay have counted.
     former: Counts,
 }
 
@@ -153,10 +153,10 @@ impl SampleReceiver {
     ///
     /// What is overtaken was counted as lost on the air, and stays so: the newest rules.
     pub fn take(&mut self, header: &SampleHeader) -> bool {
-        if header.robot_life != self.robot_life {
+        if header.robot_instance != self.robot_instance {
             self.former = self.counts();
             self.counts = Counts::default();
-            self.robot_life = header.robot_life;
+            self.robot_instance = header.robot_instance;
             // What was sent before this station listened is no loss.
             self.number = header.number.saturating_sub(1);
         }
@@ -182,7 +182,7 @@ impl SampleReceiver {
 mod tests {
     use super::*;
 
-    const LIFE: u64 = 7;
+    const INSTANCE: u64 = 7;
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
@@ -198,7 +198,7 @@ mod tests {
 
     fn header(number: u64) -> SampleHeader {
         SampleHeader {
-            robot_life: LIFE,
+            robot_instance: INSTANCE,
             number,
             ..SampleHeader::default()
         }
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn without_a_rate_every_sample_is_sent_in_order() {
-        let mut sender = SampleSender::new(LIFE, None);
+        let mut sender = SampleSender::new(INSTANCE, None);
         for sample in 1..=3 {
             sender.take(&[sample]);
         }
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn what_has_piled_up_is_left_out_and_the_newest_goes() {
-        let mut sender = SampleSender::new(LIFE, None);
+        let mut sender = SampleSender::new(INSTANCE, None);
         for sample in 0..=MAX_BACKLOG as u8 {
             sender.take(&[sample]);
         }
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn with_a_rate_the_newest_goes_when_it_is_due() {
-        let mut sender = SampleSender::new(LIFE, Some(Duration::from_millis(100)));
+        let mut sender = SampleSender::new(INSTANCE, Some(Duration::from_millis(100)));
         sender.take(&[1]);
         assert_eq!(sent(&mut sender, at(1000)), [(1, 1)]);
         sender.take(&[2]);
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn fifty_hertz_become_ten_though_the_samples_jitter() {
-        let mut sender = SampleSender::new(LIFE, Some(Duration::from_millis(100)));
+        let mut sender = SampleSender::new(INSTANCE, Some(Duration::from_millis(100)));
         let mut count = 0;
         for index in 0..500 {
             sender.take(&[0]);
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn the_latest_is_sent_again_under_its_own_number() {
-        let mut sender = SampleSender::new(LIFE, None);
+        let mut sender = SampleSender::new(INSTANCE, None);
         sender.send_again(0, |_, _| panic!("there is none"));
         sender.take(&[9]);
         let _ = sent(&mut sender, at(0));
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn another_life_of_the_robot_s_relay_begins_to_count_anew_and_keeps_the_sums() {
+    fn another_instance_of_the_robot_s_relay_begins_to_count_anew_and_keeps_the_sums() {
         let mut receiver = SampleReceiver::default();
         receiver.take(&SampleHeader {
             left_out: 4,
@@ -283,7 +283,7 @@ mod tests {
         });
         receiver.take(&header(12));
         let other = SampleHeader {
-            robot_life: LIFE + 1,
+            robot_instance: INSTANCE + 1,
             number: 3,
             left_out: 2,
             lost: 0,

@@ -3,9 +3,9 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
-use relay::description::Part;
+use relay::message::Part;
 use relay::message::{
-    Ask, MAX_BYTES, NoMessage, Ping, Pong, SampleHeader, Tell, VERSION, decode, encode,
+    Ask, MAX_BYTES, NoMessage, Ping, Pong, Reply, SampleHeader, VERSION, decode, encode,
 };
 use relay::orders::message::{Answer, Order};
 
@@ -15,7 +15,7 @@ const THREE_HUNDRED: [u8; 2] = [0xAC, 0x02];
 #[test]
 fn a_ping_is_a_version_a_variant_and_four_fields() {
     let ping = Ask::Ping(Ping {
-        station_life: 1,
+        station_instance: 1,
         sent_ns: 300,
         suspended_ns: 0,
         wants_latest: true,
@@ -24,7 +24,7 @@ fn a_ping_is_a_version_a_variant_and_four_fields() {
     assert_eq!(encode(&ping), bytes);
     assert_eq!(decode::<Ask>(&bytes), Ok(ping));
     let describe = Ask::Describe {
-        robot_life: 127,
+        robot_instance: 127,
         index: 128,
         from: 300,
     };
@@ -35,15 +35,15 @@ fn a_ping_is_a_version_a_variant_and_four_fields() {
 #[test]
 fn a_sample_header_is_four_numbers() {
     let header = SampleHeader {
-        robot_life: u64::MAX,
+        robot_instance: u64::MAX,
         number: 2,
         left_out: 300,
         lost: 0,
     };
-    let life = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01];
+    let instance = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01];
     assert_eq!(
         encode(&header),
-        [&[VERSION][..], &life, &[2], &THREE_HUNDRED, &[0]].concat()
+        [&[VERSION][..], &instance, &[2], &THREE_HUNDRED, &[0]].concat()
     );
 }
 
@@ -71,9 +71,9 @@ fn an_order_ends_with_the_length_and_the_bytes_of_its_request() {
 
 #[test]
 fn what_a_robot_tells_has_four_variants() {
-    let pong = Tell::Pong(Pong {
-        robot_life: 1,
-        station_life: 2,
+    let pong = Reply::Pong(Pong {
+        robot_instance: 1,
+        station_instance: 2,
         ping_sent_ns: 3,
         ping_suspended_ns: 4,
         received_ns: 5,
@@ -83,8 +83,8 @@ fn what_a_robot_tells_has_four_variants() {
         services: 9,
     });
     assert_eq!(encode(&pong), [VERSION, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
-    let part = Tell::Part(Part {
-        robot_life: 1,
+    let part = Reply::Part(Part {
+        robot_instance: 1,
         index: 2,
         key: "a/b".to_owned(),
         takes_requests: true,
@@ -111,20 +111,20 @@ fn what_a_robot_tells_has_four_variants() {
         serial: 3,
         report,
     };
-    let bytes = encode(&Tell::Answer(answer));
+    let bytes = encode(&Reply::Answer(answer));
     // 136 as a varint.
     assert_eq!(bytes[..7], [VERSION, 2, 1, 2, 3, 0x88, 0x01]);
     assert_eq!(bytes.len(), 7 + 136);
-    let Ok(Tell::Answer(read)) = decode(&bytes) else {
+    let Ok(Reply::Answer(read)) = decode(&bytes) else {
         panic!("it is an answer");
     };
     assert_eq!(read, answer);
     let short = [&[VERSION, 2, 1, 2, 3, 135, 1][..], &bytes[7..142]].concat();
     assert!(matches!(
-        decode::<Tell>(&short),
+        decode::<Reply>(&short),
         Err(NoMessage::Contents(_))
     ));
-    assert_eq!(encode(&Tell::UnknownSession(5)), [VERSION, 3, 5]);
+    assert_eq!(encode(&Reply::UnknownSession(5)), [VERSION, 3, 5]);
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn what_is_no_message_is_an_error() {
     }
     assert!(
         matches!(
-            decode::<Tell>(&[VERSION, 3, 5, 0]),
+            decode::<Reply>(&[VERSION, 3, 5, 0]),
             Err(NoMessage::Contents(_))
         ),
         "a byte too many"

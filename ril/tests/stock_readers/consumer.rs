@@ -8,8 +8,8 @@ use ipc_types::{DynamicSubscriber, Schema, Source, Waiter, Wake, dynamic};
 use ril_tests::TestDomain;
 use ril_tests::process::WAIT_LIMIT;
 
-use crate::expected::{Expected, Line, Read, fields_of};
-use crate::readers::Reader;
+use ril_tests::readers::Reader;
+use ril_tests::readers::expected::{Expected, Line, Read, fields_of};
 
 /// A topic of a module that nothing here was built with.
 pub const STRANGER_KEY: &str = "battery_watch/battery";

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use ril_tests::languages::root;
 
-use crate::readers::{Reader, package};
+use ril_tests::readers::{Reader, package};
 
 /// A folder in which the programs find a flight, and what they import.
 pub struct Programs {

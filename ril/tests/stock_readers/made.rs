@@ -13,7 +13,7 @@ use ril_tests::stranger::STRANGER;
 use ros_messages::cdr::Writer;
 use ros_messages::{Level, Log, definition, message};
 
-use crate::expected::{Expected, Line, bytes, fields_of, text};
+use ril_tests::readers::expected::{Expected, Line, bytes, fields_of, text};
 
 /// Unix time at the monotonic time 0.
 const UNIX_NS: u64 = 1_700_000_000_123_456_789;

@@ -2,21 +2,17 @@
 //! `@lichtblick/rosmsg2-serialization` from npm; and through the Python package of this workspace. Each finds every field of every
 //! message as it was recorded, in finished files and in those that a kill has ended.
 //!
-//! The packages are installed into a folder of their own: [`environment`]. What is missing is said, and then nothing is tested.
+//! The packages are installed into a folder of their own: [`ril_tests::readers`]. What is missing is said, and then nothing is tested.
 
 mod consumer;
 mod documents;
-mod environment;
-mod expected;
 mod kills;
 mod made;
-mod readers;
 mod recorded;
-mod sums;
 
-use environment::readers_or_skip;
 use made::made;
-use sums::Sums;
+use ril_tests::readers::readers_or_skip;
+use ril_tests::readers::sums::Sums;
 
 #[test]
 fn a_finished_file_is_read_by_all_as_it_was_recorded() {

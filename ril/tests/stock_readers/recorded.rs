@@ -9,9 +9,9 @@ use ril_tests::{Chain, Process, TestDomain};
 
 use crate::consumer::{Consumer, FILLING, LAST_FILLING, STRANGER_KEY, Seen};
 use crate::documents::Programs;
-use crate::environment::readers_or_skip;
-use crate::expected::{Expected, Line, Read};
-use crate::readers::Reader;
+use ril_tests::readers::Reader;
+use ril_tests::readers::expected::{Expected, Line, Read};
+use ril_tests::readers::readers_or_skip;
 
 /// Simulated seconds for one of the host: the flight takes a few seconds.
 const SPEED: u32 = 10;

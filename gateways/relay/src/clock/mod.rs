@@ -41,21 +41,17 @@
 
 mod exchange;
 mod feasible;
-mod rate;
 #[cfg(test)]
 mod tests;
-mod window;
 
 use ipc_types::MonotonicNs;
 
 pub use exchange::{
-    Exchange, MAX_ROUND_TRIP_NS, MAX_STAMP_NS, Rejected, RemoteNs, SUSPENDED_TOLERANCE_NS,
-    Suspended,
+    DRIFT_JITTER_PPB, Exchange, MAX_DRIFT_CHANGE_PPB_PER_S, MAX_DRIFT_PPB, MAX_ROUND_TRIP_NS,
+    MAX_STAMP_NS, Rejected, RemoteNs, SUSPENDED_TOLERANCE_NS, Suspended,
 };
-use feasible::Feasible;
-pub use rate::{DRIFT_JITTER_PPB, MAX_DRIFT_CHANGE_PPB_PER_S, MAX_DRIFT_PPB};
-use window::Window;
-pub use window::{SLOT_NS, SLOTS};
+use feasible::{Feasible, Window};
+pub use feasible::{SLOT_NS, SLOTS};
 
 /// How often [`Clock::to_local`] corrects its first guess. Each correction divides the error by 1 / [`MAX_DRIFT_PPB`] = 5000,
 /// and 5000⁶ is more than 2⁶⁴ ns.

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use runtime::config::Fault;
 
 use super::names::{Endpoint, check_name};
-use super::sections::{Config, Side, Through};
 use super::topics::check_pattern;
+use super::{Config, Side, Through};
 
 impl Config {
     /// Whether everything fits together, of all sides: one file may lie on all machines.

@@ -8,7 +8,7 @@
 //! final report. The robot side passes an order on when it sees it for the first time, and answers every further copy with the
 //! reports that it has. Reports are also sent at once when they come; when one is lost, the next copy of the order fetches it.
 //!
-//! **Sessions** tell a robot side that remembers from one that does not. The robot side gives each life of a station a random
+//! **Sessions** tell a robot side that remembers from one that does not. The robot side gives each instance of a station a random
 //! session with the answers to its clock messages. When the robot side is restarted, or has forgotten the station, it answers
 //! orders with [`UnknownSession`](robot::Output::UnknownSession). The station gets another session, and asks again for everything that
 //! is open as a *repetition*, which is never executed anew: the server is asked what became of it.
@@ -64,7 +64,6 @@
 pub mod message;
 pub mod robot;
 pub mod station;
-pub mod verdict;
 
 #[cfg(test)]
 mod tests;

@@ -3,9 +3,7 @@
 //!
 //! `Services` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
-pub mod admission;
-mod mailbox;
-mod reaction;
+pub mod mailbox;
 mod ros2_publisher;
 mod services;
 pub mod stations;
@@ -14,13 +12,13 @@ use std::num::NonZeroU32;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use ipc_types::payload::RelayStations;
-use ipc_types::{Ipc, MonotonicNs, WaitError, Wake};
+use ipc_types::payload::{MovementData, RelayStations};
+use ipc_types::{Client, Ipc, MonotonicNs, OpenError, Source, WaitError, Wake, fresh_request_id};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
-use crate::config::{Config, Side};
-use crate::message::{Ask, Ping, Pong, Tell, encode};
+use crate::config::{Config, LinkLoss, Side};
+use crate::message::{Ask, Ping, Pong, Reply, encode};
 use crate::names;
 use crate::network::Network;
 use crate::orders::message::{NOT_PERMITTED, Order};
@@ -28,9 +26,7 @@ use crate::orders::robot as orders;
 use crate::orders::robot::{NotSent, Output};
 use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
-use admission::Admission;
-use mailbox::{Mail, Mailbox};
-use reaction::Reaction;
+use mailbox::{Admission, Mail, Mailbox};
 use ros2_publisher::Ros2Publisher;
 use services::{LOOK_PERIOD, Services};
 use stations::Stations;
@@ -42,7 +38,7 @@ const LATEST_PERIOD: Duration = Duration::from_millis(500);
 pub struct RobotSide {
     config: Config,
     robot: NonZeroU32,
-    life: u64,
+    instance: u64,
     network: Network,
     mailbox: Mailbox,
     services: Services,
@@ -70,7 +66,7 @@ impl RobotSide {
         // First, so that a second relay of the robot ends before it takes the network's address.
         let own_topics = OwnTopics::open(&ipc)?;
         let network = Network::open(&config, Side::Robot, end)?;
-        let life = fresh();
+        let instance = fresh();
         let order_config = orders::Config {
             link_loss: config.commands.lost_after(),
             ..orders::Config::default()
@@ -79,9 +75,9 @@ impl RobotSide {
         let now = MonotonicNs::now();
         Ok(RobotSide {
             robot,
-            life,
+            instance,
             mailbox: Mailbox::open(&network, robot, &config)?,
-            services: Services::new(life, robot, ros2)?,
+            services: Services::new(instance, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
             admission: Admission::new(
                 names::ask(robot, ""),
@@ -123,32 +119,32 @@ impl RobotSide {
 
     fn answer(&mut self, ask: &Mail<Ask>, out: &mut Vec<Output>) {
         let Mail { station, at, .. } = ask;
-        let tell = match &ask.message {
-            Ask::Ping(ping) => Tell::Pong(self.pong(station, ping, *at, out)),
+        let reply = match &ask.message {
+            Ask::Ping(ping) => Reply::Pong(self.pong(station, ping, *at, out)),
             Ask::Describe {
-                robot_life,
+                robot_instance,
                 index,
                 from,
             } => {
                 let part = self.services.describe(*index, *from);
-                match part.filter(|_| *robot_life == self.life) {
+                match part.filter(|_| *robot_instance == self.instance) {
                     Some(part) if self.admission.describes(part.bytes.len(), *at) => {
-                        Tell::Part(part)
+                        Reply::Part(part)
                     }
                     // The station asks again.
                     Some(_) | None => return,
                 }
             }
         };
-        self.tell(station, &tell);
+        self.reply(station, &reply);
     }
 
     fn pong(&mut self, station: &str, ping: &Ping, at: MonotonicNs, out: &mut Vec<Output>) -> Pong {
         let may_command = self.may_command(station);
-        let is_news = self
+        let is_changed = self
             .stations
-            .hear(station, ping.station_life, may_command, at);
-        if is_news {
+            .hear(station, ping.station_instance, may_command, at);
+        if is_changed {
             if self.admission.logs(at) {
                 tracing::info!(station, may_command, "a station is there");
             }
@@ -156,12 +152,14 @@ impl RobotSide {
         }
         self.is_latest_wanted |= ping.wants_latest;
         let session = match may_command {
-            true => self.orders.session_for(ping.station_life, station, at, out),
+            true => self
+                .orders
+                .session_for(ping.station_instance, station, at, out),
             false => NOT_PERMITTED,
         };
         Pong {
-            robot_life: self.life,
-            station_life: ping.station_life,
+            robot_instance: self.instance,
+            station_instance: ping.station_instance,
             ping_sent_ns: ping.sent_ns,
             ping_suspended_ns: ping.suspended_ns,
             received_ns: at.0,
@@ -192,16 +190,16 @@ impl RobotSide {
         for output in out.split_off(from) {
             match output {
                 Output::UnknownSession(session) => {
-                    self.tell(station, &Tell::UnknownSession(session));
+                    self.reply(station, &Reply::UnknownSession(session));
                 }
                 output => out.push(output),
             }
         }
     }
 
-    fn tell(&self, station: &str, tell: &Tell) {
+    fn reply(&self, station: &str, reply: &Reply) {
         self.network
-            .send(&names::tell(self.robot, station), encode(tell));
+            .send(&names::tell(self.robot, station), encode(reply));
     }
 
     /// Carries out what the core wants, and what follows from it.
@@ -239,7 +237,7 @@ impl RobotSide {
                     }
                     Output::Answer { station, answer } => {
                         if let Some(name) = self.orders.name_of(station) {
-                            self.tell(name, &Tell::Answer(answer));
+                            self.reply(name, &Reply::Answer(answer));
                         }
                     }
                     Output::UnknownSession(_) => {}
@@ -268,7 +266,7 @@ impl RobotSide {
         let orders = &self.orders;
         let rows = self
             .stations
-            .rows(self.samples_sent, |life| orders.counts_of(life));
+            .rows(self.samples_sent, |instance| orders.counts_of(instance));
         let is_any_up = self.stations.is_any_up();
         self.own_topics.publish(is_any_up, now, |sample| {
             sample.published_ns = now.0;
@@ -340,5 +338,51 @@ impl Process for RobotSide {
         .flatten()
         .chain([fixed])
         .min()
+    }
+}
+
+/// What the robot does when a station is lost whose request is under way: it holds or lands, as it was configured.
+struct Reaction {
+    link_loss: LinkLoss,
+    client: Client<MovementData>,
+}
+
+impl Reaction {
+    /// `None` if the movement is to go on. It fails if there is a bridge, and its service cannot be opened.
+    fn open(ipc: &Ipc, link_loss: LinkLoss) -> Result<Option<Reaction>, OpenError> {
+        match link_loss {
+            LinkLoss::Continue => Ok(None),
+            LinkLoss::Hold | LinkLoss::Land => Ok(Some(Reaction {
+                link_loss,
+                client: ipc.client()?,
+            })),
+        }
+    }
+
+    /// What to wait for.
+    fn client(&mut self) -> &mut dyn Source {
+        &mut self.client
+    }
+
+    /// Ends the movement that is under way.
+    fn act(&mut self) {
+        let id = fresh_request_id();
+        let request = match self.link_loss {
+            LinkLoss::Land => MovementData::land(id).preempting(),
+            LinkLoss::Hold | LinkLoss::Continue => MovementData::hold(id),
+        };
+        tracing::warn!(reaction = ?self.link_loss, "the movement is ended");
+        if let Err(error) = self.client.send(&request) {
+            tracing::error!(%error, "the movement could not be ended");
+        }
+    }
+
+    /// Takes what the bridge reports.
+    fn drain(&mut self) {
+        self.client.drain(|report| {
+            if report.is_final() {
+                tracing::warn!(stage = ?report.stage(), reason = ?report.reason(), "the movement was ended");
+            }
+        });
     }
 }

@@ -1,4 +1,4 @@
-//! [`Services`]: the services of the robot that its relay carries. They only become more in one life of the relay.
+//! [`Services`]: the services of the robot that its relay carries. They only become more in one instance of the relay.
 //!
 //! A service whose struct changes, because its module was installed anew, becomes another one under the same key; the station
 //! takes the newest.
@@ -16,8 +16,8 @@ use ros_messages::message as cdr_message;
 
 use super::ros2_publisher::Ros2Publisher;
 use crate::config::{TopicPlan, TopicsConfig};
-use crate::description::{MAX_SERVICES, Part, Service};
 use crate::message::encode;
+use crate::message::{MAX_SERVICES, Part, Service};
 use crate::names;
 use crate::network::{Declaration, Network, Outbox};
 use crate::orders::robot::NotSent;
@@ -44,7 +44,7 @@ enum Port {
 
 /// All services that are carried.
 pub struct Services {
-    life: u64,
+    instance: u64,
     robot: NonZeroU32,
     discovery: Discovery,
     carried: Vec<Carried>,
@@ -59,12 +59,12 @@ impl Services {
     ///
     /// When the process has too many descriptors.
     pub fn new(
-        life: u64,
+        instance: u64,
         robot: NonZeroU32,
         ros2: Option<Ros2Publisher>,
     ) -> Result<Services, rustix::io::Errno> {
         Ok(Services {
-            life,
+            instance,
             robot,
             discovery: Discovery::default(),
             carried: Vec::new(),
@@ -122,7 +122,7 @@ impl Services {
         }
         let topic = Topic {
             subscriber,
-            sender: SampleSender::new(self.life, plan.period),
+            sender: SampleSender::new(self.instance, plan.period),
             outbox,
             is_failing: false,
         };
@@ -177,7 +177,7 @@ impl Services {
     /// A part of the description of the service of this index, for a station.
     pub fn describe(&self, index: u16, from: u32) -> Option<Part> {
         let carried = self.carried.get(usize::from(index))?;
-        carried.service.part(self.life, index, from)
+        carried.service.part(self.instance, index, from)
     }
 
     /// The request service that orders call so. `None` if the robot does not have it.

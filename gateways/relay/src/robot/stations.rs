@@ -13,8 +13,8 @@ use crate::orders::robot::OrderCounts;
 pub struct Station {
     /// Its name.
     pub name: String,
-    /// Life of its relay.
-    pub life: u64,
+    /// Instance of its relay.
+    pub instance: u64,
     /// When it was heard last.
     pub heard: MonotonicNs,
     /// Since when it is heard, or is not.
@@ -44,16 +44,16 @@ impl Stations {
     }
 
     /// A message of a station has come. Says whether the station was not there before, or was restarted.
-    pub fn hear(&mut self, name: &str, life: u64, may_command: bool, now: MonotonicNs) -> bool {
+    pub fn hear(&mut self, name: &str, instance: u64, may_command: bool, now: MonotonicNs) -> bool {
         if let Some(station) = self.list.iter_mut().find(|station| station.name == name) {
-            let is_news = !station.is_up || station.life != life;
-            if is_news {
+            let is_changed = !station.is_up || station.instance != instance;
+            if is_changed {
                 station.since = now;
             }
-            station.life = life;
+            station.instance = instance;
             station.heard = now;
             station.is_up = true;
-            return is_news;
+            return is_changed;
         }
         if self.list.len() == MAX_STATIONS {
             let Some(index) = self.least(may_command) else {
@@ -63,7 +63,7 @@ impl Stations {
         }
         self.list.push(Station {
             name: name.to_owned(),
-            life,
+            instance,
             heard: now,
             since: now,
             is_up: true,
@@ -109,7 +109,7 @@ impl Stations {
         up.map(|station| station.heard + self.silent_after).min()
     }
 
-    /// The stations as they are published. `samples_sent` went to all of them; `orders` says what became of those of a life, `None` if
+    /// The stations as they are published. `samples_sent` went to all of them; `orders` says what became of those of an instance, `None` if
     /// it has no session.
     pub fn rows(
         &self,
@@ -117,7 +117,7 @@ impl Stations {
         orders: impl Fn(u64) -> Option<OrderCounts>,
     ) -> Vec<RelayStation> {
         let row = |station: &Station| {
-            let counts = orders(station.life);
+            let counts = orders(station.instance);
             let refusal = match counts {
                 _ if !station.may_command => Reason::RelayNotPermitted,
                 None if station.is_up => Reason::RelayTooManyStations,
@@ -145,7 +145,7 @@ impl Stations {
 mod tests {
     use super::*;
     use crate::orders::message::NO_PLACE;
-    use crate::orders::robot::{Config, LIFE_KEPT, Robot, SESSIONS};
+    use crate::orders::robot::{Config, INSTANCE_KEPT, Robot, SESSIONS};
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
@@ -195,9 +195,9 @@ mod tests {
         let mut stations = Stations::new(Duration::from_millis(1000));
         for ms in (0..60_000).step_by(500) {
             for index in 0..2 * MAX_STATIONS as u64 {
-                let is_news = stations.hear(&format!("x{index}"), index, false, at(ms));
+                let is_changed = stations.hear(&format!("x{index}"), index, false, at(ms));
                 let is_first = ms == 0 && index < MAX_STATIONS as u64;
-                assert_eq!(is_news, is_first, "{index} at {ms} ms");
+                assert_eq!(is_changed, is_first, "{index} at {ms} ms");
             }
             assert_eq!(stations.pass(at(ms)), Vec::<String>::new());
         }
@@ -228,10 +228,14 @@ mod tests {
     }
 
     /// What the robot's side does with a clock message: the session in its answer.
-    fn pong((stations, orders): (&mut Stations, &mut Robot), life: u64, now: MonotonicNs) -> u64 {
-        let name = format!("gcs-{life}");
-        let _ = stations.hear(&name, life, true, now);
-        orders.session_for(life, &name, now, &mut Vec::new())
+    fn pong(
+        (stations, orders): (&mut Stations, &mut Robot),
+        instance: u64,
+        now: MonotonicNs,
+    ) -> u64 {
+        let name = format!("gcs-{instance}");
+        let _ = stations.hear(&name, instance, true, now);
+        orders.session_for(instance, &name, now, &mut Vec::new())
     }
 
     #[test]
@@ -242,9 +246,9 @@ mod tests {
         let mut first = Vec::new();
         for ms in (0..60_000).step_by(500) {
             let mut sessions = Vec::new();
-            for life in 1..=ALL {
+            for instance in 1..=ALL {
                 let side = (&mut stations, &mut orders);
-                sessions.push(pong(side, life, at(ms)));
+                sessions.push(pong(side, instance, at(ms)));
             }
             assert_eq!(sessions.last(), Some(&NO_PLACE));
             if first.is_empty() {
@@ -252,7 +256,7 @@ mod tests {
             }
             assert_eq!(sessions, first, "no session is ever lost");
         }
-        let rows = stations.rows(0, |life| orders.counts_of(life));
+        let rows = stations.rows(0, |instance| orders.counts_of(instance));
         let shown_rows = shown(&rows);
         assert_eq!(shown_rows.len(), SESSIONS + 1);
         assert_eq!(shown_rows[0], ("gcs-1", Some(Reason::None)));
@@ -260,13 +264,13 @@ mod tests {
         assert_eq!(shown_rows[SESSIONS], refused);
         assert_eq!(orders.name_of(ALL), None);
         // The first one ends.
-        let free = at(59_500) + LIFE_KEPT;
-        for life in 2..ALL {
-            pong((&mut stations, &mut orders), life, free);
+        let free = at(59_500) + INSTANCE_KEPT;
+        for instance in 2..ALL {
+            pong((&mut stations, &mut orders), instance, free);
         }
         stations.pass(free);
         assert!(pong((&mut stations, &mut orders), ALL, free) > NO_PLACE);
-        let rows = stations.rows(0, |life| orders.counts_of(life));
+        let rows = stations.rows(0, |instance| orders.counts_of(instance));
         let shown_rows = shown(&rows);
         assert_eq!(shown_rows[0], ("gcs-1", Some(Reason::None)), "it is silent");
         assert_eq!(shown_rows[SESSIONS], ("gcs-9", Some(Reason::None)));

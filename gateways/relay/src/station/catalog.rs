@@ -8,7 +8,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::schema::MAX_TEXT_LEN;
 
-use crate::description::{MAX_SERVICES, Part, Service};
+use crate::message::{MAX_SERVICES, Part, Service};
 
 /// How long a part of a description may take, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
@@ -133,8 +133,9 @@ impl Assembly {
 
     /// Whether a part belongs to this description.
     fn has(&self, part: &Part) -> bool {
-        let (head, life) = (&self.head, part.robot_life);
-        (head.robot_life, head.index, head.schema_bytes) == (life, part.index, part.schema_bytes)
+        let (head, instance) = (&self.head, part.robot_instance);
+        (head.robot_instance, head.index, head.schema_bytes)
+            == (instance, part.index, part.schema_bytes)
             && (&head.key, head.takes_requests) == (&part.key, part.takes_requests)
     }
 
@@ -169,9 +170,9 @@ impl Assembly {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::PART_BYTES;
-    use crate::message::{Ask, MAX_ASK_BYTES, MAX_TELL_BYTES, Tell, decode, encode};
-    const LIFE: u64 = u64::MAX;
+    use crate::message::PART_BYTES;
+    use crate::message::{Ask, MAX_ASK_BYTES, MAX_REPLY_BYTES, Reply, decode, encode};
+    const INSTANCE: u64 = u64::MAX;
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
@@ -202,15 +203,15 @@ mod tests {
             ms = ms.max(catalog.deadline().unwrap().0 / 1_000_000);
             let Question { index, from } = catalog.question(at(ms)).unwrap();
             let ask = encode(&Ask::Describe {
-                robot_life: LIFE,
+                robot_instance: INSTANCE,
                 index,
                 from,
             });
             assert!(ask.len() <= MAX_ASK_BYTES);
-            let part = services[usize::from(index)].part(LIFE, index, from);
-            let tell = encode(&Tell::Part(part.unwrap()));
-            assert!(tell.len() <= MAX_TELL_BYTES, "{}", tell.len());
-            let Ok(Tell::Part(part)) = decode(&tell) else {
+            let part = services[usize::from(index)].part(INSTANCE, index, from);
+            let tell = encode(&Reply::Part(part.unwrap()));
+            assert!(tell.len() <= MAX_REPLY_BYTES, "{}", tell.len());
+            let Ok(Reply::Part(part)) = decode(&tell) else {
                 panic!("it is a part");
             };
             // A round trip.
@@ -257,7 +258,7 @@ mod tests {
         );
         assert_eq!(catalog.question(at(600)), question(0, 0), "it was lost");
         let service = service("a", 5000);
-        let part = |index, from| service.part(LIFE, index, from).unwrap();
+        let part = |index, from| service.part(INSTANCE, index, from).unwrap();
         assert_eq!(catalog.take(&part(0, 0)), None);
         assert_eq!(catalog.question(at(601)), question(0, 4096), "at once");
         assert_eq!(catalog.take(&part(0, 0)), None, "it came twice");
@@ -279,7 +280,7 @@ mod tests {
         catalog.expect(u16::MAX);
         let part = Part {
             schema_bytes: u32::MAX,
-            ..service("a", 1).part(LIFE, 0, 0).unwrap()
+            ..service("a", 1).part(INSTANCE, 0, 0).unwrap()
         };
         assert_eq!(catalog.take(&part), None);
         assert_eq!(catalog.question(at(0)).unwrap().index, 1);
@@ -291,12 +292,12 @@ mod tests {
         let mut catalog = Catalog::default();
         catalog.expect(1);
         let (one, other) = (service("a", 5000), service("b", 6000));
-        let _ = catalog.take(&one.part(LIFE, 0, 0).unwrap());
-        assert_eq!(catalog.take(&other.part(LIFE, 0, 4096).unwrap()), None);
+        let _ = catalog.take(&one.part(INSTANCE, 0, 0).unwrap());
+        assert_eq!(catalog.take(&other.part(INSTANCE, 0, 4096).unwrap()), None);
         assert_eq!(catalog.question(at(0)).unwrap().from, 0);
-        let _ = catalog.take(&other.part(LIFE, 0, 0).unwrap());
+        let _ = catalog.take(&other.part(INSTANCE, 0, 0).unwrap());
         assert_eq!(
-            catalog.take(&other.part(LIFE, 0, 4096).unwrap()),
+            catalog.take(&other.part(INSTANCE, 0, 4096).unwrap()),
             Some(other)
         );
     }
@@ -314,7 +315,7 @@ mod tests {
         let next = part(PART_BYTES);
         let others = [
             Part {
-                robot_life: 9,
+                robot_instance: 9,
                 ..next.clone()
             },
             Part {

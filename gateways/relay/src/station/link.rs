@@ -16,7 +16,7 @@ use ipc_types::payload::RelayLink;
 
 use super::catalog::{Catalog, Question};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
-use crate::description::{Part, Service};
+use crate::message::{Part, Service};
 use crate::message::{Ping, Pong};
 use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
 
@@ -30,15 +30,15 @@ const SEARCH_PERIOD: Duration = Duration::from_millis(200);
 #[derive(Debug)]
 pub struct Link {
     silent_after: Duration,
-    life: u64,
+    instance: u64,
     state: RelayLinkState,
     since: MonotonicNs,
     last_heard: Option<MonotonicNs>,
     next_ping: MonotonicNs,
     outages: u32,
     clock: Clock,
-    /// Life of the robot's relay. `None` before its first answer.
-    robot_life: Option<u64>,
+    /// Instance of the robot's relay. `None` before its first answer.
+    robot_instance: Option<u64>,
     session: u64,
     catalog: Catalog,
     /// Whether all services that the robot had at first were described once.
@@ -49,25 +49,25 @@ pub struct Link {
 /// What an answer of the robot has changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Update {
-    /// Another life of the robot's relay has begun: its services must be described anew.
-    pub is_other_life: bool,
+    /// Another instance of the robot's relay has begun: its services must be described anew.
+    pub is_other_instance: bool,
     /// The link has come up.
     pub is_up: bool,
 }
 
 impl Link {
-    /// A link of which nothing is known. `life` is that of this relay.
-    pub fn new(life: u64, silent_after: Duration, now: MonotonicNs) -> Link {
+    /// A link of which nothing is known. `instance` is that of this relay.
+    pub fn new(instance: u64, silent_after: Duration, now: MonotonicNs) -> Link {
         Link {
             silent_after,
-            life,
+            instance,
             state: RelayLinkState::Connecting,
             since: now,
             last_heard: None,
             next_ping: now,
             outages: 0,
             clock: Clock::new(),
-            robot_life: None,
+            robot_instance: None,
             session: NOT_PERMITTED,
             catalog: Catalog::default(),
             is_complete: false,
@@ -87,7 +87,7 @@ impl Link {
                 SEARCH_PERIOD
             };
         Some(Ping {
-            station_life: self.life,
+            station_instance: self.instance,
             sent_ns: now.0,
             suspended_ns,
             wants_latest: self.wants_latest,
@@ -97,14 +97,14 @@ impl Link {
     /// An answer has come, when this machine had been suspended for `suspended_ns`. One that is not for this relay changes nothing.
     pub fn take(&mut self, pong: &Pong, at: MonotonicNs, suspended_ns: u64) -> Update {
         let mut update = Update::default();
-        if pong.station_life != self.life {
+        if pong.station_instance != self.instance {
             return update;
         }
-        if self.robot_life != Some(pong.robot_life) {
-            self.robot_life = Some(pong.robot_life);
+        if self.robot_instance != Some(pong.robot_instance) {
+            self.robot_instance = Some(pong.robot_instance);
             self.catalog = Catalog::default();
             self.wants_latest = true;
-            update.is_other_life = true;
+            update.is_other_instance = true;
         }
         self.session = pong.session;
         self.catalog.expect(pong.services);
@@ -153,10 +153,10 @@ impl Link {
         self.since = now;
     }
 
-    /// The life of the robot's relay, and what is to be asked about its services now.
+    /// The instance of the robot's relay, and what is to be asked about its services now.
     pub fn question(&mut self, now: MonotonicNs) -> Option<(u64, Question)> {
-        let robot_life = self.robot_life.filter(|_| self.is_up())?;
-        Some((robot_life, self.catalog.question(now)?))
+        let robot_instance = self.robot_instance.filter(|_| self.is_up())?;
+        Some((robot_instance, self.catalog.question(now)?))
     }
 
     /// Takes note whether all that the robot has is described.
@@ -174,7 +174,7 @@ impl Link {
 
     /// A part of a description has come. Says which service is described by now that was not before.
     pub fn take_part(&mut self, part: &Part) -> Option<Service> {
-        match self.robot_life == Some(part.robot_life) {
+        match self.robot_instance == Some(part.robot_instance) {
             true => self.catalog.take(part),
             false => None,
         }
@@ -226,16 +226,16 @@ impl Link {
     /// Why the robot's relay takes no requests from this station, as it said in its last answer; [`Reason::None`] when it takes
     /// them, and before the first answer.
     pub fn refusal(&self) -> Reason {
-        match (self.robot_life, self.session) {
+        match (self.robot_instance, self.session) {
             (Some(_), NOT_PERMITTED) => Reason::RelayNotPermitted,
             (Some(_), NO_PLACE) => Reason::RelayTooManyStations,
             _ => Reason::None,
         }
     }
 
-    /// Life of the robot's relay.
-    pub fn robot_life(&self) -> Option<u64> {
-        self.robot_life
+    /// Instance of the robot's relay.
+    pub fn robot_instance(&self) -> Option<u64> {
+        self.robot_instance
     }
 }
 
@@ -243,22 +243,22 @@ impl Link {
 mod tests {
     use super::*;
 
-    const LIFE: u64 = 5;
+    const INSTANCE: u64 = 5;
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
     }
 
     fn link() -> Link {
-        Link::new(LIFE, Duration::from_millis(2000), at(0))
+        Link::new(INSTANCE, Duration::from_millis(2000), at(0))
     }
 
     /// The answer of a robot whose clock shows an hour more, 10 ms after the ping.
-    fn pong(robot_life: u64, ping: &Ping, services: u16) -> Pong {
+    fn pong(robot_instance: u64, ping: &Ping, services: u16) -> Pong {
         let robot_ns = ping.sent_ns + 3_600_000_000_000 + 5_000_000;
         Pong {
-            robot_life,
-            station_life: ping.station_life,
+            robot_instance,
+            station_instance: ping.station_instance,
             ping_sent_ns: ping.sent_ns,
             ping_suspended_ns: ping.suspended_ns,
             received_ns: robot_ns,
@@ -269,9 +269,9 @@ mod tests {
         }
     }
 
-    fn answered(link: &mut Link, now: u64, robot_life: u64, services: u16) -> Update {
+    fn answered(link: &mut Link, now: u64, robot_instance: u64, services: u16) -> Update {
         let ping = link.ping(at(now), 0).expect("it is due");
-        link.take(&pong(robot_life, &ping, services), at(now + 10), 0)
+        link.take(&pong(robot_instance, &ping, services), at(now + 10), 0)
     }
 
     #[test]
@@ -279,7 +279,7 @@ mod tests {
         let mut link = link();
         assert_eq!(link.state, RelayLinkState::Connecting);
         let update = answered(&mut link, 0, 1, 0);
-        assert!(update.is_up && update.is_other_life && link.is_up());
+        assert!(update.is_up && update.is_other_instance && link.is_up());
         assert!(link.ping(at(100), 0).is_none());
         assert!(!link.pass(at(2009)));
         assert!(link.pass(at(2010)) && !link.is_up());
@@ -298,7 +298,7 @@ mod tests {
             (NO_PLACE + 1, Reason::None),
         ] {
             let ping = Ping {
-                station_life: LIFE,
+                station_instance: INSTANCE,
                 sent_ns: 0,
                 suspended_ns: 0,
                 wants_latest: false,
@@ -322,8 +322,8 @@ mod tests {
     }
 
     #[test]
-    fn services_are_asked_about_while_the_link_is_up_and_anew_in_another_life_of_the_robot_s_relay()
-    {
+    fn services_are_asked_about_while_the_link_is_up_and_anew_in_another_instance_of_the_robot_s_relay()
+     {
         let mut link = link();
         assert_eq!(link.question(at(0)), None);
         let _ = answered(&mut link, 0, 9, 2);
@@ -334,16 +334,20 @@ mod tests {
             takes_requests: false,
             schema: String::new(),
         };
-        let part = |robot_life, index| service.part(robot_life, index, 0).unwrap();
-        assert_eq!(link.take_part(&part(8, 0)), None, "of another life");
+        let part = |robot_instance, index| service.part(robot_instance, index, 0).unwrap();
+        assert_eq!(link.take_part(&part(8, 0)), None, "of another instance");
         assert_eq!(link.take_part(&part(9, 0)), Some(service.clone()));
         link.note_complete();
         assert_eq!(link.shown_state(), RelayLinkState::Connecting);
         assert_eq!(link.take_part(&part(9, 1)), Some(service.clone()));
         link.note_complete();
         assert_eq!(link.shown_state(), RelayLinkState::Up);
-        assert!(answered(&mut link, 2000, 10, 1).is_other_life);
-        assert_eq!(link.take_part(&part(9, 0)), None, "that was another life");
+        assert!(answered(&mut link, 2000, 10, 1).is_other_instance);
+        assert_eq!(
+            link.take_part(&part(9, 0)),
+            None,
+            "that was another instance"
+        );
         assert_eq!(link.question(at(2100)), Some((10, question(0))));
     }
 
@@ -363,7 +367,7 @@ mod tests {
         let mut link = link();
         let ping = link.ping(at(0), 0).unwrap();
         let other = Pong {
-            station_life: LIFE + 1,
+            station_instance: INSTANCE + 1,
             ..pong(1, &ping, 0)
         };
         assert_eq!(link.take(&other, at(1), 0), Update::default());

@@ -1,6 +1,6 @@
 //! [`Mirrors`]: the services of a robot as this machine has them.
 //!
-//! A mirror outlives the robot's relay: the next life of it describes the same service again, and consumers notice nothing.
+//! A mirror outlives the robot's relay: the next instance of it describes the same service again, and consumers notice nothing.
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
@@ -10,8 +10,8 @@ use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs,
 
 use crate::budget::Budget;
 use crate::clock::{Clock, RemoteNs};
-use crate::description::{MAX_SERVICES, Service};
 use crate::message::SampleHeader;
+use crate::message::{MAX_SERVICES, Service};
 use crate::names::service_id;
 use crate::request::{RequestFields, word};
 use crate::telemetry::{Counts, SampleReceiver};

@@ -8,20 +8,32 @@ pub mod catalog;
 pub mod link;
 mod mirrors;
 pub mod moments;
-mod remote;
 
 use std::os::fd::BorrowedFd;
+use std::time::Duration;
 
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::{RelayLink, RequestReport, ascii_bytes};
 use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{Domain, Ipc, MonotonicNs, PortSet, RobotId, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
 use crate::config::{Config, RemoteRobot, Side};
-use crate::network::Network;
+use crate::message::{
+    Ask, MAX_REPLY_BYTES, Part, Pong, Reply, SampleHeader, Unreadable, decode, encode,
+};
+use crate::names;
+use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
+use crate::orders::message::{NOT_PERMITTED, Verdict, request_id};
+use crate::orders::station::{Config as OrderConfig, Origin, Output, Request, Station};
+use crate::own_topics::OwnTopics;
+use crate::random::{fresh, suspended_ns};
+use catalog::Question;
 pub use link::Link;
 pub use mirrors::Mirrors;
-use remote::Remote;
+use mirrors::{Taken, translate_report};
+use moments::{Moments, earliest};
 
 /// What wakes the station's side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -107,5 +119,346 @@ impl Process for StationSide {
 
     fn deadline(&self) -> Option<MonotonicNs> {
         self.remotes.iter().map(Remote::deadline).min()
+    }
+}
+
+/// Samples that may wait: 5 s of ten topics at 50 a second, and not more bytes than a machine can spare for each robot. The longest
+/// sample is the longest that Zenoh puts together.
+const SAMPLES: Room = Room {
+    messages: 2500,
+    bytes: 32 * 1024 * 1024,
+    longest: MAX_MESSAGE_BYTES,
+};
+
+/// Answers that may wait: the parts of descriptions are the long ones, of which one is asked for at a time.
+const ANSWERS: Room = Room {
+    messages: 512,
+    bytes: 512 * MAX_REPLY_BYTES,
+    longest: MAX_REPLY_BYTES,
+};
+
+/// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows what it is, and
+/// may want it sooner.
+const HANDED_ON_WITHIN: Duration = Duration::from_secs(30);
+
+/// One robot of a station.
+struct Remote {
+    robot: RemoteRobot,
+    station: String,
+    link: Link,
+    mirrors: Mirrors,
+    orders: Station,
+    /// When requests were issued, and what the robot calls this clock.
+    moments: Moments,
+    origin: u32,
+    /// Deadline of a request that says neither when it was issued nor until when it may begin.
+    default_deadline: Duration,
+    endpoints: String,
+    replies: Inbox,
+    samples: Inbox,
+    topics: OwnTopics<RelayLink>,
+    counts: Counts,
+    ipc: Ipc,
+}
+
+/// What was sent and received.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    bytes_received: u64,
+    bytes_sent: u64,
+    orders_sent: u64,
+    orders_repeated: u64,
+    orders_unknown: u64,
+    unreadable: Unreadable,
+}
+
+impl Remote {
+    /// Opens the ports that are there before anything of the robot is known.
+    fn open(
+        robot: RemoteRobot,
+        ipc: Ipc,
+        station: &str,
+        config: &Config,
+        network: &Network,
+    ) -> Result<Remote, Failure> {
+        let now = MonotonicNs::now();
+        Ok(Remote {
+            station: station.to_owned(),
+            link: Link::new(fresh(), config.network.silent_after(), now),
+            mirrors: Mirrors::new()?,
+            orders: Station::new(OrderConfig {
+                give_up: config.commands.unknown_after(),
+            }),
+            moments: Moments::default(),
+            origin: (fresh() as u32).max(1),
+            default_deadline: config.commands.deadline(),
+            endpoints: [&config.station.connect[..], &config.station.listen[..]]
+                .concat()
+                .join(" "),
+            replies: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
+            samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
+            topics: OwnTopics::open(&ipc)?,
+            counts: Counts::default(),
+            robot,
+            ipc,
+        })
+    }
+
+    /// What to wait for.
+    fn ports(&self) -> [Result<BorrowedFd<'_>, WaitError>; 3] {
+        let [state, link] = self.topics.ports();
+        [state, link, Ok(self.mirrors.ports().descriptor())]
+    }
+
+    /// Takes what has come, and does what is due. Ports are looked at when one may have woken the process (`looks`).
+    fn step(&mut self, network: &Network, now: MonotonicNs, looks: bool) {
+        let mut out = Vec::new();
+        self.take_samples();
+        self.take_replies(&mut out);
+        let was_shown = self.link.shown_state();
+        self.link.note_complete();
+        if self.link.shown_state() != was_shown {
+            self.topics.hasten(now);
+        }
+        if self.link.pass(now) {
+            tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
+            self.topics.hasten(now);
+        }
+        if looks {
+            self.take_requests(now, &mut out);
+            self.topics.tend();
+        }
+        self.orders.tick(now, &mut out);
+        self.carry_out(&out, network, now);
+        if let Some(ping) = self.link.ping(MonotonicNs::now(), suspended_ns()) {
+            self.ask(network, &Ask::Ping(ping));
+        }
+        if let Some((robot_instance, Question { index, from })) = self.link.question(now) {
+            let ask = Ask::Describe {
+                robot_instance,
+                index,
+                from,
+            };
+            self.ask(network, &ask);
+        }
+        if now >= self.topics.deadline() {
+            self.publish(now);
+        }
+    }
+
+    /// When something is to be done though nothing comes.
+    fn deadline(&self) -> MonotonicNs {
+        let orders = self.orders.deadline().unwrap_or(MonotonicNs(u64::MAX));
+        self.link.deadline().min(orders).min(self.topics.deadline())
+    }
+
+    fn ask(&mut self, network: &Network, ask: &Ask) {
+        let message = encode(ask);
+        self.counts.bytes_sent += message.len() as u64;
+        network.send(&names::ask(self.robot.number, &self.station), message);
+    }
+
+    fn take_samples(&mut self) {
+        let (link, mirrors, counts) = (&mut self.link, &mut self.mirrors, &mut self.counts);
+        self.samples.drain(|incoming| {
+            counts.bytes_received += (incoming.payload.len() + incoming.attachment.len()) as u64;
+            let header = match decode::<SampleHeader>(incoming.attachment) {
+                Ok(header) => header,
+                Err(error) => return counts.unreadable.note(incoming.key, &error),
+            };
+            // A sample of another instance of the robot's relay waits for its first answer, which may have another clock.
+            if !link.is_up() || link.robot_instance() != Some(header.robot_instance) {
+                return;
+            }
+            let key = names::last(incoming.key);
+            if mirrors.publish(key, &header, incoming.payload, link.clock(), incoming.at) {
+                link.hear_sample();
+            }
+        });
+    }
+
+    fn take_replies(&mut self, out: &mut Vec<Output>) {
+        let mut replies = Vec::new();
+        let counts = &mut self.counts;
+        self.replies.drain(|incoming| {
+            counts.bytes_received += incoming.payload.len() as u64;
+            match decode::<Reply>(incoming.payload) {
+                Ok(reply) => replies.push((reply, incoming.at)),
+                Err(error) => counts.unreadable.note(incoming.key, &error),
+            }
+        });
+        for (reply, at) in replies {
+            match reply {
+                Reply::Pong(pong) => self.take_pong(&pong, at, out),
+                Reply::Part(part) => self.take_part(&part),
+                Reply::Answer(answer) => self.orders.answer(&answer, at, out),
+                Reply::UnknownSession(session) => self.orders.unknown_session(session),
+            }
+        }
+    }
+
+    fn take_pong(&mut self, pong: &Pong, at: MonotonicNs, out: &mut Vec<Output>) {
+        let former_refusal = self.refusal();
+        let update = self.link.take(pong, at, suspended_ns());
+        if self.refusal() != former_refusal {
+            self.topics.hasten(at);
+        }
+        if pong.session != NOT_PERMITTED {
+            self.orders.session(pong.session, at, out);
+        }
+        if let Some(estimate) = self.link.clock().estimate(at) {
+            self.orders
+                .round_trip(Duration::from_nanos(estimate.round_trip_ns));
+        }
+        if update.is_up {
+            tracing::info!(robot = %self.robot.number, "the link to the robot is up");
+            if self.robot.command && !self.link.may_command() {
+                tracing::warn!(
+                    robot = %self.robot.number,
+                    station = self.station,
+                    "this station may not command: its name is not in `commands.stations` of the robot's relay"
+                );
+            }
+            self.topics.hasten(at);
+        }
+    }
+
+    /// Why the robot takes no requests of the clients here, if they may send any.
+    fn refusal(&self) -> Reason {
+        match self.robot.command {
+            true => self.link.refusal(),
+            false => Reason::None,
+        }
+    }
+
+    fn take_part(&mut self, part: &Part) {
+        if let Some(service) = self.link.take_part(part)
+            && (self.robot.command || !service.takes_requests)
+        {
+            self.mirrors.provide(service, &self.ipc);
+        }
+    }
+
+    fn take_requests(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
+        let (mut taken, mut gone) = (Vec::new(), Vec::new());
+        self.mirrors
+            .serve(|request| taken.push(request), |handle| gone.push(handle));
+        for handle in gone {
+            self.orders.give_up(handle, out);
+        }
+        for mut request in taken {
+            if self.link.is_up() && !self.link.may_command() {
+                out.push(refusal(&request, now));
+                continue;
+            }
+            let expires = self.translate(&mut request, now);
+            let is_up = self.link.is_up() && expires.is_some();
+            let request = Request {
+                handle: request.handle,
+                path_id: request.fields.path_id(&request.bytes),
+                service: request.service,
+                expires: expires.unwrap_or_default(),
+                bytes: request.bytes,
+            };
+            self.counts.orders_sent += 1;
+            self.orders.request(request, is_up, now, out);
+        }
+    }
+
+    /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the earliest moment
+    /// that this can be. `None` if the robot's clock is not known.
+    fn translate(&mut self, request: &mut Taken, now: MonotonicNs) -> Option<MonotonicNs> {
+        let (clock, fields) = (self.link.clock(), request.fields);
+        let (issued, begin_by) = (
+            fields.issued(&request.bytes),
+            fields.begin_by(&request.bytes),
+        );
+        if let Some(at) = issued {
+            let issued = self.moments.issued(at, clock, now)?;
+            let (at, within_ns) = (issued.earliest, issued.within_ns);
+            fields.set_issued(&mut request.bytes, at, within_ns, self.origin);
+        }
+        if let Some(at) = begin_by {
+            let begin_by = earliest(at, clock)?;
+            fields.set_begin_by(&mut request.bytes, begin_by);
+            return Some(begin_by);
+        }
+        let within = match issued {
+            Some(_) => HANDED_ON_WITHIN,
+            None => self.default_deadline,
+        };
+        earliest(now + within, clock)
+    }
+
+    fn carry_out(&mut self, out: &[Output], network: &Network, now: MonotonicNs) {
+        for output in out {
+            match output {
+                Output::Send(order) => {
+                    let message = encode(order);
+                    self.counts.bytes_sent += message.len() as u64;
+                    self.counts.orders_repeated += u64::from(order.is_repeat);
+                    network.send(&names::order(self.robot.number, &self.station), message);
+                }
+                Output::Report {
+                    handle,
+                    report,
+                    origin,
+                } => {
+                    let mut report = *report;
+                    if *origin == Origin::Robot {
+                        translate_report(&mut report, self.link.clock(), now);
+                    }
+                    let is_unknown = report.stage() == Some(Stage::Unknown);
+                    self.counts.orders_unknown += u64::from(is_unknown);
+                    self.mirrors.report(*handle, &report);
+                }
+            }
+        }
+    }
+
+    fn publish(&mut self, now: MonotonicNs) {
+        self.mirrors.retry(&self.ipc);
+        let row = self.row(now);
+        self.topics
+            .publish(self.link.is_up(), now, |sample| *sample = row);
+    }
+
+    /// How the link is, as it is published.
+    fn row(&self, now: MonotonicNs) -> RelayLink {
+        let samples = self.mirrors.counts();
+        let mut row = RelayLink {
+            published_ns: now.0,
+            samples_received: samples.received,
+            samples_lost_on_air: samples.lost_on_air,
+            samples_lost_in_relay: samples.lost_in_relay,
+            samples_left_out: samples.left_out,
+            bytes_received: self.counts.bytes_received,
+            bytes_sent: self.counts.bytes_sent,
+            orders_sent: self.counts.orders_sent,
+            orders_repeated: self.counts.orders_repeated,
+            orders_unknown: self.counts.orders_unknown,
+            robot: self.robot.number.get(),
+            orders_open: self.orders.open() as u32,
+            refusal: self.refusal().code(),
+            link: ascii_bytes(&self.endpoints),
+            station: ascii_bytes(&self.station),
+            ..RelayLink::default()
+        };
+        self.link.fill(&mut row, now);
+        row
+    }
+}
+
+/// The report for a client whose station may not command.
+fn refusal(request: &Taken, now: MonotonicNs) -> Output {
+    let id = request_id(&request.bytes);
+    let report = RequestReport {
+        path_id: request.fields.path_id(&request.bytes),
+        ..Verdict::NotPermitted.report(id, now)
+    };
+    Output::Report {
+        handle: request.handle,
+        report,
+        origin: Origin::Station,
     }
 }

@@ -3,7 +3,6 @@
 
 use std::io;
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
@@ -11,13 +10,14 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, RelayLinkState};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
-use ril_tests::Process;
-use ril_tests::chain::beside_or_skip;
 use ril_tests::process::{Finished, Signal};
+use ril_tests::relayed::{
+    BridgeLog, SPEED, await_link, free_endpoint, machine, says, start_robot_relay,
+    start_station_relay,
+};
+use ril_tests::{Process, Rig};
 
-use super::rig::{RELAY, Rig};
-use crate::bridge_log::BridgeLog;
-use crate::machine::{Crew, Machine, end, free_endpoint, says};
+use super::{rig, ril};
 
 /// Exit code of a verb whose outcome is not known.
 const OUTCOME_UNKNOWN: i32 = 7;
@@ -33,12 +33,12 @@ fn finals(finished: &Finished) -> usize {
 
 #[test]
 fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_end() {
-    let Some(mut rig) = Rig::start("robot relay", "") else {
+    let Some(mut rig) = rig("robot relay", "") else {
         return;
     };
     let [latitude, longitude, altitude] = rig.take_off();
     let mut consumer = rig.station.subscribe::<HeroTelemetry>(1);
-    let before = consumer.next();
+    let before = consumer.next_sample();
     let generations = consumer.port.generations();
     let mut path = rig.station.start(&format!(
         "goto {},{longitude},{altitude}",
@@ -56,7 +56,7 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
     });
     assert_eq!(after.epoch_ns, before.epoch_ns);
     assert_eq!(consumer.port.generations(), generations);
-    rig.station.run("land", 0);
+    rig.station.expect("land", 0);
     let [bridge, _] = rig.end();
     assert_eq!(BridgeLog::of([&bridge]).executed_twice(), Vec::<u64>::new());
 }
@@ -64,7 +64,7 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
 #[test]
 fn a_station_relay_that_is_killed_in_mid_path_leaves_an_outcome_that_is_unknown_and_the_path_goes_on()
  {
-    let Some(mut rig) = Rig::start("station relay", "") else {
+    let Some(mut rig) = rig("station relay", "") else {
         return;
     };
     rig.take_off();
@@ -74,14 +74,15 @@ fn a_station_relay_that_is_killed_in_mid_path_leaves_an_outcome_that_is_unknown_
     assert_eq!(ended.code(), Some(OUTCOME_UNKNOWN), "{ended:#?}");
     assert_eq!(finals(&ended), 1, "{ended:#?}");
     rig.start_station_relay();
-    let state = rig.station.subscribe::<ModuleState>(1).next();
+    await_link(&rig.station, 1);
+    let state = rig.station.subscribe::<ModuleState>(1).next_sample();
     assert_eq!(
         state.functionality,
         Functionality::FollowingPath.code(),
         "the robot flies on"
     );
-    rig.station.run("hold", 0);
-    rig.station.run("land", 0);
+    rig.station.expect("hold", 0);
+    rig.station.expect("land", 0);
     let [bridge, _] = rig.end();
     let log = BridgeLog::of([&bridge]);
     assert_eq!(log.begun("goto"), 1, "{:#?}", log.lines);
@@ -91,19 +92,15 @@ fn a_station_relay_that_is_killed_in_mid_path_leaves_an_outcome_that_is_unknown_
 #[test]
 fn a_bridge_that_is_killed_in_mid_path_ends_the_request_as_unknown_and_the_next_bridge_is_there_at_once()
  {
-    let Some(mut rig) = Rig::start("bridge", "") else {
+    let Some(mut rig) = rig("bridge", "") else {
         return;
     };
     rig.take_off();
     let mut links = rig.station.subscribe::<RelayLink>(1);
     let mut consumer = rig.station.subscribe::<HeroTelemetry>(1);
-    let before = consumer.next();
+    let before = consumer.next_sample();
     let mut path = rig.far_away();
-    let former = rig
-        .crew
-        .as_mut()
-        .expect("it runs")
-        .restart_bridge(&rig.robot);
+    let former = rig.restart_bridge();
     let ended = path.wait_exit();
     assert_eq!(ended.code(), Some(OUTCOME_UNKNOWN), "{ended:#?}");
     assert_eq!(finals(&ended), 1, "{ended:#?}");
@@ -111,11 +108,11 @@ fn a_bridge_that_is_killed_in_mid_path_ends_the_request_as_unknown_and_the_next_
     consumer.until("samples of the next bridge", |sample| {
         sample.source_epoch_ns != before.source_epoch_ns
     });
-    rig.station.await_link(1);
-    rig.station.run("start", 0);
-    rig.station.run("land", 0);
+    await_link(&rig.station, 1);
+    rig.station.expect("start", 0);
+    rig.station.expect("land", 0);
     // It was never the relays' link that was down.
-    let link = links.next();
+    let link = links.next_sample();
     assert_eq!(
         (link.state, link.outages),
         (RelayLinkState::Up.code(), 0),
@@ -131,48 +128,47 @@ fn configuration(link_loss: &str) -> String {
     format!("[commands]\nlink_loss = \"{link_loss}\"\nlink_loss_s = 1\n")
 }
 
-#[test]
-fn a_robot_that_is_to_hold_ends_its_path_when_the_station_is_lost() {
-    let Some(mut rig) = Rig::start("hold", &configuration("hold")) else {
+/// A robot flies a path under this order for the loss of its station, and the station is lost.
+fn lose_the_station(link_loss: &str, then: impl FnOnce(&Rig)) {
+    let relay_toml = format!("[commands]\nlink_loss = \"{link_loss}\"\nlink_loss_s = 1\n");
+    let Some(mut rig) = rig(link_loss, &relay_toml) else {
         return;
     };
     rig.take_off();
     let _path = rig.far_away();
-    let mut states = rig.robot.subscribe::<ModuleState>(1);
-    let flying = states.next();
+    let flying = rig.robot.subscribe::<ModuleState>(1).next_sample();
     assert_eq!(flying.functionality, Functionality::FollowingPath.code());
     rig.kill_station_relay();
     let relay = rig.robot_relay.as_mut().expect("it runs");
     relay.wait_for_text("the movement is ended");
-    let held = states.until("the path is ended", |state| {
-        state.functionality != Functionality::FollowingPath.code()
-    });
-    assert_ne!(
-        held.functionality,
-        Functionality::Landing.code(),
-        "{held:#?}"
-    );
-    // Another life of the station commands again.
+    then(&rig);
+    // Another instance of the station commands again.
     rig.start_station_relay();
-    rig.station.run("land", 0);
+    await_link(&rig.station, 1);
+    if link_loss == "hold" {
+        rig.station.expect("land", 0);
+    }
     rig.end();
 }
 
 #[test]
+fn a_robot_that_is_to_hold_ends_its_path_when_the_station_is_lost() {
+    lose_the_station("hold", |rig| {
+        let mut states = rig.robot.subscribe::<ModuleState>(1);
+        let held = states.until("the path is ended", |state| {
+            state.functionality != Functionality::FollowingPath.code()
+        });
+        let is_landing = held.functionality == Functionality::Landing.code();
+        assert!(!is_landing, "{held:#?}");
+    });
+}
+
+#[test]
 fn a_robot_that_is_to_land_lands_when_the_station_is_lost() {
-    let Some(mut rig) = Rig::start("land", &configuration("land")) else {
-        return;
-    };
-    rig.take_off();
-    let _path = rig.far_away();
-    let mut telemetry = rig.robot.subscribe::<HeroTelemetry>(1);
-    assert!(telemetry.next().is_flying());
-    rig.kill_station_relay();
-    let relay = rig.robot_relay.as_mut().expect("it runs");
-    relay.wait_for_text("the movement is ended");
-    telemetry.until("the robot has landed", |sample| !sample.is_flying());
-    rig.start_station_relay();
-    rig.end();
+    lose_the_station("land", |rig| {
+        let mut telemetry = rig.robot.subscribe::<HeroTelemetry>(1);
+        telemetry.until("the robot has landed", |sample| !sample.is_flying());
+    });
 }
 
 /// How often the link is cut.
@@ -251,26 +247,24 @@ fn carry(from: &TcpStream, to: &TcpStream) {
 
 #[test]
 fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_comes_back() {
-    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+    let Some(ril) = ril() else {
         return;
     };
-    let (robot, station) = (Machine::new(&ril, "cut"), Machine::new(&ril, "cut"));
+    let (robot, station) = (machine(&ril, "cut"), machine(&ril, "cut"));
     // A request that comes while the link is cut is not refused: the station does not know yet that it is down.
     station.write("relay.toml", "[network]\nsilent_after_ms = 60000\n");
-    let crew = Crew::start(&robot, 1);
+    let processes = robot.start_robot(1, SPEED);
     let endpoint = free_endpoint();
-    let robot_relay = robot.start_ready(&format!(
-        "relay robot --listen {endpoint} --may-command gcs"
-    ));
+    let robot_relay = start_robot_relay(&robot, &endpoint);
     let cable = Cable::to(&endpoint);
-    let station_relay = station.start_ready(&format!(
-        "relay station --name gcs --connect {}",
-        cable.endpoint
-    ));
-    station.await_link(1);
-    station.run("start", 0);
-    station.run("takeoff --altitude 5", 0);
-    let place = station.subscribe::<DspTelemetry>(1).next().geographic;
+    let station_relay = start_station_relay(&station, &cable.endpoint);
+    await_link(&station, 1);
+    station.expect("start", 0);
+    station.expect("takeoff --altitude 5", 0);
+    let place = station
+        .subscribe::<DspTelemetry>(1)
+        .next_sample()
+        .geographic;
     let far = format!(
         "goto {},{},{}",
         place.latitude_deg + 0.02,
@@ -280,7 +274,7 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
     let mut links = station.subscribe::<RelayLink>(1);
     let mut states = robot.subscribe::<ModuleState>(1);
     for _ in 0..CUTS {
-        let sent = links.next().orders_sent;
+        let sent = links.next_sample().orders_sent;
         cable.cut();
         let mut path = station.start(&far);
         links.until("the path is ordered", |link| link.orders_sent > sent);
@@ -291,14 +285,14 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
         assert_eq!(held.code(), Some(0), "{held:#?}");
         let ended = path.wait_exit();
         assert_ne!(ended.code(), Some(0), "{ended:#?}");
-        let state = states.next();
+        let state = states.next_sample();
         let is_flown = state.functionality == Functionality::FollowingPath.code();
         assert!(!is_flown, "after the hold: {ended:#?}\n{state:#?}");
     }
-    station.run("land", 0);
-    end(station_relay);
-    end(robot_relay);
-    crew.end();
+    station.expect("land", 0);
+    station_relay.end();
+    robot_relay.end();
+    processes.end();
 }
 
 /// How long samples are watched after the robot's relay has given up the station that stands still: beyond the lease of its link,
@@ -311,34 +305,34 @@ const HELD_UP: Duration = Duration::from_secs(8);
 
 #[test]
 fn a_station_that_stands_still_does_not_hold_up_another_one() {
-    let Some(mut rig) = Rig::start("stall", "") else {
+    let Some(mut rig) = rig("stall", "") else {
         return;
     };
-    let ril = beside_or_skip(Path::new(RELAY)).expect("it was there");
-    let other = Machine::new(&ril, "stall");
+    let ril = ril().expect("it was there");
+    let other = machine(&ril, "stall");
     let relay = other.start(&format!(
         "relay station --name watcher --connect {}",
         rig.endpoint()
     ));
-    other.await_link(1);
+    await_link(&other, 1);
     relay.signal(Signal::STOP);
     let robot_relay = rig.robot_relay.as_mut().expect("it runs");
     robot_relay.wait_for_text("a station is heard no more");
 
     let mut telemetry = rig.station.subscribe::<HeroTelemetry>(1);
-    telemetry.next();
+    telemetry.next_sample();
     let begin = MonotonicNs::now();
     let mut before = begin;
     let mut longest = Duration::ZERO;
     while before.since(begin) < WATCHED {
-        telemetry.next();
+        telemetry.next_sample();
         let now = MonotonicNs::now();
         longest = longest.max(now.since(before));
         before = now;
     }
     assert!(longest < HELD_UP, "nothing came for {longest:?}");
     relay.signal(Signal::CONT);
-    end(relay);
+    relay.end();
     rig.end();
 }
 
@@ -355,32 +349,32 @@ fn assert_ends_with(mut process: Process, words: &str) {
 
 #[test]
 fn a_station_that_may_not_command_sees_everything_and_is_told_who_may() {
-    let Some(mut rig) = Rig::start("may not command", "") else {
+    let Some(mut rig) = rig("may not command", "") else {
         return;
     };
-    let ril = beside_or_skip(Path::new(RELAY)).expect("it was there");
-    let other = Machine::new(&ril, "may not command");
+    let ril = ril().expect("it was there");
+    let other = machine(&ril, "may not command");
     let mut relay = other.start(&format!(
         "relay station --name other --connect {}",
         rig.endpoint()
     ));
     relay.wait_for_text("this station may not command");
-    other.await_link(1);
-    other.run("status", 0);
-    let refused = other.run("takeoff --altitude 5", REFUSED);
+    await_link(&other, 1);
+    other.expect("status", 0);
+    let refused = other.expect("takeoff --altitude 5", REFUSED);
     assert!(says(&refused.stderr, "relay-not-permitted"), "{refused:#?}");
     // The robot's own log names it, too.
-    let log = end(relay);
+    let log = relay.end();
     assert!(says(&log.stderr, "commands.stations"), "{log:#?}");
     // Nothing of it came to the bridge.
-    let state = rig.robot.subscribe::<ModuleState>(1).next();
+    let state = rig.robot.subscribe::<ModuleState>(1).next_sample();
     assert_eq!(state.refused.requests, 0);
     rig.end();
 }
 
 #[test]
 fn a_second_relay_of_a_robot_or_a_station_ends_at_once_and_says_why() {
-    let Some(mut rig) = Rig::start("second relay", "") else {
+    let Some(mut rig) = rig("second relay", "") else {
         return;
     };
     let elsewhere = free_endpoint();
@@ -393,32 +387,30 @@ fn a_second_relay_of_a_robot_or_a_station_ends_at_once_and_says_why() {
         rig.endpoint()
     ));
     assert_ends_with(second, "relay/state");
-    rig.station.run("relay status", 0);
+    rig.station.expect("relay status", 0);
     rig.end();
 }
 
 #[test]
 fn a_robot_whose_number_is_taken_on_the_station_waits_for_its_place() {
-    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+    let Some(ril) = ril() else {
         return;
     };
-    let robot = Machine::new(&ril, "number is taken");
-    let station = Machine::new(&ril, "number is taken");
-    let (crew, here) = (Crew::start(&robot, 1), Crew::start(&station, 1));
+    let robot = machine(&ril, "number is taken");
+    let station = machine(&ril, "number is taken");
+    let (processes, here) = (robot.start_robot(1, SPEED), station.start_robot(1, SPEED));
     let endpoint = free_endpoint();
-    let robot_relay = robot.start_ready(&format!(
-        "relay robot --listen {endpoint} --may-command gcs"
-    ));
-    let mut relay = station.start_ready(&format!("relay station --name gcs --connect {endpoint}"));
+    let robot_relay = start_robot_relay(&robot, &endpoint);
+    let mut relay = start_station_relay(&station, &endpoint);
     relay.wait_for_text("cannot be provided here");
-    let local = station.subscribe::<ModuleState>(1).next();
+    let local = station.subscribe::<ModuleState>(1).next_sample();
     here.end();
     let mut states = station.subscribe::<ModuleState>(1);
     states.until("the robot's state", |state| {
         state.epoch_ns != local.epoch_ns
     });
-    station.run("start", 0);
-    end(relay);
-    end(robot_relay);
-    crew.end();
+    station.expect("start", 0);
+    relay.end();
+    robot_relay.end();
+    processes.end();
 }

@@ -1,7 +1,6 @@
 //! What works at a station: a whole mission, two robots through a router, and topics of any schema.
 
 use std::collections::HashSet;
-use std::path::Path;
 use std::sync::mpsc::{self, Sender, TryRecvError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -11,13 +10,13 @@ use ipc_types::dynamic::{self, schema_of};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::schema::MAX_TEXT_LEN;
 use ipc_types::{DynamicPublisher, DynamicSubscriber, RobotId, Schema, Topic};
-use ril_tests::Process;
-use ril_tests::chain::beside_or_skip;
 use ril_tests::process::Signal;
+use ril_tests::relayed::{
+    BridgeLog, SPEED, await_link, free_endpoint, machine, says, start_station_relay,
+};
+use ril_tests::{Process, Rig, Sandbox};
 
-use super::rig::{RELAY, Rig};
-use crate::bridge_log::BridgeLog;
-use crate::machine::{Crew, Machine, end, free_endpoint, says};
+use super::{rig, ril};
 
 /// How long a collector waits before it looks whether it is to end.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
@@ -29,7 +28,7 @@ struct Collector<T> {
 }
 
 impl<T: Topic + Copy + Send + 'static> Collector<T> {
-    fn start(machine: &Machine) -> Collector<T> {
+    fn start(machine: &Sandbox) -> Collector<T> {
         let (end, is_over) = mpsc::channel();
         let domain = machine.domain.clone();
         let thread = thread::spawn(move || {
@@ -86,7 +85,7 @@ fn assert_same<T: Topic + Copy>(at_robot: &[T], at_station: &[T]) {
 
 #[test]
 fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_does() {
-    let Some(mut rig) = Rig::start("mission", "") else {
+    let Some(mut rig) = rig("mission", "") else {
         return;
     };
     // The robot's collectors begin first and end last: what the station shows must be among theirs.
@@ -95,40 +94,31 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
         Collector::<HeroTelemetry>::start(&rig.robot),
         Collector::<ModuleState>::start(&rig.robot),
     );
-    rig.robot.subscribe::<DspTelemetry>(1).next();
-    rig.robot.subscribe::<HeroTelemetry>(1).next();
-    rig.station.run("status", 0);
+    rig.robot.subscribe::<DspTelemetry>(1).next_sample();
+    rig.robot.subscribe::<HeroTelemetry>(1).next_sample();
+    rig.station.expect("status", 0);
     let station = (
         Collector::<DspTelemetry>::start(&rig.station),
         Collector::<HeroTelemetry>::start(&rig.station),
         Collector::<ModuleState>::start(&rig.station),
     );
 
-    let [latitude, longitude, altitude] = rig.take_off();
-    let point = |north_deg: f64, east_deg: f64, up_m: f64| {
-        let (latitude, longitude) = (latitude + north_deg, longitude + east_deg);
-        format!("{latitude},{longitude},{}", altitude + up_m)
-    };
-    let square = [
-        point(0.00007, 0.0, 1.0),
-        point(0.00007, 0.00009, 2.0),
-        point(0.0, 0.00009, 1.0),
-        point(0.0, 0.0, 0.0),
-    ];
-    let flown = rig.station.run(&format!("goto {}", square.join(" ")), 0);
+    let place = rig.take_off();
+    let square = Rig::square(place, 0.0);
+    let flown = rig.station.expect(&format!("goto {square}"), 0);
     assert!(says(&flown.stdout, "goto: done"), "{flown:#?}");
-    rig.station.run("land", 0);
-    rig.station.run("stop", 0);
+    rig.station.expect("land", 0);
+    rig.station.expect("stop", 0);
     // A verb that the robot refuses has the same exit code as on the robot.
-    rig.station.run("takeoff --altitude 5", 5);
-    rig.station.run("relay status", 0);
+    rig.station.expect("takeoff --altitude 5", 5);
+    rig.station.expect("relay status", 0);
     // On a machine that is busy some samples find no room on their way, which is a warning.
     let checked = rig.station.start("doctor").wait_exit();
     assert!(
         says(&checked.stderr, "0 errors") || checked.code() == Some(0),
         "{checked:#?}"
     );
-    rig.robot.run("relay status", 0);
+    rig.robot.expect("relay status", 0);
 
     let (dsp, hero, state) = (station.0.end(), station.1.end(), station.2.end());
     assert_same(&robot.0.end(), &dsp);
@@ -146,11 +136,11 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
 
 #[test]
 fn a_program_that_comes_late_gets_the_latest_sample_at_once() {
-    let Some(mut rig) = Rig::start("late", "") else {
+    let Some(mut rig) = rig("late", "") else {
         return;
     };
     let mut early = rig.station.subscribe::<HeroTelemetry>(1);
-    early.next();
+    early.next_sample();
     // Nothing comes from the robot any more, so that what a late joiner gets has been there.
     let relay = rig.robot_relay.as_ref().expect("it runs");
     relay.signal(Signal::STOP);
@@ -167,7 +157,7 @@ fn a_program_that_comes_late_gets_the_latest_sample_at_once() {
         "its age is not hidden"
     );
     relay.signal(Signal::CONT);
-    rig.station.await_link(1);
+    await_link(&rig.station, 1);
     rig.end();
 }
 
@@ -181,18 +171,18 @@ enum Part {
 
 /// Starts a star in this order, and flies both robots one after the other.
 fn fly_a_star(order: [Part; 3]) {
-    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+    let Some(ril) = ril() else {
         return;
     };
     let endpoint = free_endpoint();
     let through = "[network]\nthrough = \"router\"\n[robot]\nlisten = []\n";
     let machines = [1_u32, 2].map(|number| {
-        let machine = Machine::new(&ril, "star");
+        let machine = machine(&ril, "star");
         machine.write("relay.toml", through);
-        let crew = Crew::start(&machine, number);
-        (machine, number, crew)
+        let processes = machine.start_robot(number, SPEED);
+        (machine, number, processes)
     });
-    let station = Machine::new(&ril, "star");
+    let station = machine(&ril, "star");
     station.write(
         "relay.toml",
         &format!("{through}[station]\nrobots = [{{ number = 1 }}, {{ number = 2 }}]\n"),
@@ -217,28 +207,30 @@ fn fly_a_star(order: [Part; 3]) {
             ),
         }
     }
-    station.await_link(1);
-    station.await_link(2);
+    await_link(&station, 1);
+    await_link(&station, 2);
     // Only the robot that is meant starts.
-    station.run("start --robot 2", 0);
+    station.expect("start --robot 2", 0);
     let is_running = |state: &ModuleState| state.status == ModuleStatus::Running.code();
     station
         .subscribe::<ModuleState>(2)
         .until("robot 2 runs", is_running);
-    assert!(!is_running(&station.subscribe::<ModuleState>(1).next()));
+    assert!(!is_running(
+        &station.subscribe::<ModuleState>(1).next_sample()
+    ));
     for number in [2, 1] {
-        station.run(
+        station.expect(
             &format!("start --robot {number}"),
             if number == 2 { 5 } else { 0 },
         );
-        station.run(&format!("takeoff --robot {number} --altitude 5"), 0);
-        station.run(&format!("land --robot {number}"), 0);
+        station.expect(&format!("takeoff --robot {number} --altitude 5"), 0);
+        station.expect(&format!("land --robot {number}"), 0);
     }
     relays.into_iter().rev().for_each(|relay| {
-        end(relay);
+        relay.end();
     });
-    for (_machine, _, crew) in machines {
-        crew.end();
+    for (_machine, _, processes) in machines {
+        processes.end();
     }
 }
 
@@ -270,19 +262,18 @@ fn longest_schema() -> String {
 
 #[test]
 fn a_stranger_s_topic_with_the_longest_schema_is_relayed() {
-    let Some(ril) = beside_or_skip(Path::new(RELAY)) else {
+    let Some(ril) = ril() else {
         return;
     };
     let text = longest_schema();
     assert_eq!(text.len(), MAX_TEXT_LEN);
-    let robot = Machine::new(&ril, "the longest schema");
-    let station = Machine::new(&ril, "the longest schema");
+    let robot = machine(&ril, "the longest schema");
+    let station = machine(&ril, "the longest schema");
     let ipc = robot.domain.join("stranger");
     let mut publisher = DynamicPublisher::open(&ipc, KEY, &text).expect("a topic");
     let endpoint = free_endpoint();
     let robot_relay = robot.start_ready(&format!("relay robot --listen {endpoint}"));
-    let station_relay =
-        station.start_ready(&format!("relay station --name gcs --connect {endpoint}"));
+    let station_relay = start_station_relay(&station, &endpoint);
     let here = station.domain.join_as(RobotId::DEFAULT, "test");
     // The link is shown as up when all services of the robot are here.
     station
@@ -312,6 +303,6 @@ fn a_stranger_s_topic_with_the_longest_schema_is_relayed() {
             break;
         }
     }
-    end(station_relay);
-    end(robot_relay);
+    station_relay.end();
+    robot_relay.end();
 }

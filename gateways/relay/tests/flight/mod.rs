@@ -4,4 +4,18 @@
 
 mod faults;
 mod mission;
-mod rig;
+
+use std::path::{Path, PathBuf};
+
+use ril_tests::Rig;
+use ril_tests::chain::beside_or_skip;
+
+/// `None` if there is no `ril`: the test is skipped, and says so.
+fn ril() -> Option<PathBuf> {
+    beside_or_skip(Path::new(env!("CARGO_BIN_EXE_ril-relay")))
+}
+
+/// A robot and a station; `relay_toml` is the configuration of the robot's relay. `None` if there is no `ril`.
+fn rig(name: &str, relay_toml: &str) -> Option<Rig> {
+    Some(Rig::start(&ril()?, name, relay_toml))
+}

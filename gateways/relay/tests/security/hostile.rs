@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{MovementData, SharedStruct};
-use relay::message::{Ask, MAX_BYTES, Ping, Tell, decode, encode};
+use relay::message::{Ask, MAX_BYTES, Ping, Reply, decode, encode};
 use relay::orders::message::Order;
 use serde_json::json;
 use zenoh::Wait;
@@ -33,7 +33,7 @@ impl Heard {
     pub fn session(&self) -> Option<u64> {
         let heard = self.drain();
         heard.iter().find_map(|(_, message)| match decode(message) {
-            Ok(Tell::Pong(pong)) if pong.session != 0 => Some(pong.session),
+            Ok(Reply::Pong(pong)) if pong.session != 0 => Some(pong.session),
             _ => None,
         })
     }
@@ -205,8 +205,8 @@ impl Flood {
         })
     }
 
-    /// New lives of a station, that want all there is.
-    pub fn lives(stranger: Stranger, name: &'static str) -> Flood {
+    /// New instances of a station, that want all there is.
+    pub fn instances(stranger: Stranger, name: &'static str) -> Flood {
         Flood::new(stranger, move |count| {
             (key(&format!("ask/{name}")), ping(mix(count)))
         })
@@ -266,9 +266,9 @@ fn key(rest: &str) -> String {
     format!("hero/1/{rest}")
 }
 
-fn ping(station_life: u64) -> Vec<u8> {
+fn ping(station_instance: u64) -> Vec<u8> {
     encode(&Ask::Ping(Ping {
-        station_life,
+        station_instance,
         sent_ns: MonotonicNs::now().0,
         suspended_ns: 0,
         wants_latest: true,

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use ipc_types::code::Stage;
-use relay::message::{Ask, Ping, Tell, decode, encode};
+use relay::message::{Ask, Ping, Reply, decode, encode};
 
 use ril_tests::Received;
 
@@ -139,7 +139,7 @@ fn a_stranger_who_takes_the_name_of_the_station_executes_nothing_twice_and_when_
         }
     };
     let floods = vec![
-        Flood::lives(Stranger::plain(&endpoint), "gcs"),
+        Flood::instances(Stranger::plain(&endpoint), "gcs"),
         Flood::replay(Stranger::plain(&endpoint), session),
     ];
     let mut outcomes = Vec::new();
@@ -248,7 +248,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
     let told = viewer.listen("hero/1/tell/viewer");
     let topics = viewer.listen("hero/1/topic/**");
     let ping = Ask::Ping(Ping {
-        station_life: 77,
+        station_instance: 77,
         sent_ns: 1,
         suspended_ns: 0,
         wants_latest: true,
@@ -263,7 +263,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
             stranger.put(&format!("hero/1/ask/{name}"), &encode(&ping));
             stranger.put(
                 &format!("hero/1/tell/{name}"),
-                &encode(&Tell::UnknownSession(1)),
+                &encode(&Reply::UnknownSession(1)),
             );
         }
         stranger.put("hero/1/topic/hero_telemetry", b"garbage");
@@ -273,10 +273,10 @@ fn strangers_read_and_order_nothing(protocol: &str) {
         rig.telemetry();
         viewer.put("hero/1/ask/viewer", &encode(&ping));
         if let Some((_, message)) = told.drain().pop() {
-            break decode::<Tell>(&message).expect("a message");
+            break decode::<Reply>(&message).expect("a message");
         }
     };
-    let Tell::Pong(pong) = pong else {
+    let Reply::Pong(pong) = pong else {
         panic!("{pong:?}");
     };
     assert_eq!(pong.session, 0, "he may not command");
@@ -286,7 +286,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
     for _ in 0..5 {
         rig.request_done();
     }
-    let flood = vec![Flood::lives(viewer, "gcs")];
+    let flood = vec![Flood::instances(viewer, "gcs")];
     let sent = during(flood, || {
         for _ in 0..10 {
             rig.request_done();

@@ -5,14 +5,14 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{MAX_STATIONS, RequestReport};
-use relay::description::Part;
-use relay::message::{Ask, Ping, Pong, SampleHeader, Tell, decode, encode};
+use relay::message::Part;
+use relay::message::{Ask, Ping, Pong, Reply, SampleHeader, decode, encode};
 use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, Robot, SESSIONS, Traits,
 };
 use relay::orders::station::{Config as StationConfig, OPEN_ORDERS, Request, Station};
-use relay::robot::admission::Admission;
+use relay::robot::mailbox::Admission;
 use relay::robot::stations::Stations;
 use relay::station::link::Link;
 use relay::station::moments::Moments;
@@ -37,10 +37,10 @@ pub fn messages(data: &[u8]) {
     for data in [data, &with_version] {
         one::<Ask>(data);
         one::<Order>(data);
-        one::<Tell>(data);
+        one::<Reply>(data);
         one::<Part>(data);
         one::<SampleHeader>(data);
-        if let Ok(Tell::Part(part)) = decode::<Tell>(data) {
+        if let Ok(Reply::Part(part)) = decode::<Reply>(data) {
             let _ = ipc_types::Schema::parse(&String::from_utf8_lossy(&part.bytes));
         }
     }
@@ -132,10 +132,10 @@ impl RobotSide {
         let may_command = name == NAMES[0];
         let _ = self
             .stations
-            .hear(name, ping.station_life, may_command, now);
+            .hear(name, ping.station_instance, may_command, now);
         if may_command {
-            let life = ping.station_life;
-            let session = self.orders.session_for(life, name, now, &mut self.out);
+            let instance = ping.station_instance;
+            let session = self.orders.session_for(instance, name, now, &mut self.out);
             if session <= NO_PLACE {
                 return;
             }
@@ -192,7 +192,7 @@ pub fn robot_side(data: &[u8]) {
             }
             3 => {
                 let ping = Ping {
-                    station_life: script.number(),
+                    station_instance: script.number(),
                     sent_ns: script.number(),
                     suspended_ns: script.number(),
                     wants_latest: true,
@@ -231,9 +231,9 @@ pub fn robot_side(data: &[u8]) {
 
 /// What robots that are none, and clients, do to the station's side.
 pub fn station_side(data: &[u8]) {
-    const LIFE: u64 = 5;
+    const INSTANCE: u64 = 5;
     let mut script = Script { data };
-    let mut link = Link::new(LIFE, Duration::from_millis(2500), BEGIN);
+    let mut link = Link::new(INSTANCE, Duration::from_millis(2500), BEGIN);
     let mut orders = Station::new(StationConfig {
         give_up: Duration::from_secs(60),
     });
@@ -242,15 +242,15 @@ pub fn station_side(data: &[u8]) {
     let mut moments = Moments::default();
     while !script.data.is_empty() {
         let action = script.byte();
-        let tell = match action % 8 {
+        let reply = match action % 8 {
             0 => {
                 script.pass(&mut now);
                 None
             }
-            1 => decode::<Tell>(script.bytes()).ok(),
-            2 => Some(Tell::Pong(Pong {
-                robot_life: script.number(),
-                station_life: [LIFE, script.number()][usize::from(action / 8) % 2],
+            1 => decode::<Reply>(script.bytes()).ok(),
+            2 => Some(Reply::Pong(Pong {
+                robot_instance: script.number(),
+                station_instance: [INSTANCE, script.number()][usize::from(action / 8) % 2],
                 ping_sent_ns: now.0.saturating_sub(script.number()),
                 ping_suspended_ns: script.number(),
                 received_ns: script.number(),
@@ -259,14 +259,14 @@ pub fn station_side(data: &[u8]) {
                 session: script.number(),
                 services: script.number() as u16,
             })),
-            3 => Some(Tell::Answer(Answer {
+            3 => Some(Reply::Answer(Answer {
                 session: script.number(),
                 number: script.number(),
                 serial: script.number() as u32,
                 report: script.report(),
             })),
-            4 if action >= 128 => Some(Tell::Part(Part {
-                robot_life: link.robot_life().unwrap_or_default(),
+            4 if action >= 128 => Some(Reply::Part(Part {
+                robot_instance: link.robot_instance().unwrap_or_default(),
                 index: script.byte().into(),
                 key: "a/b".to_owned(),
                 takes_requests: false,
@@ -274,10 +274,10 @@ pub fn station_side(data: &[u8]) {
                 from: script.number() as u32,
                 bytes: script.bytes().to_vec(),
             })),
-            4 => Some(Tell::UnknownSession(script.number())),
+            4 => Some(Reply::UnknownSession(script.number())),
             5 => {
                 let header = SampleHeader {
-                    robot_life: script.number(),
+                    robot_instance: script.number(),
                     number: script.number(),
                     left_out: script.number(),
                     lost: script.number(),
@@ -304,8 +304,8 @@ pub fn station_side(data: &[u8]) {
                 None
             }
         };
-        match tell {
-            Some(Tell::Pong(pong)) => {
+        match reply {
+            Some(Reply::Pong(pong)) => {
                 let _ = link.take(&pong, now, script.number());
                 if pong.session != 0 {
                     orders.session(pong.session, now, &mut out);
@@ -314,13 +314,13 @@ pub fn station_side(data: &[u8]) {
                     orders.round_trip(Duration::from_nanos(estimate.round_trip_ns));
                 }
             }
-            Some(Tell::Part(part)) => {
+            Some(Reply::Part(part)) => {
                 if let Some(service) = link.take_part(&part) {
                     assert!(service.schema.len() <= 3 * ipc_types::schema::MAX_TEXT_LEN);
                 }
             }
-            Some(Tell::Answer(answer)) => orders.answer(&answer, now, &mut out),
-            Some(Tell::UnknownSession(session)) => orders.unknown_session(session),
+            Some(Reply::Answer(answer)) => orders.answer(&answer, now, &mut out),
+            Some(Reply::UnknownSession(session)) => orders.unknown_session(session),
             None => {}
         }
         let _ = link.pass(now);

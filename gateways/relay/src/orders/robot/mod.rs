@@ -12,12 +12,11 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::message::{Order, request_id};
-use super::verdict::Verdict;
+use super::message::{Order, Verdict, request_id};
 use records::{Known, Record, Records, State};
 pub use records::{NotSent, ORPHANS, Output, Traits};
 use sessions::Sessions;
-pub use sessions::{LIFE_KEPT, OrderCounts, SESSIONS};
+pub use sessions::{INSTANCE_KEPT, OrderCounts, SESSIONS};
 
 /// How long the robot side waits before it passes a request on again that could not be sent.
 const SEND_AGAIN: Duration = Duration::from_millis(100);
@@ -34,7 +33,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(500);
 pub struct Config {
     /// A station with an open order that was silent for so long is reported as lost; never if `None`.
     pub link_loss: Option<Duration>,
-    /// How long the robot side asks for the end of a request that a former life of the robot side had passed on. Longer than
+    /// How long the robot side asks for the end of a request that a former instance of the robot side had passed on. Longer than
     /// any movement takes.
     pub still_open: Duration,
 }
@@ -59,7 +58,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// A robot side without memory. `seed` is random: tokens of sessions must differ from those of former lives.
+    /// A robot side without memory. `seed` is random: tokens of sessions must differ from those of former instances.
     pub fn new(config: Config, seed: u64) -> Robot {
         Robot {
             config,
@@ -68,10 +67,10 @@ impl Robot {
         }
     }
 
-    /// The session of this life of the station `name`; call it for every clock message of a station that may command, and send the
+    /// The session of this instance of the station `name`; call it for every clock message of a station that may command, and send the
     /// session back with the answer. It is [`NO_PLACE`](super::message::NO_PLACE) if all [`SESSIONS`] are those of stations that are
-    /// active: the session of a station whose last clock message came within [`LIFE_KEPT`] is never forgotten for another one. It is
-    /// [`NOT_PERMITTED`](super::message::NOT_PERMITTED) if another station has shown this life. A station that is forgotten with open
+    /// active: the session of a station whose last clock message came within [`INSTANCE_KEPT`] is never forgotten for another one. It is
+    /// [`NOT_PERMITTED`](super::message::NOT_PERMITTED) if another station has shown this instance. A station that is forgotten with open
     /// orders cannot be watched any more: it counts as lost.
     pub fn session_for(
         &mut self,
@@ -83,8 +82,8 @@ impl Robot {
         let (token, forgotten) = self.sessions.hear(station, name, now);
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
-            let is_news = limit.and_then(|limit| session.lost_at(limit)).is_some();
-            if is_news && self.records.has_open(session.token) {
+            let is_changed = limit.and_then(|limit| session.lost_at(limit)).is_some();
+            if is_changed && self.records.has_open(session.token) {
                 out.push(Output::LinkLost {
                     station: session.station,
                 });
@@ -246,12 +245,12 @@ impl Robot {
         retries.chain(losses).min()
     }
 
-    /// What the station of this life is called. `None` if it has no session.
+    /// What the station of this instance is called. `None` if it has no session.
     pub fn name_of(&self, station: u64) -> Option<&str> {
         self.sessions.name_of(station)
     }
 
-    /// What became of the orders of this life of a station. `None` if it has no session.
+    /// What became of the orders of this instance of a station. `None` if it has no session.
     pub fn counts_of(&self, station: u64) -> Option<OrderCounts> {
         let session = self.sessions.of_station(station)?;
         Some(OrderCounts {
@@ -336,7 +335,7 @@ fn judge(order: &Order, traits: Traits, now: MonotonicNs) -> Option<Verdict> {
 }
 
 /// Whether the answer to a repetition says that the request is still open at the server: its client was the robot side's former
-/// life.
+/// instance.
 fn is_still_open(report: &RequestReport) -> bool {
     report.stage() == Some(Stage::Refused) && report.reason() == Some(Reason::StillOpen)
 }

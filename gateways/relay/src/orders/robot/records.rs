@@ -7,8 +7,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::RequestReport;
 
 use super::sessions::Sessions;
-use crate::orders::message::{Answer, Order, request_id};
-use crate::orders::verdict::Verdict;
+use crate::orders::message::{Answer, Order, Verdict, request_id};
 
 /// What is to be known of a request before it is handed on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,16 +51,16 @@ pub enum Output {
     },
     /// Send this to a station.
     Answer {
-        /// Life of the station.
+        /// Instance of the station.
         station: u64,
         /// The message.
         answer: Answer,
     },
-    /// Tell the sender of the order that its session is not known. Only `Robot::order` puts this out.
+    /// Reply the sender of the order that its session is not known. Only `Robot::order` puts this out.
     UnknownSession(u64),
     /// A station with an open order has been silent for the configured time. Once for each silence.
     LinkLost {
-        /// Life of the station.
+        /// Instance of the station.
         station: u64,
     },
 }
@@ -69,7 +68,7 @@ pub enum Output {
 /// An order, and what is known about it.
 #[derive(Clone, Debug)]
 pub(super) struct Record {
-    /// Life of the station that ordered it.
+    /// Instance of the station that ordered it.
     pub(super) station: u64,
     /// The session that it is answered in. `None` if that session is forgotten, and the request goes on without a station.
     pub(super) session: Option<u64>,

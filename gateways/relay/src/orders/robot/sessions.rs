@@ -1,23 +1,22 @@
-//! The stations that the robot side remembers: at most [`SESSIONS`] lives of stations, each with a session.
+//! The stations that the robot side remembers: at most [`SESSIONS`] instances of stations, each with a session.
 //!
-//! A life that is *active*, because a clock message of it came within [`LIFE_KEPT`], keeps its session whatever others come; the
-//! next life gets none. Of those that are not active the one that was silent longest goes for a new one.
+//! An instance that is *active*, because a clock message of it came within [`INSTANCE_KEPT`], keeps its session whatever others come; the
+//! next instance gets none. Of those that are not active the one that was silent longest goes for a new one.
 
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::orders::message::{NO_PLACE, NOT_PERMITTED, WINDOW};
-use crate::orders::verdict::Verdict;
+use crate::orders::message::{NO_PLACE, NOT_PERMITTED, Verdict, WINDOW};
 
 /// Lives of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
 /// the time that an outage takes. One more has to wait, and its requests are refused.
 pub const SESSIONS: usize = 8;
 
-/// For how long a life counts as active after its last clock message: as long as `link_loss_s` by default, so that a station keeps
+/// For how long an instance counts as active after its last clock message: as long as `link_loss_s` by default, so that a station keeps
 /// its session through an outage that is none to the movement that it has ordered. A relay that ends and begins anew every two
-/// seconds leaves five lives behind that others wait for.
-pub const LIFE_KEPT: Duration = Duration::from_secs(10);
+/// seconds leaves five instances behind that others wait for.
+pub const INSTANCE_KEPT: Duration = Duration::from_secs(10);
 
 /// What became of the orders of one session.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,13 +39,13 @@ impl OrderCounts {
     }
 }
 
-/// What the robot side knows of one life of a station.
+/// What the robot side knows of one instance of a station.
 #[derive(Clone, Debug)]
 pub(super) struct Session {
     pub(super) token: u64,
-    /// Life of the station.
+    /// Instance of the station.
     pub(super) station: u64,
-    /// What the station is called that has shown this life first.
+    /// What the station is called that has shown this instance first.
     name: String,
     /// Orders with a lower number are settled at the station.
     pub(super) floor: u64,
@@ -135,7 +134,7 @@ impl Sessions {
             .find(|session| session.station == station)
     }
 
-    /// What the station of this life is called.
+    /// What the station of this instance is called.
     pub(super) fn name_of(&self, station: u64) -> Option<&str> {
         self.of_station(station)
             .map(|session| session.name.as_str())
@@ -149,8 +148,8 @@ impl Sessions {
         self.sessions.iter_mut()
     }
 
-    /// A clock message of this life of the station `name` has come: the token of its session, and the session that was forgotten for
-    /// it. The token is [`NO_PLACE`] if all sessions are those of active lives, and [`NOT_PERMITTED`] if the life is another station's.
+    /// A clock message of this instance of the station `name` has come: the token of its session, and the session that was forgotten for
+    /// it. The token is [`NO_PLACE`] if all sessions are those of active instances, and [`NOT_PERMITTED`] if the instance is another station's.
     pub(super) fn hear(
         &mut self,
         station: u64,
@@ -188,10 +187,10 @@ impl Sessions {
         (token, forgotten)
     }
 
-    /// The session whose life was silent longest of those that are not active.
+    /// The session whose instance was silent longest of those that are not active.
     fn silent_longest(&self, now: MonotonicNs) -> Option<usize> {
         let sessions = self.sessions.iter().enumerate();
-        let silent = sessions.filter(|(_, session)| now.since(session.pinged) >= LIFE_KEPT);
+        let silent = sessions.filter(|(_, session)| now.since(session.pinged) >= INSTANCE_KEPT);
         let longest = silent.min_by_key(|(_, session)| session.pinged);
         longest.map(|(index, _)| index)
     }

@@ -226,7 +226,7 @@ fn an_order_that_waits_is_given_up_and_forgotten_without_being_passed_on() {
     assert!(!given_up(&out));
     assert_eq!(sent(&rig.order(&rig.new_order(1))), [(101, false)]);
     rig.order(&rig.new_order(4));
-    rig.now += LIFE_KEPT.as_nanos() as u64;
+    rig.now += INSTANCE_KEPT.as_nanos() as u64;
     for station in 200..208 {
         rig.hear(station);
     }
@@ -533,13 +533,13 @@ fn the_station_that_was_silent_longest_is_forgotten_and_its_open_requests_go_on(
         rig.now += MS;
         rig.hear(station);
     }
-    rig.now += LIFE_KEPT.as_nanos() as u64 - 7 * MS - 1;
+    rig.now += INSTANCE_KEPT.as_nanos() as u64 - 7 * MS - 1;
     assert_eq!(rig.hear(300), NO_PLACE);
     rig.now += 1;
     assert!(rig.hear(300) > NO_PLACE);
     assert_eq!(rig.robot.name_of(STATION), None);
     assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
-    rig.now += LIFE_KEPT.as_nanos() as u64;
+    rig.now += INSTANCE_KEPT.as_nanos() as u64;
     let again = Order {
         session: rig.hear(STATION),
         number: 2,
@@ -561,7 +561,7 @@ fn requests_of_forgotten_stations_are_bounded_and_forgotten_when_they_end() {
     let mut given = 0;
     for station in 1..=stations {
         // The one of the rig is the first that is forgotten.
-        rig.now += 2 * LIFE_KEPT.as_nanos() as u64;
+        rig.now += 2 * INSTANCE_KEPT.as_nanos() as u64;
         let session = rig.hear(1_000 + station);
         for number in 1..=32 {
             let id = 10_000 * station + number;
@@ -628,7 +628,7 @@ fn a_silent_station_with_an_open_order_is_lost_once() {
 }
 
 #[test]
-fn sessions_of_two_lives_of_the_robot_side_differ() {
+fn sessions_of_two_instances_of_the_robot_side_differ() {
     let out = &mut Vec::new();
     let mut robots = [1, 2].map(|seed| Robot::new(Config::default(), seed));
     let tokens = [0, 1].map(|index| robots[index].session_for(STATION, "gcs", MonotonicNs(1), out));
@@ -645,7 +645,7 @@ fn a_station_that_is_forgotten_with_open_orders_is_lost() {
     });
     let order = rig.new_order(1);
     rig.order(&order);
-    rig.now += LIFE_KEPT.as_nanos() as u64;
+    rig.now += INSTANCE_KEPT.as_nanos() as u64;
     for station in 200..208 {
         assert_eq!(rig.out, []);
         rig.hear(station);
@@ -671,7 +671,7 @@ fn a_repetition_waits_longer_for_room_at_the_server() {
 }
 
 #[test]
-fn a_life_is_the_station_s_that_has_shown_it_first() {
+fn an_instance_is_the_station_s_that_has_shown_it_first() {
     let mut rig = Rig::new();
     let now = MonotonicNs(rig.now);
     let out = &mut rig.out;

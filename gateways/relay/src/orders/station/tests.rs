@@ -293,7 +293,7 @@ fn in_another_session_everything_that_is_open_is_asked_for_as_a_repetition() {
     assert_eq!(
         rig.session(SESSION),
         [],
-        "a late message of the former life"
+        "a late message of the former instance"
     );
     assert_eq!(
         rig.answer(1, 2, Some(Stage::Done)),

@@ -74,19 +74,19 @@ struct Open {
 /// What happens at the model later on.
 pub(super) struct Step {
     pub(super) at: u64,
-    pub(super) life: u32,
+    pub(super) instance: u32,
     pub(super) request_id: u64,
 }
 
 #[derive(Default)]
 pub(super) struct Bridge {
-    pub(super) life: u32,
+    pub(super) instance: u32,
     pub(super) is_up: bool,
     completed: VecDeque<RequestReport>,
     open: BTreeMap<u64, Open>,
-    /// How often each request was executed, in all lives.
+    /// How often each request was executed, in all instances.
     pub(super) executions: BTreeMap<u64, u32>,
-    /// The true end of each request, if the life that executed or refused it came to it.
+    /// The true end of each request, if the instance that executed or refused it came to it.
     pub(super) ends: BTreeMap<u64, (u32, u32)>,
     /// To the robot side, in order.
     pub(super) reports: Vec<(u64, RequestReport)>,
@@ -103,7 +103,7 @@ fn report(request_id: u64, stage: Stage, reason: Reason) -> RequestReport {
 impl Bridge {
     pub(super) fn start(&mut self) {
         self.is_up = true;
-        self.life += 1;
+        self.instance += 1;
     }
 
     /// It is killed: nothing is remembered, and the client's port reports what was open.
@@ -185,7 +185,7 @@ impl Bridge {
 
     pub(super) fn step(&mut self, step: &Step, random: &mut Random) {
         let id = step.request_id;
-        if step.life != self.life {
+        if step.instance != self.instance {
             return;
         }
         let Some(open) = self.open.get_mut(&id) else {
@@ -233,10 +233,10 @@ impl Bridge {
     }
 
     fn later(&mut self, request_id: u64, at: u64) {
-        let life = self.life;
+        let instance = self.instance;
         self.steps.push(Step {
             at,
-            life,
+            instance,
             request_id,
         });
     }

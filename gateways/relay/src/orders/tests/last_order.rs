@@ -375,7 +375,7 @@ impl Sky {
                 robot::Output::Send {
                     request, is_repeat, ..
                 } => {
-                    assert!(!is_repeat, "one life of all");
+                    assert!(!is_repeat, "one instance of all");
                     self.hand_to_bridge(request);
                 }
                 robot::Output::Answer { station, answer } => {

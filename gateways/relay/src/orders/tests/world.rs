@@ -49,7 +49,7 @@ enum Event {
     Ping(usize),
     Client(usize),
     ClientGone(u64),
-    /// To this life of the robot side.
+    /// To this instance of the robot side.
     Report(u32, u64, ipc_types::payload::RequestReport),
     Step(Step),
     Outage(usize),
@@ -74,7 +74,7 @@ enum Down {
 }
 
 struct Slot {
-    life: u64,
+    instance: u64,
     station: Station,
     heard: Option<u64>,
     outage_until: u64,
@@ -90,7 +90,7 @@ pub(super) struct World {
     faults: Faults,
     slots: Vec<Slot>,
     robot: Option<Robot>,
-    robot_life: u32,
+    robot_instance: u32,
     bridge: Bridge,
     cases: Cases,
     requests_left: u64,
@@ -118,7 +118,7 @@ impl World {
             faults,
             slots: Vec::new(),
             robot: None,
-            robot_life: 0,
+            robot_instance: 0,
             bridge: Bridge::default(),
             cases: Cases::default(),
             requests_left: 0,
@@ -129,9 +129,9 @@ impl World {
         world.bridge.start();
         world.start_robot();
         for slot in 0..stations {
-            let life = world.random.next();
+            let instance = world.random.next();
             world.slots.push(Slot {
-                life,
+                instance,
                 station: Station::new(station::Config::default()),
                 heard: None,
                 outage_until: 0,
@@ -223,11 +223,15 @@ impl World {
 
     fn handle(&mut self, event: Event) {
         match event {
-            Event::ToRobot(slot, life, message) => self.arrive_at_robot(slot, life, &message),
-            Event::ToStation(slot, life, message) => self.arrive_at_station(slot, life, &message),
+            Event::ToRobot(slot, instance, message) => {
+                self.arrive_at_robot(slot, instance, &message)
+            }
+            Event::ToStation(slot, instance, message) => {
+                self.arrive_at_station(slot, instance, &message)
+            }
             Event::Ping(slot) if self.slots[slot].is_over => {}
             Event::Ping(slot) => {
-                self.carry(slot, |life| Event::ToRobot(slot, life, Up::Ping));
+                self.carry(slot, |instance| Event::ToRobot(slot, instance, Up::Ping));
                 self.at(self.now + PING_PERIOD, Event::Ping(slot));
             }
             Event::Client(slot) => self.client(slot),
@@ -237,8 +241,8 @@ impl World {
                     self.with_station(slot, |station, _, out| station.give_up(id, out));
                 }
             }
-            Event::Report(life, service, report) => {
-                if life == self.robot_life {
+            Event::Report(instance, service, report) => {
+                if instance == self.robot_instance {
                     self.with_robot(|robot, now, out| robot.report(service, &report, now, out));
                 }
             }
@@ -261,14 +265,14 @@ impl World {
             Event::StationRestart(slot) => {
                 self.cases.station_gone(slot);
                 let station = &mut self.slots[slot];
-                station.life = self.random.next();
+                station.instance = self.random.next();
                 station.station = Station::new(station::Config::default());
                 station.heard = None;
                 self.fault(faults.station_restart_every, Event::StationRestart(slot));
             }
             Event::RobotRestart => {
                 self.robot = None;
-                self.robot_life += 1;
+                self.robot_instance += 1;
                 self.bridge.client_gone(None);
                 let back = self.now + self.random.below(3 * SECOND);
                 self.at(back, Event::RobotUp);
@@ -326,13 +330,13 @@ impl World {
         });
     }
 
-    fn arrive_at_robot(&mut self, slot: usize, life: u64, message: &Up) {
+    fn arrive_at_robot(&mut self, slot: usize, instance: u64, message: &Up) {
         if self.robot.is_none() {
             return;
         }
         let mut down = None;
         self.with_robot(|robot, now, out| match message {
-            Up::Ping => down = Some(Down::Pong(robot.session_for(life, "gcs", now, out))),
+            Up::Ping => down = Some(Down::Pong(robot.session_for(instance, "gcs", now, out))),
             Up::Order(order) => {
                 robot.order(order, traits_of(order), now, out);
                 if let [robot::Output::UnknownSession(session)] = out[..] {
@@ -341,12 +345,12 @@ impl World {
             }
         });
         if let Some(down) = down {
-            self.carry(slot, |_| Event::ToStation(slot, life, down.clone()));
+            self.carry(slot, |_| Event::ToStation(slot, instance, down.clone()));
         }
     }
 
-    fn arrive_at_station(&mut self, slot: usize, life: u64, message: &Down) {
-        if self.slots[slot].life != life || self.slots[slot].is_over {
+    fn arrive_at_station(&mut self, slot: usize, instance: u64, message: &Down) {
+        if self.slots[slot].instance != instance || self.slots[slot].is_over {
             return;
         }
         self.slots[slot].heard = Some(self.now);
@@ -370,8 +374,8 @@ impl World {
             match output {
                 station::Output::Send(order) => {
                     self.repetitions += u32::from(order.is_repeat);
-                    self.carry(slot, |life| {
-                        Event::ToRobot(slot, life, Up::Order(order.clone()))
+                    self.carry(slot, |instance| {
+                        Event::ToRobot(slot, instance, Up::Order(order.clone()))
                     });
                 }
                 station::Output::Report { handle, report, .. } => {
@@ -428,9 +432,11 @@ impl World {
             robot::Output::GiveUp { request_id, .. } => self.bridge.client_gone(Some(request_id)),
             robot::Output::Answer { station, answer } => {
                 let mut slots = self.slots.iter();
-                if let Some(slot) = slots.position(|slot| slot.life == station) {
+                if let Some(slot) = slots.position(|slot| slot.instance == station) {
                     let down = Down::Answer(answer);
-                    self.carry(slot, |life| Event::ToStation(slot, life, down.clone()));
+                    self.carry(slot, |instance| {
+                        Event::ToStation(slot, instance, down.clone())
+                    });
                 }
             }
             robot::Output::UnknownSession(_) => {}
@@ -439,9 +445,9 @@ impl World {
     }
 
     fn drain_bridge(&mut self, delay: u64) {
-        let life = self.robot_life;
+        let instance = self.robot_instance;
         for (service, report) in std::mem::take(&mut self.bridge.reports) {
-            self.at(self.now + delay, Event::Report(life, service, report));
+            self.at(self.now + delay, Event::Report(instance, service, report));
         }
         for step in std::mem::take(&mut self.bridge.steps) {
             self.at(step.at, Event::Step(step));
@@ -460,7 +466,7 @@ impl World {
             if self.random.chance(faults.straggler) {
                 delay *= 100;
             }
-            self.at(self.now + delay, message(self.slots[slot].life));
+            self.at(self.now + delay, message(self.slots[slot].instance));
         }
     }
 }

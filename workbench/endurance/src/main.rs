@@ -1,0 +1,206 @@
+//! Measures what the processes of the RIL survive.
+//!
+//! ```sh
+//! cargo build --release -p ril -p relay
+//! cargo run --release -p endurance -- kills --victim bridge [--count 1000] [--seed 1]
+//! cargo run --release -p endurance -- --help
+//! ```
+//!
+//! `ril` lies beside this program, or `RIL_BINARY` names it. `full` and `foreign-files` have a `/dev/shm` of their own, for which the
+//! program starts itself again in a mount namespace; so does `namespaces` for its consumers, and the measurements of the relay have
+//! networks of their own. What the kernel forbids is skipped with a word.
+//!
+//! Each prints a table. The exit code is 1 when something was left or lost, or a promise was broken; a process that does not come up, or
+//! telemetry that does not come again, ends the program with the reason. Ctrl+C ends a measurement early and prints what there is. The
+//! same seed draws the same moments.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Parser, ValueEnum};
+use endurance::outcome::Outcome;
+use endurance::plan::{Kind, Plan};
+use endurance::site::Site;
+use endurance::*;
+use ril_tests::Sandbox;
+use ril_tests::chain::beside_or_skip;
+use ril_tests::readers::readers_or_skip;
+use runtime::signal::Termination;
+
+/// A measurement that takes longer hangs.
+const TIME_LIMIT: Duration = Duration::from_secs(4 * 3600);
+
+/// Measures what the processes of the RIL survive
+#[derive(Parser)]
+struct Args {
+    /// What to measure
+    what: What,
+    #[command(flatten)]
+    plan: Plan,
+    /// Packets that are lost, percent [default: mission 10, requests 20, outages and slow 0]
+    #[arg(long, value_parser = clap::value_parser!(u8).range(0..=90))]
+    loss: Option<u8>,
+    /// How long an outage lasts, s
+    #[arg(long, default_value = "10")]
+    outage_s: u64,
+    /// Speed of the slow link, kbit/s
+    #[arg(long, default_value = "100")]
+    rate_kbps: u64,
+    /// Packets that may wait for the slow link; more are dropped
+    #[arg(long, default_value = "1000")]
+    queue: usize,
+    /// Protocol between the relays: tcp, udp, tls or quic, with certificates that are made for it
+    #[arg(long, default_value = "tcp")]
+    over: String,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum What {
+    /// Each kind of process is killed over and over (1000 times)
+    Kills,
+    /// Very many starts (10000), each after a kill, sometimes of everything at once
+    Starts,
+    /// Processes of every kind crash in a loop
+    Crashes,
+    /// The recorder is killed over and over (1000 times)
+    Records,
+    /// What a consumer misses when the bridge is killed and started again (200 times)
+    Gap,
+    /// The serial port goes and comes back (200 times)
+    Port,
+    /// Subscribers that misbehave
+    Subscribers,
+    /// Groups of clients (20000) end at the same moment
+    Clients,
+    /// Clients send without a pause, while all orders are given (20 times)
+    Flood,
+    /// No bytes or files are left in shared memory
+    Full,
+    /// Another user makes very many files (200000) in shared memory
+    ForeignFiles,
+    /// Processes (2000) are stopped while they start
+    Joiners,
+    /// Process numbers (of 600 consumers), clocks and mounts of containers
+    Namespaces,
+    /// Relays: the operator's verbs at the station, through loss
+    Mission,
+    /// Relays: many requests (1000), through loss, outages and restarts of everything
+    Requests,
+    /// Relays: what comes after outages (20), and how old it is said to be
+    Outages,
+    /// Relays: ages on a slow link (60 s)
+    Slow,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let options = match args.what {
+        What::Full => Some(full::Lack::Inodes.mount_options()),
+        What::ForeignFiles => Some(foreign_files::MOUNT_OPTIONS),
+        _ => None,
+    };
+    if let Some(options) = options.filter(|_| !memory::is_own()) {
+        let args: Vec<_> = std::env::args().skip(1).collect();
+        let status = memory::run_again(options, &args).expect("this program can be started");
+        return ExitCode::from(u8::from(status.is_some_and(|status| !status.success())));
+    }
+    let this = std::env::current_exe().expect("this program has a path");
+    let Some(ril) = beside_or_skip(&this) else {
+        return ExitCode::SUCCESS;
+    };
+    let termination = Termination::install().expect("signals");
+    let (mut is_good, mut last_head) = (true, String::new());
+    measure(&args, &ril, &|| !termination.requested(), |outcome| {
+        let head = outcome.head();
+        if head != last_head {
+            println!("{head}");
+            last_head = head;
+        }
+        println!("{outcome}");
+        is_good &= outcome.is_good();
+    });
+    ExitCode::from(u8::from(!is_good))
+}
+
+/// Measures, and shows each row of the table.
+fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl FnMut(Outcome)) {
+    let plan = &args.plan;
+    let site = || Site::new(Sandbox::new([ril], "endurance", TIME_LIMIT), plan);
+    match args.what {
+        What::Kills => {
+            let chosen = |kind: &Kind| plan.victim.is_none_or(|victim| victim == *kind);
+            for victim in Kind::ALL.into_iter().filter(chosen) {
+                if victim.is_possible() {
+                    show(kills::run(&site(), plan, victim, goes_on));
+                }
+            }
+        }
+        What::Starts => show(starts::run(&site(), plan, goes_on)),
+        What::Crashes => show(crashes::run(&site(), plan, goes_on)),
+        What::Records => {
+            let readers = readers_or_skip("files of killed recorders");
+            show(records::run(&site(), plan, &readers, goes_on));
+        }
+        What::Gap => show(gap::run(&site(), plan, goes_on)),
+        What::Port => show(port::run(&site(), plan, goes_on)),
+        What::Subscribers => show(subscribers::run(&site(), plan, goes_on)),
+        What::Clients => show(clients::run(&site(), plan, goes_on)),
+        What::Flood => show(flood::run(&site(), plan, goes_on)),
+        What::Full => {
+            for lack in [full::Lack::Bytes, full::Lack::Inodes] {
+                show(full::run(&site(), lack));
+            }
+        }
+        What::ForeignFiles => {
+            show(foreign_files::run(&site(), plan));
+            namespaces::other_users(&site()).into_iter().for_each(show);
+        }
+        What::Joiners => show(joiners::run(&site(), plan, goes_on)),
+        What::Namespaces => {
+            let numbers = namespaces::same_numbers(&site(), plan, goes_on);
+            let clocks = namespaces::other_clocks(&site());
+            let mounts = namespaces::other_mounts(&site());
+            let outcomes = [numbers, clocks, mounts];
+            outcomes.into_iter().flatten().for_each(show);
+        }
+        What::Mission | What::Requests | What::Outages | What::Slow => {
+            match measure_relays(args, ril, goes_on) {
+                Ok(outcome) => show(outcome),
+                Err(reason) => eprintln!("SKIPPED: {reason}"),
+            }
+        }
+    }
+}
+
+/// Measures relays on a bad link. An error is why this machine cannot do it.
+fn measure_relays(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool) -> Result<Outcome, String> {
+    let (name, usual_loss, relay_toml) = match args.what {
+        What::Mission => ("mission", 10, ""),
+        What::Requests => ("requests", 20, ""),
+        What::Slow => ("slow", 0, field::slow::RELAY_TOML),
+        _ => ("outages", 0, ""),
+    };
+    let plan = field::site::Plan {
+        name,
+        ril: ril.to_owned(),
+        protocol: args.over.clone(),
+        relay_toml: relay_toml.to_owned(),
+        loss: f64::from(args.loss.unwrap_or(usual_loss)) / 100.0,
+        limit: TIME_LIMIT,
+        seed: args.plan.seed,
+    };
+    let count = |usual| args.plan.count.unwrap_or(usual);
+    match args.what {
+        What::Mission => field::mission::run(&plan),
+        What::Requests => field::requests::run(&plan, count(1000), goes_on),
+        What::Slow => {
+            let duration = args.plan.duration(60);
+            field::slow::run(&plan, args.rate_kbps * 1000, args.queue, duration)
+        }
+        _ => {
+            let outage = Duration::from_secs(args.outage_s);
+            field::outages::run(&plan, count(20), outage, goes_on)
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! [`Site`]: the processes of one robot, in shared memory and a folder of their own, and what can be seen of them from outside.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::Deref;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use ril_tests::chain::PATIENT;
+use ril_tests::languages::{Compiler, python, python_example};
+use ril_tests::process::{Finished, Stream};
+use ril_tests::sandbox::Holdings;
+use ril_tests::{Process, Robot, Sandbox};
+
+use crate::outcome::Outcome;
+use crate::plan::{Kind, Plan};
+
+/// How long it may take until what killed processes left is removed: their providers look twice a second, and count files every ten
+/// seconds.
+pub const CLEAN_UP_LIMIT: Duration = Duration::from_secs(30);
+
+/// What a consumer that is to be killed, stopped or left alone prints.
+pub const ECHO_DSP: &str = "echo dsp --json --field sequence --timeout 80s";
+/// The same of telemetry in SI units.
+pub const ECHO_HERO: &str = "echo hero --json --field sequence --timeout 80s";
+
+/// Where everything happens: a domain and a folder that no other process has.
+pub struct Site {
+    sandbox: Sandbox,
+    /// Programs in C, as they are built.
+    c_programs: RefCell<BTreeMap<&'static str, PathBuf>>,
+    /// What ends no flight when the machine stalls: `bridge.toml`.
+    bridge_toml: &'static str,
+}
+
+impl Deref for Site {
+    type Target = Sandbox;
+
+    fn deref(&self) -> &Sandbox {
+        &self.sandbox
+    }
+}
+
+impl Site {
+    /// A new one for what is planned.
+    pub fn new(sandbox: Sandbox, plan: &Plan) -> Site {
+        Site {
+            sandbox,
+            c_programs: RefCell::default(),
+            // The long form counts each second in which the link was silent.
+            bridge_toml: match plan.is_short {
+                true => PATIENT,
+                false => "[link]\npc_timeout_ms = 60000\n",
+            },
+        }
+    }
+
+    /// Starts a program of `examples/c`, after [`Kind::is_possible`] has said that this can be.
+    pub fn start_c(&self, source: &'static str, args: &str) -> Process {
+        let mut programs = self.c_programs.borrow_mut();
+        let program = programs.entry(source).or_insert_with(|| {
+            let program = self.path(source).with_extension("built");
+            let compiler = Compiler::c().expect("a compiler");
+            compiler.with_shared_library(&format!("c/{source}"), &program);
+            program
+        });
+        let mut command = Command::new(program);
+        command.args(args.split_whitespace());
+        self.spawn(command)
+    }
+
+    /// Starts a program of `examples/python`, after [`Kind::is_possible`] has said that this can be.
+    pub fn start_python(&self, source: &str) -> Process {
+        self.spawn(python_example(python().expect("an interpreter"), source))
+    }
+
+    /// Starts one of a kind, which is not ready yet.
+    pub fn start_one(&self, kind: Kind) -> Process {
+        match kind {
+            Kind::Sim => self.start("run sim --link dsp --seed 1"),
+            Kind::Bridge => self.start("run bridge --port dsp"),
+            Kind::Status => self.start("run status"),
+            Kind::Consumer => self.start(ECHO_HERO),
+            Kind::CConsumer => self.start_c("print_telemetry.c", ""),
+            Kind::PythonConsumer => self.start_python("print_telemetry.py"),
+        }
+    }
+
+    /// Starts one of a kind, and waits until it does its work.
+    #[track_caller]
+    pub fn start_working(&self, kind: Kind) -> Process {
+        let mut process = self.start_one(kind);
+        match kind.is_consumer() {
+            true => process.wait_for_line(|line| line.stream == Stream::Stdout),
+            false => process.wait_for_text("ready"),
+        };
+        process
+    }
+
+    /// Starts simulator, bridge and status, and returns them in this order when telemetry comes. The simulated clock is `speed` times as
+    /// fast, and a machine that stalls for seconds ends no flight.
+    #[track_caller]
+    pub fn start_chain_at(&self, speed: u32) -> [Process; 3] {
+        self.write("bridge.toml", self.bridge_toml);
+        let Robot {
+            sim,
+            mut bridge,
+            status,
+            ..
+        } = self.start_robot(1, speed);
+        bridge.wait_for_text("to=\"up\"");
+        [sim, bridge, status]
+    }
+
+    /// As [`Site::start_chain_at`], four times as fast.
+    #[track_caller]
+    pub fn start_chain(&self) -> [Process; 3] {
+        self.start_chain_at(4)
+    }
+
+    /// The same, and the helicopter takes off.
+    #[track_caller]
+    pub fn start_flight(&self) -> [Process; 3] {
+        let chain = self.start_chain();
+        self.ask("start");
+        self.ask("takeoff --altitude 5");
+        chain
+    }
+
+    /// Runs a command of `ril`, which must be done.
+    #[track_caller]
+    pub fn ask(&self, args: &str) {
+        let finished = self.run(args);
+        assert!(is_done(args, &finished), "ril {args}: {finished:#?}");
+    }
+
+    /// Whether the helicopter can be landed as if nothing had been. A path, a hold, or nothing is under way: what the last client that
+    /// was served wanted.
+    #[track_caller]
+    pub fn lands(&self) -> bool {
+        let land = || self.run("land --preempt").code() == Some(0);
+        land() || {
+            self.ask("start");
+            land()
+        }
+    }
+
+    /// Ends processes in order, the last one first. Then nothing may be left; `is_swept` when some were killed that no other process
+    /// cleans up after.
+    #[track_caller]
+    pub fn end(&self, processes: impl IntoIterator<Item = Process>, is_swept: bool) {
+        let processes: Vec<Process> = processes.into_iter().collect();
+        processes.into_iter().rev().for_each(|process| {
+            process.end();
+        });
+        if is_swept {
+            self.domain.sweep();
+        }
+        self.domain.assert_empty();
+    }
+}
+
+/// Whether a command of `ril` was done.
+pub fn is_done(args: &str, finished: &Finished) -> bool {
+    match finished.code() {
+        // What a machine shows that stalls is old.
+        Some(4) => args == "status" && !finished.stdout.is_empty(),
+        code => code == Some(0),
+    }
+}
+
+/// How many lines with `text` a process has printed.
+pub fn count_lines(process: &mut Process, text: &str) -> usize {
+    let lines = process.lines().iter();
+    lines.filter(|line| line.text.contains(text)).count()
+}
+
+/// What processes that are not killed held at most while they warmed up. They may hold no more at the end.
+#[derive(Default)]
+pub struct Survivors {
+    warm: Vec<(&'static str, u32, Holdings)>,
+}
+
+impl Survivors {
+    /// These processes, as they are now.
+    pub fn of<'a>(processes: impl IntoIterator<Item = (&'static str, &'a Process)>) -> Survivors {
+        let held = |(name, process): (_, &Process)| {
+            let id = process.id();
+            (name, id, Holdings::of(id))
+        };
+        Survivors {
+            warm: processes.into_iter().map(held).collect(),
+        }
+    }
+
+    /// They are still warming up.
+    pub fn warm_up(&mut self) {
+        for (_, id, held) in &mut self.warm {
+            *held = held.most(Holdings::of(*id));
+        }
+    }
+
+    /// Whether they hold no more descriptors than while they warmed up.
+    pub fn are_flat(&self) -> bool {
+        let is_flat =
+            |(_, id, held): &(_, u32, Holdings)| Holdings::of(*id).descriptors <= held.descriptors;
+        self.warm.iter().all(is_flat)
+    }
+
+    /// Waits until they are flat and nothing else is left, for at most [`CLEAN_UP_LIMIT`], with something to do on each `occasion`: the
+    /// processes clean up by themselves. Says how long that took.
+    pub fn wait_until_flat(
+        &self,
+        mut occasion: impl FnMut(),
+        is_clean: impl Fn() -> bool,
+    ) -> Duration {
+        let begun = Instant::now();
+        while !(self.are_flat() && is_clean()) && begun.elapsed() < CLEAN_UP_LIMIT {
+            occasion();
+        }
+        begun.elapsed()
+    }
+
+    /// What they hold now.
+    pub fn report(&self, outcome: &mut Outcome) {
+        let mut text = String::new();
+        for (name, id, before) in &self.warm {
+            let after = Holdings::of(*id);
+            text += &format!(
+                "{name}: {} → {} descriptors, {} → {} KiB; ",
+                before.descriptors, after.descriptors, before.memory_kib, after.memory_kib
+            );
+        }
+        outcome.cell("what the others hold", text);
+    }
+}

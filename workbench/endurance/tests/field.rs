@@ -1,0 +1,42 @@
+//! The short form of the measurements of relays on bad links: a mission typed at the station flies over two networks with 10 % loss.
+
+use std::path::Path;
+use std::time::Duration;
+
+use endurance::field::site::Plan;
+use endurance::field::{mission, outages};
+use endurance::outcome::Outcome;
+use ril_tests::chain::beside_or_skip;
+use ril_tests::languages::skip;
+
+/// Measures where there is `ril` and the machine allows it.
+fn measure(name: &'static str, loss: f64, run: impl FnOnce(&Plan) -> Result<Outcome, String>) {
+    let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
+        return;
+    };
+    let plan = Plan {
+        name,
+        ril,
+        protocol: "tcp".to_owned(),
+        relay_toml: String::new(),
+        loss,
+        limit: Duration::from_secs(300),
+        seed: 1,
+    };
+    match run(&plan) {
+        Ok(outcome) => assert!(outcome.is_good(), "{outcome}"),
+        Err(reason) => skip(name, &reason),
+    }
+}
+
+#[test]
+fn the_operator_s_verbs_fly_a_mission_over_two_networks_with_a_tenth_of_the_packets_lost() {
+    measure("mission over two networks", 0.1, mission::run);
+}
+
+#[test]
+fn after_an_outage_fresh_samples_come_and_their_ages_are_true_with_a_clock_that_is_hours_off() {
+    measure("outage", 0.0, |plan| {
+        outages::run(plan, 1, Duration::from_secs(4), &|| true)
+    });
+}
