@@ -1,9 +1,9 @@
 //! A waypoint on the line lies within 1 cm of the one that was meant, anywhere on Earth.
 
-mod common;
-
 use dsp_protocol::{Decoded, Decoder, Uplink, Waypoint};
 use proptest::prelude::*;
+
+use crate::common;
 
 /// The Earth's greatest radius: on any other sphere the same angles are closer together.
 const RADIUS_M: f64 = 6_378_137.0;

@@ -5,11 +5,9 @@
 //! on the message. The error in a bit of the message changes the CRC by a *syndrome*; a bit of the CRC field is its own
 //! syndrome; an error is missed when all its syndromes cancel out.
 
-mod common;
-
 use std::fmt::Debug;
 
-use common::{Random, receive_all};
+use crate::common::{self, Random, receive_all};
 use dsp_protocol::{
     Command, Decoded, Direction, Downlink, MAX_FRAME_LEN, Profile, Received, Sequence, Uplink,
     crc32,

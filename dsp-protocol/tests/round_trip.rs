@@ -1,13 +1,13 @@
 //! What was encoded is decoded: every value of every message survives the line within the step of its type.
 
-mod common;
-
 use dsp_protocol::downlink::Status;
 use dsp_protocol::{
     Command, DecodeError, Decoded, Decoder, Direction, Downlink, MAX_CLASSIC_FRAME_LEN,
     MAX_FRAME_LEN, Profile, Received, Sequence, StatusMask, Uplink, Waypoint,
 };
 use proptest::prelude::*;
+
+use crate::common;
 
 /// Decodes `bytes`, which must be one message and nothing else.
 fn decode_one<M: Direction + std::fmt::Debug>(bytes: &[u8]) -> M {

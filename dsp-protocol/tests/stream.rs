@@ -1,10 +1,8 @@
 //! Streams of bytes as a line delivers them: cut anywhere, damaged anywhere, or nothing but noise; in both profiles.
 
-mod common;
-
 use std::fmt::Debug;
 
-use common::{Random, decode_all};
+use crate::common::{self, Random, decode_all};
 use dsp_protocol::downlink::{Attitude, Geographic, References, ServoPulses, Status};
 use dsp_protocol::header::{self, is_header, kind_of, of_kind};
 use dsp_protocol::{

@@ -1,13 +1,13 @@
 //! The short form of `figures undetected`: what a receiver takes for a message although the line damaged it.
 
-#![allow(dead_code)] // The program uses the rest of what it shares with these tests.
-
+// The program uses the rest of what it shares with these tests.
+#[allow(dead_code)]
 #[path = "../../tests/examples/figures/undetected/mod.rs"]
 mod undetected;
 
+use self::undetected::damage::Damage;
+use self::undetected::measure::{Tally, measure};
 use dsp_protocol::Profile;
-use undetected::damage::Damage;
-use undetected::measure::{Tally, measure};
 
 const SEED: u64 = 7;
 /// Damaged frames of each kind.

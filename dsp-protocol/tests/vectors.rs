@@ -1,7 +1,5 @@
 //! The golden vectors of `vectors/`, in both directions. `vectors/README.md` explains the files.
 
-mod common;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 use std::str::FromStr;
@@ -14,6 +12,8 @@ use dsp_protocol::{
     Command, DecodeError, Decoded, Direction, Downlink, DspErrorCode, FlowControl, Profile,
     Received, Sequence, StatusMask, Uplink, Waypoint,
 };
+
+use crate::common;
 
 const DOWNLINK: &str = include_str!("../vectors/downlink.tsv");
 const UPLINK: &str = include_str!("../vectors/uplink.tsv");

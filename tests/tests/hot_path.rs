@@ -2,8 +2,6 @@
 //!
 //! The cores alone, against the simulator in virtual time; `ipc-types/tests/allocation.rs` has what shared memory costs.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::time::Duration;
 
 use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey};
@@ -14,31 +12,7 @@ use status::calibration::Calibration;
 use status::core::Status;
 use status::log::Logs;
 
-/// Counts the allocations of each thread.
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: everything is handed on to the system's allocator as it came; the count has no destructor and is const, so
-// that it allocates nothing itself.
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: as the caller's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as the caller's.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use crate::bytes::heap::Heap;
 
 /// Status behind the bridge, as in two processes.
 struct Behind {
@@ -89,12 +63,12 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
             line.extend_from_slice(bytes);
             bytes.len()
         });
-        let before = ALLOCATIONS.get();
+        let before = Heap::now();
         bridge.apply(behind.now, Input::Received(&line), &mut behind);
         bridge.apply(behind.now, Input::Advance, &mut behind);
         let count = bridge.transmit(behind.now).len();
         if now > WARM_UP {
-            allocations += ALLOCATIONS.get() - before;
+            allocations += before.since().allocations;
         } else {
             counted_from = behind.samples;
         }

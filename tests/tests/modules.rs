@@ -72,7 +72,7 @@ fn a_client_that_is_killed_after_accepted_and_asks_again_gets_the_end_of_the_sam
     };
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args([
-        "a_client_that_is_killed_after_accepted_and_asks_again_gets_the_end_of_the_same_work",
+        "modules::a_client_that_is_killed_after_accepted_and_asks_again_gets_the_end_of_the_same_work",
         "--exact",
         "--nocapture",
     ]);

@@ -1,22 +1,13 @@
 //! The short form of `figures bytes`: whatever comes over the line, decoders and core neither panic nor grow; and the
 //! corpus of the fuzz targets.
 
-#![allow(dead_code)] // The program and the fuzz targets use the rest of what they share with these tests.
-
-#[path = "../examples/figures/bytes/mod.rs"]
-mod bytes;
-#[path = "missions/plausible.rs"]
-mod plausible;
-
 use std::path::Path;
 
-use bytes::heap::{Counting, Heap};
-use bytes::measure::{self, Tally};
-use bytes::script;
 use dsp_protocol::Profile;
 
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use crate::bytes::heap::Heap;
+use crate::bytes::measure::{self, Tally};
+use crate::bytes::script;
 
 /// Bytes for each; the program feeds any number.
 const BYTES: u64 = 1_000_000;

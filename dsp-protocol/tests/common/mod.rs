@@ -1,7 +1,5 @@
 //! Messages for property tests. Scaled values lie on the grid of their wire step, so that they can be compared exactly.
 
-#![allow(dead_code)] // Each test program uses a part of it.
-
 use dsp_protocol::downlink::{
     Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, PanTilt, References, ServoPulses,
     Status, Supply, Xy,

@@ -19,34 +19,10 @@ mod bytes;
 mod frames;
 mod replays;
 
-#[path = "../../tests/missions/buffer.rs"]
-mod buffer;
-#[path = "../../tests/missions/chain.rs"]
-mod chain;
-#[path = "../../tests/missions/chance.rs"]
-mod chance;
-#[path = "../../tests/missions/config.rs"]
-mod config;
-#[path = "../../tests/missions/delivery.rs"]
-mod delivery;
-#[path = "../../tests/missions/dice.rs"]
-mod dice;
-#[path = "../../tests/missions/operator.rs"]
-mod operator;
-#[path = "../../tests/missions/plausible.rs"]
+#[path = "../../tests/missions/mod.rs"]
+mod missions;
+#[path = "../../tests/plausible.rs"]
 mod plausible;
-#[path = "../../tests/missions/recording.rs"]
-mod recording;
-#[path = "../../tests/missions/seeds.rs"]
-mod seeds;
-#[path = "../../tests/missions/truth.rs"]
-mod truth;
-#[path = "../../tests/missions/wire.rs"]
-mod wire;
-#[path = "../../tests/missions/witness.rs"]
-mod witness;
-#[path = "../../tests/missions/world.rs"]
-mod world;
 
 use std::ops::{AddAssign, Range};
 use std::panic::catch_unwind;
@@ -57,9 +33,10 @@ use std::time::Instant;
 
 use bytes::heap::Counting;
 use bytes::measure::{self, Tally};
-use chance::Seen;
 use clap::Parser;
 use dsp_protocol::Profile;
+use missions::chance::{self, Seen};
+use missions::{delivery, seeds};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;

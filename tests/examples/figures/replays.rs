@@ -6,9 +6,9 @@ use ipc_types::Topic;
 use ipc_types::payload::SharedStruct;
 use replay::{Verdict, Verifier};
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, fly, triangle};
-use crate::world::World;
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{Step, fly, triangle};
+use crate::missions::world::World;
 
 /// Flies a path, hovers and lands for `seconds` in all at least, and verifies the journals; false when they differ.
 pub fn measure(seconds: u64) -> bool {

@@ -10,7 +10,7 @@ use status::estimator::config::{EstimatorConfig, EstimatorKind};
 use status::journal::Journaled;
 use status::log::Logs;
 
-use crate::recording::{Recording, started};
+use crate::missions::recording::{Recording, started};
 
 /// Below this speed a GPS receiver keeps the course that it had, m/s.
 const COURSE_SPEED_MPS: f64 = 0.25;

@@ -9,10 +9,12 @@ use dsp_sim::faults::{Damage, Directions, Fault, Script, Window};
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{MovementData, ParameterRequest};
 
-use crate::dice::{Dice, FAULTS_END};
-use crate::operator::{Step, await_link, bring_home, carry_out, fly, fly_through_trouble, follow};
-use crate::truth::Line;
-use crate::world::{Trouble, World};
+use crate::missions::dice::{Dice, FAULTS_END};
+use crate::missions::operator::{
+    Step, await_link, bring_home, carry_out, fly, fly_through_trouble, follow,
+};
+use crate::missions::truth::Line;
+use crate::missions::world::{Trouble, World};
 
 /// What missions have seen.
 #[derive(Clone, Copy, Debug, Default)]
@@ -309,7 +311,7 @@ pub fn fly_with_slow_status(seed: u64) -> Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seeds;
+    use crate::missions::seeds;
 
     #[test]
     fn missions_in_wind() {

@@ -8,7 +8,7 @@ use dsp_sim::faults::Script;
 use dsp_sim::helicopter::wind::WindModel;
 use dsp_sim::simulator::Setup;
 
-use crate::truth::Line;
+use crate::missions::truth::Line;
 
 /// What a world is made of.
 #[derive(Clone)]

@@ -13,9 +13,9 @@ use dsp_sim::helicopter::Phase;
 use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::random::Random;
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, await_link, bring_home, carry_out, point};
-use crate::world::{Trouble, World};
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{Step, await_link, bring_home, carry_out, point};
+use crate::missions::world::{Trouble, World};
 
 /// The stream of a seed that makes these missions.
 const STREAM: u64 = 9;
@@ -297,7 +297,7 @@ pub fn fly(seed: u64) -> Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seeds;
+    use crate::missions::seeds;
 
     #[test]
     fn what_is_said_of_a_path_is_what_was_flown() {

@@ -13,9 +13,9 @@ use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::random::Random;
 use ipc_types::payload::{MovementData, WaypointPosition};
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, point};
-use crate::world::{Trouble, World};
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{Step, point};
+use crate::missions::world::{Trouble, World};
 
 /// The stream of a seed that makes missions; the simulator has others.
 pub const STREAM: u64 = 7;

@@ -2,7 +2,7 @@
 //! status. `ril replay FILE --keep tests/flights` adds a flight. Those that are there were flown by the simulator, with faults:
 //!
 //! ```sh
-//! RIL_WRITE_FLIGHTS=1 cargo test -p ril-tests --test missions flights::
+//! RIL_WRITE_FLIGHTS=1 cargo test -p ril-tests --test main flights::
 //! ```
 //!
 //! flies them again. That is right after a change that is meant, and when the format of snapshots has changed: the inputs of a
@@ -22,9 +22,9 @@ use recording::read::messages;
 use recording::{Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
 use replay::{Verdict, Verifier};
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, bring_home, fly_through_trouble, point};
-use crate::world::{Trouble, World};
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{Step, bring_home, fly_through_trouble, point};
+use crate::missions::world::{Trouble, World};
 
 /// Largest file of the library, bytes: it lies in the repository.
 const MAX_LEN: u64 = 350_000;

@@ -9,9 +9,9 @@ use proptest::prelude::*;
 use replay::{JournalVerdict, Verifier};
 use status::config::Config;
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, fly, triangle};
-use crate::world::World;
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{Step, fly, triangle};
+use crate::missions::world::World;
 
 /// The journals of a whole mission with wind: a path of three legs, and some time at rest, so that several snapshots lie in them.
 struct Mission {

@@ -8,8 +8,8 @@ use dsp_sim::helicopter::vector::Vector;
 use ipc_types::code::{ControlCommand, LinkState, Stage};
 use ipc_types::payload::{MovementData, ParameterRequest};
 
-use crate::witness::Outcome;
-use crate::world::World;
+use crate::missions::witness::Outcome;
+use crate::missions::world::World;
 
 /// What an operator does.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,15 +1,13 @@
-//! The same mission with other settings: masks, rules of coherence, ports of both widths, speeds of the line.
+//! The same mission with other settings: masks, rules of coherence, speeds of the line.
 
 use std::num::NonZeroU32;
 
 use bridge::link::coherence::Rule;
-use dsp_protocol::port::{self, Access, Port16, Port32};
-use dsp_protocol::{Command, DspErrorCode, Group};
-use ipc_types::code::{LinkState, Reason, Stage};
+use dsp_protocol::Group;
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, await_link, carry_out, fly, point};
-use crate::world::{Trouble, World};
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{Step, fly, point};
+use crate::missions::world::World;
 
 fn short_mission() -> [Step; 4] {
     [
@@ -51,20 +49,6 @@ fn any_mask_with_a_position_flies_and_what_it_leaves_out_is_not_valid() {
 }
 
 #[test]
-fn without_a_position_nothing_is_begun_whose_end_nobody_would_see() {
-    let mut world = World::new(&WorldConfig::new().without(&[Group::Geographic]));
-    await_link(&mut world);
-    assert!(carry_out(&mut world, &Step::Start).is_done());
-    let outcome = carry_out(&mut world, &Step::TakeOff(5.0));
-    assert_eq!(
-        (outcome.stage, outcome.reason),
-        (Stage::Refused, Reason::NoPosition)
-    );
-    assert!(!world.simulator.helicopter().is_flying());
-    world.finish();
-}
-
-#[test]
 fn both_rules_of_coherence_fly_and_only_the_source_s_holds_samples_back() {
     for (rule, held_back) in [(Rule::Immediate, 0), (Rule::Confirmed, 1)] {
         let mut config = WorldConfig::new();
@@ -82,72 +66,6 @@ fn both_rules_of_coherence_fly_and_only_the_source_s_holds_samples_back() {
             "{rule:?}"
         );
     }
-}
-
-/// A value of the port that is not the one at boot.
-fn other_16(port: &Port16) -> i32 {
-    if port.number == port::STATUS_PERIOD_MS {
-        40
-    } else {
-        port.max / 2 + port.min / 4
-    }
-}
-
-fn other_32(port: &Port32) -> f32 {
-    port.boot * 0.9
-}
-
-#[test]
-fn parameters_of_both_widths_reach_their_ports_also_after_a_reboot() {
-    let ports_16: Vec<_> = port::PORTS_16
-        .iter()
-        .filter(|port| port.access != Access::Bridge)
-        .collect();
-    let table_16 = ports_16
-        .iter()
-        .map(|port| format!("{} = {}\n", port.name, other_16(port)));
-    let table_32 = port::PORTS_32
-        .iter()
-        .map(|port| format!("{} = {:?}\n", port.name, other_32(port)));
-    let table: String = table_16.chain(table_32).collect();
-    let mut world = World::new(&WorldConfig::new().parameters(&table).unsound());
-    for boots in 0..2 {
-        await_link(&mut world);
-        assert_eq!(world.witness.state.link.dsp_boots, boots);
-        let values = world.simulator.dsp().ports();
-        for port in &ports_16 {
-            let bits = values.read_16(port.number).expect("a port");
-            assert_eq!(port.value_of(bits), other_16(port), "{}", port.name);
-        }
-        for port in port::PORTS_32 {
-            assert_eq!(
-                values.read_32(port.number),
-                Some(other_32(port)),
-                "{}",
-                port.name
-            );
-        }
-        world.plan(Trouble::Reboot, |_| true);
-        world.run_until("the reboot is noticed", |world| {
-            world.bridge().link() == LinkState::Connecting
-        });
-    }
-    // Each width with its own command.
-    let writes = |is_wide: bool| {
-        let commands = world.probe.commands.iter();
-        commands
-            .filter(|command| match command {
-                Command::Write16 { port, .. } => {
-                    !is_wide && ports_16.iter().any(|other| other.number == *port)
-                }
-                Command::Write32 { .. } => is_wide,
-                _ => false,
-            })
-            .count()
-    };
-    assert_eq!(writes(false), 2 * ports_16.len());
-    assert_eq!(writes(true), 2 * port::PORTS_32.len());
-    world.finish();
 }
 
 #[test]
@@ -168,36 +86,4 @@ fn a_slow_line_leaves_out_whole_samples_and_the_mission_is_flown() {
         let refused: u64 = world.simulator.dsp().counters().rejections.iter().sum();
         assert_eq!(refused, 0, "the DSP refused bytes");
     }
-}
-
-#[test]
-fn a_take_off_and_a_landing_between_two_status_messages_are_no_refusals() {
-    for period_ms in [1000, 2500, 5000] {
-        let table = format!("status_period_ms = {period_ms}");
-        for height_m in [1.0, 2.0, 4.0, 6.0, 8.0] {
-            let mut world = World::new(&WorldConfig::new().parameters(&table));
-            fly(
-                &mut world,
-                &[Step::Start, Step::TakeOff(height_m), Step::Land],
-            );
-            world.finish();
-        }
-    }
-}
-
-#[test]
-fn errors_of_the_boot_end_nothing() {
-    // Two that would end a movement, one that nobody knows, and as many more as the DSP's queue takes.
-    let mut config = WorldConfig::new();
-    config.simulator.boot_errors = [8, 18, 102, 999]
-        .into_iter()
-        .chain([40; 12])
-        .map(DspErrorCode)
-        .collect();
-    let mut world = World::new(&config);
-    fly(&mut world, &short_mission());
-    world.finish();
-    let errors = &world.witness.state.dsp_errors;
-    assert_eq!(errors.escalated, 0);
-    assert!(errors.total <= 16);
 }

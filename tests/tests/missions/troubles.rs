@@ -9,13 +9,15 @@ use std::time::Duration;
 use dsp_protocol::Group;
 use dsp_sim::faults::{Damage, Directions, Fault, Script, Times, Window};
 use dsp_sim::helicopter::Phase;
-use ipc_types::code::{DspPathState, Functionality, LinkState, Reason, Stage};
+use ipc_types::code::{Functionality, LinkState, Reason, Stage};
 use ipc_types::payload::MovementData;
 
-use crate::config::WorldConfig;
-use crate::operator::{Step, await_link, bring_home, carry_out, fly_through_trouble, point};
-use crate::witness::Outcome;
-use crate::world::{Trouble, World};
+use crate::missions::config::WorldConfig;
+use crate::missions::operator::{
+    Step, await_link, bring_home, carry_out, fly_through_trouble, point,
+};
+use crate::missions::witness::Outcome;
+use crate::missions::world::{Trouble, World};
 
 /// A moment of a flight.
 type When = fn(&World) -> bool;
@@ -342,20 +344,6 @@ fn what_the_checksum_misses_is_not_believed() {
     assert!(implausible > 0, "nothing was withdrawn");
 }
 
-#[test]
-fn a_sample_that_comes_late_or_twice_is_not_published() {
-    let mut world = World::new(&WorldConfig::new().exact());
-    await_link(&mut world);
-    // The witness and the chain would notice a sample that is not the newest.
-    for _ in 0..30 {
-        world.plan(Trouble::Replay, |_| true);
-        world.run_for(Duration::from_millis(130));
-    }
-    world.finish();
-    let link = &world.witness.state.link;
-    assert_eq!((link.telemetry_incoherent, link.dsp_boots), (30, 0));
-}
-
 /// Nothing passes in either direction for a while.
 fn outage(begin: Duration, end: Duration) -> Script {
     let outage = Fault::Bytes {
@@ -384,53 +372,4 @@ fn a_dsp_without_time_is_believed_again_after_a_silence() {
         assert!(world.witness.samples > samples + 90, "after {length_s} s");
         world.finish();
     }
-}
-
-#[test]
-fn a_stop_in_silence_leaves_nothing_in_the_dsp_when_it_is_back() {
-    // Back before the probe of the silent link has failed, without a start-up; and after that, with one.
-    for back_ms in [9_300, 9_500, 11_000] {
-        stop_in_silence(Duration::from_millis(back_ms));
-    }
-}
-
-fn stop_in_silence(end: Duration) {
-    // A DSP that does not stop by itself, so that it would fly on.
-    let begin = Duration::from_secs(8);
-    let mut config = WorldConfig::new()
-        .faults(outage(begin, end), end)
-        .loses_only();
-    config.simulator.firmware.has_pc_timeout = false;
-    let mut world = World::new(&config);
-    await_link(&mut world);
-    for step in [Step::Start, Step::TakeOff(4.0)] {
-        assert!(carry_out(&mut world, &step).is_done(), "{step:?}");
-    }
-    let path: Vec<_> = (1..=12)
-        .map(|index| point(0.0, 10.0 * f64::from(index), 6.0))
-        .collect();
-    for index in 0..path.len() {
-        world.waypoint(7, &path, index);
-    }
-    world.run_until("silence", |world| {
-        world.bridge().link() == LinkState::Silent
-    });
-    assert!(world.simulator.held_waypoints() > 0);
-    let stop = carry_out(&mut world, &Step::Stop);
-    assert_eq!(
-        (stop.stage, stop.reason),
-        (Stage::Aborted, Reason::LinkDown)
-    );
-    world.run_until("the line is back", |world| {
-        world.now() >= Duration::from_secs(11)
-    });
-    await_link(&mut world);
-    // Nobody asks for anything more.
-    world.run_for(Duration::from_secs(1));
-    assert_eq!(world.simulator.held_waypoints(), 0);
-    let state = &world.witness.state;
-    assert_eq!(state.link.dsp_path(), Some(DspPathState::Empty));
-    assert!(world.simulator.helicopter().arrived() < 12);
-    bring_home(&mut world);
-    world.finish();
 }

@@ -4,16 +4,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use dsp_protocol::{
-    Command, Decoded, Decoder, Downlink, FlowControl, Frame, Profile, Uplink, Waypoint,
-};
+use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Profile, Uplink, Waypoint};
 use dsp_sim::random::Random;
 
 /// Attempts of a command (requirement D2).
 const ATTEMPTS: u32 = 3;
-
-/// Status messages that are remembered, to be said again.
-const REMEMBERED_STATUSES: usize = 4;
 
 /// How far a waypoint on the wire may be from the one that was asked for, m (requirement C5).
 const CODING_ERROR_M: f64 = 0.01;
@@ -40,8 +35,6 @@ pub struct Probe {
     outstanding: Option<(Command, u32)>,
     /// Grants that no waypoint has used.
     grants: u32,
-    /// The last status messages, oldest first.
-    statuses: VecDeque<Frame>,
     pub commands: Vec<Command>,
     /// How often *invalidate path* was sent.
     pub path_emptyings: usize,
@@ -67,7 +60,6 @@ impl Probe {
             allowed: Allowed::default(),
             outstanding: None,
             grants: 0,
-            statuses: VecDeque::new(),
             commands: Vec::new(),
             path_emptyings: 0,
             paths: 0,
@@ -97,11 +89,6 @@ impl Probe {
     /// The path was not closed: what might be sent before still may.
     pub fn path_goes_on(&mut self, allowed: Allowed) {
         self.allowed = allowed;
-    }
-
-    /// A status message from a while ago, as it was on the wire in the classic profile.
-    pub fn old_status(&self) -> Option<&Frame> {
-        self.statuses.front()
     }
 
     /// The port was closed: whatever was outstanding is not any more.
@@ -140,12 +127,6 @@ impl Probe {
                     .is_some_and(|(sent, _)| sent.code() == command) =>
                 {
                     self.outstanding = None;
-                }
-                Decoded::Message(status @ Downlink::Status(_)) => {
-                    if self.statuses.len() == REMEMBERED_STATUSES {
-                        self.statuses.pop_front();
-                    }
-                    self.statuses.push_back(status.encode());
                 }
                 Decoded::Message(Downlink::FlowControl(FlowControl::Send)) => self.grants += 1,
                 Decoded::Message(Downlink::FlowControl(FlowControl::Stop)) => self.stops += 1,

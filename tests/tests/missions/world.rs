@@ -17,15 +17,14 @@ use ipc_types::payload::{
     BridgeJournal, ModuleControl, MovementData, ParameterRequest, StatusJournal, WaypointPosition,
 };
 
-use crate::buffer::{Buffer, Look};
-use crate::chain::Chain;
-use crate::config::WorldConfig;
-use crate::recording::{self, Recording};
-use crate::truth::{Line, Movement};
-use crate::wire::{Noise, Probe};
-use crate::witness::{Outcome, Witness};
+use crate::missions::buffer::{Buffer, Look};
+use crate::missions::chain::Chain;
+use crate::missions::config::WorldConfig;
+use crate::missions::recording::{self, Recording};
+use crate::missions::truth::{Line, Movement};
+use crate::missions::wire::{Noise, Probe};
+use crate::missions::witness::{Outcome, Witness};
 
-#[path = "world/trouble.rs"]
 mod trouble;
 
 pub use trouble::Trouble;
@@ -199,19 +198,13 @@ impl World {
 
     /// Sends a control request and returns its id.
     pub fn control(&mut self, command: ControlCommand) -> u64 {
-        self.control_request(ModuleControl::new(0, command))
-    }
-
-    /// Sends a control request, with an id of the world's choice, and returns the id.
-    pub fn control_request(&mut self, request: ModuleControl) -> u64 {
         let id = self.request_id();
         let request = ModuleControl {
-            request_id: id,
             issued_ns: host(self.now).0,
-            ..request
+            ..ModuleControl::new(id, command)
         };
         let (key, sender) = (RequestKey::Control(id), None);
-        if request.command() == Some(ControlCommand::Stop) {
+        if command == ControlCommand::Stop {
             self.watched.push((id, "a stop"));
             self.silent_stops += u64::from(self.bridge.link() == LinkState::Silent);
         }
@@ -344,27 +337,6 @@ impl World {
             altitude_m: waypoint.altitude_m,
         });
         Some(path.collect())
-    }
-
-    /// The sender of a movement request goes.
-    pub fn sender_gone(&mut self, request_id: u64) {
-        self.witness.now = host(self.now);
-        let key = RequestKey::Movement(request_id);
-        if !self.is_alive() {
-            return;
-        }
-        let input = Input::SenderGone(key);
-        self.bridge.apply(host(self.now), input, &mut self.witness);
-    }
-
-    /// Id of the request that was sent last.
-    pub fn last_request(&self) -> u64 {
-        self.next_request
-    }
-
-    /// How often the DSP's flow control said stop.
-    pub fn stops_heard(&self) -> u32 {
-        self.probe.stops
     }
 
     /// Ends the bridge; every request must then have had its final report.

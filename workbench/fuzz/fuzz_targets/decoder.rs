@@ -5,7 +5,7 @@
 
 #[path = "../../../tests/examples/figures/bytes/mod.rs"]
 mod bytes;
-#[path = "../../../tests/tests/missions/plausible.rs"]
+#[path = "../../../tests/tests/plausible.rs"]
 mod plausible;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| bytes::script::decode(data));

@@ -22,8 +22,6 @@ pub enum Trouble {
     Noise(Duration),
     /// One of a hundred is.
     FaintNoise(Duration),
-    /// A status message of a while ago arrives once more. For a line that takes no time, where it lies between others.
-    Replay,
 }
 
 /// A trouble that waits for its moment.
@@ -96,7 +94,7 @@ impl World {
         self.buffer.ended_early(self.simulator.held_waypoints());
         self.movement = None;
         self.recording.process_gone(self.bridge.writer());
-        self.bridge = crate::recording::bridge(&self.bridge_config);
+        self.bridge = crate::missions::recording::bridge(&self.bridge_config);
         self.bridge_starts = Some(starts);
         self.port_opens = self.port_opens.max(Some(starts));
     }
@@ -147,7 +145,6 @@ impl World {
     }
 
     fn happen(&mut self, trouble: Trouble) {
-        let now = host(self.now);
         match trouble {
             Trouble::Reboot => {
                 self.probe.interrupted();
@@ -157,12 +154,6 @@ impl World {
             Trouble::BridgeDies(time) => self.bridge_gone(self.now + time),
             Trouble::BridgeEnds(time) => self.end_bridge(time),
             Trouble::Noise(time) => self.begin_noise(0.3, time),
-            Trouble::Replay => {
-                if let Some(frame) = self.probe.old_status() {
-                    let bytes = Input::Received(frame.as_bytes());
-                    self.bridge.apply(now, bytes, &mut self.witness);
-                }
-            }
             Trouble::FaintNoise(time) => self.begin_noise(0.01, time),
         }
     }
