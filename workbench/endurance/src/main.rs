@@ -38,18 +38,12 @@ struct Args {
     what: What,
     #[command(flatten)]
     plan: Plan,
-    /// Packets that are lost, percent [default: mission 10, requests 20, outages and slow 0]
+    /// Packets that are lost, percent [default: mission 10, requests 20, outages 0]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=90))]
     loss: Option<u8>,
     /// How long an outage lasts, s
     #[arg(long, default_value = "10")]
     outage_s: u64,
-    /// Speed of the slow link, kbit/s
-    #[arg(long, default_value = "100")]
-    rate_kbps: u64,
-    /// Packets that may wait for the slow link; more are dropped
-    #[arg(long, default_value = "1000")]
-    queue: usize,
     /// Protocol between the relays: tcp, udp, tls or quic, with certificates that are made for it
     #[arg(long, default_value = "tcp")]
     over: String,
@@ -89,8 +83,6 @@ enum What {
     Requests,
     /// Relays: what comes after outages (20), and how old it is said to be
     Outages,
-    /// Relays: ages on a slow link (60 s)
-    Slow,
 }
 
 fn main() -> ExitCode {
@@ -164,7 +156,7 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
             let outcomes = [numbers, clocks, mounts];
             outcomes.into_iter().flatten().for_each(show);
         }
-        What::Mission | What::Requests | What::Outages | What::Slow => {
+        What::Mission | What::Requests | What::Outages => {
             match measure_relays(args, ril, goes_on) {
                 Ok(outcome) => show(outcome),
                 Err(reason) => eprintln!("SKIPPED: {reason}"),
@@ -175,17 +167,15 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
 
 /// Measures relays on a bad link. An error is why this machine cannot do it.
 fn measure_relays(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool) -> Result<Outcome, String> {
-    let (name, usual_loss, relay_toml) = match args.what {
-        What::Mission => ("mission", 10, ""),
-        What::Requests => ("requests", 20, ""),
-        What::Slow => ("slow", 0, field::slow::RELAY_TOML),
-        _ => ("outages", 0, ""),
+    let (name, usual_loss) = match args.what {
+        What::Mission => ("mission", 10),
+        What::Requests => ("requests", 20),
+        _ => ("outages", 0),
     };
     let plan = field::site::Plan {
         name,
         ril: ril.to_owned(),
         protocol: args.over.clone(),
-        relay_toml: relay_toml.to_owned(),
         loss: f64::from(args.loss.unwrap_or(usual_loss)) / 100.0,
         limit: TIME_LIMIT,
         seed: args.plan.seed,
@@ -194,10 +184,6 @@ fn measure_relays(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool) -> Result
     match args.what {
         What::Mission => field::mission::run(&plan),
         What::Requests => field::requests::run(&plan, count(1000), goes_on),
-        What::Slow => {
-            let duration = args.plan.duration(60);
-            field::slow::run(&plan, args.rate_kbps * 1000, args.queue, duration)
-        }
         _ => {
             let outage = Duration::from_secs(args.outage_s);
             field::outages::run(&plan, count(20), outage, goes_on)

@@ -11,7 +11,8 @@ use ril_tests::chain::PATIENT;
 use ril_tests::languages::{Compiler, python, python_example};
 use ril_tests::process::{Finished, Stream};
 use ril_tests::sandbox::Holdings;
-use ril_tests::{Process, Robot, Sandbox};
+use ril_tests::sandbox::Robot;
+use ril_tests::{Process, Sandbox};
 
 use crate::outcome::Outcome;
 use crate::plan::{Kind, Plan};

@@ -18,7 +18,6 @@ fn measure(name: &'static str, loss: f64, run: impl FnOnce(&Plan) -> Result<Outc
         name,
         ril,
         protocol: "tcp".to_owned(),
-        relay_toml: String::new(),
         loss,
         limit: Duration::from_secs(300),
         seed: 1,

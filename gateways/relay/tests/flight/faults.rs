@@ -124,10 +124,6 @@ fn a_bridge_that_is_killed_in_mid_path_ends_the_request_as_unknown_and_the_next_
     assert_eq!(log.executed_twice(), Vec::<u64>::new());
 }
 
-fn configuration(link_loss: &str) -> String {
-    format!("[commands]\nlink_loss = \"{link_loss}\"\nlink_loss_s = 1\n")
-}
-
 /// A robot flies a path under this order for the loss of its station, and the station is lost.
 fn lose_the_station(link_loss: &str, then: impl FnOnce(&Rig)) {
     let relay_toml = format!("[commands]\nlink_loss = \"{link_loss}\"\nlink_loss_s = 1\n");

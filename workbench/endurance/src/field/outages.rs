@@ -5,7 +5,6 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use super::ages::{Comparison, Observer, Truth, compare};
-use super::air::Weather;
 use super::site::{Plan, Site};
 use crate::outcome::{Outcome, Times};
 
@@ -32,11 +31,11 @@ pub fn run(
             break;
         }
         observer.watch_until(MonotonicNs::now() + BETWEEN);
-        site.air.set(Weather::OUTAGE);
+        site.tunnel.lose(1.0);
         // Ends in the middle of another attempt to connect each time.
         let longer = Duration::from_millis(u64::from(number) * 230 % 1500);
         observer.watch_until(MonotonicNs::now() + outage + longer);
-        site.air.set(Weather::loss(plan.loss));
+        site.tunnel.lose(plan.loss);
         let back = MonotonicNs::now();
         let fresh = observer.watch_for_fresh(back);
         // From the end of the outage to the first sample that the DSP sent after it.

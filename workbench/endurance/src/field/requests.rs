@@ -10,7 +10,6 @@ use ipc_types::{Client, MonotonicNs, SendError, fresh_request_id};
 use ril_tests::process::Finished;
 use ril_tests::relayed::BridgeLog;
 
-use super::air::Weather;
 use super::site::{Plan, Site};
 use crate::outcome::Outcome;
 
@@ -144,7 +143,7 @@ pub fn run(plan: &Plan, count: u32, goes_on: &dyn Fn() -> bool) -> Result<Outcom
         operator.wait_until(MonotonicNs::now() + PERIOD);
         let now = MonotonicNs::now();
         if fine_again.is_some_and(|at| at <= now) {
-            site.air.set(Weather::loss(plan.loss));
+            site.tunnel.lose(plan.loss);
             fine_again = None;
         }
         if now >= next_disturbance {
@@ -152,7 +151,7 @@ pub fn run(plan: &Plan, count: u32, goes_on: &dyn Fn() -> bool) -> Result<Outcom
             *disturbances.entry(disturbance).or_default() += 1;
             match disturbance {
                 Disturbance::Outage => {
-                    site.air.set(Weather::OUTAGE);
+                    site.tunnel.lose(1.0);
                     fine_again = Some(now + OUTAGE);
                 }
                 Disturbance::RobotRelay => {
@@ -169,7 +168,7 @@ pub fn run(plan: &Plan, count: u32, goes_on: &dyn Fn() -> bool) -> Result<Outcom
             next_disturbance = MonotonicNs::now() + pause;
         }
     }
-    site.air.set(Weather::loss(plan.loss));
+    site.tunnel.lose(plan.loss);
     let give_up = MonotonicNs::now() + LAST_WAIT;
     while !operator.open.is_empty() && MonotonicNs::now() < give_up && goes_on() {
         operator.wait_until(MonotonicNs::now() + PERIOD);

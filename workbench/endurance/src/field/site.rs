@@ -12,7 +12,6 @@ use ril_tests::process::Finished;
 use ril_tests::relayed::STATION;
 use ril_tests::{Process, Rig, Sandbox};
 
-use super::air::Weather;
 use super::tunnel::{INTERFACE, Tunnel};
 
 /// How far the robot's monotonic clock is ahead of the station's, s.
@@ -50,20 +49,18 @@ pub struct Plan {
     pub ril: PathBuf,
     /// Protocol of the link, such as `tcp`.
     pub protocol: String,
-    /// Part of `relay.toml` for both sides, without `[security]`.
-    pub relay_toml: String,
     /// Packets that are lost but for outages, 0 … 1.
     pub loss: f64,
     /// A measurement that takes longer hangs.
     pub limit: Duration,
-    /// Of the air's chances.
+    /// Of the packets that are lost.
     pub seed: u64,
 }
 
 /// Both machines with everything that runs on them.
 pub struct Site {
     /// What is between the networks.
-    pub air: Tunnel,
+    pub tunnel: Tunnel,
     /// What runs on the machines.
     pub rig: Rig,
     /// Last: the namespaces end with them.
@@ -80,7 +77,7 @@ impl Site {
         let clock = format!("--time --monotonic={AHEAD_S} --boottime={AHEAD_S}");
         let places = [Place::make(&clock)?, Place::make("")?];
         let [robot, station] = &places;
-        let air = Tunnel::between([&robot.network(), &station.network()], plan.seed)
+        let tunnel = Tunnel::between([&robot.network(), &station.network()], plan.seed)
             .map_err(|error| format!("/dev/net/tun: {error}"))?;
         for (place, address) in places.iter().zip(ADDRESSES) {
             place.run("ip link set lo up")?;
@@ -103,14 +100,14 @@ impl Site {
                 true => certificates(&folder, name),
                 false => OPEN.to_owned(),
             };
-            machine.write("relay.toml", &format!("{security}{}", plan.relay_toml));
+            machine.write("relay.toml", &security);
         }
         let endpoint = format!("{}/{}:{PORT}", plan.protocol, ADDRESSES[0]);
         let [robot, station] = machines;
         let rig = Rig::between(robot, station, endpoint, 1);
-        air.set(Weather::loss(plan.loss));
+        tunnel.lose(plan.loss);
         Ok(Site {
-            air,
+            tunnel,
             rig,
             _holders: places.map(|place| place.holder),
         })
@@ -118,7 +115,7 @@ impl Site {
 
     /// Ends all processes in order, in fine weather. Returns what the bridge and the simulator had printed.
     pub fn end(&mut self) -> [Finished; 2] {
-        self.air.set(Weather::default());
+        self.tunnel.lose(0.0);
         self.rig.end()
     }
 }

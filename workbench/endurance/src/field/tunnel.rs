@@ -1,4 +1,4 @@
-//! [`Tunnel`]: carries packets between two network namespaces through [`Air`], on a thread of its own.
+//! [`Tunnel`]: carries packets between two network namespaces, and loses some by a seed, on a thread of its own.
 //!
 //! Each namespace has a network interface whose other end is this program. Everything ends with the program, even when it is
 //! killed: the interfaces are not persistent, and the namespaces are those of child processes that end with it.
@@ -10,13 +10,11 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use ipc_types::MonotonicNs;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use dsp_sim::random::Random;
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::ioctl::{Opcode, Setter, ioctl};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
-
-use super::air::{Air, Weather};
 
 /// Name of the interface in each namespace.
 pub const INTERFACE: &str = "air";
@@ -37,10 +35,11 @@ struct InterfaceRequest {
     rest: [u8; 22],
 }
 
-/// The air between two namespaces.
+/// What is between two namespaces.
 #[derive(Clone)]
 pub struct Tunnel {
-    weather: Arc<Mutex<Weather>>,
+    /// Share of the packets that is lost, 0 … 1, each by itself.
+    loss: Arc<Mutex<f64>>,
 }
 
 impl Tunnel {
@@ -49,21 +48,21 @@ impl Tunnel {
         let ends = namespaces.map(open_in);
         let [first, second] = ends;
         let ends = [first?, second?];
-        let weather = Arc::new(Mutex::new(Weather::default()));
+        let loss = Arc::new(Mutex::new(0.0));
         let tunnel = Tunnel {
-            weather: Arc::clone(&weather),
+            loss: Arc::clone(&loss),
         };
         thread::spawn(move || {
-            if let Err(error) = carry(ends, &weather, seed) {
-                eprintln!("the air has ended: {error}");
+            if let Err(error) = carry(ends, &loss, seed) {
+                eprintln!("the tunnel has ended: {error}");
             }
         });
         Ok(tunnel)
     }
 
-    /// Changes the weather for all packets that come from now on.
-    pub fn set(&self, weather: Weather) {
-        *self.weather.lock().expect("no panic while it is held") = weather;
+    /// Loses this share of the packets from now on: 0 … 1, where 1 is an outage.
+    pub fn lose(&self, share: f64) {
+        *self.loss.lock().expect("no panic while it is held") = share;
     }
 }
 
@@ -96,30 +95,21 @@ fn attach(tun: &File) -> std::io::Result<()> {
     Ok(())
 }
 
-fn carry(mut ends: [File; 2], weather: &Mutex<Weather>, seed: u64) -> std::io::Result<()> {
-    let mut air = Air::new(seed);
+fn carry(mut ends: [File; 2], loss: &Mutex<f64>, seed: u64) -> std::io::Result<()> {
+    let mut chance = Random::new(seed, 0);
     let mut packet = [0; PACKET];
     loop {
-        for (from, end) in ends.iter_mut().enumerate() {
-            while let Ok(length) = end.read(&mut packet) {
-                let present = *weather.lock().expect("no panic while it is held");
-                air.send(1 - from, &packet[..length], &present, MonotonicNs::now());
+        for from in 0..2 {
+            while let Ok(length) = ends[from].read(&mut packet) {
+                if chance.uniform() >= *loss.lock().expect("no panic while it is held") {
+                    // An interface that is down, or full, loses it.
+                    let _ = ends[1 - from].write(&packet[..length]);
+                }
             }
         }
-        while let Some((to, bytes)) = air.arrived(MonotonicNs::now()) {
-            // An interface that is down, or full, loses it.
-            let _ = ends[to].write(&bytes);
-        }
-        let timeout = air.deadline().map(|deadline| {
-            let left = deadline.since(MonotonicNs::now());
-            Timespec {
-                tv_sec: left.as_secs().cast_signed(),
-                tv_nsec: left.subsec_nanos().into(),
-            }
-        });
         let [first, second] = &ends;
         let mut descriptors = [first, second].map(|end| PollFd::new(end, PollFlags::IN));
-        poll(&mut descriptors, timeout.as_ref())?;
+        poll(&mut descriptors, None)?;
         let is_gone = |end: &PollFd<'_>| end.revents().contains(PollFlags::ERR);
         if descriptors.iter().any(is_gone) {
             return Ok(());
