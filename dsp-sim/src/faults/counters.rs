@@ -263,7 +263,7 @@ impl fmt::Display for FaultCounters {
     }
 }
 
-/// The counters that are not zero; nothing when all are.
+/// The counters that are not zero; `None` if all are.
 fn summary(what: &str, counters: impl IntoIterator<Item = (u64, &'static str)>) -> Option<String> {
     let counters: Vec<String> = counters
         .into_iter()

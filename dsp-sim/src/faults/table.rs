@@ -11,7 +11,6 @@ use runtime::config::Deserializer;
 use serde::Deserialize;
 use serde::de::Error as _;
 
-use super::kind::Kind;
 use super::script::{
     Act, AfterStall, Damage, Directions, DspEvent, Fault, HelicopterEvent, MessageKind, Script,
     Times, Window,
@@ -19,6 +18,82 @@ use super::script::{
 
 /// Faults that a file may hold: each byte is checked against each of them, and no person writes more by hand.
 pub const MAX_FAULTS: usize = 256;
+
+/// Defines [`Kind`]; each row is `Kind = "name in a file";`.
+macro_rules! kinds {
+    ($( $(#[$doc:meta])* $kind:ident = $name:literal; )+) => {
+        /// The values of `kind` in a `[[fault]]` table.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+        pub enum Kind {
+            $( $(#[$doc])* #[serde(rename = $name)] $kind, )+
+        }
+
+        impl Kind {
+            /// All kinds.
+            pub const ALL: &[Kind] = &[$(Kind::$kind),+];
+
+            /// The name in a file.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $( Kind::$kind => $name, )+
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// Bits turn over.
+    FlipBits = "flip_bits";
+    /// Bytes are lost.
+    DropBytes = "drop_bytes";
+    /// Bytes come twice.
+    DuplicateBytes = "duplicate_bytes";
+    /// Random bytes are put in.
+    InsertBytes = "insert_bytes";
+    /// Bytes come late.
+    DelayBytes = "delay_bytes";
+    /// Bytes come in pieces.
+    SplitBytes = "split_bytes";
+    /// Runs of bytes are replaced by random ones.
+    Burst = "burst";
+    /// Nothing comes out of the serial link for a time.
+    Stall = "stall";
+    /// Everything is lost.
+    Outage = "outage";
+    /// Messages are lost.
+    Drop = "drop";
+    /// Messages come twice.
+    Repeat = "repeat";
+    /// Messages come late.
+    Late = "late";
+    /// Messages change places.
+    Reorder = "reorder";
+    /// The DSP queues an error.
+    RaiseError = "raise_error";
+    /// The DSP boots again.
+    Reboot = "reboot";
+    /// The DSP stops its status transmission.
+    StopStatus = "stop_status";
+    /// The DSP hangs for a time.
+    Hang = "hang";
+    /// The DSP's clock jumps.
+    ClockJump = "clock_jump";
+    /// The status mask changes on the DSP.
+    ChangeMask = "change_mask";
+    /// The pilot flies for a time.
+    PilotTakesOver = "pilot_takes_over";
+    /// The battery is low.
+    BatteryLow = "battery_low";
+    /// The fuel is low.
+    FuelLow = "fuel_low";
+    /// The altitude of the GPS drifts.
+    GpsAltitudeDrift = "gps_altitude_drift";
+    /// The GPS has no fix for a time.
+    LoseFix = "lose_fix";
+    /// The port goes and comes back.
+    HangUp = "hang_up";
+}
 
 impl<'de> Deserialize<'de> for Script {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Script, D::Error> {

@@ -76,7 +76,7 @@ pub struct World {
     stops_alone: bool,
     /// When the last bridge was gone.
     gone_since: Option<Duration>,
-    /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
+    /// When the port opens; `None` while it is open, and [`Duration::MAX`] while there is no device.
     port_opens: Option<Duration>,
     /// The device as it was last seen.
     device: PortState,
