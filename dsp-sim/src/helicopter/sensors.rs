@@ -351,6 +351,11 @@ impl GpsErrors {
         } = self.drift;
         error_m + rate_mps * now.min(until).saturating_sub(from).as_secs_f64()
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
 
     #[test]
     fn the_fix_comes_and_goes() {

@@ -6,7 +6,9 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::Sender;
 
-use ipc_types::code::{DspPathState, Functionality, LinkState, ModuleId, ModuleStatus};
+use ipc_types::code::{
+    DspPathState, Functionality, LinkState, ModuleId, ModuleStatus, MovementKind, Reason, Stage,
+};
 use ipc_types::payload::{
     DspTelemetry, LinkHealth, ModuleControl, ModuleState, MovementData, ParameterRequest,
     RequestReport,
