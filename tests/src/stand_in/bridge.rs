@@ -1,6 +1,6 @@
-//! [`StandInBridge`]: publishes the DSP's telemetry and the module's state, and answers requests as it is told.
+//! [`StandInBridge`]: publishes the DSP's telemetry and the module's state, and answers requests as the test says.
 //!
-//! What it is not told it answers as a bridge does: a path is assembled waypoint by waypoint, a movement that may pre-empt
+//! Where the test says nothing it answers as a bridge does: a path is assembled waypoint by waypoint, a movement that may pre-empt
 //! replaces a path under way, and parameters are those of a [`PortTable`].
 
 use std::collections::{BTreeMap, VecDeque};
