@@ -251,7 +251,7 @@ mod tests {
         use crate::faults::Kind;
         use clap::CommandFactory;
         let help = Args::command().render_long_help().to_string();
-        for kind in Kind::ALL {
+        for &kind in Kind::ALL {
             assert!(
                 help.contains(kind.name()),
                 "{} is not in {help}",

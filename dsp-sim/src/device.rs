@@ -22,13 +22,9 @@
 
 mod command;
 pub mod copies;
-pub mod errors;
 pub mod firmware;
-mod movement;
 pub mod output;
 pub mod ports;
-mod take_off;
-mod tamper;
 
 use std::time::Duration;
 
@@ -42,11 +38,9 @@ use crate::helicopter::pilot::PilotSwitch;
 use crate::helicopter::{Helicopter, Refused};
 
 use copies::Copies;
-use errors::ErrorQueue;
 use firmware::Firmware;
-use output::Output;
+use output::{ErrorQueue, Output};
 use ports::Ports;
-use take_off::TakeOff;
 
 /// Free places of the path buffer without which flow control is 0: the second is for a waypoint on its way.
 const PLACES_TO_SEND: usize = 2;
@@ -81,6 +75,15 @@ pub struct Counters {
     pub statuses_left_out: u64,
 }
 
+/// What the DSP knows of a take-off beyond what the helicopter does.
+#[derive(Clone, Copy, Debug, Default)]
+struct TakeOff {
+    /// When a take-off begins that was acknowledged; only a firmware that begins late has one.
+    begins_at: Option<Duration>,
+    /// Whether flow control has not said 1 since the take-off began.
+    awaits_flow_control: bool,
+}
+
 /// The DSP.
 #[derive(Clone, Debug)]
 pub struct Dsp {
@@ -91,11 +94,11 @@ pub struct Dsp {
     ports: Ports,
     errors: ErrorQueue,
     output: Output,
-    /// When the next status is due; nothing while transmission is off.
+    /// When the next status is due; `None` while transmission is off.
     status_due: Option<Duration>,
-    /// When the next flow control is due; nothing while following is off.
+    /// When the next flow control is due; `None` while following is off.
     flow_control_due: Option<Duration>,
-    /// When the PC has been silent for too long; nothing while port 10004 is 0, or when it has been already.
+    /// When the PC has been silent for too long; `None` while port 10004 is 0, or when it has been already.
     pc_timeout_due: Option<Duration>,
     /// Simulated seconds in a second of the PC.
     speed: f64,
@@ -204,7 +207,7 @@ impl Dsp {
         }
     }
 
-    /// When [`advance`](Self::advance) has something to do next; nothing while the DSP is silent.
+    /// When [`advance`](Self::advance) has something to do next; `None` while the DSP is silent.
     pub fn next_deadline(&self) -> Option<Duration> {
         [
             self.status_due,
@@ -390,6 +393,51 @@ impl Dsp {
     fn period(&self, number: u16) -> Duration {
         // No period is zero, or time would stand still; the ports do not take one.
         Duration::from_millis(self.ports.read_16(number).unwrap_or(1).max(1).into())
+    }
+}
+
+// What a script of faults does inside the DSP ([`crate::faults`]). Nothing here happens by itself.
+impl Dsp {
+    /// Queues an error, as if something in the DSP had failed.
+    pub fn raise(&mut self, error: DspErrorCode) {
+        self.errors.push(error);
+    }
+
+    /// Stops the status transmission, which no command of the PC can do. One that waits is still sent.
+    pub fn stop_status(&mut self) {
+        self.status_due = None;
+    }
+
+    /// Lets the clock jump, as a status carries it. It never reads less than zero; a reboot sets it right.
+    pub fn shift_clock(&mut self, milliseconds: i64) {
+        self.clock_shift_ms = self.clock_shift_ms.saturating_add(milliseconds);
+    }
+
+    /// Changes the status mask, as a write to port 10000 does that the PC did not send.
+    pub fn change_mask(&mut self, mask: StatusMask) {
+        // Port 10000 takes every value.
+        let _ = self.ports.write_16(port::STATUS_MASK, mask.0);
+    }
+
+    /// Puts off everything that is due before `until`.
+    pub fn hold(&mut self, until: Duration) {
+        for due in [
+            &mut self.status_due,
+            &mut self.flow_control_due,
+            &mut self.pc_timeout_due,
+            &mut self.take_off.begins_at,
+        ] {
+            *due = due.map(|due| due.max(until));
+        }
+    }
+
+    /// What the clock reads after running for `elapsed`, ms. It has 32 bits, and wraps after 49.7 days.
+    fn clock_ms(&self, elapsed: Duration) -> u32 {
+        let elapsed_ms = i64::try_from(elapsed.as_millis()).unwrap_or(i64::MAX);
+        elapsed_ms
+            .saturating_add(self.firmware.clock_start_ms.into())
+            .saturating_add(self.clock_shift_ms)
+            .max(0) as u32
     }
 }
 

@@ -53,7 +53,6 @@
 
 mod bytes;
 mod counters;
-mod kind;
 mod messages;
 mod script;
 mod table;
@@ -68,12 +67,11 @@ use crate::random::Random;
 
 pub use bytes::QUEUE_PLACES;
 pub use counters::{ByteCounters, DirectionCounters, FaultCounters, MessageCounters};
-pub use kind::Kind;
 pub use script::{
     Act, AfterStall, Damage, Direction, Directions, DspEvent, Fault, Happening, HelicopterEvent,
     MIN_PERIOD, MessageKind, Script, Times, Window,
 };
-pub use table::MAX_FAULTS;
+pub use table::{Kind, MAX_FAULTS};
 
 use bytes::ByteStage;
 use messages::{MessageFault, MessageStage};

@@ -28,15 +28,11 @@ pub mod body;
 pub mod control;
 pub mod energy;
 pub mod geodesy;
-mod gps;
 pub mod guidance;
-pub mod line;
 pub mod path;
 pub mod pilot;
 pub mod sensors;
 pub mod smoother;
-mod step;
-mod tamper;
 pub mod vector;
 pub mod wind;
 
@@ -48,18 +44,16 @@ use dsp_protocol::downlink::Geographic;
 
 use crate::random::Random;
 
+pub use body::STEP_S;
 use body::{Body, Controls, GRAVITY_MPS2};
 use control::{Controller, Gains};
 use energy::{Energy, EnergyModel};
 use geodesy::LocalFrame;
-use gps::GpsErrors;
 use guidance::{Guidance, MIN_PATH_HEIGHT_M};
-use line::Limits;
-use path::{PATH_PLACES, PathBuffer};
+use path::{Limits, PATH_PLACES, PathBuffer};
 use pilot::{Pilot, PilotSwitch};
-use sensors::{Sensors, Trims, Truth};
+use sensors::{GpsErrors, Sensors, Trims, Truth};
 use smoother::{Reference, Smoother};
-pub use step::STEP_S;
 use vector::Vector;
 use wind::{Wind, WindModel};
 
@@ -221,7 +215,7 @@ impl Helicopter {
     }
 
     /// When [`advance`](Self::advance) should be called again at the latest, so that it never has much to catch up;
-    /// nothing while the helicopter stands.
+    /// `None` while the helicopter stands.
     pub fn next_deadline(&self) -> Option<Duration> {
         (self.phase != Phase::OnGround).then(|| self.now() + CATCH_UP)
     }
@@ -512,6 +506,48 @@ impl Helicopter {
         if self.phase != phase {
             tracing::debug!(from = ?self.phase, to = ?phase, at = ?self.now(), "phase of flight");
             self.phase = phase;
+        }
+    }
+}
+
+// What a test or a script of faults does to the helicopter ([`crate::faults`]). Nothing here happens by itself.
+impl Helicopter {
+    /// Moves the pilot's switch and leaves it there.
+    pub fn set_switch(&mut self, switch: PilotSwitch) {
+        self.pilot.set(switch);
+        self.stop_for_pilot();
+    }
+
+    /// Moves the pilot's switch to manual for `length`.
+    pub fn take_over(&mut self, length: Duration) {
+        self.pilot.take_over(self.now().saturating_add(length));
+        self.stop_for_pilot();
+    }
+
+    /// Sets the voltage of the battery at rest; in a hover it reads 0.4 V less.
+    pub fn set_battery_v(&mut self, volts: f64) {
+        self.energy.set_battery_v(volts);
+    }
+
+    /// Sets what is left of the fuel, %.
+    pub fn set_fuel_percent(&mut self, percent: f64) {
+        self.energy.set_fuel_percent(percent);
+    }
+
+    /// Takes the fix from the GPS for `length`.
+    pub fn lose_gps_fix(&mut self, length: Duration) {
+        self.gps.lose_fix(self.now().saturating_add(length));
+    }
+
+    /// Lets the altitude of the GPS drift at `rate_mps` for `length`; the error that it has reached then stays.
+    pub fn drift_gps_altitude(&mut self, rate_mps: f64, length: Duration) {
+        self.gps.drift(self.now(), rate_mps, length);
+    }
+
+    /// Leaves the path when the pilot has taken over. The waypoints stay in the buffer.
+    fn stop_for_pilot(&mut self) {
+        if self.switch() == PilotSwitch::Manual && self.phase == Phase::FollowingPath {
+            self.guidance.brake();
         }
     }
 }

@@ -14,7 +14,7 @@ pub trait Port {
     /// The port cannot come back.
     fn follow(&mut self, state: PortState) -> io::Result<()>;
 
-    /// The terminal; nothing while it is gone.
+    /// The terminal; `None` while it is gone.
     fn terminal(&mut self) -> Option<&mut dyn Terminal>;
 
     /// The terminal has failed with `error`. A port that can wait for its return does so.

@@ -124,7 +124,7 @@ impl Simulator {
         self.helicopter.advance(self.now);
     }
 
-    /// When [`advance`](Self::advance) or [`transmit`](Self::transmit) has something to do next; nothing while all is
+    /// When [`advance`](Self::advance) or [`transmit`](Self::transmit) has something to do next; `None` while all is
     /// quiet.
     pub fn next_deadline(&self) -> Option<Duration> {
         self.inner_deadline()

@@ -5,8 +5,8 @@
 //! * [`Work`]: what the author writes, and [`main`], which runs it;
 //! * [`Manager`]: starts and stops the module and says how it is, by the [`rules`] that the bridge keeps as well;
 //! * [`Requests`]: serves a request of the module's own, each executed once;
-//! * [`process`]: the loop of every process, that of bridge and status too: one wait, deadlines, watchdog, the end;
-//! * [`SetUp`]: the start of every process: logging, configuration, signals, domain;
+//! * [`process`]: the start ([`SetUp`]) and the loop of every process, those of bridge and status too: one wait, deadlines,
+//!   watchdog, the end;
 //! * [`journal`]: the inputs of a module's core in order, from which a recording replays its decisions;
 //! * [`completed`]: final reports that are remembered.
 //!
@@ -22,15 +22,13 @@ mod manager;
 pub mod process;
 pub mod requests;
 pub mod rules;
-mod set_up;
 mod work;
 
 pub use manager::Manager;
-pub use process::Sources;
+pub use process::{SetUp, Sources};
 pub use requests::Requests;
 pub use rules::OnStop;
 pub use runtime::{self, ranged};
-pub use set_up::SetUp;
 pub use work::{STATE_PERIOD, Work, main, run, run_with};
 
 /// The configuration of a module that has none: an empty file.

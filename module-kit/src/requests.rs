@@ -135,7 +135,7 @@ struct Answers {
 /// What is done for a request, from its first report to its final one.
 struct Work {
     request_id: u64,
-    /// Nothing while the client is gone.
+    /// `None` while the client is gone.
     client: Option<Ticket>,
 }
 
@@ -211,13 +211,13 @@ mod tests {
     const FIRST: Ticket = Ticket::from_bits(1);
     const SECOND: Ticket = Ticket::from_bits(2);
 
-    struct Crew;
-    ipc_types::module!(Crew, "crew", 1000);
+    struct Watch;
+    ipc_types::module!(Watch, "watch", 1000);
 
     #[test]
     fn a_request_whose_moment_has_passed_is_refused_with_by_how_much() {
         let by = |begin_by_ns| {
-            let mut control = ControlOf::<Crew>::command(7, ControlCommand::Start);
+            let mut control = ControlOf::<Watch>::command(7, ControlCommand::Start);
             control.begin_by_ns = begin_by_ns;
             too_late(&control, MonotonicNs(2_500_000_000))
         };

@@ -17,9 +17,8 @@ use runtime::signal::Termination;
 use serde::de::DeserializeOwned;
 
 use crate::manager::Manager;
-use crate::process::{self, Process, Sources};
+use crate::process::{self, Process, SetUp, Sources};
 use crate::requests::Requests;
-use crate::set_up::SetUp;
 
 /// How often the state is published though it has not changed: consumers see by it that the module works.
 pub const STATE_PERIOD: Duration = Duration::from_secs(1);
@@ -229,8 +228,8 @@ mod tests {
         for name in ["bridge", "status", "relay"] {
             let error = check_name(name).unwrap_err();
             assert_eq!(error.code(), ExitCode::Internal);
-            let told = error.chain().join("\n");
-            assert!(told.contains(&format!("`{name}` is the name of")), "{told}");
+            let text = error.chain().join("\n");
+            assert!(text.contains(&format!("`{name}` is the name of")), "{text}");
         }
         assert!(check_name("battery_watch").is_ok());
     }

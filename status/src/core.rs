@@ -185,7 +185,7 @@ impl Status {
         }
     }
 
-    /// The process that was kept, without logs; nothing when its estimator is not `estimator`.
+    /// The process that was kept, without logs; `None` if its estimator is not `estimator`.
     pub(crate) fn from_kept(
         kept: Kept,
         calibration: Calibration,

@@ -46,7 +46,7 @@ pub trait Estimator {
     /// `dsp_boots`, `dsp_time_ms`, `received_ns`).
     fn update(&mut self, raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate;
 
-    /// All that it knows as bytes, for the journal; nothing when it has no way to say so. Recordings are then not replayed.
+    /// All that it knows as bytes, for the journal; `None` if it has no way to say so. Recordings are then not replayed.
     fn save(&self) -> Option<Vec<u8>> {
         None
     }

@@ -3,6 +3,7 @@
 //! Values are those that the bridge published, in the DSP's own units: a log is of the input (`log.conf`).
 
 use std::fmt;
+use std::str::FromStr;
 
 use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::DspTelemetry;
@@ -12,6 +13,7 @@ pub struct Field {
     /// The name in the first line, with the unit as suffix.
     pub name: &'static str,
     value: fn(&DspTelemetry) -> Value,
+    set: fn(&mut DspTelemetry, &str) -> bool,
 }
 
 impl Field {
@@ -19,6 +21,15 @@ impl Field {
     pub fn value(&self, sample: &DspTelemetry) -> Value {
         (self.value)(sample)
     }
+
+    /// Puts the value of a log's cell into `sample`; false when it is no value of this field.
+    pub fn read(&self, cell: &str, sample: &mut DspTelemetry) -> bool {
+        (self.set)(sample, cell)
+    }
+}
+
+fn set<T: FromStr>(place: &mut T, cell: &str) -> bool {
+    cell.parse().map(|value| *place = value).is_ok()
 }
 
 /// A value, shown with as few digits as give back the same number.
@@ -80,7 +91,11 @@ impl From<Option<u32>> for Value {
 /// `"name" = path.to.value, …` as a slice of fields.
 macro_rules! fields {
     ($($name:literal = $($path:ident).+),+ $(,)?) => {
-        &[$(Field { name: $name, value: |sample| sample.$($path).+.into() }),+]
+        &[$(Field {
+            name: $name,
+            value: |sample| sample.$($path).+.into(),
+            set: |sample, cell| set(&mut sample.$($path).+, cell),
+        }),+]
     };
 }
 
@@ -97,10 +112,12 @@ pub const DSP_ERRORS: &[Field] = &[
     Field {
         name: "dsp_errors",
         value: |sample| sample.dsp_errors.into(),
+        set: |sample, cell| set(&mut sample.dsp_errors, cell),
     },
     Field {
         name: "last_dsp_error_code",
         value: |sample| sample.last_dsp_error().into(),
+        set: |sample, cell| cell.is_empty() || set(&mut sample.last_dsp_error_code, cell),
     },
 ];
 

@@ -64,7 +64,7 @@ mod tests {
             let columns: Vec<_> = fields::of(group).iter().map(|field| field.name).collect();
             let names: Vec<_> = wire.limits().iter().map(|field| field.name).collect();
             assert_eq!(columns.len(), names.len(), "{group}");
-            // A column's name may have a prefix that tells it from those of other groups.
+            // A column's name may have a prefix that distinguishes it from those of other groups.
             let same = |(column, name): (&&str, &&str)| column.ends_with(*name);
             assert!(
                 columns.iter().zip(&names).all(same),

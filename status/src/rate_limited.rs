@@ -41,7 +41,7 @@ impl RateLimitedCounter {
         self.total = total;
     }
 
-    /// The increment to report at `now`; nothing if there is none, or if the last report was less than a period ago.
+    /// The increment to report at `now`; `None` if there is none, or if the last report was less than a period ago.
     pub fn due(&mut self, now: MonotonicNs) -> Option<u64> {
         if self.deadline()? > now {
             return None;

@@ -1,10 +1,10 @@
 //! Fixtures for programs that speak with the HERO's Robot Implementation Layer.
 //!
 //! * [`domain`]: shared memory of a test's own, and the proof that nothing of it is left;
-//! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as they are told;
+//! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as the test says;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
-//! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that nobody knows;
+//! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that no program knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
 //! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with relays between;
 //! * [`chain`]: the real simulator, bridge and status, to start and to kill;
@@ -42,7 +42,7 @@
 //!
 //! # An operator's program and its test
 //!
-//! [`StandInBridge`] takes requests and answers them as it is told: accept, refuse, hang or die.
+//! [`StandInBridge`] takes requests and answers them as the test says: accept, refuse, hang or die.
 //!
 //! ```
 //! # use ipc_types::{code::{Reason, Stage}, payload::MovementData};

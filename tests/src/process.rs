@@ -70,8 +70,8 @@ impl Finished {
     }
 }
 
-/// What the threads in the background tell.
-enum News {
+/// What the threads in the background report.
+enum Event {
     Line(Line),
     StreamEnded,
     Exited,
@@ -83,7 +83,7 @@ pub struct Process {
     name: String,
     child: Child,
     group: Pid,
-    news: Receiver<News>,
+    events: Receiver<Event>,
     lines: Vec<Line>,
     /// Of each line, whether a wait has returned it.
     found: Vec<bool>,
@@ -129,7 +129,7 @@ impl Process {
         };
         let group = Pid::from_child(&child);
         registry().insert(group.as_raw_pid(), name.clone());
-        let (sender, news) = mpsc::channel();
+        let (sender, events) = mpsc::channel();
         let stdout = child.stdout.take().expect("it is piped");
         let stderr = child.stderr.take().expect("it is piped");
         read_lines(Stream::Stdout, stdout, sender.clone());
@@ -139,7 +139,7 @@ impl Process {
             name,
             child,
             group,
-            news,
+            events,
             lines: Vec::new(),
             found: Vec::new(),
             open_streams: 2,
@@ -204,8 +204,8 @@ impl Process {
 
     /// The lines that have arrived so far, of both streams, each in order.
     pub fn lines(&mut self) -> &[Line] {
-        while let Ok(news) = self.news.try_recv() {
-            self.note(news);
+        while let Ok(events) = self.events.try_recv() {
+            self.note(events);
         }
         &self.lines
     }
@@ -297,12 +297,12 @@ impl Process {
         !state.is_empty() && !state.starts_with(['Z', 'X'])
     }
 
-    /// Takes one piece of news; fails when none comes before `deadline`.
+    /// Takes one event; fails when none comes before `deadline`.
     #[track_caller]
     fn take_news(&mut self, deadline: Instant, what: &str) {
         let remaining = deadline.saturating_duration_since(Instant::now());
-        match self.news.recv_timeout(remaining) {
-            Ok(news) => self.note(news),
+        match self.events.recv_timeout(remaining) {
+            Ok(events) => self.note(events),
             Err(error) => {
                 let (name, tail) = (&self.name, self.tail());
                 panic!("never in time: `{name}` {what} ({error})\n{tail}");
@@ -310,15 +310,15 @@ impl Process {
         }
     }
 
-    fn note(&mut self, news: News) {
-        match news {
-            News::Line(line) if self.lines.len() < MAX_LINES => {
+    fn note(&mut self, events: Event) {
+        match events {
+            Event::Line(line) if self.lines.len() < MAX_LINES => {
                 self.lines.push(line);
                 self.found.push(false);
             }
-            News::Line(_) => {}
-            News::StreamEnded => self.open_streams -= 1,
-            News::Exited => self.exited = true,
+            Event::Line(_) => {}
+            Event::StreamEnded => self.open_streams -= 1,
+            Event::Exited => self.exited = true,
         }
     }
 
@@ -374,8 +374,8 @@ impl Drop for Process {
         }
         registry().remove(&self.group.as_raw_pid());
         if thread::panicking() {
-            while let Ok(news) = self.news.try_recv() {
-                self.note(news);
+            while let Ok(events) = self.events.try_recv() {
+                self.note(events);
             }
             eprintln!("{}", self.tail());
         }
@@ -420,7 +420,7 @@ fn describe(command: &Command) -> String {
     name
 }
 
-fn read_lines(stream: Stream, source: impl Read + Send + 'static, news: Sender<News>) {
+fn read_lines(stream: Stream, source: impl Read + Send + 'static, events: Sender<Event>) {
     thread::spawn(move || {
         let mut reader = BufReader::new(source);
         let mut bytes = Vec::new();
@@ -436,18 +436,18 @@ fn read_lines(stream: Stream, source: impl Read + Send + 'static, news: Sender<N
             let text = String::from_utf8_lossy(&bytes);
             let text = text.trim_end_matches(['\n', '\r']).to_owned();
             // Nobody listens any more once the process was dropped; reading goes on until the stream's end all the same.
-            let _ = news.send(News::Line(Line { stream, text }));
+            let _ = events.send(Event::Line(Line { stream, text }));
         }
-        let _ = news.send(News::StreamEnded);
+        let _ = events.send(Event::StreamEnded);
     });
 }
 
-fn await_exit(child: Pid, news: Sender<News>) {
+fn await_exit(child: Pid, events: Sender<Event>) {
     thread::spawn(move || {
         // The exit is only looked at, so that the id stays the child's until its owner takes the status.
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOWAIT;
         while matches!(waitid(WaitId::Pid(child), options), Err(Errno::INTR)) {}
-        let _ = news.send(News::Exited);
+        let _ = events.send(Event::Exited);
     });
 }
 
@@ -517,12 +517,12 @@ mod tests {
         assert_eq!(process.open_streams, 2, "the grandchild holds them");
         assert!(list().iter().any(|name| name.contains("tail -f")));
         let group = process.group;
-        let news = std::mem::replace(&mut process.news, mpsc::channel().1);
+        let events = std::mem::replace(&mut process.events, mpsc::channel().1);
         drop(process);
         let mut ended = 0;
         while ended < 2 {
-            let news = news.recv_timeout(WAIT_LIMIT).expect("it is killed");
-            ended += usize::from(matches!(news, News::StreamEnded));
+            let events = events.recv_timeout(WAIT_LIMIT).expect("it is killed");
+            ended += usize::from(matches!(events, Event::StreamEnded));
         }
         assert!(!registry().contains_key(&group.as_raw_pid()));
     }

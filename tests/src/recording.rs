@@ -5,11 +5,12 @@
 
 use std::fmt::Display;
 use std::path::Path;
-use std::str::FromStr;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use status::calibration::Calibration;
+use status::fields::{self, Field};
+use status::log::tsv::UTC;
 use status::translate::translate;
 
 use crate::script::only_groups;
@@ -93,117 +94,26 @@ impl Recording {
     }
 }
 
-/// A column: its group, if it has one, and where its value goes. False when it is no such value.
-struct Column {
-    name: &'static str,
-    group: Option<TelemetryGroup>,
-    set: fn(&mut DspTelemetry, &str) -> bool,
-}
+/// A field and the group that it belongs to, if there is one; `None` for the time in UTC, which no sample has.
+type Column = Option<(Option<TelemetryGroup>, &'static Field)>;
 
-fn set<T: FromStr>(place: &mut T, text: &str) -> bool {
-    text.parse().map(|value| *place = value).is_ok()
-}
-
-/// `Group: "name" = path.to.value, …; …` as the table of columns that belong to groups.
-macro_rules! columns {
-    ($($group:ident: $($name:literal = $($path:ident).+),+;)+) => {
-        &[$($(Column {
-            name: $name,
-            group: Some(TelemetryGroup::$group),
-            set: |sample, text| set(&mut sample.$($path).+, text),
-        },)+)+]
+fn columns(header: &str) -> Result<Vec<Column>, RecordingError> {
+    let always = fields::ALWAYS.iter().chain(fields::DSP_ERRORS);
+    let of_groups = TelemetryGroup::ALL.into_iter().flat_map(|group| {
+        let fields = fields::of(group).iter();
+        fields.map(move |field| (Some(group), field))
+    });
+    let known: Vec<_> = always.map(|field| (None, field)).chain(of_groups).collect();
+    let find = |name| match known.iter().find(|(_, field)| field.name == name) {
+        Some(column) => Ok(Some(*column)),
+        None if name == UTC => Ok(None),
+        None => Err(RecordingError(format!("1: `{name}` is no field of a log"))),
     };
-}
-
-/// Columns of no group. Number and time of then are those of another publisher: they are not taken over.
-const ALWAYS: &[Column] = &[
-    Column {
-        name: "flying",
-        group: None,
-        set: |sample, text| set(&mut sample.flying, text),
-    },
-    Column {
-        name: "sequence",
-        group: None,
-        set: |_, text| text.parse::<u64>().is_ok(),
-    },
-    Column {
-        name: "received_ns",
-        group: None,
-        set: |_, text| text.parse::<u64>().is_ok(),
-    },
-    Column {
-        name: "utc",
-        group: None,
-        set: |_, _| true,
-    },
-    Column {
-        name: "dsp_errors",
-        group: None,
-        set: |sample, text| set(&mut sample.dsp_errors, text),
-    },
-    // Empty before the first error.
-    Column {
-        name: "last_dsp_error_code",
-        group: None,
-        set: |sample, text| text.is_empty() || set(&mut sample.last_dsp_error_code, text),
-    },
-];
-
-const OF_GROUPS: &[Column] = columns! {
-    Time: "dsp_time_ms" = dsp_time_ms;
-    Geographic: "latitude_deg" = geographic.latitude_deg,
-        "longitude_deg" = geographic.longitude_deg,
-        "altitude_m" = geographic.altitude_m;
-    Xy: "x_m" = xy.x_m, "y_m" = xy.y_m;
-    GpsVelocity: "gps_horizontal_speed_mps" = gps_velocity.horizontal_speed_mps,
-        "gps_vertical_speed_mps" = gps_velocity.vertical_speed_mps,
-        "gps_heading_deg" = gps_velocity.heading_deg;
-    GpsQuality: "gps_quality" = gps_quality;
-    Attitude: "pitch_deg" = attitude.pitch_deg, "roll_deg" = attitude.roll_deg, "yaw_deg" = attitude.yaw_deg;
-    Acceleration: "acceleration_x_mps2" = acceleration.x_mps2,
-        "acceleration_y_mps2" = acceleration.y_mps2,
-        "acceleration_z_mps2" = acceleration.z_mps2;
-    AngularRate: "angular_rate_x_radps" = angular_rate.x_radps,
-        "angular_rate_y_radps" = angular_rate.y_radps,
-        "angular_rate_z_radps" = angular_rate.z_radps;
-    PilotPwm: "pilot_collective_us" = pilot_pwm.collective_us,
-        "pilot_roll_us" = pilot_pwm.roll_us,
-        "pilot_pitch_us" = pilot_pwm.pitch_us,
-        "pilot_tail_us" = pilot_pwm.tail_us,
-        "pilot_throttle_us" = pilot_pwm.throttle_us;
-    Sonar: "sonar_adc" = sonar_adc;
-    Supply: "battery_mv" = supply.battery_mv,
-        "fuel_percent" = supply.fuel_percent,
-        "auto_switch" = supply.auto_switch;
-    PanTilt: "pan_adc" = pan_tilt.pan_adc, "tilt_adc" = pan_tilt.tilt_adc;
-    RotorSpeed: "rotor_rpm" = rotor_rpm;
-    Barometer: "barometer_adc" = barometer_adc;
-    Actuation: "actuation_collective_us" = actuation.collective_us,
-        "actuation_roll_us" = actuation.roll_us,
-        "actuation_pitch_us" = actuation.pitch_us,
-        "actuation_tail_us" = actuation.tail_us,
-        "actuation_throttle_us" = actuation.throttle_us;
-    References: "reference_x_speed_mps" = references.x_speed_mps,
-        "reference_y_speed_mps" = references.y_speed_mps,
-        "reference_altitude_m" = references.altitude_m,
-        "reference_pitch_deg" = references.pitch_deg,
-        "reference_roll_deg" = references.roll_deg,
-        "reference_yaw_deg" = references.yaw_deg;
-};
-
-fn columns(header: &str) -> Result<Vec<&'static Column>, RecordingError> {
-    let known = |name| {
-        let mut columns = ALWAYS.iter().chain(OF_GROUPS);
-        columns.find(|column| column.name == name)
-    };
-    let find =
-        |name| known(name).ok_or(RecordingError(format!("1: `{name}` is no field of a log")));
     header.split('\t').map(find).collect()
 }
 
 /// A group is valid in a row if all its cells hold something.
-fn row(columns: &[&Column], number: u32, line: &str) -> Result<DspTelemetry, RecordingError> {
+fn row(columns: &[Column], number: u32, line: &str) -> Result<DspTelemetry, RecordingError> {
     let cells: Vec<&str> = line.split('\t').collect();
     if cells.len() != columns.len() {
         let (have, want) = (cells.len(), columns.len());
@@ -212,18 +122,23 @@ fn row(columns: &[&Column], number: u32, line: &str) -> Result<DspTelemetry, Rec
     }
     let (mut sample, mut there, mut missing) = (DspTelemetry::default(), 0, 0);
     for (column, cell) in columns.iter().zip(cells) {
-        let bit = column.group.map_or(0, TelemetryGroup::bit);
+        let Some((group, field)) = column else {
+            continue;
+        };
+        let bit = group.map_or(0, TelemetryGroup::bit);
         if cell.is_empty() && bit != 0 {
             missing |= bit;
-        } else if (column.set)(&mut sample, cell) {
+        } else if field.read(cell, &mut sample) {
             there |= bit;
         } else {
-            let name = column.name;
+            let name = field.name;
             return Err(RecordingError(format!(
                 "{number}: `{cell}` is no value of {name}"
             )));
         }
     }
+    // Number and time of then are those of another publisher.
+    (sample.sequence, sample.received_ns) = (0, 0);
     Ok(only_groups(&sample, there & !missing))
 }
 

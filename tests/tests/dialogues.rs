@@ -21,7 +21,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, MovementKind};
 use ipc_types::payload::{ModuleControl, MovementData};
 
-/// The host's clock at time 0 of a dialogue: far from zero, so that nobody takes one clock for the other.
+/// The host's clock at time 0 of a dialogue: far from zero, so that neither clock is taken for the other.
 const HOST_EPOCH_NS: u64 = 86_400_000_000_000;
 /// How long a helicopter may take to hover in virtual time.
 const TAKE_OFF_LIMIT: Duration = Duration::from_secs(120);
@@ -53,7 +53,7 @@ fn the_bridge_plays_every_dialogue() {
     });
 }
 
-/// Plays all dialogues and tells of all that fail, not only of the first.
+/// Plays all dialogues and names all that fail, not only of the first.
 fn play_all(play: impl Fn(&Dialogue) -> Result<(), String>) {
     let mut failures = String::new();
     for dialogue in dialogues() {

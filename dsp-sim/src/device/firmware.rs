@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use dsp_protocol::StatusMask;
 
-/// The abilities and habits of a firmware. The default is the DSP of `docs/protocol.md`.
+/// What a firmware can do and how it does it. The default is the DSP of `docs/protocol.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Firmware {
     /// Whether it has port 10004, hence empties its path buffer when the PC falls silent.

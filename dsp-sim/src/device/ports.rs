@@ -5,7 +5,7 @@ use dsp_protocol::port::{self, PORTS_16, PORTS_32};
 
 use crate::helicopter::Settings;
 use crate::helicopter::control::Gains;
-use crate::helicopter::line::Limits;
+use crate::helicopter::path::Limits;
 use crate::helicopter::sensors::Trims;
 
 /// A port that does not exist in this width, or a value that it does not take.

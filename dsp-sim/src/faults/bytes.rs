@@ -101,7 +101,7 @@ impl ByteStage {
         self.queue.len()
     }
 
-    /// When a byte leaves that enters at `at`; nothing when a stall loses it.
+    /// When a byte leaves that enters at `at`; `None` if a stall loses it.
     fn due(&mut self, at: Duration) -> Option<Duration> {
         let mut due = at;
         for fault in self.faults.iter_mut() {
@@ -125,7 +125,7 @@ impl ByteStage {
         self.after_stalls(at, due)
     }
 
-    /// When a byte leaves that entered at `at` and would leave at `due` if nothing stalled; nothing when a stall
+    /// When a byte leaves that entered at `at` and would leave at `due` if nothing stalled; `None` if a stall
     /// loses it.
     fn after_stalls(&mut self, at: Duration, mut due: Duration) -> Option<Duration> {
         for fault in &self.faults {
@@ -230,7 +230,7 @@ impl ByteFault {
         }
     }
 
-    /// The pause before the next byte; nothing when it belongs to the piece that has begun.
+    /// The pause before the next byte; `None` if it belongs to the piece that has begun.
     fn pause(&mut self) -> Option<Duration> {
         let Damage::Split { chunk_bytes, gap } = self.damage else {
             return None;

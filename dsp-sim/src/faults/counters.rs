@@ -4,6 +4,27 @@ use std::fmt;
 
 use super::script::{DspEvent, Happening, HelicopterEvent};
 
+/// Defines counters, each with its name in the summary: `counter = "name";`.
+macro_rules! counters {
+    ($(#[$meta:meta])* $name:ident $(beside { $($(#[$other_doc:meta])* $other:ident: $type:ty,)+ })? {
+        $($(#[$doc:meta])* $counter:ident = $text:literal;)+
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        pub struct $name {
+            $($($(#[$other_doc])* pub $other: $type,)+)?
+            $($(#[$doc])* pub $counter: u64,)+
+        }
+
+        impl $name {
+            /// The counters with their names, in the order of the summary.
+            fn named(&self) -> impl Iterator<Item = (u64, &'static str)> {
+                [$((self.$counter, $text)),+].into_iter()
+            }
+        }
+    };
+}
+
 /// What was done to one direction of the serial link.
 ///
 /// No byte is lost uncounted: [`gained`](Self::gained) equals [`lost`](Self::lost), those that `left`, and those that
@@ -45,142 +66,91 @@ impl DirectionCounters {
     }
 }
 
-/// What was done to single bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ByteCounters {
-    /// Bits that were turned over.
-    pub flipped_bits: u64,
-    /// Bytes that were lost one by one.
-    pub dropped: u64,
-    /// Bytes that came twice.
-    pub duplicated: u64,
-    /// Random bytes that were put in.
-    pub inserted: u64,
-    /// Bytes that came late because of a delay.
-    pub delayed: u64,
-    /// Pieces that began after a pause.
-    pub pieces: u64,
-    /// Bursts that began.
-    pub bursts: u64,
-    /// Bytes that bursts replaced.
-    pub burst_bytes: u64,
-    /// Bytes that a stall held up and then let pass.
-    pub stalled: u64,
-    /// Bytes that a stall held up and then lost.
-    pub stall_dropped: u64,
-    /// Bytes that were lost in an outage.
-    pub outage_dropped: u64,
-    /// Bytes that found the queue of delayed ones full.
-    pub overflowed: u64,
-}
-
-impl ByteCounters {
-    fn named(&self) -> [(u64, &'static str); 12] {
-        // Without `..`: a new counter does not compile until it is in the summary.
-        let ByteCounters {
-            flipped_bits,
-            dropped,
-            duplicated,
-            inserted,
-            delayed,
-            pieces,
-            bursts,
-            burst_bytes,
-            stalled,
-            stall_dropped,
-            outage_dropped,
-            overflowed,
-        } = *self;
-        [
-            (flipped_bits, "bits flipped"),
-            (dropped, "bytes dropped"),
-            (duplicated, "bytes duplicated"),
-            (inserted, "bytes inserted"),
-            (delayed, "bytes delayed"),
-            (pieces, "pieces"),
-            (bursts, "bursts"),
-            (burst_bytes, "bytes in bursts"),
-            (stalled, "bytes stalled"),
-            (stall_dropped, "bytes dropped by stalls"),
-            (outage_dropped, "bytes dropped by outages"),
-            (overflowed, "bytes dropped by a full queue"),
-        ]
+counters! {
+    /// What was done to single bytes.
+    ByteCounters {
+        /// Bits that were turned over.
+        flipped_bits = "bits flipped";
+        /// Bytes that were lost one by one.
+        dropped = "bytes dropped";
+        /// Bytes that came twice.
+        duplicated = "bytes duplicated";
+        /// Random bytes that were put in.
+        inserted = "bytes inserted";
+        /// Bytes that came late because of a delay.
+        delayed = "bytes delayed";
+        /// Pieces that began after a pause.
+        pieces = "pieces";
+        /// Bursts that began.
+        bursts = "bursts";
+        /// Bytes that bursts replaced.
+        burst_bytes = "bytes in bursts";
+        /// Bytes that a stall held up and then let pass.
+        stalled = "bytes stalled";
+        /// Bytes that a stall held up and then lost.
+        stall_dropped = "bytes dropped by stalls";
+        /// Bytes that were lost in an outage.
+        outage_dropped = "bytes dropped by outages";
+        /// Bytes that found the queue of delayed ones full.
+        overflowed = "bytes dropped by a full queue";
     }
 }
 
-/// What was done to whole messages.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct MessageCounters {
-    /// Messages that were dropped.
-    pub dropped: u64,
-    /// Their bytes.
-    pub dropped_bytes: u64,
-    /// Messages that came twice.
-    pub repeated: u64,
-    /// The bytes of their copies.
-    pub repeated_bytes: u64,
-    /// Messages that came late, or will.
-    pub late: u64,
-    /// Messages that come after the next of their kind.
-    pub reordered: u64,
-}
-
-impl MessageCounters {
-    fn named(&self) -> [(u64, &'static str); 6] {
-        let MessageCounters {
-            dropped,
-            dropped_bytes,
-            repeated,
-            repeated_bytes,
-            late,
-            reordered,
-        } = *self;
-        [
-            (dropped, "messages dropped"),
-            (dropped_bytes, "bytes dropped"),
-            (repeated, "messages repeated"),
-            (repeated_bytes, "bytes repeated"),
-            (late, "messages late"),
-            (reordered, "messages reordered"),
-        ]
+counters! {
+    /// What was done to whole messages.
+    MessageCounters {
+        /// Messages that were dropped.
+        dropped = "messages dropped";
+        /// Their bytes.
+        dropped_bytes = "bytes dropped";
+        /// Messages that came twice.
+        repeated = "messages repeated";
+        /// The bytes of their copies.
+        repeated_bytes = "bytes repeated";
+        /// Messages that came late, or will.
+        late = "messages late";
+        /// Messages that come after the next of their kind.
+        reordered = "messages reordered";
     }
 }
 
-/// What a script did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FaultCounters {
-    /// To what the DSP sends.
-    pub to_pc: DirectionCounters,
-    /// To what the PC sends.
-    pub to_dsp: DirectionCounters,
-    /// Errors that were raised.
-    pub errors_raised: u64,
-    /// Reboots.
-    pub reboots: u64,
-    /// How often the status transmission was stopped.
-    pub status_stops: u64,
-    /// How often the DSP hung.
-    pub hangs: u64,
-    /// Bytes from the PC that arrived while the DSP hung.
-    pub missed_bytes: u64,
-    /// How often the DSP's clock jumped.
-    pub clock_jumps: u64,
-    /// How often the status mask changed on the DSP.
-    pub mask_changes: u64,
-    /// How often the pilot took over.
-    pub pilot_takeovers: u64,
-    /// How often the battery fell to a voltage of the script.
-    pub battery_drops: u64,
-    /// How often the fuel fell to an amount of the script.
-    pub fuel_drops: u64,
-    /// How often the altitude of the GPS began to drift.
-    pub gps_drifts: u64,
-    /// How often the GPS lost its fix.
-    pub gps_fix_losses: u64,
-    /// How often the port was hung up.
-    pub hang_ups: u64,
-    /// Bytes to the PC that found the port gone.
-    pub unplugged_bytes: u64,
+counters! {
+    /// What a script did.
+    FaultCounters beside {
+        /// To what the DSP sends.
+        to_pc: DirectionCounters,
+        /// To what the PC sends.
+        to_dsp: DirectionCounters,
+    } {
+        /// Errors that were raised.
+        errors_raised = "errors raised";
+        /// Reboots.
+        reboots = "reboots";
+        /// How often the status transmission was stopped.
+        status_stops = "status stops";
+        /// How often the DSP hung.
+        hangs = "hangs";
+        /// Bytes from the PC that arrived while the DSP hung.
+        missed_bytes = "bytes missed by a DSP that hung";
+        /// How often the DSP's clock jumped.
+        clock_jumps = "clock jumps";
+        /// How often the status mask changed on the DSP.
+        mask_changes = "mask changes";
+        /// How often the pilot took over.
+        pilot_takeovers = "pilot takeovers";
+        /// How often the battery fell to a voltage of the script.
+        battery_drops = "battery drops";
+        /// How often the fuel fell to an amount of the script.
+        fuel_drops = "fuel drops";
+        /// How often the altitude of the GPS began to drift.
+        gps_drifts = "GPS altitude drifts";
+        /// How often the GPS lost its fix.
+        gps_fix_losses = "GPS fix losses";
+        /// How often the port was hung up.
+        hang_ups = "port hang-ups";
+        /// Bytes to the PC that found the port gone.
+        unplugged_bytes = "bytes to a port that was gone";
+    }
 }
 
 impl FaultCounters {
@@ -205,44 +175,6 @@ impl FaultCounters {
         };
         *counter += 1;
     }
-
-    /// What was done elsewhere than on the serial link.
-    fn events(&self) -> [(u64, &'static str); 14] {
-        let FaultCounters {
-            to_pc: _,
-            to_dsp: _,
-            errors_raised,
-            reboots,
-            status_stops,
-            hangs,
-            missed_bytes,
-            clock_jumps,
-            mask_changes,
-            pilot_takeovers,
-            battery_drops,
-            fuel_drops,
-            gps_drifts,
-            gps_fix_losses,
-            hang_ups,
-            unplugged_bytes,
-        } = *self;
-        [
-            (errors_raised, "errors raised"),
-            (reboots, "reboots"),
-            (status_stops, "status stops"),
-            (hangs, "hangs"),
-            (missed_bytes, "bytes missed by a DSP that hung"),
-            (clock_jumps, "clock jumps"),
-            (mask_changes, "mask changes"),
-            (pilot_takeovers, "pilot takeovers"),
-            (battery_drops, "battery drops"),
-            (fuel_drops, "fuel drops"),
-            (gps_drifts, "GPS altitude drifts"),
-            (gps_fix_losses, "GPS fix losses"),
-            (hang_ups, "port hang-ups"),
-            (unplugged_bytes, "bytes to a port that was gone"),
-        ]
-    }
 }
 
 impl fmt::Display for FaultCounters {
@@ -251,7 +183,7 @@ impl fmt::Display for FaultCounters {
         let parts: Vec<String> = [
             summary("to the PC", self.to_pc.named()),
             summary("to the DSP", self.to_dsp.named()),
-            summary("events", self.events()),
+            summary("events", self.named()),
         ]
         .into_iter()
         .flatten()
@@ -263,7 +195,7 @@ impl fmt::Display for FaultCounters {
     }
 }
 
-/// The counters that are not zero; nothing when all are.
+/// The counters that are not zero; `None` if all are.
 fn summary(what: &str, counters: impl IntoIterator<Item = (u64, &'static str)>) -> Option<String> {
     let counters: Vec<String> = counters
         .into_iter()

@@ -322,7 +322,7 @@ impl Window {
         self.span_at(time).is_some()
     }
 
-    /// The end of the span that `time` lies in; nothing when it lies in none, or that one has no end.
+    /// The end of the span that `time` lies in; `None` if it lies in none, or that one has no end.
     pub fn end_at(&self, time: Duration) -> Option<Duration> {
         self.span_at(time)?
     }

@@ -11,7 +11,6 @@ use runtime::config::Deserializer;
 use serde::Deserialize;
 use serde::de::Error as _;
 
-use super::kind::Kind;
 use super::script::{
     Act, AfterStall, Damage, Directions, DspEvent, Fault, HelicopterEvent, MessageKind, Script,
     Times, Window,
@@ -19,6 +18,82 @@ use super::script::{
 
 /// Faults that a file may hold: each byte is checked against each of them, and no person writes more by hand.
 pub const MAX_FAULTS: usize = 256;
+
+/// Defines [`Kind`]; each row is `Kind = "name in a file";`.
+macro_rules! kinds {
+    ($( $(#[$doc:meta])* $kind:ident = $name:literal; )+) => {
+        /// The values of `kind` in a `[[fault]]` table.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+        pub enum Kind {
+            $( $(#[$doc])* #[serde(rename = $name)] $kind, )+
+        }
+
+        impl Kind {
+            /// All kinds.
+            pub const ALL: &[Kind] = &[$(Kind::$kind),+];
+
+            /// The name in a file.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $( Kind::$kind => $name, )+
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// Bits turn over.
+    FlipBits = "flip_bits";
+    /// Bytes are lost.
+    DropBytes = "drop_bytes";
+    /// Bytes come twice.
+    DuplicateBytes = "duplicate_bytes";
+    /// Random bytes are put in.
+    InsertBytes = "insert_bytes";
+    /// Bytes come late.
+    DelayBytes = "delay_bytes";
+    /// Bytes come in pieces.
+    SplitBytes = "split_bytes";
+    /// Runs of bytes are replaced by random ones.
+    Burst = "burst";
+    /// Nothing comes out of the serial link for a time.
+    Stall = "stall";
+    /// Everything is lost.
+    Outage = "outage";
+    /// Messages are lost.
+    Drop = "drop";
+    /// Messages come twice.
+    Repeat = "repeat";
+    /// Messages come late.
+    Late = "late";
+    /// Messages change places.
+    Reorder = "reorder";
+    /// The DSP queues an error.
+    RaiseError = "raise_error";
+    /// The DSP boots again.
+    Reboot = "reboot";
+    /// The DSP stops its status transmission.
+    StopStatus = "stop_status";
+    /// The DSP hangs for a time.
+    Hang = "hang";
+    /// The DSP's clock jumps.
+    ClockJump = "clock_jump";
+    /// The status mask changes on the DSP.
+    ChangeMask = "change_mask";
+    /// The pilot flies for a time.
+    PilotTakesOver = "pilot_takes_over";
+    /// The battery is low.
+    BatteryLow = "battery_low";
+    /// The fuel is low.
+    FuelLow = "fuel_low";
+    /// The altitude of the GPS drifts.
+    GpsAltitudeDrift = "gps_altitude_drift";
+    /// The GPS has no fix for a time.
+    LoseFix = "lose_fix";
+    /// The port goes and comes back.
+    HangUp = "hang_up";
+}
 
 impl<'de> Deserialize<'de> for Script {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Script, D::Error> {
@@ -44,49 +119,66 @@ impl Default for File {
     }
 }
 
-/// One `[[fault]]` table with the keys of all kinds.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Table {
-    kind: Kind,
-    direction: Option<Directions>,
-    message: Option<MessageKind>,
+/// Defines [`Table`]; each row is a key that some kind has, and its type.
+macro_rules! keys {
+    ($($(#[$attribute:meta])* $key:ident: $type:ty;)+) => {
+        /// One `[[fault]]` table with the keys of all kinds.
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            kind: Kind,
+            $($(#[$attribute])* $key: Option<$type>,)+
+        }
+
+        impl Table {
+            /// A key that the kind did not take.
+            fn left_over(&self) -> Option<&'static str> {
+                let keys = [$((self.$key.is_some(), stringify!($key))),+];
+                keys.into_iter().find_map(|(is_left, key)| is_left.then_some(key))
+            }
+        }
+    };
+}
+
+keys! {
+    direction: Directions;
+    message: MessageKind;
     #[serde(default, deserialize_with = "moment")]
-    from_s: Option<Duration>,
+    from_s: Duration;
     #[serde(default, deserialize_with = "moment")]
-    until_s: Option<Duration>,
+    until_s: Duration;
     #[serde(default, deserialize_with = "moment")]
-    at_s: Option<Duration>,
+    at_s: Duration;
     #[serde(default, deserialize_with = "span")]
-    every_s: Option<Duration>,
+    every_s: Duration;
     #[serde(default, deserialize_with = "span")]
-    for_s: Option<Duration>,
+    for_s: Duration;
     #[serde(default, deserialize_with = "probability")]
-    rate: Option<f64>,
+    rate: f64;
     #[serde(default, deserialize_with = "probability")]
-    bit_error_rate: Option<f64>,
+    bit_error_rate: f64;
     #[serde(default, deserialize_with = "length_bytes")]
-    length_bytes: Option<u32>,
+    length_bytes: u32;
     #[serde(default, deserialize_with = "chunk_bytes")]
-    chunk_bytes: Option<usize>,
+    chunk_bytes: usize;
     #[serde(default, deserialize_with = "delay")]
-    delay_ms: Option<Duration>,
+    delay_ms: Duration;
     #[serde(default, deserialize_with = "delay")]
-    jitter_ms: Option<Duration>,
+    jitter_ms: Duration;
     #[serde(default, deserialize_with = "gap")]
-    gap_ms: Option<Duration>,
-    then: Option<AfterStall>,
-    code: Option<u16>,
+    gap_ms: Duration;
+    then: AfterStall;
+    code: u16;
     #[serde(default, deserialize_with = "jump_ms")]
-    jump_ms: Option<i64>,
-    elsewhere: Option<bool>,
-    mask: Option<u16>,
+    jump_ms: i64;
+    elsewhere: bool;
+    mask: u16;
     #[serde(default, deserialize_with = "volts")]
-    volts: Option<f64>,
+    volts: f64;
     #[serde(default, deserialize_with = "percent")]
-    percent: Option<f64>,
+    percent: f64;
     #[serde(default, deserialize_with = "drift_mps")]
-    drift_mps: Option<f64>,
+    drift_mps: f64;
 }
 
 /// What is wrong with a table as a whole.
@@ -298,62 +390,6 @@ impl Table {
             kind: self.kind.name(),
             key,
         }
-    }
-
-    /// A key that the kind did not take.
-    fn left_over(&self) -> Option<&'static str> {
-        // Without `..`: a new key does not compile until it is looked at here.
-        let Table {
-            kind: _,
-            direction,
-            message,
-            from_s,
-            until_s,
-            at_s,
-            every_s,
-            for_s,
-            rate,
-            bit_error_rate,
-            length_bytes,
-            chunk_bytes,
-            delay_ms,
-            jitter_ms,
-            gap_ms,
-            then,
-            code,
-            jump_ms,
-            elsewhere,
-            mask,
-            volts,
-            percent,
-            drift_mps,
-        } = self;
-        [
-            (direction.is_some(), "direction"),
-            (message.is_some(), "message"),
-            (from_s.is_some(), "from_s"),
-            (until_s.is_some(), "until_s"),
-            (at_s.is_some(), "at_s"),
-            (every_s.is_some(), "every_s"),
-            (for_s.is_some(), "for_s"),
-            (rate.is_some(), "rate"),
-            (bit_error_rate.is_some(), "bit_error_rate"),
-            (length_bytes.is_some(), "length_bytes"),
-            (chunk_bytes.is_some(), "chunk_bytes"),
-            (delay_ms.is_some(), "delay_ms"),
-            (jitter_ms.is_some(), "jitter_ms"),
-            (gap_ms.is_some(), "gap_ms"),
-            (then.is_some(), "then"),
-            (code.is_some(), "code"),
-            (jump_ms.is_some(), "jump_ms"),
-            (elsewhere.is_some(), "elsewhere"),
-            (mask.is_some(), "mask"),
-            (volts.is_some(), "volts"),
-            (percent.is_some(), "percent"),
-            (drift_mps.is_some(), "drift_mps"),
-        ]
-        .into_iter()
-        .find_map(|(is_left, key)| is_left.then_some(key))
     }
 }
 

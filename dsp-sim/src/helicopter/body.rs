@@ -6,6 +6,8 @@
 
 use super::vector::Vector;
 
+/// Length of a step of the simulation, s.
+pub const STEP_S: f64 = 0.005;
 /// Acceleration of gravity, m/s².
 pub const GRAVITY_MPS2: f64 = 9.81;
 /// Greatest rate of roll and pitch, rad/s.
@@ -232,8 +234,6 @@ impl Angles {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const STEP_S: f64 = 0.005;
 
     fn angles(roll: f64, pitch: f64, yaw: f64) -> Angles {
         Angles { roll, pitch, yaw }

@@ -9,9 +9,10 @@
 //! Guidance does not look at the helicopter: it learns only which waypoints are left in the buffer. It runs at most one
 //! corner ahead of them, and goes back to a waypoint that the helicopter missed.
 
-use super::line::{Corner, Limits, Line, VERTICAL_ACCELERATION_MPS2};
-use super::path::{PATH_PLACES, PathBuffer, PathPoint};
-use super::step::STEP_S;
+use super::body::STEP_S;
+use super::path::{
+    Corner, Limits, Line, PATH_PLACES, PathBuffer, PathPoint, VERTICAL_ACCELERATION_MPS2,
+};
 use super::vector::Vector;
 
 /// Lowest height of a path, m: the least take-off altitude of port 20121.

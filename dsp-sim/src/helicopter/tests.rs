@@ -178,18 +178,6 @@ fn random_missions_keep_the_limits_and_pass_every_waypoint_in_order_within_its_r
 }
 
 #[test]
-fn a_mission_with_four_legs_of_twenty_metres_takes_less_than_half_a_minute() {
-    let mut flight = Flight::hovering(model(1), brisk());
-    for (x, y) in [(20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)] {
-        flight.push(Vector::new(x, y, 10.0)).unwrap();
-    }
-    flight.until(Phase::Hovering);
-    flight.land();
-    let seconds = flight.helicopter.now().as_secs_f64();
-    assert!((20.0..30.0).contains(&seconds), "{seconds}");
-}
-
-#[test]
 fn a_wide_acceptance_radius_lets_the_corners_be_flown_fast() {
     let mut settings = brisk();
     settings.limits.acceptance_radius_m = 3.0;
@@ -286,47 +274,6 @@ fn orders_are_taken_only_in_the_phases_that_allow_them() {
 }
 
 #[test]
-fn repeated_orders_change_nothing() {
-    let fly = |times: u32| {
-        let mut flight = Flight::new(model(1), brisk());
-        for _ in 0..times {
-            flight.helicopter.take_off().unwrap();
-            flight.seconds(0.4);
-        }
-        flight.until(Phase::Hovering);
-        flight.seconds(2.0);
-        for _ in 0..times {
-            flight.helicopter.land().unwrap();
-        }
-        flight.until(Phase::OnGround);
-        flight.helicopter.body().clone()
-    };
-    // The gap between the repetitions is flown either way.
-    assert_eq!(fly(1).position_m.z, fly(4).position_m.z);
-    assert!((fly(1).position_m - fly(4).position_m).norm() < 0.2);
-}
-
-#[test]
-fn waypoints_below_the_least_height_and_beyond_the_buffer_are_refused() {
-    let mut flight = Flight::hovering(model(1), brisk());
-    assert_eq!(
-        flight.push(Vector::new(0.0, 0.0, 0.4)),
-        Err(Refused::Impossible)
-    );
-    assert_eq!(flight.helicopter.phase(), Phase::Hovering);
-    for number in 0..16 {
-        assert_eq!(
-            flight.push(Vector::new(f64::from(number), 9.0, 5.0)),
-            Ok(())
-        );
-    }
-    assert_eq!(
-        flight.push(Vector::new(0.0, 0.0, 5.0)),
-        Err(Refused::PathFull)
-    );
-}
-
-#[test]
 fn a_path_that_is_invalidated_ends_in_a_hover_soon_and_without_going_down() {
     let mut settings = brisk();
     settings.limits.climb_mps = 5.0;
@@ -388,16 +335,4 @@ fn a_night_on_the_ground_costs_no_steps_and_some_charge() {
     assert_eq!((supply.battery_mv, supply.fuel_percent), (23_100, 100));
     helicopter.take_off().unwrap();
     assert!(helicopter.next_deadline().is_some());
-}
-
-#[test]
-fn a_reboot_of_the_dsp_leaves_the_helicopter_hovering() {
-    let mut flight = Flight::hovering(model(1), brisk());
-    flight.push(Vector::new(40.0, 0.0, 10.0)).unwrap();
-    flight.seconds(3.0);
-    flight.helicopter.reboot(Ports::default().settings());
-    flight.check = |helicopter| assert!(helicopter.is_flying());
-    flight.until(Phase::Hovering);
-    assert_eq!(flight.helicopter.free_places(), 16);
-    flight.seconds(3.0);
 }

@@ -3,7 +3,6 @@
 //! The built-in values are those of the annotated example: a test of each process says that its example is its default. So no
 //! configuration has to be written back from its Rust structs, and a comment cannot differ from what is shown.
 
-mod given;
 mod setting;
 
 use std::fmt;
@@ -18,8 +17,7 @@ use super::error::ConfigError;
 use super::file::read_or_default;
 use super::parse;
 use crate::exit::Failure;
-pub use given::{given, value_of};
-pub use setting::Origin;
+pub use setting::{Origin, given, value_of};
 use setting::{Setting, put, settings, settings_of_file};
 
 /// Column of the origins, characters; a longer value moves its own.
@@ -141,7 +139,7 @@ mod tests {
     use std::ffi::OsString;
     use std::fs;
 
-    use super::given::given_in;
+    use super::setting::given_in;
     use super::*;
 
     #[derive(Debug, Default, serde::Deserialize)]

@@ -428,7 +428,7 @@ impl Moment {
         }
     }
 
-    /// Seconds from `previous` to this moment; nothing when it is not known, or longer than [`MAX_GAP_S`].
+    /// Seconds from `previous` to this moment; `None` if it is not known, or longer than [`MAX_GAP_S`].
     fn seconds_since(&self, previous: &Moment) -> Option<f64> {
         let same_boot = (self.epoch_ns, self.dsp_boots) == (previous.epoch_ns, previous.dsp_boots);
         if let (true, Some(now_ms), Some(then_ms)) =

@@ -87,7 +87,7 @@ impl Series {
         directory.join(pattern).display().to_string()
     }
 
-    /// When the file of this name was created; nothing if it is not of this series. Names in every format are of it.
+    /// When the file of this name was created; `None` if it is not of this series. Names in every format are of it.
     pub fn stamp(&self, name: &str) -> Option<Stamp> {
         let rest = name.strip_prefix(&format!("hero({})_", self.robot))?;
         FileNameFormat::ALL.into_iter().find_map(|format| {
@@ -130,7 +130,7 @@ impl Series {
     }
 }
 
-/// The series that a file of this name belongs to, and when it was created; nothing if no log gives such a name.
+/// The series that a file of this name belongs to, and when it was created; `None` if no log gives such a name.
 ///
 /// A name can be read in two ways only if a log's own name looks like a time; the shortest name of a log is then taken.
 pub fn recognize(name: &str) -> Option<(Series, Stamp)> {

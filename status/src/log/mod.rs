@@ -19,7 +19,7 @@
 //!
 //! * A kill of the process costs the rows of the last second: they are handed to the operating system every
 //!   [`FLUSH_PERIOD`](writer::FLUSH_PERIOD). A partial row that it leaves is truncated at the next start.
-//! * A power cut costs those of the last [`SYNC_PERIOD`](open_file::SYNC_PERIOD) too: so often they are forced onto the
+//! * A power cut costs those of the last [`SYNC_PERIOD`](writer::SYNC_PERIOD) too: so often they are forced onto the
 //!   disk, and whenever a file is closed. More often would be a write of the disk's journal each time, which wears
 //!   memory cards; never would leave it to the system, and errors that a disk reports only then would go unnoticed.
 
@@ -28,7 +28,6 @@ pub mod config;
 pub mod event;
 pub mod file_name;
 pub mod groups;
-pub mod open_file;
 pub mod queue;
 pub mod read;
 pub mod retention;

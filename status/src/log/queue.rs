@@ -27,13 +27,13 @@ pub struct Logs {
 struct Queue {
     log: String,
     /// Gone when the logs are closed.
-    inlet: Option<Inlet>,
+    writer: Option<QueueWriter>,
     offered: u64,
     refused: RateLimitedCounter,
     thread: LogThread,
 }
 
-struct Inlet {
+struct QueueWriter {
     samples: SyncSender<DspTelemetry>,
     /// Never used to send: dropping it wakes a writer that takes no samples.
     _closing: SyncSender<Infallible>,
@@ -47,12 +47,12 @@ enum LogThread {
 }
 
 /// Where the samples of a log come out.
-pub struct Outlet {
+pub struct QueueReader {
     samples: Receiver<DspTelemetry>,
     closing: Receiver<Infallible>,
 }
 
-impl Outlet {
+impl QueueReader {
     /// Waits for the next sample, or only for the end if the caller no longer `takes_samples`; for at most `timeout`.
     ///
     /// # Errors
@@ -84,12 +84,12 @@ fn receive<T>(from: &Receiver<T>, timeout: Option<Duration>) -> Result<T, RecvTi
 
 impl Logs {
     /// Adds the queue of a log; gives the end where the samples come out.
-    pub fn add(&mut self, log: String) -> Outlet {
+    pub fn add(&mut self, log: String) -> QueueReader {
         let (sample_inlet, samples) = sync_channel(QUEUE_SAMPLES);
         let (closing_inlet, closing) = sync_channel(0);
         self.queues.push(Queue {
             log,
-            inlet: Some(Inlet {
+            writer: Some(QueueWriter {
                 samples: sample_inlet,
                 _closing: closing_inlet,
             }),
@@ -97,7 +97,7 @@ impl Logs {
             refused: RateLimitedCounter::every(LOSS_REPORT_PERIOD),
             thread: LogThread::Running,
         });
-        Outlet { samples, closing }
+        QueueReader { samples, closing }
     }
 
     /// Offers a sample to every log. Takes no longer than copying it.
@@ -136,7 +136,7 @@ impl Logs {
     /// Lets the queues end; each writer finishes with the samples that are left.
     pub fn close(&mut self) {
         for queue in &mut self.queues {
-            queue.inlet = None;
+            queue.writer = None;
         }
     }
 
@@ -153,11 +153,11 @@ impl Logs {
 
 impl Queue {
     fn offer(&mut self, sample: &DspTelemetry) {
-        let Some(inlet) = &self.inlet else {
+        let Some(writer) = &self.writer else {
             return;
         };
         self.offered += 1;
-        let Err(error) = inlet.samples.try_send(*sample) else {
+        let Err(error) = writer.samples.try_send(*sample) else {
             return;
         };
         self.refused.add(1);
@@ -181,8 +181,8 @@ mod tests {
         logs.on_time(now).iter().map(words).collect()
     }
 
-    fn next(outlet: &Outlet) -> u64 {
-        outlet.wait(true, None).unwrap().sequence
+    fn next(reader: &QueueReader) -> u64 {
+        reader.wait(true, None).unwrap().sequence
     }
 
     #[test]
@@ -223,11 +223,11 @@ mod tests {
     fn the_end_wakes_a_writer_whether_it_takes_samples_or_not() {
         for takes_samples in [true, false] {
             let mut logs = Logs::default();
-            let outlet = logs.add("log".to_owned());
-            let at_once = outlet.wait(takes_samples, Some(Duration::ZERO));
+            let reader = logs.add("log".to_owned());
+            let at_once = reader.wait(takes_samples, Some(Duration::ZERO));
             assert_eq!(at_once.unwrap_err(), RecvTimeoutError::Timeout);
             logs.close();
-            let closed = outlet.wait(takes_samples, None);
+            let closed = reader.wait(takes_samples, None);
             assert_eq!(closed.unwrap_err(), RecvTimeoutError::Disconnected);
         }
     }

@@ -67,7 +67,7 @@ pub struct Row<'a> {
     pub sequence: u64,
     /// When the bridge received it, monotonic ns of the robot's host.
     pub received_ns: u64,
-    /// The same moment in ns since 1970, UTC; nothing when the log has no such column.
+    /// The same moment in ns since 1970, UTC; `None` if the log has no such column.
     pub unix_ns: Option<u64>,
     line: &'a str,
 }
@@ -206,7 +206,7 @@ impl<R: BufRead> LogReader<R> {
         Ok(self.columns.is_some())
     }
 
-    /// The next line after the first; nothing when there is no whole line (yet).
+    /// The next line after the first; `None` if there is no whole line (yet).
     ///
     /// # Errors
     ///

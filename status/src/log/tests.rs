@@ -2,7 +2,6 @@
 
 mod faults;
 mod files;
-mod floor;
 
 use std::time::Duration;
 
@@ -11,7 +10,7 @@ use ipc_types::{MonotonicNs, RobotId, TelemetryGroup as Group};
 use super::Logs;
 use super::config::{Limits, LogConfig};
 use super::event::{LogEvent, LogSummary, WriterEnd, Written};
-use super::queue::Outlet;
+use super::queue::QueueReader;
 use super::tsv::Table;
 use super::writer::LogWriter;
 use crate::group::GroupSet;
@@ -40,7 +39,7 @@ fn config(name: &str, groups: &[Group]) -> LogConfig {
 /// A log at work behind its queue, with its disk and its time.
 struct Harness {
     logs: Logs,
-    outlet: Outlet,
+    reader: QueueReader,
     log: LogWriter<MemoryStore>,
     disk: MemoryStore,
     now: MonotonicNs,
@@ -67,12 +66,12 @@ impl Harness {
 
     fn with(config: &LogConfig, disk: MemoryStore, limits: Limits) -> Harness {
         let mut logs = Logs::default();
-        let outlet = logs.add("log".to_owned());
+        let reader = logs.add("log".to_owned());
         let log = LogWriter::new(config, limits, RobotId::DEFAULT, disk.clone());
         disk.0.borrow_mut().monotonic = START;
         let mut harness = Harness {
             logs,
-            outlet,
+            reader,
             log,
             disk,
             now: START,
@@ -118,7 +117,7 @@ impl Harness {
     fn work(&mut self) {
         self.log.on_time(self.now);
         while self.log.takes_samples()
-            && let Ok(sample) = self.outlet.wait(true, Some(Duration::ZERO))
+            && let Ok(sample) = self.reader.wait(true, Some(Duration::ZERO))
         {
             self.log.record(&sample, self.now);
         }
@@ -133,7 +132,7 @@ impl Harness {
     /// Ends the log. Every sample is a row in a file, or lost.
     fn finish(&mut self) -> Outcome {
         self.logs.close();
-        let written = self.log.finish(self.outlet.waiting(), self.now);
+        let written = self.log.finish(self.reader.waiting(), self.now);
         self.take_reports();
         let summary = LogSummary {
             end: WriterEnd::Finished(written),

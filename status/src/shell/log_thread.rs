@@ -13,7 +13,7 @@ use crate::log::Logs;
 use crate::log::config::LogConfig;
 use crate::log::event::{LogSummary, WriterEnd, Written};
 use crate::log::file_name::Series;
-use crate::log::queue::Outlet;
+use crate::log::queue::QueueReader;
 use crate::log::store::Store;
 use crate::log::writer::LogWriter;
 
@@ -76,7 +76,7 @@ impl LogThreads {
 /// What a thread does until the logs are closed.
 fn run<S: Store>(
     mut writer: LogWriter<S>,
-    samples: &Outlet,
+    samples: &QueueReader,
     end: &SyncSender<Written>,
     mut clock: impl FnMut() -> MonotonicNs,
 ) {

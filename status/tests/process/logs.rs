@@ -258,7 +258,7 @@ struct SmallDisk {
 }
 
 impl SmallDisk {
-    /// Nothing if this user may not have one; the test is skipped with a message.
+    /// `None` if this user may not have one; the test is skipped with a message.
     fn mount(size: &str) -> Option<SmallDisk> {
         let mount_point = folder();
         let mount = Command::new("mount")

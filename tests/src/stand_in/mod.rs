@@ -7,9 +7,7 @@
 
 mod answer;
 mod bridge;
-mod inbox;
 mod own;
-mod paths;
 mod ports;
 mod status;
 mod worker;

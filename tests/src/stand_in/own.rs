@@ -9,16 +9,15 @@ use ipc_types::{
 };
 
 use super::answer::Answer;
-use super::inbox::Inbox;
-use super::worker::{Ports, Worker};
+use super::worker::{Inbox, Ports, Worker};
 
 /// In the place of the module that publishes `T`: it publishes what it is given.
 pub struct StandInTopic<T: Topic> {
     worker: Worker<TopicPorts<T>>,
 }
 
-struct TopicPorts<T: Topic> {
-    topic: Publisher<T>,
+pub(super) struct TopicPorts<T: Topic> {
+    pub(super) topic: Publisher<T>,
 }
 
 impl<T: Topic> StandInTopic<T> {

@@ -1,17 +1,14 @@
 //! [`StandInStatus`]: publishes the robot's telemetry.
 
 use ipc_types::payload::HeroTelemetry;
-use ipc_types::{Domain, Ipc, MonotonicNs, OpenError, Publisher, RobotId, Source};
+use ipc_types::{Domain, MonotonicNs, RobotId};
 
-use super::worker::{Ports, Worker};
+use super::own::TopicPorts;
+use super::worker::Worker;
 
 /// In the place of status: it publishes the [`HeroTelemetry`] that it is given.
 pub struct StandInStatus {
-    worker: Worker<StatusPorts>,
-}
-
-struct StatusPorts {
-    telemetry: Publisher<HeroTelemetry>,
+    worker: Worker<TopicPorts<HeroTelemetry>>,
 }
 
 impl StandInStatus {
@@ -45,7 +42,7 @@ impl StandInStatus {
         let sample = *sample;
         let published = self.worker.call(move |ports| {
             let now = MonotonicNs::now().0;
-            ports.telemetry.publish(|slot| {
+            ports.topic.publish(|slot| {
                 *slot = sample;
                 for time in [&mut slot.received_ns, &mut slot.published_ns] {
                     *time = if *time == 0 { now } else { *time };
@@ -53,22 +50,6 @@ impl StandInStatus {
             })
         });
         published.expect("a sample that can be published")
-    }
-}
-
-impl Ports for StatusPorts {
-    fn open(ipc: &Ipc) -> Result<Self, OpenError> {
-        Ok(StatusPorts {
-            telemetry: ipc.publisher()?,
-        })
-    }
-
-    fn sources(&mut self) -> Vec<&mut dyn Source> {
-        vec![&mut self.telemetry]
-    }
-
-    fn drain(&mut self) -> bool {
-        true
     }
 }
 

@@ -1,5 +1,7 @@
 //! [`Worker`]: a thread that owns ports and is given orders.
 //!
+//! [`Inbox`]: the requests that it has received.
+//!
 //! Ports stay on the thread that made them. Orders are closures; a byte through a pipe wakes the thread for each.
 
 use std::io::{PipeReader, PipeWriter, Read, Write};
@@ -7,6 +9,7 @@ use std::os::fd::AsFd;
 use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
 use std::thread::{self, JoinHandle};
 
+use crate::process::WAIT_LIMIT;
 use ipc_types::{Descriptor, Domain, Ipc, OpenError, RobotId, Source, WaitError, Waiter};
 
 /// What a worker owns.
@@ -33,7 +36,7 @@ type Order<P> = Box<dyn FnOnce(&mut P) + Send>;
 /// See the module's documentation. Dropping it closes the ports and ends the thread.
 pub(super) struct Worker<P: Ports> {
     name: &'static str,
-    /// Nothing only while dropping: both must go before the thread is waited for.
+    /// `None` only while dropping: both must go before the thread is waited for.
     orders: Option<(Sender<Order<P>>, PipeWriter)>,
     thread: Option<JoinHandle<()>>,
 }
@@ -142,6 +145,30 @@ fn work<P: Ports>(
             // More rings than this ring again. When nobody is left to ring, the orders end as well.
             let mut rings = [0; 64];
             let _ = bell.read(&mut rings);
+        }
+    }
+}
+
+/// The reading end, in the order in which the requests came.
+pub(super) struct Inbox<T>(Receiver<T>);
+
+impl<T> Inbox<T> {
+    /// Both ends.
+    pub fn new() -> (Sender<T>, Inbox<T>) {
+        let (sender, receiver) = mpsc::channel();
+        (sender, Inbox(receiver))
+    }
+
+    /// Waits for the next request.
+    ///
+    /// # Panics
+    ///
+    /// When none comes for [`WAIT_LIMIT`], or the stand-in has died.
+    #[track_caller]
+    pub fn next(&self) -> T {
+        match self.0.recv_timeout(WAIT_LIMIT) {
+            Ok(request) => request,
+            Err(error) => panic!("no request came within {WAIT_LIMIT:?} ({error})"),
         }
     }
 }

@@ -130,7 +130,7 @@ fn fly(config: &WorldConfig, when: When, trouble: Trouble) -> (World, Option<Out
     let mut world = World::new(config);
     world.plan(trouble, when);
     let failure = fly_through_trouble(&mut world, &mission());
-    // What happens after the mission, or just before its end, must settle as well.
+    // What happens after the mission, or just before its end, must come to rest as well.
     world.run_for(Duration::from_secs(8));
     assert!(world.has_happened());
     if failure.is_none() {

@@ -30,12 +30,12 @@ mod trouble;
 pub use trouble::Trouble;
 use trouble::{Ending, Plan};
 
-/// The host's clock when the world begins: far from zero, so that nobody takes one clock for the other.
+/// The host's clock when the world begins: far from zero, so that neither clock is taken for the other.
 const HOST_EPOCH: MonotonicNs = MonotonicNs(86_400_000_000_000);
 
 /// Longest virtual time to wait for anything: longer than any flight here, with the movements' time limit of
 /// [`WorldConfig`].
-const PATIENCE: Duration = Duration::from_secs(400);
+const LONGEST_WAIT: Duration = Duration::from_secs(400);
 
 /// How long the bridge's process takes to find a port that is back: its shortest pause between two attempts.
 const REOPENING: Duration = Duration::from_millis(50);
@@ -62,7 +62,7 @@ pub struct World {
     /// The journal of the bridge, which is verified while it is written.
     recording: Recording<BridgeJournal>,
     bridge_config: BridgeConfig,
-    /// A bridge that was told to end.
+    /// A bridge that was asked to end.
     ending: Option<Ending>,
     /// When a bridge that is gone is started again.
     bridge_starts: Option<Duration>,
@@ -76,7 +76,7 @@ pub struct World {
     stops_alone: bool,
     /// When the last bridge was gone.
     gone_since: Option<Duration>,
-    /// When the port opens; nothing while it is open, and [`Duration::MAX`] while there is no device.
+    /// When the port opens; `None` while it is open, and [`Duration::MAX`] while there is no device.
     port_opens: Option<Duration>,
     /// The device as it was last seen.
     device: PortState,
@@ -175,7 +175,7 @@ impl World {
     /// Runs until `done` holds.
     #[track_caller]
     pub fn run_until(&mut self, what: &str, done: impl Fn(&World) -> bool) {
-        let end = self.now + PATIENCE;
+        let end = self.now + LONGEST_WAIT;
         while !done(self) {
             assert!(
                 self.now < end,

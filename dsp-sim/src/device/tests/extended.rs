@@ -156,7 +156,7 @@ fn a_dsp_that_has_booted_again_knows_no_copies() {
 }
 
 /// A PC that speaks the profile which the DSP does not.
-fn told_by_the_other(profile: Profile) {
+fn report_of_the_other_profile(profile: Profile) {
     let other = match profile {
         Profile::Classic => Profile::Extended,
         Profile::Extended => Profile::Classic,
@@ -183,8 +183,8 @@ fn told_by_the_other(profile: Profile) {
 
 #[test]
 fn a_pc_with_the_other_profile_is_reported_so_at_once_and_once_a_second() {
-    told_by_the_other(Profile::Classic);
-    told_by_the_other(Profile::Extended);
+    report_of_the_other_profile(Profile::Classic);
+    report_of_the_other_profile(Profile::Extended);
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn kind_of(fault: &Fault) -> Kind {
 fn the_annotated_example_has_every_kind_and_every_key() {
     let example = include_str!("../../../faults.toml");
     let script = parse(example).unwrap();
-    for kind in Kind::ALL {
+    for &kind in Kind::ALL {
         assert!(
             script.faults.iter().any(|fault| kind_of(fault) == kind),
             "{} is not in the example",
@@ -249,7 +249,7 @@ fn every_mistake_is_reported_with_its_line() {
 #[test]
 fn every_kind_says_what_it_needs() {
     // With nothing but its name, each kind but the outage misses something.
-    for kind in Kind::ALL {
+    for &kind in Kind::ALL {
         let outcome = parse(&format!("[[fault]]\nkind = '{}'", kind.name()));
         match kind {
             Kind::Outage => assert!(outcome.is_ok()),

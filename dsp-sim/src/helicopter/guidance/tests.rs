@@ -3,7 +3,7 @@
 use crate::random::Random;
 
 use super::*;
-use crate::helicopter::line::HORIZONTAL_ACCELERATION_MPS2;
+use crate::helicopter::path::HORIZONTAL_ACCELERATION_MPS2;
 
 const LIMITS: Limits = Limits {
     cruise_mps: 8.0,

@@ -1,6 +1,6 @@
-//! The stand-in answers as it is told, and as a bridge does where it is told nothing.
+//! The stand-in answers as the test says, and else as a bridge does.
 
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::ControlCommand;
 use ipc_types::payload::WaypointPosition;
 use ipc_types::{Client, SendError};
 

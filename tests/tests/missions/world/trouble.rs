@@ -16,7 +16,7 @@ pub enum Trouble {
     PortGone(Duration),
     /// The bridge's process is killed, and started again after this time.
     BridgeDies(Duration),
-    /// The bridge's process is told to end, does so in order, and is started again after this time.
+    /// The bridge's process is asked to end, does so in order, and is started again after this time.
     BridgeEnds(Duration),
     /// Three of ten bytes are damaged in both directions for this time.
     Noise(Duration),
@@ -30,7 +30,7 @@ pub(super) struct Plan {
     trouble: Trouble,
 }
 
-/// A bridge that was told to end.
+/// A bridge that was asked to end.
 #[derive(Clone, Copy)]
 pub(super) struct Ending {
     /// When it ends, whether the DSP's path buffer is empty or not.
@@ -99,7 +99,7 @@ impl World {
         self.port_opens = self.port_opens.max(Some(starts));
     }
 
-    /// The bridge is told to end: it empties the DSP's path buffer first, for as long as its shell gives it.
+    /// The bridge is asked to end: it empties the DSP's path buffer first, for as long as its shell gives it.
     fn end_bridge(&mut self, away: Duration) {
         if !self.is_alive() || self.ending.is_some() {
             return;
@@ -115,7 +115,7 @@ impl World {
         self.end_bridge_if_wound_down();
     }
 
-    /// Ends a bridge that was told to, as soon as it may.
+    /// Ends a bridge that was asked to, as soon as it may.
     pub(super) fn end_bridge_if_wound_down(&mut self) {
         let Some(ending) = self.ending else {
             return;
