@@ -14,7 +14,9 @@ use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, Parameters};
-use crate::flight::request::{RequestKey, parse_control, parse_movement, parse_parameter};
+use crate::flight::request::{
+    Parsed, Request, RequestKey, parse_control, parse_movement, parse_parameter,
+};
 use crate::flight::route::NotASnapshot;
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
@@ -199,7 +201,7 @@ impl Bridge {
     }
 
     /// Takes an input.
-    pub fn apply<O: Outputs>(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut O) {
+    pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         let link = &mut self.link;
         match input {
             Input::PortOpened => link.opened(now),
@@ -213,11 +215,8 @@ impl Bridge {
                 self.link.end_read(now);
             }
             Input::Control { key, request, .. } => {
-                self.begin(now, out);
-                let (header, command) = parse_control(key, &request, &self.limits, now);
-                let link = &mut self.link;
-                self.flight
-                    .control_request(&header, command, &mut Context { now, link, out });
+                let asked = parse_control(key, &request, None, &self.limits, now);
+                self.request(now, asked, out);
             }
             Input::NewFence {
                 key,
@@ -225,26 +224,16 @@ impl Bridge {
                 fence,
                 ..
             } => {
-                self.begin(now, out);
-                let (header, command) = parse_control(key, &request, &self.limits, now);
-                let link = &mut self.link;
-                self.flight
-                    .new_fence(&header, command.and(fence), &mut Context { now, link, out });
+                let asked = parse_control(key, &request, Some(fence), &self.limits, now);
+                self.request(now, asked, out);
             }
             Input::Movement { key, request, .. } => {
-                self.begin(now, out);
                 let (header, movement) = parse_movement(key, &request, &self.limits, now);
-                let link = &mut self.link;
-                self.flight
-                    .movement_request(&header, movement, &mut Context { now, link, out });
+                self.request(now, (header, movement.map(Request::Movement)), out);
             }
             Input::Parameter { key, request, .. } => {
-                self.begin(now, out);
-                let (header, operation) = parse_parameter(key, &request, &self.limits, now);
-                let link = &mut self.link;
-                let cx = &mut Context { now, link, out };
-                self.flight
-                    .parameter_request(&header, operation, &request, cx);
+                let asked = parse_parameter(key, &request, &self.limits, now);
+                self.request(now, asked, out);
             }
             Input::SenderGone(key) => self
                 .flight
@@ -314,12 +303,20 @@ impl Bridge {
     }
 
     /// First of most inputs: what the time that has passed since the one before says of the DSP.
-    fn begin<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+    fn begin(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
         self.link.begin_input(now);
         self.handle_events(now, out);
     }
 
-    fn advance<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+    fn request(&mut self, now: MonotonicNs, asked: Parsed<Request>, out: &mut dyn Outputs) {
+        self.begin(now, out);
+        let (header, request) = asked;
+        let link = &mut self.link;
+        self.flight
+            .request(&header, request, &mut Context { now, link, out });
+    }
+
+    fn advance(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
         self.begin(now, out);
         loop {
             let link_expired = self.link.expire(now);
@@ -332,13 +329,13 @@ impl Bridge {
         }
     }
 
-    fn handle_events<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+    fn handle_events(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
         while let Some(event) = self.link.poll_event() {
             match &event {
                 LinkEvent::Sample(sample) => {
                     let boots = self.link.health().dsp_boots;
-                    out.telemetry(|telemetry| {
-                        translate::dsp_telemetry(sample, boots, &self.dsp_errors, telemetry)
+                    out.telemetry(&mut |telemetry| {
+                        translate::dsp_telemetry(sample, boots, &self.dsp_errors, telemetry);
                     });
                     self.link.count_published(sample.received);
                 }
@@ -355,7 +352,7 @@ impl Bridge {
     }
 
     /// After every input: what the link said without a byte or deadline, and the state if it changed or is due.
-    fn publish_if_due<O: Outputs>(&mut self, now: MonotonicNs, out: &mut O) {
+    fn publish_if_due(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
         // A port that closes leaves an event behind.
         self.handle_events(now, out);
         let is_due = now + self.state_period / EARLY >= self.next_state;

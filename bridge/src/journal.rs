@@ -62,7 +62,7 @@ impl Journaled {
     }
 
     /// See [`Bridge::apply`].
-    pub fn apply<O: Outputs>(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut O) {
+    pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         self.snapshot_if_due(now);
         if !self.writer.is_on() {
             return self.bridge.apply(now, input, out);
@@ -101,26 +101,23 @@ impl Journaled {
 }
 
 /// Gives the outputs on, and then to the record: a consumer does not wait for the journal.
-struct Tee<'a, O, R> {
-    out: &'a mut O,
+struct Tee<'a, R> {
+    out: &'a mut dyn Outputs,
     record: R,
 }
 
-impl<O: Outputs, R: Outputs> Outputs for Tee<'_, O, R> {
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
-        let mut copy = DspTelemetry::default();
-        let mut fill = Some(fill);
-        self.out.telemetry(|sample| {
-            if let Some(fill) = fill.take() {
-                fill(sample);
-            }
-            copy = *sample;
+impl<R: Outputs> Outputs for Tee<'_, R> {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
+        let mut copy = None;
+        self.out.telemetry(&mut |sample| {
+            fill(sample);
+            copy = Some(*sample);
         });
         // A sample that could not be published was the core's decision all the same.
-        if let Some(fill) = fill {
-            fill(&mut copy);
-        }
-        self.record.telemetry(|sample| *sample = copy);
+        self.record.telemetry(&mut |sample| match copy {
+            Some(copy) => *sample = copy,
+            None => fill(sample),
+        });
     }
 
     fn state(&mut self, state: &ModuleState) {

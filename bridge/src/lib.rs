@@ -30,6 +30,7 @@ pub mod config;
 mod core;
 pub mod errors;
 pub mod flight;
+pub mod geodesy;
 pub mod journal;
 pub mod link;
 pub mod outputs;
@@ -40,5 +41,4 @@ pub mod translate;
 
 pub use config::BridgeConfig;
 pub use core::{Bridge, Input};
-pub use flight::request::RequestKey;
-pub use outputs::{Output, Outputs};
+pub use outputs::{Output, Outputs, RequestKey};

@@ -7,14 +7,25 @@ use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
-use crate::flight::request::RequestKey;
-use crate::flight::violation::Violation;
 use crate::link::commands::AckData;
+use crate::safety::Violation;
+
+/// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
+/// that service has. The core only compares and returns it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum RequestKey {
+    /// A control request.
+    Control(u64),
+    /// A movement request.
+    Movement(u64),
+    /// A parameter request.
+    Parameter(u64),
+}
 
 /// Receives what the core publishes, while it works. Implementations must not block.
 pub trait Outputs {
     /// Publishes a telemetry sample: `fill` writes all of it but `sequence` and `epoch_ns`, in place.
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry));
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry));
 
     /// Publishes the state: all of it but `sequence`, `epoch_ns` and `published_ns`.
     fn state(&mut self, state: &ModuleState);
@@ -31,7 +42,7 @@ pub trait Outputs {
 
 /// Nobody hears what the core says.
 impl Outputs for () {
-    fn telemetry(&mut self, _fill: impl FnOnce(&mut DspTelemetry)) {}
+    fn telemetry(&mut self, _fill: &mut dyn FnMut(&mut DspTelemetry)) {}
     fn state(&mut self, _state: &ModuleState) {}
     fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
     fn notice(&mut self, _notice: &Notice) {}
@@ -58,7 +69,7 @@ pub enum Output<'a> {
 pub struct AsValues<F>(pub F);
 
 impl<F: FnMut(Output<'_>)> Outputs for AsValues<F> {
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);
         (self.0)(Output::Telemetry(DspTelemetry {

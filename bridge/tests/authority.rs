@@ -1,10 +1,8 @@
 //! Who may command what, and when: pre-emption, the safety rules, and the errors that the state shows (requirements D6, H5,
 //! H6, H7).
 
-mod desk;
-
+use crate::rig::{HOME, Rig, aborted, go_to, north, refused};
 use bridge::{BridgeConfig, Input, RequestKey};
-use desk::{Desk, HOME, aborted, go_to, north, refused};
 use dsp_protocol::{Command, StatusMask, port};
 use ipc_types::code::{
     ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleStatus, PilotSwitch,
@@ -17,108 +15,108 @@ fn config(text: &str) -> BridgeConfig {
 }
 
 /// A started bridge with the helicopter in the air.
-fn flying_with(text: &str) -> Desk {
-    let mut desk = Desk::up(&config(text));
-    desk.control(ControlCommand::Start);
-    desk.lift_off();
-    desk
+fn flying_with(text: &str) -> Rig {
+    let mut rig = Rig::up(&config(text));
+    rig.control(ControlCommand::Start);
+    rig.lift_off();
+    rig
 }
 
-fn following(desk: &mut Desk) -> u64 {
-    let path = desk.path(1, &[north(100), north(200)]);
-    desk.run(350);
-    assert_eq!(desk.functionality(), Functionality::FollowingPath);
+fn following(rig: &mut Rig) -> u64 {
+    let path = rig.path(1, &[north(100), north(200)]);
+    rig.run(350);
+    assert_eq!(rig.functionality(), Functionality::FollowingPath);
     path[1]
 }
 
 #[test]
 fn land_hold_and_a_new_path_replace_a_path_in_one_request() {
-    type Ask = fn(&mut Desk) -> u64;
-    let land: Ask = |desk| desk.movement(MovementData::land(0).preempting());
-    let hold: Ask = |desk| desk.hold();
-    let path: Ask = |desk| desk.preempting(2, north(7));
+    type Ask = fn(&mut Rig) -> u64;
+    let land: Ask = |rig| rig.movement(MovementData::land(0).preempting());
+    let hold: Ask = |rig| rig.hold();
+    let path: Ask = |rig| rig.preempting(2, north(7));
     for (ask, doing) in [
         (land, Functionality::Landing),
         (hold, Functionality::AtRest),
         (path, Functionality::FollowingPath),
     ] {
-        let mut desk = Desk::flying();
-        let old = following(&mut desk);
-        desk.dsp.grants = false;
-        let new = ask(&mut desk);
-        assert_eq!(desk.last(old), aborted(Reason::Replaced), "{doing}");
-        assert_eq!(desk.stages(new)[0], Stage::Accepted);
-        desk.run(100);
-        assert_eq!(desk.functionality(), doing);
-        assert!(desk.dsp.held.is_empty(), "{doing}");
-        assert_eq!(desk.bridge.state().blocked, 0, "it stays started");
+        let mut rig = Rig::flying();
+        let old = following(&mut rig);
+        rig.dsp.grants = false;
+        let new = ask(&mut rig);
+        assert_eq!(rig.last(old), aborted(Reason::Replaced), "{doing}");
+        assert_eq!(rig.stages(new)[0], Stage::Accepted);
+        rig.run(100);
+        assert_eq!(rig.functionality(), doing);
+        assert!(rig.dsp.held.is_empty(), "{doing}");
+        assert_eq!(rig.bridge.state().blocked, 0, "it stays started");
     }
 }
 
 #[test]
 fn without_the_flag_a_path_goes_on_and_nothing_replaces_take_off_and_landing() {
-    let mut desk = Desk::flying();
-    let path = following(&mut desk);
+    let mut rig = Rig::flying();
+    let path = following(&mut rig);
     for request in [MovementData::land(0), go_to(north(3))] {
-        let request = desk.movement(MovementData {
+        let request = rig.movement(MovementData {
             first: 1,
             last: 1,
             ..request
         });
-        assert_eq!(desk.last(request), refused(Reason::Busy));
+        assert_eq!(rig.last(request), refused(Reason::Busy));
     }
-    assert_eq!(desk.last(path).0, Stage::Progress);
+    assert_eq!(rig.last(path).0, Stage::Progress);
 
-    let land = desk.movement(MovementData::land(0).preempting());
-    let another = desk.movement(MovementData::land(0).preempting());
-    assert_eq!(desk.last(another), refused(Reason::Busy));
-    let path = desk.preempting(2, north(7));
-    assert_eq!(desk.last(path), refused(Reason::Busy));
-    let hold = desk.hold();
-    assert_eq!(desk.last(hold), refused(Reason::UnableToAbort));
-    assert!(!desk.last(land).0.is_final());
+    let land = rig.movement(MovementData::land(0).preempting());
+    let another = rig.movement(MovementData::land(0).preempting());
+    assert_eq!(rig.last(another), refused(Reason::Busy));
+    let path = rig.preempting(2, north(7));
+    assert_eq!(rig.last(path), refused(Reason::Busy));
+    let hold = rig.hold();
+    assert_eq!(rig.last(hold), refused(Reason::UnableToAbort));
+    assert!(!rig.last(land).0.is_final());
 }
 
 #[test]
 fn the_pilot_s_switch_refuses_movements_and_ends_the_one_under_way() {
-    let manual = |desk: &mut Desk, is_manual: bool| {
-        if let Some(supply) = &mut desk.dsp.status.supply {
+    let manual = |rig: &mut Rig, is_manual: bool| {
+        if let Some(supply) = &mut rig.dsp.status.supply {
             supply.auto_switch = u8::from(!is_manual);
         }
-        desk.run(40);
+        rig.run(40);
     };
-    let mut desk = Desk::flying();
-    let path = following(&mut desk);
-    manual(&mut desk, true);
-    assert_eq!(desk.last(path), aborted(Reason::PilotHasControl));
-    assert_eq!(desk.last_report(path).rule(), Some(SafetyRule::PilotSwitch));
-    desk.run(100);
+    let mut rig = Rig::flying();
+    let path = following(&mut rig);
+    manual(&mut rig, true);
+    assert_eq!(rig.last(path), aborted(Reason::PilotHasControl));
+    assert_eq!(rig.last_report(path).rule(), Some(SafetyRule::PilotSwitch));
+    rig.run(100);
     assert!(
-        desk.dsp.held.is_empty(),
+        rig.dsp.held.is_empty(),
         "nothing is flown when the pilot lets go"
     );
-    let safety = desk.bridge.state().safety;
+    let safety = rig.bridge.state().safety;
     assert_eq!(safety.pilot_switch(), Some(PilotSwitch::Manual));
     assert_eq!(safety.interventions, 1);
     for request in [MovementData::land(0), MovementData::hold(0)] {
-        let request = desk.movement(request);
-        assert_eq!(desk.last(request), refused(Reason::PilotHasControl));
+        let request = rig.movement(request);
+        assert_eq!(rig.last(request), refused(Reason::PilotHasControl));
     }
-    manual(&mut desk, false);
-    let land = desk.land();
-    assert_eq!(desk.last(land).0, Stage::Progress);
-    manual(&mut desk, true);
-    assert_eq!(desk.last(land), aborted(Reason::PilotHasControl));
+    manual(&mut rig, false);
+    let land = rig.land();
+    assert_eq!(rig.last(land).0, Stage::Progress);
+    manual(&mut rig, true);
+    assert_eq!(rig.last(land), aborted(Reason::PilotHasControl));
 
     // Without the group the switch is not known, and the rule cannot hold.
-    let mut desk = Desk::flying();
-    desk.dsp.status.withdraw(StatusMask(1 << 10));
-    desk.run(2500);
+    let mut rig = Rig::flying();
+    rig.dsp.status.withdraw(StatusMask(1 << 10));
+    rig.run(2500);
     assert_eq!(
-        desk.bridge.state().safety.pilot_switch(),
+        rig.bridge.state().safety.pilot_switch(),
         Some(PilotSwitch::Unknown)
     );
-    following(&mut desk);
+    following(&mut rig);
 }
 
 /// A mast 5 m to the north of home, 11 m across, and a ceiling.
@@ -146,19 +144,19 @@ fn each_leg_of_a_path_must_keep_to_the_fence() {
         ),
     ];
     for (path, leg, rule) in table {
-        let mut desk = flying_with(FENCE);
-        let requests = desk.path(1, &path);
+        let mut rig = flying_with(FENCE);
+        let requests = rig.path(1, &path);
         let request = requests[leg - 1];
-        assert_eq!(desk.last(request), refused(Reason::FenceBreach));
-        let report = desk.last_report(request);
+        assert_eq!(rig.last(request), refused(Reason::FenceBreach));
+        let report = rig.last_report(request);
         assert_eq!((report.rule(), report.waypoint), (Some(rule), leg as u32));
         assert!(report.value().unwrap() > 0.0);
-        desk.run(500);
-        assert!(desk.dsp.waypoints.is_empty());
+        rig.run(500);
+        assert!(rig.dsp.waypoints.is_empty());
     }
-    let mut desk = flying_with(FENCE);
-    let path = desk.path(1, &[aside, dsp_protocol::Waypoint { ..north(-30) }]);
-    assert_eq!(desk.last(path[1]).0, Stage::Accepted);
+    let mut rig = flying_with(FENCE);
+    let path = rig.path(1, &[aside, dsp_protocol::Waypoint { ..north(-30) }]);
+    assert_eq!(rig.last(path[1]).0, Stage::Accepted);
 }
 
 /// Most often a height above take-off was given where a telemetry altitude is meant.
@@ -169,47 +167,47 @@ fn a_waypoint_below_the_ground_of_the_take_off_is_refused_unless_the_configurati
         altitude_m,
         ..north(30)
     };
-    let mut desk = flying_with("");
-    let state = desk.bridge.state();
+    let mut rig = flying_with("");
+    let state = rig.bridge.state();
     assert_eq!(state.ground_altitude(), Some(ground_m));
-    let path = desk.path(1, &[north(10), at(ground_m - 4.5)]);
-    assert_eq!(desk.last(path[1]), refused(Reason::FenceBreach));
-    let report = desk.last_report(path[1]);
+    let path = rig.path(1, &[north(10), at(ground_m - 4.5)]);
+    assert_eq!(rig.last(path[1]), refused(Reason::FenceBreach));
+    let report = rig.last_report(path[1]);
     assert_eq!(
         (report.rule(), report.waypoint, report.value()),
         (Some(SafetyRule::FenceFloor), 2, Some(4.5))
     );
-    desk.run(500);
-    assert!(desk.dsp.waypoints.is_empty());
+    rig.run(500);
+    assert!(rig.dsp.waypoints.is_empty());
     // On the ground's height it is the pilot's choice.
-    let path = desk.path(2, &[at(ground_m)]);
-    assert_eq!(desk.last(path[0]).0, Stage::Accepted);
+    let path = rig.path(2, &[at(ground_m)]);
+    assert_eq!(rig.last(path[0]).0, Stage::Accepted);
 
-    let mut desk = flying_with("[safety]\nbelow_take_off = true\n");
-    let path = desk.path(1, &[at(ground_m - 4.5)]);
-    assert_eq!(desk.last(path[0]).0, Stage::Accepted);
+    let mut rig = flying_with("[safety]\nbelow_take_off = true\n");
+    let path = rig.path(1, &[at(ground_m - 4.5)]);
+    assert_eq!(rig.last(path[0]).0, Stage::Accepted);
 
     // A bridge that begins in the air has not seen the ground.
-    let mut desk = Desk::closed(&BridgeConfig::default());
-    desk.dsp.status.flying = true;
-    desk.open();
-    desk.control(ControlCommand::Start);
-    desk.run(40);
-    assert_eq!(desk.bridge.state().ground_altitude(), None);
-    let path = desk.path(1, &[at(ground_m - 4.5)]);
-    assert_eq!(desk.last(path[0]).0, Stage::Accepted);
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    rig.dsp.status.flying = true;
+    rig.open();
+    rig.control(ControlCommand::Start);
+    rig.run(40);
+    assert_eq!(rig.bridge.state().ground_altitude(), None);
+    let path = rig.path(1, &[at(ground_m - 4.5)]);
+    assert_eq!(rig.last(path[0]).0, Stage::Accepted);
 }
 
 #[test]
 fn an_outage_is_in_the_figures_of_the_last_minute_and_not_in_those_of_the_next() {
-    let mut desk = Desk::started();
-    desk.run(20_000);
-    desk.dsp.acknowledges = false;
-    desk.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 3.0));
-    desk.run(2_000);
-    desk.dsp.acknowledges = true;
-    desk.run(2_000);
-    let state = desk.bridge.state();
+    let mut rig = Rig::started();
+    rig.run(20_000);
+    rig.dsp.acknowledges = false;
+    rig.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 3.0));
+    rig.run(2_000);
+    rig.dsp.acknowledges = true;
+    rig.run(2_000);
+    let state = rig.bridge.state();
     assert!(state.link.commands_failed > 0);
     assert_eq!(
         state.last_minute.commands_failed,
@@ -217,8 +215,8 @@ fn an_outage_is_in_the_figures_of_the_last_minute_and_not_in_those_of_the_next()
     );
     assert!(state.last_minute.commands_repeated > 0);
     assert!((22..=25).contains(&state.last_minute.duration_s));
-    desk.run(80_000);
-    let state = desk.bridge.state();
+    rig.run(80_000);
+    let state = rig.bridge.state();
     assert!(state.link.commands_failed > 0, "since the bridge began");
     let minute = state.last_minute;
     assert_eq!((minute.commands_repeated, minute.commands_failed), (0, 0));
@@ -230,54 +228,54 @@ fn an_outage_is_in_the_figures_of_the_last_minute_and_not_in_those_of_the_next()
 /// Otherwise a client whose waypoints are refused, again and again, would keep everybody from sending a path.
 #[test]
 fn a_path_that_the_fence_refuses_at_once_disturbs_no_other() {
-    let mut desk = flying_with(FENCE);
-    let opening = desk.waypoint(1, 1, 0, north(-10));
-    let strangers = desk.waypoint(2, 1, 1, north(30));
-    assert_eq!(desk.last(strangers), refused(Reason::FenceBreach));
-    assert_eq!(desk.last(opening).0, Stage::Accepted);
-    let closing = desk.waypoint(1, 0, 1, north(-30));
-    assert_eq!(desk.last(closing).0, Stage::Accepted);
+    let mut rig = flying_with(FENCE);
+    let opening = rig.waypoint(1, 1, 0, north(-10));
+    let strangers = rig.waypoint(2, 1, 1, north(30));
+    assert_eq!(rig.last(strangers), refused(Reason::FenceBreach));
+    assert_eq!(rig.last(opening).0, Stage::Accepted);
+    let closing = rig.waypoint(1, 0, 1, north(-30));
+    assert_eq!(rig.last(closing).0, Stage::Accepted);
 }
 
 #[test]
 fn a_take_off_beyond_the_ceiling_is_refused() {
-    let mut desk = Desk::up(&config("[fence]\nceiling_m = 15.0\n"));
-    desk.control(ControlCommand::Start);
-    let take_off = desk.take_off();
-    assert_eq!(desk.last(take_off), refused(Reason::FenceBreach));
-    assert_eq!(desk.last_report(take_off).value(), Some(5.0));
+    let mut rig = Rig::up(&config("[fence]\nceiling_m = 15.0\n"));
+    rig.control(ControlCommand::Start);
+    let take_off = rig.take_off();
+    assert_eq!(rig.last(take_off), refused(Reason::FenceBreach));
+    assert_eq!(rig.last_report(take_off).value(), Some(5.0));
 }
 
 #[test]
 fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
-    let mut desk = Desk::flying();
-    let path = desk.path(1, &[north(-20), north(30)]);
-    desk.run(350);
-    let reload = |desk: &mut Desk, request_id, fence| {
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(-20), north(30)]);
+    rig.run(350);
+    let reload = |rig: &mut Rig, request_id, fence| {
         let request = ModuleControl {
-            issued_ns: desk.now.0,
+            issued_ns: rig.now.0,
             ..ModuleControl::new(request_id, ControlCommand::ReloadFence)
         };
         let key = RequestKey::Control(request_id);
-        desk.apply(Input::NewFence {
+        rig.apply(Input::NewFence {
             key,
             sender: None,
             request,
             fence,
         });
-        desk.exchange();
-        desk.last(request_id)
+        rig.exchange();
+        rig.last(request_id)
     };
-    let invalid = reload(&mut desk, 900, Err(Reason::InvalidFence));
+    let invalid = reload(&mut rig, 900, Err(Reason::InvalidFence));
     assert_eq!(invalid, refused(Reason::InvalidFence));
-    assert_eq!(desk.last(path[1]).0, Stage::Progress);
+    assert_eq!(rig.last(path[1]).0, Stage::Progress);
     let fence = config(FENCE).fence;
-    assert_eq!(reload(&mut desk, 901, Ok(fence)).0, Stage::Done);
-    assert_eq!(desk.last(path[1]), aborted(Reason::FenceBreach));
-    assert_eq!(desk.last_report(path[1]).waypoint, 2, "the second leg");
-    desk.run(100);
-    assert!(desk.dsp.held.is_empty());
-    assert_eq!(desk.bridge.state().safety.fence_areas, 1);
+    assert_eq!(reload(&mut rig, 901, Ok(fence)).0, Stage::Done);
+    assert_eq!(rig.last(path[1]), aborted(Reason::FenceBreach));
+    assert_eq!(rig.last_report(path[1]).waypoint, 2, "the second leg");
+    rig.run(100);
+    assert!(rig.dsp.held.is_empty());
+    assert_eq!(rig.bridge.state().safety.fence_areas, 1);
 }
 
 #[test]
@@ -287,19 +285,19 @@ fn a_helicopter_that_is_outside_the_fence_holds_or_lands() {
         ("hold", Functionality::AtRest),
         ("land", Functionality::Landing),
     ] {
-        let mut desk = flying_with(&format!("[safety]\nfence_breach = \"{action}\"\n{FENCE}"));
-        let path = desk.path(1, &[north(-20)]);
-        desk.run(350);
-        desk.dsp.grants = false;
-        desk.dsp.at(north(10));
-        desk.run(40);
-        assert_eq!(desk.functionality(), doing, "{action}");
+        let mut rig = flying_with(&format!("[safety]\nfence_breach = \"{action}\"\n{FENCE}"));
+        let path = rig.path(1, &[north(-20)]);
+        rig.run(350);
+        rig.dsp.grants = false;
+        rig.dsp.at(north(10));
+        rig.run(40);
+        assert_eq!(rig.functionality(), doing, "{action}");
         if doing != Functionality::Landing {
-            let safety = desk.bridge.state().safety;
+            let safety = rig.bridge.state().safety;
             assert_eq!(safety.rule(), Some(SafetyRule::FenceExclusion));
         }
         if action != "warn" {
-            assert_eq!(desk.last(path[0]), aborted(Reason::FenceBreach));
+            assert_eq!(rig.last(path[0]), aborted(Reason::FenceBreach));
         }
     }
 }
@@ -307,34 +305,34 @@ fn a_helicopter_that_is_outside_the_fence_holds_or_lands() {
 #[test]
 fn battery_and_fuel_warn_refuse_hold_and_land() {
     let limits = "[safety]\nsupply_for_s = 0.5\nbattery_v = { warn = 24.0, refuse = 23.0, hold = 22.0, land = 21.0 }\n";
-    let battery = |desk: &mut Desk, millivolts| {
-        if let Some(supply) = &mut desk.dsp.status.supply {
+    let battery = |rig: &mut Rig, millivolts| {
+        if let Some(supply) = &mut rig.dsp.status.supply {
             supply.battery_mv = millivolts;
         }
-        desk.run(600);
+        rig.run(600);
     };
-    let mut desk = flying_with(limits);
-    desk.dsp.at(north(0));
-    let path = following(&mut desk);
+    let mut rig = flying_with(limits);
+    rig.dsp.at(north(0));
+    let path = following(&mut rig);
     for (millivolts, action) in [(23_500, SafetyAction::Warn), (22_500, SafetyAction::Refuse)] {
-        battery(&mut desk, millivolts);
-        assert_eq!(desk.bridge.state().safety.action(), Some(action));
-        assert_eq!(desk.last(path).0, Stage::Progress, "the path goes on");
+        battery(&mut rig, millivolts);
+        assert_eq!(rig.bridge.state().safety.action(), Some(action));
+        assert_eq!(rig.last(path).0, Stage::Progress, "the path goes on");
     }
-    battery(&mut desk, 21_500);
-    assert_eq!(desk.last(path), aborted(Reason::SupplyLow));
-    assert_eq!(desk.last_report(path).value(), Some(0.5));
-    let next = desk.path(2, &[north(3)]);
-    assert_eq!(desk.last(next[0]), refused(Reason::SupplyLow));
-    let hold = desk.hold();
-    assert_eq!(desk.last(hold).0, Stage::Done, "holding is always allowed");
-    desk.dsp.grants = false;
-    battery(&mut desk, 20_500);
-    assert_eq!(desk.functionality(), Functionality::Landing);
-    desk.dsp.status.flying = false;
-    desk.run(400);
-    assert_eq!(desk.functionality(), Functionality::AtRest);
-    let orders = desk.dsp.commands.iter();
+    battery(&mut rig, 21_500);
+    assert_eq!(rig.last(path), aborted(Reason::SupplyLow));
+    assert_eq!(rig.last_report(path).value(), Some(0.5));
+    let next = rig.path(2, &[north(3)]);
+    assert_eq!(rig.last(next[0]), refused(Reason::SupplyLow));
+    let hold = rig.hold();
+    assert_eq!(rig.last(hold).0, Stage::Done, "holding is always allowed");
+    rig.dsp.grants = false;
+    battery(&mut rig, 20_500);
+    assert_eq!(rig.functionality(), Functionality::Landing);
+    rig.dsp.status.flying = false;
+    rig.run(400);
+    assert_eq!(rig.functionality(), Functionality::AtRest);
+    let orders = rig.dsp.commands.iter();
     let land = Command::Write16 {
         port: port::LAND,
         value: 1,
@@ -352,18 +350,18 @@ fn a_path_that_was_lost_with_the_link_is_not_resumed_and_may_be_landed() {
         ("hold", Functionality::AtRest),
         ("land", Functionality::Landing),
     ] {
-        let mut desk = flying_with(&format!("[safety]\nlink_loss = \"{action}\"\n"));
-        following(&mut desk);
-        desk.dsp.silent = true;
-        desk.run(3000);
-        assert_eq!(desk.link(), LinkState::Connecting);
-        desk.dsp.silent = false;
-        desk.dsp.grants = false;
-        desk.run(3000);
-        assert_eq!(desk.functionality(), doing, "{action}");
-        assert!(desk.dsp.held.is_empty());
+        let mut rig = flying_with(&format!("[safety]\nlink_loss = \"{action}\"\n"));
+        following(&mut rig);
+        rig.dsp.silent = true;
+        rig.run(3000);
+        assert_eq!(rig.link(), LinkState::Connecting);
+        rig.dsp.silent = false;
+        rig.dsp.grants = false;
+        rig.run(3000);
+        assert_eq!(rig.functionality(), doing, "{action}");
+        assert!(rig.dsp.held.is_empty());
         assert_eq!(
-            desk.bridge.state().link.dsp_path(),
+            rig.bridge.state().link.dsp_path(),
             Some(DspPathState::Empty)
         );
     }
@@ -372,48 +370,48 @@ fn a_path_that_was_lost_with_the_link_is_not_resumed_and_may_be_landed() {
 #[test]
 fn the_state_shows_an_error_as_long_as_it_holds() {
     // A refused stop, and a perfect landing after it.
-    let mut desk = Desk::flying();
-    desk.dsp.grants = false;
-    let land = desk.land();
-    desk.control(ControlCommand::Stop);
-    assert_eq!(desk.imi_error(), ImiError::ImpossibleToStopModule);
-    desk.dsp.status.flying = false;
-    desk.run(400);
-    assert_eq!(desk.last(land).0, Stage::Done);
-    assert_eq!(desk.imi_error(), ImiError::None);
+    let mut rig = Rig::flying();
+    rig.dsp.grants = false;
+    let land = rig.land();
+    rig.control(ControlCommand::Stop);
+    assert_eq!(rig.imi_error(), ImiError::ImpossibleToStopModule);
+    rig.dsp.status.flying = false;
+    rig.run(400);
+    assert_eq!(rig.last(land).0, Stage::Done);
+    assert_eq!(rig.imi_error(), ImiError::None);
 
     // A link that is lost at rest.
-    let mut desk = Desk::started();
-    desk.dsp.silent = true;
-    desk.run(1200);
-    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
-    assert_eq!(desk.module(), ModuleStatus::Running, "nothing has ended");
-    desk.run(3000);
-    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
-    desk.dsp.silent = false;
-    desk.run(3000);
-    assert_eq!(desk.imi_error(), ImiError::None);
+    let mut rig = Rig::started();
+    rig.dsp.silent = true;
+    rig.run(1200);
+    assert_eq!(rig.imi_error(), ImiError::CommunicationFatalError);
+    assert_eq!(rig.module(), ModuleStatus::Running, "nothing has ended");
+    rig.run(3000);
+    assert_eq!(rig.imi_error(), ImiError::CommunicationFatalError);
+    rig.dsp.silent = false;
+    rig.run(3000);
+    assert_eq!(rig.imi_error(), ImiError::None);
 
     // A port that cannot be opened, and a start-up that was never answered.
-    let mut desk = Desk::closed(&BridgeConfig::default());
-    desk.apply(Input::Advance);
-    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
-    desk.dsp.silent = true;
-    desk.open();
-    assert_eq!(desk.imi_error(), ImiError::None, "not known yet");
-    desk.run(1000);
-    assert_eq!(desk.imi_error(), ImiError::CommunicationFatalError);
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    rig.apply(Input::Advance);
+    assert_eq!(rig.imi_error(), ImiError::CommunicationFatalError);
+    rig.dsp.silent = true;
+    rig.open();
+    assert_eq!(rig.imi_error(), ImiError::None, "not known yet");
+    rig.run(1000);
+    assert_eq!(rig.imi_error(), ImiError::CommunicationFatalError);
 }
 
 #[test]
 fn a_dsp_error_is_shown_as_the_dsp_sent_it() {
     for code in [0, 1, 301, 777, u16::MAX] {
-        let mut desk = Desk::started();
-        desk.dsp_error(code);
-        let errors = desk.bridge.state().dsp_errors;
+        let mut rig = Rig::started();
+        rig.dsp_error(code);
+        let errors = rig.bridge.state().dsp_errors;
         assert_eq!(errors.last(), Some(u32::from(code)));
-        desk.run(40);
-        let sample = desk.out.telemetry.last().unwrap();
+        rig.run(40);
+        let sample = rig.out.telemetry.last().unwrap();
         assert_eq!(sample.last_dsp_error(), Some(u32::from(code)));
     }
 }
@@ -421,53 +419,53 @@ fn a_dsp_error_is_shown_as_the_dsp_sent_it() {
 #[test]
 fn movements_are_taken_however_slow_the_status_is() {
     for period_ms in [20, 1000, 5000, 10_000] {
-        let mut desk = Desk::flying();
-        desk.dsp.status_period_ms = period_ms;
-        desk.run(4 * period_ms);
+        let mut rig = Rig::flying();
+        rig.dsp.status_period_ms = period_ms;
+        rig.run(4 * period_ms);
         for attempt in 0..10 {
-            desk.run(period_ms / 3);
-            let path = desk.path(attempt, &[north(5)]);
-            assert_eq!(desk.last(path[0]).0, Stage::Accepted, "{period_ms} ms");
-            let hold = desk.hold();
-            assert_eq!(desk.last(hold).0, Stage::Done);
+            rig.run(period_ms / 3);
+            let path = rig.path(attempt, &[north(5)]);
+            assert_eq!(rig.last(path[0]).0, Stage::Accepted, "{period_ms} ms");
+            let hold = rig.hold();
+            assert_eq!(rig.last(hold).0, Stage::Done);
         }
     }
 }
 
 #[test]
 fn status_that_never_carries_time_is_published_and_told_once() {
-    let mut desk = Desk::up(&BridgeConfig::default());
-    desk.dsp.sends_status = false;
-    desk.dsp.commands.clear();
-    let mut status = desk.dsp.status;
+    let mut rig = Rig::up(&BridgeConfig::default());
+    rig.dsp.sends_status = false;
+    rig.dsp.commands.clear();
+    let mut status = rig.dsp.status;
     status.time_ms = None;
     for _ in 0..500 {
-        desk.run(20);
-        desk.say(dsp_protocol::Downlink::Status(status));
-        desk.dsp.sends_status = false;
+        rig.run(20);
+        rig.say(dsp_protocol::Downlink::Status(status));
+        rig.dsp.sends_status = false;
     }
-    assert!(desk.out.telemetry.len() > 450);
-    let told = desk.out.notices.iter();
+    assert!(rig.out.telemetry.len() > 450);
+    let told = rig.out.notices.iter();
     let told = told.filter(|notice| matches!(notice, bridge::outputs::Notice::OddStatus { .. }));
     assert_eq!(told.count(), 1);
-    assert!(desk.dsp.commands.len() <= 2, "{:?}", desk.dsp.commands);
+    assert!(rig.dsp.commands.len() <= 2, "{:?}", rig.dsp.commands);
 }
 
 #[test]
 fn groups_that_were_not_asked_for_are_left_out() {
-    let mut desk = Desk::up(&config("[status]\ngroups = [\"time\", \"geographic\"]\n"));
-    desk.out.telemetry.clear();
-    desk.dsp.sends_status = false;
+    let mut rig = Rig::up(&config("[status]\ngroups = [\"time\", \"geographic\"]\n"));
+    rig.out.telemetry.clear();
+    rig.dsp.sends_status = false;
     for _ in 0..100 {
-        desk.run(20);
-        let mut status = desk.dsp.status;
-        status.time_ms = Some(desk.dsp.time_ms);
-        desk.say(dsp_protocol::Downlink::Status(status));
-        desk.dsp.sends_status = false;
+        rig.run(20);
+        let mut status = rig.dsp.status;
+        status.time_ms = Some(rig.dsp.time_ms);
+        rig.say(dsp_protocol::Downlink::Status(status));
+        rig.dsp.sends_status = false;
     }
-    assert!(desk.out.telemetry.len() > 90);
+    assert!(rig.out.telemetry.len() > 90);
     assert!(
-        desk.out
+        rig.out
             .telemetry
             .iter()
             .all(|sample| sample.valid_groups == 0b11)
@@ -476,49 +474,49 @@ fn groups_that_were_not_asked_for_are_left_out() {
 
 #[test]
 fn a_dsp_without_time_whose_mask_had_to_be_written_again_is_believed() {
-    let mut desk = Desk::up(&BridgeConfig::default());
-    desk.dsp.sends_status = false;
-    desk.dsp.mask = 0xFFFE;
-    let mut status = desk.dsp.status;
+    let mut rig = Rig::up(&BridgeConfig::default());
+    rig.dsp.sends_status = false;
+    rig.dsp.mask = 0xFFFE;
+    let mut status = rig.dsp.status;
     status.time_ms = None;
     for _ in 0..300 {
-        desk.run(20);
-        desk.say(dsp_protocol::Downlink::Status(status));
-        desk.dsp.sends_status = false;
+        rig.run(20);
+        rig.say(dsp_protocol::Downlink::Status(status));
+        rig.dsp.sends_status = false;
     }
-    assert_eq!(desk.dsp.mask, 0xFFFF, "it was written again");
-    assert!(desk.out.telemetry.len() > 100);
+    assert_eq!(rig.dsp.mask, 0xFFFF, "it was written again");
+    assert!(rig.out.telemetry.len() > 100);
 }
 
-type OnTheSpot = fn(&mut Desk) -> u64;
-const ON_THE_SPOT: [OnTheSpot; 2] = [|desk| desk.hold(), |desk| desk.land()];
+type OnTheSpot = fn(&mut Rig) -> u64;
+const ON_THE_SPOT: [OnTheSpot; 2] = [|rig| rig.hold(), |rig| rig.land()];
 
 /// Lets a hold or a landing come to its end, and checks that it did.
-fn carry_out(desk: &mut Desk, request: u64) {
-    desk.run(600);
-    if desk.functionality() == Functionality::Landing {
-        desk.dsp.status.flying = false;
-        desk.run(600);
+fn carry_out(rig: &mut Rig, request: u64) {
+    rig.run(600);
+    if rig.functionality() == Functionality::Landing {
+        rig.dsp.status.flying = false;
+        rig.run(600);
     }
-    assert_eq!(desk.last(request).0, Stage::Done);
-    assert!(desk.dsp.held.is_empty());
+    assert_eq!(rig.last(request).0, Stage::Done);
+    assert!(rig.dsp.held.is_empty());
 }
 
 #[test]
 fn hold_and_land_are_taken_in_flight_whatever_the_state_of_the_module_and_leave_it_so() {
-    let never_started: fn(&mut Desk) = |_| ();
-    let stopped: fn(&mut Desk) = |desk| {
-        desk.control(ControlCommand::Start);
-        desk.control(ControlCommand::Stop);
+    let never_started: fn(&mut Rig) = |_| ();
+    let stopped: fn(&mut Rig) = |rig| {
+        rig.control(ControlCommand::Start);
+        rig.control(ControlCommand::Stop);
     };
-    let after_an_outage: fn(&mut Desk) = |desk| {
-        desk.control(ControlCommand::Start);
-        following(desk);
-        desk.dsp.silent = true;
-        desk.run(3000);
-        desk.dsp.silent = false;
-        desk.run(3000);
-        assert_eq!(desk.link(), LinkState::Up);
+    let after_an_outage: fn(&mut Rig) = |rig| {
+        rig.control(ControlCommand::Start);
+        following(rig);
+        rig.dsp.silent = true;
+        rig.run(3000);
+        rig.dsp.silent = false;
+        rig.run(3000);
+        assert_eq!(rig.link(), LinkState::Up);
     };
     for (prepare, status) in [
         (never_started, ModuleStatus::WaitingDataToStart),
@@ -526,29 +524,29 @@ fn hold_and_land_are_taken_in_flight_whatever_the_state_of_the_module_and_leave_
         (after_an_outage, ModuleStatus::Aborted),
     ] {
         for ask in ON_THE_SPOT {
-            let mut desk = Desk::up(&BridgeConfig::default());
-            desk.lift_off();
-            prepare(&mut desk);
-            assert_eq!((desk.module(), desk.bridge.state().blocked), (status, 1));
-            let request = ask(&mut desk);
-            assert_eq!(desk.last_report(request).reason, 0, "{status:?}");
-            let path = desk.preempting(8, north(7));
-            assert_eq!(desk.last(path), refused(Reason::NotStarted));
-            carry_out(&mut desk, request);
-            assert_eq!((desk.module(), desk.bridge.state().blocked), (status, 1));
+            let mut rig = Rig::up(&BridgeConfig::default());
+            rig.lift_off();
+            prepare(&mut rig);
+            assert_eq!((rig.module(), rig.bridge.state().blocked), (status, 1));
+            let request = ask(&mut rig);
+            assert_eq!(rig.last_report(request).reason, 0, "{status:?}");
+            let path = rig.preempting(8, north(7));
+            assert_eq!(rig.last(path), refused(Reason::NotStarted));
+            carry_out(&mut rig, request);
+            assert_eq!((rig.module(), rig.bridge.state().blocked), (status, 1));
         }
     }
 }
 
 #[test]
 fn a_landing_that_the_dsp_refuses_does_not_start_the_module() {
-    let mut desk = Desk::up(&BridgeConfig::default());
-    desk.lift_off();
-    desk.dsp.obeys = false;
-    let land = desk.land();
-    desk.run(1500);
-    assert_eq!(desk.last(land).1, Reason::RefusedByDsp);
-    assert_eq!(desk.module(), ModuleStatus::WaitingDataToStart);
+    let mut rig = Rig::up(&BridgeConfig::default());
+    rig.lift_off();
+    rig.dsp.obeys = false;
+    let land = rig.land();
+    rig.run(1500);
+    assert_eq!(rig.last(land).1, Reason::RefusedByDsp);
+    assert_eq!(rig.module(), ModuleStatus::WaitingDataToStart);
 }
 
 #[test]
@@ -556,71 +554,71 @@ fn hold_and_land_wait_for_a_dsp_that_is_not_heard() {
     // Silent, in the start-up, and without a port.
     for unheard_ms in [1100, 2500, 0] {
         for ask in ON_THE_SPOT {
-            let mut desk = Desk::flying();
-            desk.run(200);
+            let mut rig = Rig::flying();
+            rig.run(200);
             match unheard_ms {
-                0 => desk.apply(Input::PortClosed),
-                _ => desk.dsp.silent = true,
+                0 => rig.apply(Input::PortClosed),
+                _ => rig.dsp.silent = true,
             }
-            desk.run(unheard_ms);
-            assert_ne!(desk.link(), LinkState::Up);
-            let request = ask(&mut desk);
+            rig.run(unheard_ms);
+            assert_ne!(rig.link(), LinkState::Up);
+            let request = ask(&mut rig);
             let wanted = (Stage::Accepted, Reason::LinkDown, ImiError::None);
-            assert_eq!(desk.last(request), wanted);
-            desk.run(500);
-            assert_eq!(desk.last(request), wanted, "{unheard_ms}");
-            desk.dsp.silent = false;
+            assert_eq!(rig.last(request), wanted);
+            rig.run(500);
+            assert_eq!(rig.last(request), wanted, "{unheard_ms}");
+            rig.dsp.silent = false;
             if unheard_ms == 0 {
-                desk.apply(Input::PortOpened);
+                rig.apply(Input::PortOpened);
             }
-            desk.run(1500);
-            carry_out(&mut desk, request);
-            let accepted = desk.stages(request);
+            rig.run(1500);
+            carry_out(&mut rig, request);
+            let accepted = rig.stages(request);
             let accepted = accepted.iter().filter(|stage| **stage == Stage::Accepted);
             assert_eq!(accepted.count(), 1);
-            assert_eq!(desk.bridge.state().blocked, 0);
+            assert_eq!(rig.bridge.state().blocked, 0);
         }
     }
 }
 
 #[test]
 fn a_hold_takes_the_place_of_a_path_whose_dsp_is_silent() {
-    let mut desk = Desk::flying();
-    let path = following(&mut desk);
-    desk.dsp.silent = true;
-    desk.run(1100);
-    assert_eq!(desk.link(), LinkState::Silent);
-    let hold = desk.hold();
-    assert_eq!(desk.last(path), aborted(Reason::Replaced));
-    let land = desk.land();
+    let mut rig = Rig::flying();
+    let path = following(&mut rig);
+    rig.dsp.silent = true;
+    rig.run(1100);
+    assert_eq!(rig.link(), LinkState::Silent);
+    let hold = rig.hold();
+    assert_eq!(rig.last(path), aborted(Reason::Replaced));
+    let land = rig.land();
     assert_eq!(
-        desk.last(hold),
+        rig.last(hold),
         aborted(Reason::Replaced),
         "the last one counts"
     );
-    let hold = desk.hold();
-    assert_eq!(desk.last(land), aborted(Reason::Replaced));
-    desk.dsp.silent = false;
-    carry_out(&mut desk, hold);
-    assert_eq!(desk.module(), ModuleStatus::Ended);
+    let hold = rig.hold();
+    assert_eq!(rig.last(land), aborted(Reason::Replaced));
+    rig.dsp.silent = false;
+    carry_out(&mut rig, hold);
+    assert_eq!(rig.module(), ModuleStatus::Ended);
 }
 
 #[test]
 fn a_wanted_hold_or_landing_that_waits_too_long_is_given_up() {
     for ask in ON_THE_SPOT {
-        let mut desk = Desk::flying();
-        desk.dsp.silent = true;
-        desk.run(1100);
-        let request = ask(&mut desk);
-        desk.run(30_000);
-        assert_eq!(desk.last(request), aborted(Reason::TooLate));
-        desk.dsp.silent = false;
-        desk.run(3000);
+        let mut rig = Rig::flying();
+        rig.dsp.silent = true;
+        rig.run(1100);
+        let request = ask(&mut rig);
+        rig.run(30_000);
+        assert_eq!(rig.last(request), aborted(Reason::TooLate));
+        rig.dsp.silent = false;
+        rig.run(3000);
         let land = Command::Write16 {
             port: port::LAND,
             value: 1,
         };
-        assert!(!desk.dsp.commands.contains(&land));
-        assert_eq!(desk.module(), ModuleStatus::Running);
+        assert!(!rig.dsp.commands.contains(&land));
+        assert_eq!(rig.module(), ModuleStatus::Running);
     }
 }

@@ -1,39 +1,21 @@
 //! Requests of any bit pattern, as a faulty client may leave them in shared memory: each is answered with exactly one
 //! final report, nothing that cannot be flown reaches the DSP, and the bridge goes on.
 
-mod desk;
-
 use std::collections::HashMap;
 
 use bridge::{Input, RequestKey};
-use desk::{Desk, HOME};
+
 use dsp_protocol::{Command, port};
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, SharedStruct};
 
+use crate::rig::{HOME, Random, Rig, north};
+
 const SEEDS: u64 = 3000;
 const REQUESTS: u64 = 100;
 
-/// SplitMix64: small, seeded, the same everywhere.
-struct Random(u64);
-
+/// Payloads that a faulty client may leave.
 impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, bound: u64) -> u64 {
-        self.next() % bound
-    }
-
-    fn pick<T: Copy>(&mut self, values: &[T]) -> T {
-        values[self.below(values.len() as u64) as usize]
-    }
-
     /// Any bit pattern.
     fn payload<T: SharedStruct>(&mut self) -> T {
         let bytes: Vec<u8> = (0..size_of::<T>()).map(|_| self.next() as u8).collect();
@@ -79,51 +61,51 @@ impl Random {
     }
 }
 
-fn one_step(desk: &mut Desk, random: &mut Random, request_id: u64) {
+fn one_step(rig: &mut Rig, random: &mut Random, request_id: u64) {
     match random.below(6) {
         0 => {
             let control = random.control();
             let control = ModuleControl {
                 request_id,
-                issued_ns: random.pick(&[desk.now.0, desk.now.0, control.issued_ns]),
+                issued_ns: random.pick(&[rig.now.0, rig.now.0, control.issued_ns]),
                 ..control
             };
             let key = RequestKey::Control(request_id);
-            desk.apply(Input::Control {
+            rig.apply(Input::Control {
                 key,
                 sender: None,
                 request: control,
             });
         }
-        1 => desk.run(10 << random.below(6)),
-        2 => desk.dsp.status.flying = random.below(2) > 0,
+        1 => rig.run(10 << random.below(6)),
+        2 => rig.dsp.status.flying = random.below(2) > 0,
         _ => {
             let movement = random.movement();
             let movement = MovementData {
                 request_id,
-                issued_ns: random.pick(&[desk.now.0, desk.now.0, movement.issued_ns]),
+                issued_ns: random.pick(&[rig.now.0, rig.now.0, movement.issued_ns]),
                 ..movement
             };
             let key = RequestKey::Movement(request_id);
-            desk.apply(Input::Movement {
+            rig.apply(Input::Movement {
                 key,
                 sender: None,
                 request: movement,
             });
         }
     }
-    desk.exchange();
+    rig.exchange();
 }
 
 #[test]
 fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
     let (mut waypoints, mut take_offs) = (0, 0);
     for seed in 0..SEEDS {
-        let mut desk = Desk::started();
+        let mut rig = Rig::started();
         let mut random = Random(seed);
         let first = random.next() | 1 << 63;
         for number in 0..REQUESTS {
-            one_step(&mut desk, &mut random, first.wrapping_add(number));
+            one_step(&mut rig, &mut random, first.wrapping_add(number));
         }
         // Zero is no id, but somebody may send it.
         let key = RequestKey::Movement(0);
@@ -131,16 +113,16 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
             request_id: 0,
             ..random.movement()
         };
-        desk.apply(Input::Movement {
+        rig.apply(Input::Movement {
             key,
             sender: None,
             request: movement,
         });
-        desk.run(1000);
-        desk.apply(Input::Close);
+        rig.run(1000);
+        rig.apply(Input::Close);
 
         let mut finals: HashMap<u64, u32> = HashMap::new();
-        for report in &desk.out.reports {
+        for report in &rig.out.reports {
             let stage = Stage::from_code(report.stage).expect("a stage of the contract");
             *finals.entry(report.request_id).or_default() += u32::from(stage.is_final());
         }
@@ -148,14 +130,14 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
         for (request, count) in finals {
             assert_eq!(count, 1, "seed {seed}: request {request}");
         }
-        for waypoint in &desk.dsp.waypoints {
+        for waypoint in &rig.dsp.waypoints {
             let is_near = (waypoint.latitude_deg - HOME.latitude_deg).abs() < 1.0
                 && (waypoint.longitude_deg - HOME.longitude_deg).abs() < 1.0
                 && (-1000.0..=20_000.0).contains(&waypoint.altitude_m);
             assert!(is_near, "seed {seed}: {waypoint:?}");
         }
-        waypoints += desk.dsp.waypoints.len();
-        for command in &desk.dsp.commands {
+        waypoints += rig.dsp.waypoints.len();
+        for command in &rig.dsp.commands {
             if let Command::Write32 {
                 port: port::TAKE_OFF_ALTITUDE_M,
                 value,
@@ -167,4 +149,61 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
         }
     }
     assert!(waypoints > 0 && take_offs > 0, "{waypoints}, {take_offs}");
+}
+
+/// Something that may happen in a flight, in whatever order.
+fn any_step(rig: &mut Rig, random: &mut Random) {
+    let point = north(random.below(20) as i32);
+    match random.below(20) {
+        0 => drop(rig.control(ControlCommand::Start)),
+        1 => drop(rig.control(ControlCommand::Stop)),
+        2 => drop(rig.take_off()),
+        3 => drop(rig.land()),
+        4..=8 => {
+            let (id, first, last) = (random.below(2), random.below(2), random.below(2));
+            rig.waypoint(id, first as u16, last as u16, point);
+        }
+        9 => rig.dsp.acknowledges = random.below(3) > 0,
+        10 => rig.dsp.silent = random.below(3) == 0,
+        11 => rig.dsp.grants = random.below(3) > 0,
+        12 => rig.dsp.status.flying = random.below(2) > 0,
+        13 => rig.dsp.at(point),
+        14 => rig.dsp_error([8, 18, 30, 40, 102, 999][random.below(6) as usize]),
+        15 if random.below(4) == 0 => rig.apply(Input::PortClosed),
+        15 if random.below(2) == 0 => rig.apply(Input::PortOpened),
+        16 if random.below(4) == 0 => (rig.dsp.mask, rig.dsp.time_ms) = (0, 0),
+        17 => {
+            let noise: Vec<u8> = (0..random.below(40))
+                .map(|_| random.below(256) as u8)
+                .collect();
+            rig.apply(Input::Received(&noise));
+        }
+        _ => rig.run(10 << random.below(8)),
+    }
+}
+
+#[test]
+fn every_request_has_exactly_one_final_report() {
+    for seed in 0..400 {
+        let mut rig = Rig::started();
+        let mut random = Random(seed);
+        for _ in 0..200 {
+            any_step(&mut rig, &mut random);
+        }
+        rig.apply(Input::Close);
+        let mut finals: HashMap<u64, u32> = HashMap::new();
+        for report in &rig.out.reports {
+            let stage = Stage::from_code(report.stage).unwrap();
+            let count = finals.entry(report.request_id).or_default();
+            assert_eq!(
+                *count, 0,
+                "seed {seed}: {stage} after the final report of request {}",
+                report.request_id
+            );
+            *count += u32::from(stage.is_final());
+        }
+        for (request, count) in finals {
+            assert_eq!(count, 1, "seed {seed}: request {request}");
+        }
+    }
 }

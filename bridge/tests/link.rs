@@ -1,10 +1,8 @@
 //! The core's side of the link: start-up, liveness, reboots, errors, telemetry.
 
-mod desk;
-
+use crate::rig::{Rig, north};
 use bridge::link::coherence::Rule;
 use bridge::{BridgeConfig, Input};
-use desk::{Desk, north};
 use dsp_protocol::downlink::Attitude;
 use dsp_protocol::{Command, Downlink, FlowControl, Profile, Status, port};
 use ipc_types::code::{
@@ -40,7 +38,7 @@ fn config(text: &str) -> BridgeConfig {
 #[test]
 fn start_up_is_mask_activate_clear_invalidate_follow_and_the_parameters() {
     let config = config("[parameters]\ncruise_speed_mps = 8.0\ntrim_tail_us = -3\n");
-    let desk = Desk::up(&config);
+    let rig = Rig::up(&config);
     let mut expected = START_UP.to_vec();
     // Each parameter is read back: the DSP may refuse it.
     expected.extend([
@@ -57,19 +55,19 @@ fn start_up_is_mask_activate_clear_invalidate_follow_and_the_parameters() {
             port: port::CRUISE_SPEED_MPS,
         },
     ]);
-    assert_eq!(desk.dsp.commands, expected);
+    assert_eq!(rig.dsp.commands, expected);
 }
 
 #[test]
 fn each_start_up_command_waits_for_the_ack_of_the_one_before() {
-    let mut desk = Desk::closed(&BridgeConfig::default());
-    desk.dsp.acknowledges = false;
-    desk.apply(Input::PortOpened);
-    desk.exchange();
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    rig.dsp.acknowledges = false;
+    rig.apply(Input::PortOpened);
+    rig.exchange();
     for (index, command) in START_UP.iter().enumerate() {
-        assert_eq!(desk.dsp.commands, START_UP[..=index]);
-        assert_eq!(desk.link(), LinkState::Connecting);
-        desk.say(match command {
+        assert_eq!(rig.dsp.commands, START_UP[..=index]);
+        assert_eq!(rig.link(), LinkState::Connecting);
+        rig.say(match command {
             Command::Read16 { .. } => Downlink::Ack16 {
                 command: 0,
                 value: 2000,
@@ -78,216 +76,213 @@ fn each_start_up_command_waits_for_the_ack_of_the_one_before() {
                 command: command.code(),
             },
         });
-        desk.exchange();
+        rig.exchange();
     }
-    assert_eq!(desk.link(), LinkState::Up);
+    assert_eq!(rig.link(), LinkState::Up);
 }
 
 #[test]
 fn a_dsp_that_does_not_answer_is_tried_for_ever_and_blamed_for_nothing() {
-    let mut desk = Desk::closed(&BridgeConfig::default());
-    desk.dsp.silent = true;
-    desk.open();
-    desk.run(60_000);
-    assert_eq!(desk.link(), LinkState::Connecting);
-    assert_eq!(desk.module(), ModuleStatus::WaitingDataToStart);
-    assert!(desk.dsp.commands.iter().all(|command| *command == MASK));
-    let tries = desk.dsp.commands.len();
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    rig.dsp.silent = true;
+    rig.open();
+    rig.run(60_000);
+    assert_eq!(rig.link(), LinkState::Connecting);
+    assert_eq!(rig.module(), ModuleStatus::WaitingDataToStart);
+    assert!(rig.dsp.commands.iter().all(|command| *command == MASK));
+    let tries = rig.dsp.commands.len();
     assert!(
         (90..=180).contains(&tries),
         "three attempts every 1.6 s at most: {tries}"
     );
-    desk.dsp.silent = false;
-    desk.run(2000);
-    assert_eq!(desk.link(), LinkState::Up);
+    rig.dsp.silent = false;
+    rig.run(2000);
+    assert_eq!(rig.link(), LinkState::Up);
 }
 
 #[test]
 fn silence_is_noticed_probed_and_survived() {
-    let mut desk = Desk::flying();
-    let path = desk.path(1, &[north(5)]);
-    desk.run(300);
-    desk.dsp.commands.clear();
-    desk.dsp.silent = true;
-    desk.run(1350);
-    assert_eq!(desk.link(), LinkState::Silent);
-    let asked = desk.dsp.asked();
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(5)]);
+    rig.run(300);
+    rig.dsp.commands.clear();
+    rig.dsp.silent = true;
+    rig.run(1350);
+    assert_eq!(rig.link(), LinkState::Silent);
+    let asked = rig.dsp.asked();
     assert!(!asked.is_empty() && asked.iter().all(|command| *command == PROBE));
-    desk.dsp.silent = false;
-    desk.run(300);
-    assert_eq!(desk.link(), LinkState::Up);
-    assert_eq!(desk.functionality(), Functionality::FollowingPath);
-    desk.dsp.at(north(5));
-    desk.run(40);
-    assert_eq!(desk.last(path[0]).0, Stage::Done);
+    rig.dsp.silent = false;
+    rig.run(300);
+    assert_eq!(rig.link(), LinkState::Up);
+    assert_eq!(rig.functionality(), Functionality::FollowingPath);
+    rig.dsp.at(north(5));
+    rig.run(40);
+    assert_eq!(rig.last(path[0]).0, Stage::Done);
 }
 
 #[test]
 fn a_dsp_that_stays_silent_is_lost_and_the_movement_has_an_outcome() {
-    let mut desk = Desk::flying();
-    let path = desk.path(1, &[north(5), north(9)]);
-    desk.run(300);
-    desk.dsp.silent = true;
-    desk.run(2000);
-    assert_eq!(desk.link(), LinkState::Connecting);
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(5), north(9)]);
+    rig.run(300);
+    rig.dsp.silent = true;
+    rig.run(2000);
+    assert_eq!(rig.link(), LinkState::Connecting);
     let unknown = (
         Stage::Unknown,
         Reason::CommunicationFatalError,
         ImiError::CommunicationFatalError,
     );
-    assert_eq!(desk.last(path[1]), unknown);
-    assert_eq!(desk.module(), ModuleStatus::Aborted);
-    desk.dsp.silent = false;
-    desk.dsp.commands.clear();
-    desk.run(2000);
-    assert_eq!(desk.link(), LinkState::Up);
+    assert_eq!(rig.last(path[1]), unknown);
+    assert_eq!(rig.module(), ModuleStatus::Aborted);
+    rig.dsp.silent = false;
+    rig.dsp.commands.clear();
+    rig.run(2000);
+    assert_eq!(rig.link(), LinkState::Up);
     assert!(
-        desk.dsp.commands.ends_with(&START_UP),
+        rig.dsp.commands.ends_with(&START_UP),
         "{:?}",
-        desk.dsp.commands
+        rig.dsp.commands
     );
 }
 
 #[test]
 fn a_dsp_that_lost_its_mask_has_rebooted() {
-    let mut desk = Desk::flying();
-    let path = desk.path(1, &[north(5)]);
-    desk.run(300);
-    desk.dsp.silent = true;
-    desk.run(1000);
-    desk.dsp.reboot();
-    desk.dsp.commands.clear();
-    desk.dsp.silent = false;
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(5)]);
+    rig.run(300);
+    rig.dsp.silent = true;
+    rig.run(1000);
+    rig.dsp.reboot();
+    rig.dsp.commands.clear();
+    rig.dsp.silent = false;
     // Late answers to the unanswered probes could be meant, so one answer proves nothing.
-    desk.run(3000);
-    let start_up = desk.dsp.commands.windows(START_UP.len());
+    rig.run(3000);
+    let start_up = rig.dsp.commands.windows(START_UP.len());
     assert_eq!(start_up.filter(|commands| *commands == START_UP).count(), 1);
     assert_eq!(
-        desk.last(path[0]),
+        rig.last(path[0]),
         (
             Stage::Aborted,
             Reason::DspRebooted,
             ImiError::HeroDspFatalError
         )
     );
-    assert_eq!(desk.bridge.state().link.dsp_boots, 1);
-    assert_eq!(desk.link(), LinkState::Up);
+    assert_eq!(rig.bridge.state().link.dsp_boots, 1);
+    assert_eq!(rig.link(), LinkState::Up);
 }
 
 #[test]
 fn a_clock_that_restarts_is_a_reboot() {
-    let mut desk = Desk::started();
-    desk.run(5000);
-    desk.dsp.commands.clear();
-    desk.dsp.time_ms = 0;
-    desk.run(100);
-    assert_eq!(desk.dsp.commands, START_UP);
-    assert_eq!(desk.bridge.state().link.dsp_boots, 1);
+    let mut rig = Rig::started();
+    rig.run(5000);
+    rig.dsp.commands.clear();
+    rig.dsp.time_ms = 0;
+    rig.run(100);
+    assert_eq!(rig.dsp.commands, START_UP);
+    assert_eq!(rig.bridge.state().link.dsp_boots, 1);
     assert_eq!(
-        desk.module(),
+        rig.module(),
         ModuleStatus::Running,
         "at rest a reboot costs nothing"
     );
-    assert_eq!(desk.out.telemetry.last().unwrap().dsp_boots, 1);
+    assert_eq!(rig.out.telemetry.last().unwrap().dsp_boots, 1);
 }
 
 #[test]
 fn a_dsp_that_only_answers_probes_is_started_again() {
-    let mut desk = Desk::up(&config("[status]\ngroups = []\n"));
-    assert_eq!(
-        desk.dsp.mask, 0,
-        "the mask says nothing about a reboot here"
-    );
-    desk.dsp.commands.clear();
+    let mut rig = Rig::up(&config("[status]\ngroups = []\n"));
+    assert_eq!(rig.dsp.mask, 0, "the mask says nothing about a reboot here");
+    rig.dsp.commands.clear();
     // The scripted DSP sends no status with an empty mask; it answers, but grants nothing.
     for _ in 0..300 {
-        desk.now = ipc_types::MonotonicNs(desk.now.0 + 10_000_000);
-        desk.apply(Input::Advance);
-        desk.exchange();
+        rig.now = ipc_types::MonotonicNs(rig.now.0 + 10_000_000);
+        rig.apply(Input::Advance);
+        rig.exchange();
     }
-    assert_eq!(desk.dsp.commands[..2], [PROBE, PROBE]);
-    assert_eq!(desk.dsp.commands[5], Command::ActivateStatus);
+    assert_eq!(rig.dsp.commands[..2], [PROBE, PROBE]);
+    assert_eq!(rig.dsp.commands[5], Command::ActivateStatus);
 }
 
 #[test]
 fn a_dsp_that_stops_its_status_alone_is_told_to_send_it_and_the_movement_goes_on() {
-    let mut desk = Desk::flying();
-    let path = desk.path(1, &[north(5)]);
-    desk.run(300);
-    desk.dsp.commands.clear();
-    desk.dsp.sends_status = false;
-    desk.run(1500);
-    assert_eq!(desk.dsp.asked(), [], "not at once");
-    desk.run(600);
-    assert_eq!(desk.dsp.asked(), [PROBE, Command::ActivateStatus]);
-    let samples = desk.out.telemetry.len();
-    desk.dsp.at(north(5));
-    desk.dsp.commands.clear();
-    desk.run(3000);
-    assert!(desk.out.telemetry.len() > samples + 100);
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(5)]);
+    rig.run(300);
+    rig.dsp.commands.clear();
+    rig.dsp.sends_status = false;
+    rig.run(1500);
+    assert_eq!(rig.dsp.asked(), [], "not at once");
+    rig.run(600);
+    assert_eq!(rig.dsp.asked(), [PROBE, Command::ActivateStatus]);
+    let samples = rig.out.telemetry.len();
+    rig.dsp.at(north(5));
+    rig.dsp.commands.clear();
+    rig.run(3000);
+    assert!(rig.out.telemetry.len() > samples + 100);
     assert_eq!(
-        desk.dsp.asked(),
+        rig.dsp.asked(),
         [Command::InvalidatePath],
         "it is asked once; the path ends"
     );
-    assert_eq!(desk.last(path[0]).0, Stage::Done);
+    assert_eq!(rig.last(path[0]).0, Stage::Done);
 }
 
 #[test]
 fn a_slow_status_is_waited_for() {
-    let mut desk = Desk::up(&BridgeConfig::default());
-    desk.dsp.status_period_ms = 5000;
-    desk.run(30_000);
-    desk.dsp.commands.clear();
-    desk.run(30_000);
-    assert_eq!(desk.dsp.asked(), []);
-    desk.dsp.sends_status = false;
+    let mut rig = Rig::up(&BridgeConfig::default());
+    rig.dsp.status_period_ms = 5000;
+    rig.run(30_000);
+    rig.dsp.commands.clear();
+    rig.run(30_000);
+    assert_eq!(rig.dsp.asked(), []);
+    rig.dsp.sends_status = false;
     // Twice three periods of 5 s after the last one.
-    desk.run(29_000);
-    assert_eq!(desk.dsp.asked(), []);
-    desk.run(2_000);
-    assert_eq!(desk.dsp.asked(), [PROBE, Command::ActivateStatus]);
+    rig.run(29_000);
+    assert_eq!(rig.dsp.asked(), []);
+    rig.run(2_000);
+    assert_eq!(rig.dsp.asked(), [PROBE, Command::ActivateStatus]);
 }
 
 #[test]
 fn a_mask_that_changes_on_the_dsp_is_written_again_and_nothing_ends() {
     for mask in [0b11, 0b10, 0] {
-        let mut desk = Desk::flying();
-        let path = desk.path(1, &[north(5)]);
-        desk.run(300);
-        desk.dsp.mask = mask;
-        desk.dsp.commands.clear();
+        let mut rig = Rig::flying();
+        let path = rig.path(1, &[north(5)]);
+        rig.run(300);
+        rig.dsp.mask = mask;
+        rig.dsp.commands.clear();
         for _ in 0..30 {
-            desk.run(20);
-            let mut status = desk.dsp.status;
-            status.time_ms = Some(desk.dsp.time_ms);
+            rig.run(20);
+            let mut status = rig.dsp.status;
+            status.time_ms = Some(rig.dsp.time_ms);
             status.withdraw(dsp_protocol::StatusMask(!mask));
-            if desk.dsp.mask == mask {
-                desk.say(Downlink::Status(status));
+            if rig.dsp.mask == mask {
+                rig.say(Downlink::Status(status));
             }
         }
-        assert_eq!(desk.dsp.asked(), [PROBE, MASK], "mask {mask:#b}");
-        assert_eq!(desk.dsp.mask, 0xFFFF, "it has our mask again");
-        assert_eq!(desk.link(), LinkState::Up);
-        assert_eq!(desk.bridge.state().link.dsp_boots, 0);
-        assert_eq!(desk.last(path[0]).0, Stage::Progress, "the path goes on");
+        assert_eq!(rig.dsp.asked(), [PROBE, MASK], "mask {mask:#b}");
+        assert_eq!(rig.dsp.mask, 0xFFFF, "it has our mask again");
+        assert_eq!(rig.link(), LinkState::Up);
+        assert_eq!(rig.bridge.state().link.dsp_boots, 0);
+        assert_eq!(rig.last(path[0]).0, Stage::Progress, "the path goes on");
     }
 }
 
 #[test]
 fn a_port_that_goes_and_comes_back_is_started_again() {
-    let mut desk = Desk::flying();
-    let path = desk.path(1, &[north(5)]);
-    desk.run(300);
-    desk.apply(Input::PortClosed);
-    assert_eq!(desk.link(), LinkState::Gone);
-    assert_eq!(desk.last(path[0]).0, Stage::Unknown);
-    assert!(desk.bridge.transmit(desk.now).is_empty());
-    desk.dsp.commands.clear();
-    desk.open();
-    assert_eq!(desk.link(), LinkState::Up);
-    assert_eq!(desk.dsp.commands, START_UP);
-    assert_eq!(desk.bridge.state().link.port_openings, 2);
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(5)]);
+    rig.run(300);
+    rig.apply(Input::PortClosed);
+    assert_eq!(rig.link(), LinkState::Gone);
+    assert_eq!(rig.last(path[0]).0, Stage::Unknown);
+    assert!(rig.bridge.transmit(rig.now).is_empty());
+    rig.dsp.commands.clear();
+    rig.open();
+    assert_eq!(rig.link(), LinkState::Up);
+    assert_eq!(rig.dsp.commands, START_UP);
+    assert_eq!(rig.bridge.state().link.port_openings, 2);
 }
 
 #[test]
@@ -303,19 +298,19 @@ fn which_dsp_errors_end_the_functionality() {
         (300, nothing),
         (77, nothing),
     ] {
-        let mut desk = Desk::flying();
-        let path = desk.path(1, &[north(5)]);
-        desk.dsp_error(code);
-        assert_eq!((desk.module(), desk.imi_error()), expected, "error {code}");
+        let mut rig = Rig::flying();
+        let path = rig.path(1, &[north(5)]);
+        rig.dsp_error(code);
+        assert_eq!((rig.module(), rig.imi_error()), expected, "error {code}");
         let ended = expected != nothing;
-        assert_eq!(desk.last(path[0]).0.is_final(), ended, "error {code}");
-        desk.run(100);
-        let emptied = desk
+        assert_eq!(rig.last(path[0]).0.is_final(), ended, "error {code}");
+        rig.run(100);
+        let emptied = rig
             .dsp
             .commands
             .ends_with(&[Command::InvalidatePath, Command::ClearErrors]);
         assert_eq!(emptied, ended, "error {code}");
-        let errors = desk.bridge.state().dsp_errors;
+        let errors = rig.bridge.state().dsp_errors;
         assert_eq!((errors.total, errors.last_code), (1, u32::from(code)));
         assert_eq!(errors.unknown, u32::from(code == 77));
     }
@@ -323,20 +318,20 @@ fn which_dsp_errors_end_the_functionality() {
 
 #[test]
 fn the_error_table_can_be_changed() {
-    let mut desk = Desk::up(&config(
+    let mut rig = Rig::up(&config(
         "[errors]\nhero_dsp_fatal = [40]\ncommunication_fatal = [102]\n",
     ));
-    desk.control(ControlCommand::Start);
-    desk.dsp_error(8);
-    assert_eq!(desk.module(), ModuleStatus::Running);
+    rig.control(ControlCommand::Start);
+    rig.dsp_error(8);
+    assert_eq!(rig.module(), ModuleStatus::Running);
     for (code, error) in [
         (40, ImiError::HeroDspFatalError),
         (102, ImiError::CommunicationFatalError),
     ] {
-        desk.control(ControlCommand::Start);
-        desk.dsp_error(code);
+        rig.control(ControlCommand::Start);
+        rig.dsp_error(code);
         assert_eq!(
-            (desk.module(), desk.imi_error()),
+            (rig.module(), rig.imi_error()),
             (ModuleStatus::Aborted, error)
         );
     }
@@ -344,13 +339,13 @@ fn the_error_table_can_be_changed() {
 
 #[test]
 fn errors_before_the_end_of_the_start_up_are_not_fatal() {
-    let mut desk = Desk::started();
-    desk.dsp.silent = true;
-    desk.run(3000);
-    assert_eq!(desk.link(), LinkState::Connecting);
-    desk.dsp_error(8);
-    assert_eq!(desk.module(), ModuleStatus::Running);
-    assert_eq!(desk.bridge.state().dsp_errors.total, 1);
+    let mut rig = Rig::started();
+    rig.dsp.silent = true;
+    rig.run(3000);
+    assert_eq!(rig.link(), LinkState::Connecting);
+    rig.dsp_error(8);
+    assert_eq!(rig.module(), ModuleStatus::Running);
+    assert_eq!(rig.bridge.state().dsp_errors.total, 1);
 }
 
 #[test]
@@ -358,15 +353,15 @@ fn telemetry_is_published_at_once_or_confirmed_by_the_next() {
     for (rule, expected) in [(Rule::Immediate, [1, 2, 3]), (Rule::Confirmed, [0, 1, 2])] {
         let mut config = BridgeConfig::default();
         config.status.coherence = rule;
-        let mut desk = Desk::closed(&config);
-        desk.apply(Input::PortOpened);
+        let mut rig = Rig::closed(&config);
+        rig.apply(Input::PortOpened);
         for (index, count) in expected.into_iter().enumerate() {
             let status = Status {
                 time_ms: Some(20 * index as u32),
                 ..Status::default()
             };
-            desk.say(Downlink::Status(status));
-            assert_eq!(desk.out.telemetry.len(), count, "{rule:?}");
+            rig.say(Downlink::Status(status));
+            assert_eq!(rig.out.telemetry.len(), count, "{rule:?}");
         }
     }
 }
@@ -376,36 +371,36 @@ fn a_status_without_the_time_that_was_asked_for_does_not_overtake_one_that_is_he
     for rule in [Rule::Immediate, Rule::Confirmed] {
         let mut config = BridgeConfig::default();
         config.status.coherence = rule;
-        let mut desk = Desk::up(&config);
-        desk.run(100);
+        let mut rig = Rig::up(&config);
+        rig.run(100);
         let (samples, dropped) = (
-            desk.out.telemetry.len(),
-            desk.bridge.state().link.telemetry_incoherent,
+            rig.out.telemetry.len(),
+            rig.bridge.state().link.telemetry_incoherent,
         );
-        desk.say(Downlink::Status(Status::default()));
-        assert_eq!(desk.out.telemetry.len(), samples, "{rule:?}");
-        desk.run(1000);
-        let now = desk.bridge.state().link.telemetry_incoherent;
+        rig.say(Downlink::Status(Status::default()));
+        assert_eq!(rig.out.telemetry.len(), samples, "{rule:?}");
+        rig.run(1000);
+        let now = rig.bridge.state().link.telemetry_incoherent;
         assert_eq!(now, dropped + 1, "{rule:?}");
-        let times = desk.out.telemetry.iter().map(|sample| sample.received_ns);
+        let times = rig.out.telemetry.iter().map(|sample| sample.received_ns);
         assert!(times.is_sorted(), "{rule:?}");
     }
 }
 
 #[test]
 fn an_implausible_group_is_withdrawn_and_counted() {
-    let mut desk = Desk::up(&BridgeConfig::default());
-    desk.dsp.status.attitude = Some(Attitude {
+    let mut rig = Rig::up(&BridgeConfig::default());
+    rig.dsp.status.attitude = Some(Attitude {
         pitch_deg: 120.0,
         ..Attitude::default()
     });
-    desk.out.telemetry.clear();
-    desk.run(20);
-    let sample = desk.out.telemetry[0];
+    rig.out.telemetry.clear();
+    rig.run(20);
+    let sample = rig.out.telemetry[0];
     assert_eq!(sample.valid_groups, !(1 << 5), "the other groups stay");
     assert_eq!(sample.attitude.pitch_deg, 0.0);
-    desk.run(1000);
-    let refused = desk.bridge.state().refused;
+    rig.run(1000);
+    let refused = rig.bridge.state().refused;
     assert_eq!(refused.implausible_mask, 1 << 5);
     assert!(refused.implausible_groups >= 1);
 }
@@ -413,20 +408,20 @@ fn an_implausible_group_is_withdrawn_and_counted() {
 #[test]
 fn noise_is_counted_by_reason_and_costs_no_good_message() {
     // Without the DSP's time every good status is published.
-    let mut desk = Desk::up(&config("[status]\ngroups = [\"geographic\"]\n"));
+    let mut rig = Rig::up(&config("[status]\ngroups = [\"geographic\"]\n"));
     let status = Downlink::Status(Status::default()).encode();
     let bytes = status.as_bytes();
-    desk.out.telemetry.clear();
+    rig.out.telemetry.clear();
     let mut wrong_sum = bytes.to_vec();
     *wrong_sum.last_mut().unwrap() ^= 1;
     let noise: [&[u8]; 4] = [&[0x01, 0x02], &[0x80, 0x05], &bytes[..4], &wrong_sum];
     for noise in noise {
-        desk.apply(Input::Received(noise));
-        desk.apply(Input::Received(bytes));
+        rig.apply(Input::Received(noise));
+        rig.apply(Input::Received(bytes));
     }
-    assert_eq!(desk.out.telemetry.len(), 4);
-    desk.run(1000);
-    let refused = desk.bridge.state().refused;
+    assert_eq!(rig.out.telemetry.len(), 4);
+    rig.run(1000);
+    let refused = rig.bridge.state().refused;
     assert_eq!(
         (
             refused.stray,
@@ -440,39 +435,39 @@ fn noise_is_counted_by_reason_and_costs_no_good_message() {
 
 #[test]
 fn the_state_is_published_at_every_change_and_every_period() {
-    let mut desk = Desk::up(&BridgeConfig::default());
-    desk.out.states.clear();
-    desk.run(8000);
+    let mut rig = Rig::up(&BridgeConfig::default());
+    rig.out.states.clear();
+    rig.run(8000);
     // One a second while nothing changes, or a few more: it comes early when a status comes shortly before.
-    let states = desk.out.states.len();
+    let states = rig.out.states.len();
     assert!((8..=10).contains(&states), "{states}");
-    desk.out.states.clear();
-    desk.control(ControlCommand::Start);
-    assert_eq!(desk.out.states.len(), 1);
+    rig.out.states.clear();
+    rig.control(ControlCommand::Start);
+    assert_eq!(rig.out.states.len(), 1);
 }
 
 /// A bridge whose DSP speaks `theirs` while the bridge speaks `ours`; both have had two seconds.
-fn between(ours: Profile, theirs: Profile) -> Desk {
+fn between(ours: Profile, theirs: Profile) -> Rig {
     let mut config = BridgeConfig::default();
     config.link.profile = ours;
-    let mut desk = Desk::closed(&config);
-    desk.dsp.speak(theirs);
-    desk.open();
-    desk.run(2000);
-    desk
+    let mut rig = Rig::closed(&config);
+    rig.dsp.speak(theirs);
+    rig.open();
+    rig.run(2000);
+    rig
 }
 
 #[test]
 fn both_profiles_connect_and_miss_nothing() {
     for profile in Profile::ALL {
-        let mut desk = between(profile, profile);
-        assert_eq!(desk.link(), LinkState::Up, "{profile:?}");
-        desk.control(ControlCommand::Start);
-        desk.lift_off();
-        let path = desk.path(1, &[north(3), north(6)]);
-        desk.run(400);
-        assert_eq!(desk.last_report(path[1]).waypoints_sent, 2, "{profile:?}");
-        let refused = desk.bridge.state().refused;
+        let mut rig = between(profile, profile);
+        assert_eq!(rig.link(), LinkState::Up, "{profile:?}");
+        rig.control(ControlCommand::Start);
+        rig.lift_off();
+        let path = rig.path(1, &[north(3), north(6)]);
+        rig.run(400);
+        assert_eq!(rig.last_report(path[1]).waypoints_sent, 2, "{profile:?}");
+        let refused = rig.bridge.state().refused;
         assert_eq!((refused.missed_messages, refused.checksum), (0, 0));
     }
 }
@@ -483,9 +478,9 @@ fn a_dsp_with_the_other_profile_is_recognised_and_not_taken_for_noise() {
         (Profile::Classic, Profile::Extended),
         (Profile::Extended, Profile::Classic),
     ] {
-        let desk = between(ours, theirs);
-        assert_eq!(desk.link(), LinkState::Connecting);
-        let refused = desk.bridge.state().refused;
+        let rig = between(ours, theirs);
+        assert_eq!(rig.link(), LinkState::Connecting);
+        let refused = rig.bridge.state().refused;
         assert!(refused.other_profile > 0, "{ours:?}");
         assert_eq!((refused.unknown_header, refused.checksum), (0, 0));
     }
@@ -493,11 +488,11 @@ fn a_dsp_with_the_other_profile_is_recognised_and_not_taken_for_noise() {
 
 #[test]
 fn messages_that_were_missed_are_counted_by_their_numbers() {
-    let mut desk = between(Profile::Extended, Profile::Extended);
+    let mut rig = between(Profile::Extended, Profile::Extended);
     for _ in 0..3 {
-        desk.dsp
+        rig.dsp
             .frame(&Downlink::FlowControl(FlowControl::Stop), None);
     }
-    desk.run(1000);
-    assert_eq!(desk.bridge.state().refused.missed_messages, 3);
+    rig.run(1000);
+    assert_eq!(rig.bridge.state().refused.missed_messages, 3);
 }

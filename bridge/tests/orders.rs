@@ -1,11 +1,8 @@
 //! Orders that come late or out of order are not flown (requirements D2, D6).
 
-#[path = "orders/chance.rs"]
 mod chance;
-mod desk;
-
+use crate::rig::{Rig, aborted, go_to, north, refused};
 use bridge::Input;
-use desk::{Desk, aborted, go_to, north, refused};
 use dsp_protocol::{Command, Downlink, FlowControl, port};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, Functionality, ModuleStatus, Reason, Stage};
@@ -14,36 +11,36 @@ use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 const MS: u64 = 1_000_000;
 
 /// A path of one waypoint that was issued `ago_ms` ago.
-fn path(desk: &Desk, ago_ms: u64) -> MovementData {
+fn path(rig: &Rig, ago_ms: u64) -> MovementData {
     MovementData {
         path_id: 5,
         first: 1,
         last: 1,
-        issued_ns: desk.now.0 - ago_ms * MS,
+        issued_ns: rig.now.0 - ago_ms * MS,
         ..go_to(north(3)).preempting()
     }
 }
 
 /// The bridge stands still; the DSP goes on, and what it says is lost.
-fn stand_still(desk: &mut Desk, ms: u64) {
-    desk.now = MonotonicNs(desk.now.0 + ms * MS);
-    desk.dsp.time_ms += ms as u32;
+fn stand_still(rig: &mut Rig, ms: u64) {
+    rig.now = MonotonicNs(rig.now.0 + ms * MS);
+    rig.dsp.time_ms += ms as u32;
 }
 
-fn late_by_s(desk: &Desk, request: u64) -> f64 {
-    desk.last_report(request).value().expect("by how much")
+fn late_by_s(rig: &Rig, request: u64) -> f64 {
+    rig.last_report(request).value().expect("by how much")
 }
 
 #[test]
 fn a_movement_that_was_issued_before_the_last_order_is_superseded() {
-    type Ask = fn(&mut Desk) -> u64;
-    let hold: Ask = |desk| desk.hold();
-    let newer_path: Ask = |desk| desk.preempting(4, north(9));
-    let land: Ask = |desk| desk.movement(MovementData::land(0).preempting());
-    let stop: Ask = |desk| {
-        desk.control(ControlCommand::Stop);
-        desk.run(200);
-        desk.control(ControlCommand::Start)
+    type Ask = fn(&mut Rig) -> u64;
+    let hold: Ask = |rig| rig.hold();
+    let newer_path: Ask = |rig| rig.preempting(4, north(9));
+    let land: Ask = |rig| rig.movement(MovementData::land(0).preempting());
+    let stop: Ask = |rig| {
+        rig.control(ControlCommand::Stop);
+        rig.run(200);
+        rig.control(ControlCommand::Start)
     };
     for (name, ask) in [
         ("hold", hold),
@@ -51,129 +48,129 @@ fn a_movement_that_was_issued_before_the_last_order_is_superseded() {
         ("land", land),
         ("stop", stop),
     ] {
-        let mut desk = Desk::flying();
-        desk.run(3000);
-        ask(&mut desk);
-        desk.run(200);
-        let sent = desk.dsp.waypoints.len();
-        let old = desk.ordered(path(&desk, 1000));
-        assert_eq!(desk.last(old), refused(Reason::Superseded), "{name}");
-        desk.run(1000);
+        let mut rig = Rig::flying();
+        rig.run(3000);
+        ask(&mut rig);
+        rig.run(200);
+        let sent = rig.dsp.waypoints.len();
+        let old = rig.ordered(path(&rig, 1000));
+        assert_eq!(rig.last(old), refused(Reason::Superseded), "{name}");
+        rig.run(1000);
         let is_older = |waypoint: &dsp_protocol::Waypoint| *waypoint == north(3);
-        assert!(!desk.dsp.waypoints[sent..].iter().any(is_older), "{name}");
+        assert!(!rig.dsp.waypoints[sent..].iter().any(is_older), "{name}");
     }
-    let mut desk = Desk::started();
-    desk.run(3000);
-    desk.hold();
-    desk.run(200);
-    let take_off = desk.ordered(MovementData {
-        issued_ns: desk.now.0 - 1000 * MS,
+    let mut rig = Rig::started();
+    rig.run(3000);
+    rig.hold();
+    rig.run(200);
+    let take_off = rig.ordered(MovementData {
+        issued_ns: rig.now.0 - 1000 * MS,
         ..MovementData::take_off(0, 10.0)
     });
-    assert_eq!(desk.last(take_off), refused(Reason::Superseded));
+    assert_eq!(rig.last(take_off), refused(Reason::Superseded));
 }
 
 #[test]
 fn a_hold_that_was_issued_before_a_path_ends_it_all_the_same() {
-    let mut desk = Desk::flying();
-    desk.run(3000);
-    let path = desk.preempting(4, north(9));
-    desk.run(300);
-    assert_eq!(desk.functionality(), Functionality::FollowingPath);
-    let hold = desk.ordered(MovementData {
-        issued_ns: desk.now.0 - 2000 * MS,
+    let mut rig = Rig::flying();
+    rig.run(3000);
+    let path = rig.preempting(4, north(9));
+    rig.run(300);
+    assert_eq!(rig.functionality(), Functionality::FollowingPath);
+    let hold = rig.ordered(MovementData {
+        issued_ns: rig.now.0 - 2000 * MS,
         ..MovementData::hold(0)
     });
-    desk.run(300);
-    assert_eq!(desk.last(path), aborted(Reason::Replaced));
-    assert_eq!(desk.last(hold).0, Stage::Done);
+    rig.run(300);
+    assert_eq!(rig.last(path), aborted(Reason::Replaced));
+    assert_eq!(rig.last(hold).0, Stage::Done);
 }
 
 #[test]
 fn an_order_of_another_clock_is_newer_only_when_it_surely_is() {
     for (ago_ms, within_ms, is_taken) in [(100, 0, true), (300, 250, false), (100, 250, true)] {
-        let mut desk = Desk::flying();
-        desk.run(1000);
-        desk.hold();
-        desk.run(200);
-        let path = desk.ordered(MovementData {
+        let mut rig = Rig::flying();
+        rig.run(1000);
+        rig.hold();
+        rig.run(200);
+        let path = rig.ordered(MovementData {
             origin: 7,
             issued_within_ns: within_ms * MS as u32,
-            ..path(&desk, ago_ms)
+            ..path(&rig, ago_ms)
         });
-        assert_eq!(desk.last(path).0 == Stage::Accepted, is_taken, "{ago_ms}");
+        assert_eq!(rig.last(path).0 == Stage::Accepted, is_taken, "{ago_ms}");
     }
     // A local order counts as newer than that of a station only after the latest moment that this can have been issued at.
-    let mut desk = Desk::flying();
-    desk.run(1000);
-    desk.ordered(MovementData {
+    let mut rig = Rig::flying();
+    rig.run(1000);
+    rig.ordered(MovementData {
         origin: 7,
-        issued_ns: desk.now.0 - 50 * MS,
+        issued_ns: rig.now.0 - 50 * MS,
         issued_within_ns: 200 * MS as u32,
         ..MovementData::hold(0)
     });
-    desk.run(100);
-    let doubtful = desk.ordered(path(&desk, 0));
-    assert_eq!(desk.last(doubtful), refused(Reason::Superseded));
-    desk.run(50);
-    let sure = desk.ordered(path(&desk, 0));
-    assert_eq!(desk.last(sure).0, Stage::Accepted);
+    rig.run(100);
+    let doubtful = rig.ordered(path(&rig, 0));
+    assert_eq!(rig.last(doubtful), refused(Reason::Superseded));
+    rig.run(50);
+    let sure = rig.ordered(path(&rig, 0));
+    assert_eq!(rig.last(sure).0, Stage::Accepted);
 }
 
 #[test]
 fn a_landing_that_is_refused_keeps_an_accepted_path_from_beginning() {
-    let mut desk = Desk::flying();
-    desk.dsp.grants = false;
-    desk.run(200);
-    let path = desk.preempting(4, north(9));
-    desk.run(50);
-    let land = desk.land();
-    assert_eq!(desk.last(land), refused(Reason::Busy));
-    desk.dsp.grants = true;
-    desk.run(500);
-    assert_eq!(desk.last(path), aborted(Reason::Superseded));
-    assert_eq!(desk.dsp.waypoints, []);
+    let mut rig = Rig::flying();
+    rig.dsp.grants = false;
+    rig.run(200);
+    let path = rig.preempting(4, north(9));
+    rig.run(50);
+    let land = rig.land();
+    assert_eq!(rig.last(land), refused(Reason::Busy));
+    rig.dsp.grants = true;
+    rig.run(500);
+    assert_eq!(rig.last(path), aborted(Reason::Superseded));
+    assert_eq!(rig.dsp.waypoints, []);
 }
 
 #[test]
 fn a_bridge_that_stands_still_after_accepted_flies_nothing_late() {
     for deadline_ms in [0, 500] {
-        let mut desk = Desk::flying();
-        desk.dsp.grants = false;
-        desk.run(200);
+        let mut rig = Rig::flying();
+        rig.dsp.grants = false;
+        rig.run(200);
         let begin_by_ns = match deadline_ms {
             0 => 0,
-            ms => desk.now.0 + ms * MS,
+            ms => rig.now.0 + ms * MS,
         };
-        let path = desk.ordered(MovementData {
+        let path = rig.ordered(MovementData {
             begin_by_ns,
-            ..path(&desk, 0)
+            ..path(&rig, 0)
         });
-        assert_eq!(desk.last(path).0, Stage::Accepted);
+        assert_eq!(rig.last(path).0, Stage::Accepted);
         // Shorter than the DSP waits for the PC: the path goes on with the first flow control that has not waited in the line.
-        stand_still(&mut desk, 900);
-        desk.say(Downlink::FlowControl(FlowControl::Send));
-        desk.run(100);
-        desk.say(Downlink::FlowControl(FlowControl::Send));
-        desk.exchange();
+        stand_still(&mut rig, 900);
+        rig.say(Downlink::FlowControl(FlowControl::Send));
+        rig.run(100);
+        rig.say(Downlink::FlowControl(FlowControl::Send));
+        rig.exchange();
         let is_late = deadline_ms > 0;
-        assert_eq!(desk.dsp.waypoints.is_empty(), is_late);
+        assert_eq!(rig.dsp.waypoints.is_empty(), is_late);
         if is_late {
-            assert_eq!(desk.last(path), aborted(Reason::TooLate));
-            assert_eq!(late_by_s(&desk, path), 0.41);
-            assert_eq!(desk.module(), ModuleStatus::Running, "not blocked");
+            assert_eq!(rig.last(path), aborted(Reason::TooLate));
+            assert_eq!(late_by_s(&rig, path), 0.41);
+            assert_eq!(rig.module(), ModuleStatus::Running, "not blocked");
         }
     }
-    let mut desk = Desk::flying();
-    desk.dsp.grants = false;
-    desk.run(200);
-    let path = desk.preempting(4, north(9));
-    stand_still(&mut desk, 12_000);
-    desk.say(Downlink::FlowControl(FlowControl::Send));
-    desk.run(100);
-    assert_eq!(desk.last(path), aborted(Reason::TooLate));
-    assert_eq!(late_by_s(&desk, path), 7.01);
-    assert_eq!(desk.dsp.waypoints, []);
+    let mut rig = Rig::flying();
+    rig.dsp.grants = false;
+    rig.run(200);
+    let path = rig.preempting(4, north(9));
+    stand_still(&mut rig, 12_000);
+    rig.say(Downlink::FlowControl(FlowControl::Send));
+    rig.run(100);
+    assert_eq!(rig.last(path), aborted(Reason::TooLate));
+    assert_eq!(late_by_s(&rig, path), 7.01);
+    assert_eq!(rig.dsp.waypoints, []);
 }
 
 #[test]
@@ -182,158 +179,158 @@ fn a_take_off_is_not_ordered_after_its_moment_nor_once_more() {
         port: port::TAKE_OFF,
         value: 1,
     };
-    let count = |desk: &Desk| {
-        let commands = desk.dsp.commands.iter();
+    let count = |rig: &Rig| {
+        let commands = rig.dsp.commands.iter();
         commands.filter(|command| **command == order).count()
     };
     // It stands still before the altitude was read back.
-    let mut desk = Desk::started();
-    desk.dsp.acknowledges = false;
-    let take_off = desk.take_off();
-    desk.dsp.acknowledges = true;
-    stand_still(&mut desk, 6000);
-    desk.say(Downlink::Ack { command: 3 });
-    desk.say(Downlink::Ack32 {
+    let mut rig = Rig::started();
+    rig.dsp.acknowledges = false;
+    let take_off = rig.take_off();
+    rig.dsp.acknowledges = true;
+    stand_still(&mut rig, 6000);
+    rig.say(Downlink::Ack { command: 3 });
+    rig.say(Downlink::Ack32 {
         command: 2,
         value: 10.0,
     });
-    desk.apply(Input::Advance);
-    desk.exchange();
-    assert_eq!(desk.last(take_off), aborted(Reason::TooLate));
-    assert_eq!(count(&desk), 0);
+    rig.apply(Input::Advance);
+    rig.exchange();
+    assert_eq!(rig.last(take_off), aborted(Reason::TooLate));
+    assert_eq!(count(&rig), 0);
 
     // The order was lost on its way; the next attempt would come too late.
-    let mut desk = Desk::started();
-    let take_off = desk.ordered(MovementData {
-        issued_ns: desk.now.0,
-        begin_by_ns: desk.now.0 + 50 * MS,
+    let mut rig = Rig::started();
+    let take_off = rig.ordered(MovementData {
+        issued_ns: rig.now.0,
+        begin_by_ns: rig.now.0 + 50 * MS,
         ..MovementData::take_off(0, 10.0)
     });
-    assert_eq!((desk.last(take_off).0, count(&desk)), (Stage::Progress, 1));
+    assert_eq!((rig.last(take_off).0, count(&rig)), (Stage::Progress, 1));
 }
 
 #[test]
 fn a_path_whose_next_waypoint_was_read_too_late_is_broken() {
-    let mut desk = Desk::flying();
-    let first = desk.waypoint(1, 1, 0, north(3));
-    assert_eq!(desk.last(first).0, Stage::Accepted);
-    stand_still(&mut desk, 5500);
+    let mut rig = Rig::flying();
+    let first = rig.waypoint(1, 1, 0, north(3));
+    assert_eq!(rig.last(first).0, Stage::Accepted);
+    stand_still(&mut rig, 5500);
     // The request waited while the bridge stood still; the timer has not been looked at yet.
-    desk.dsp.time_ms += 20;
-    let mut status = desk.dsp.status;
-    status.time_ms = Some(desk.dsp.time_ms);
-    desk.say(Downlink::Status(status));
-    let closing = desk.waypoint(1, 0, 1, north(4));
-    assert_eq!(desk.last(closing), refused(Reason::TooLate));
-    assert_eq!(desk.last(first), aborted(Reason::PathBroken));
+    rig.dsp.time_ms += 20;
+    let mut status = rig.dsp.status;
+    status.time_ms = Some(rig.dsp.time_ms);
+    rig.say(Downlink::Status(status));
+    let closing = rig.waypoint(1, 0, 1, north(4));
+    assert_eq!(rig.last(closing), refused(Reason::TooLate));
+    assert_eq!(rig.last(first), aborted(Reason::PathBroken));
 }
 
 #[test]
 fn a_path_carries_the_earliest_moment_of_its_waypoints() {
-    let mut desk = Desk::flying();
-    desk.run(3000);
-    let opening = desk.ordered(MovementData {
+    let mut rig = Rig::flying();
+    rig.run(3000);
+    let opening = rig.ordered(MovementData {
         last: 0,
-        ..path(&desk, 1000)
+        ..path(&rig, 1000)
     });
-    assert_eq!(desk.last(opening).0, Stage::Accepted);
+    assert_eq!(rig.last(opening).0, Stage::Accepted);
     // It is refused, and counts.
-    let land = desk.ordered(MovementData {
-        issued_ns: desk.now.0 - 500 * MS,
-        begin_by_ns: desk.now.0 - 1,
+    let land = rig.ordered(MovementData {
+        issued_ns: rig.now.0 - 500 * MS,
+        begin_by_ns: rig.now.0 - 1,
         ..MovementData::land(0)
     });
-    assert_eq!(desk.last(land), refused(Reason::TooLate));
-    let closing = desk.ordered(MovementData {
+    assert_eq!(rig.last(land), refused(Reason::TooLate));
+    let closing = rig.ordered(MovementData {
         first: 0,
-        ..path(&desk, 0)
+        ..path(&rig, 0)
     });
-    assert_eq!(desk.last(closing), refused(Reason::Superseded));
-    assert_eq!(desk.last(opening), aborted(Reason::PathBroken));
+    assert_eq!(rig.last(closing), refused(Reason::Superseded));
+    assert_eq!(rig.last(opening), aborted(Reason::PathBroken));
 }
 
 #[test]
 fn holds_landings_and_stops_have_longer_moments() {
     for (ago_ms, is_taken) in [(29_000, true), (31_000, false)] {
-        let mut desk = Desk::flying();
-        desk.run(3000);
-        desk.now = MonotonicNs(desk.now.0 + 40_000 * MS);
-        desk.dsp.time_ms += 40_000;
-        desk.run(200);
-        let hold = desk.ordered(MovementData {
-            issued_ns: desk.now.0 - ago_ms * MS,
+        let mut rig = Rig::flying();
+        rig.run(3000);
+        rig.now = MonotonicNs(rig.now.0 + 40_000 * MS);
+        rig.dsp.time_ms += 40_000;
+        rig.run(200);
+        let hold = rig.ordered(MovementData {
+            issued_ns: rig.now.0 - ago_ms * MS,
             ..MovementData::hold(0)
         });
         match is_taken {
-            true => assert_ne!(desk.last(hold).0, Stage::Refused),
-            false => assert_eq!(desk.last(hold), refused(Reason::TooLate)),
+            true => assert_ne!(rig.last(hold).0, Stage::Refused),
+            false => assert_eq!(rig.last(hold), refused(Reason::TooLate)),
         }
     }
 }
 
 #[test]
 fn a_request_without_a_moment_or_from_the_future_is_invalid() {
-    let mut desk = Desk::flying();
-    for issued_ns in [0, desk.now.0 + 1, u64::MAX] {
-        let hold = desk.ordered(MovementData {
+    let mut rig = Rig::flying();
+    for issued_ns in [0, rig.now.0 + 1, u64::MAX] {
+        let hold = rig.ordered(MovementData {
             issued_ns,
             ..MovementData::hold(0)
         });
-        assert_eq!(desk.last(hold), refused(Reason::InvalidRequest));
-        let request_id = desk.request_id();
+        assert_eq!(rig.last(hold), refused(Reason::InvalidRequest));
+        let request_id = rig.request_id();
         let control = ModuleControl {
             issued_ns,
             ..ModuleControl::new(request_id, ControlCommand::Stop)
         };
         let key = bridge::RequestKey::Control(request_id);
-        desk.apply(Input::Control {
+        rig.apply(Input::Control {
             key,
             sender: None,
             request: control,
         });
-        assert_eq!(desk.last(request_id), refused(Reason::InvalidRequest));
+        assert_eq!(rig.last(request_id), refused(Reason::InvalidRequest));
     }
-    let path = desk.preempting(4, north(9));
-    assert_eq!(desk.last(path).0, Stage::Accepted, "they did not count");
+    let path = rig.preempting(4, north(9));
+    assert_eq!(rig.last(path).0, Stage::Accepted, "they did not count");
 }
 
 #[test]
 fn a_start_before_a_stop_is_superseded_and_a_parameter_is_only_too_late() {
-    let mut desk = Desk::started();
-    desk.run(1000);
-    desk.control(ControlCommand::Stop);
-    desk.run(200);
-    let request_id = desk.request_id();
+    let mut rig = Rig::started();
+    rig.run(1000);
+    rig.control(ControlCommand::Stop);
+    rig.run(200);
+    let request_id = rig.request_id();
     let start = ModuleControl {
-        issued_ns: desk.now.0 - 500 * MS,
+        issued_ns: rig.now.0 - 500 * MS,
         ..ModuleControl::new(request_id, ControlCommand::Start)
     };
     let key = bridge::RequestKey::Control(request_id);
-    desk.apply(Input::Control {
+    rig.apply(Input::Control {
         key,
         sender: None,
         request: start,
     });
-    assert_eq!(desk.last(request_id), refused(Reason::Superseded));
+    assert_eq!(rig.last(request_id), refused(Reason::Superseded));
 
     for (ago_ms, expected) in [(1100, Stage::Done), (5100, Stage::Refused)] {
-        let mut desk = Desk::started();
-        desk.run(6000);
-        desk.hold();
-        desk.run(200);
-        let request_id = desk.request_id();
+        let mut rig = Rig::started();
+        rig.run(6000);
+        rig.hold();
+        rig.run(200);
+        let request_id = rig.request_id();
         let read = ParameterRequest {
-            issued_ns: desk.now.0 - ago_ms * MS,
+            issued_ns: rig.now.0 - ago_ms * MS,
             ..ParameterRequest::read(request_id, port::CRUISE_SPEED_MPS)
         };
         let key = bridge::RequestKey::Parameter(request_id);
-        desk.apply(Input::Parameter {
+        rig.apply(Input::Parameter {
             key,
             sender: None,
             request: read,
         });
-        desk.exchange();
-        assert_eq!(desk.last(request_id).0, expected);
+        rig.exchange();
+        assert_eq!(rig.last(request_id).0, expected);
     }
 }
 

@@ -1,10 +1,8 @@
 //! The DSP's virtual ports at run time (requirement C8).
 
-mod desk;
-
+use crate::rig::{Rig, aborted, refused};
 use bridge::outputs::Notice;
 use bridge::{BridgeConfig, Input};
-use desk::{Desk, aborted, refused};
 use dsp_protocol::port::{self, PORTS_16, PORTS_32};
 use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::code::{LinkState, PortKind, Reason, Stage};
@@ -12,29 +10,29 @@ use ipc_types::payload::{ParameterRequest, PortInfo};
 
 #[test]
 fn a_port_is_read_and_written_and_the_dsp_s_value_reported() {
-    let mut desk = Desk::started();
-    let write = desk.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5));
-    assert_eq!(desk.stages(write), [Stage::Accepted, Stage::Done]);
-    assert_eq!(desk.last_report(write).value(), Some(7.5));
-    let read = desk.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
-    let report = desk.last_report(read);
+    let mut rig = Rig::started();
+    let write = rig.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5));
+    assert_eq!(rig.stages(write), [Stage::Accepted, Stage::Done]);
+    assert_eq!(rig.last_report(write).value(), Some(7.5));
+    let read = rig.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
+    let report = rig.last_report(read);
     assert_eq!(report.value(), Some(7.5));
     assert_eq!(report.port.name(), Some("cruise_speed_mps"));
-    let trim = desk.parameter(ParameterRequest::write(0, port::TRIM_ROLL_US, -20.0));
-    assert_eq!(desk.last_report(trim).value(), Some(-20.0));
-    let read_only = desk.parameter(ParameterRequest::read(0, port::TAKE_OFF));
-    assert_eq!(desk.last(read_only).0, Stage::Done, "any port can be read");
+    let trim = rig.parameter(ParameterRequest::write(0, port::TRIM_ROLL_US, -20.0));
+    assert_eq!(rig.last_report(trim).value(), Some(-20.0));
+    let read_only = rig.parameter(ParameterRequest::read(0, port::TAKE_OFF));
+    assert_eq!(rig.last(read_only).0, Stage::Done, "any port can be read");
 }
 
 #[test]
 fn all_ports_are_listed_with_kind_range_and_access() {
-    let mut desk = Desk::started();
+    let mut rig = Rig::started();
     let count = (PORTS_16.len() + PORTS_32.len()) as u32;
     let infos: Vec<PortInfo> = (0..count)
         .map(|index| {
-            let request = desk.parameter(ParameterRequest::list(0, index));
-            assert_eq!(desk.last(request).0, Stage::Done);
-            desk.last_report(request).port
+            let request = rig.parameter(ParameterRequest::list(0, index));
+            assert_eq!(rig.last(request).0, Stage::Done);
+            rig.last_report(request).port
         })
         .collect();
     assert!(infos.iter().all(|info| info.count == count));
@@ -53,8 +51,8 @@ fn all_ports_are_listed_with_kind_range_and_access() {
         PortInfo::WRITABLE | PortInfo::WRITABLE_IN_FLIGHT
     );
     assert_eq!(by_number(port::LAND).access, 0);
-    let beyond = desk.parameter(ParameterRequest::list(0, count));
-    assert_eq!(desk.last(beyond), refused(Reason::NoSuchPort));
+    let beyond = rig.parameter(ParameterRequest::list(0, count));
+    assert_eq!(rig.last(beyond), refused(Reason::NoSuchPort));
 }
 
 #[test]
@@ -87,32 +85,32 @@ fn what_is_refused_and_why() {
             Reason::InvalidRequest,
         ),
     ];
-    let mut desk = Desk::started();
-    let sent = desk.dsp.commands.len();
+    let mut rig = Rig::started();
+    let sent = rig.dsp.commands.len();
     for (request, reason) in table {
-        let request = desk.parameter(request);
-        assert_eq!(desk.last(request), refused(reason));
+        let request = rig.parameter(request);
+        assert_eq!(rig.last(request), refused(reason));
     }
-    assert_eq!(desk.dsp.commands.len(), sent, "nothing goes to the DSP");
+    assert_eq!(rig.dsp.commands.len(), sent, "nothing goes to the DSP");
 
-    let mut desk = Desk::flying();
-    let gain = desk.parameter(write(0, port::YAW_GAIN, 1.0));
-    assert_eq!(desk.last(gain), refused(Reason::NotInFlight));
-    let speed = desk.parameter(write(0, port::CRUISE_SPEED_MPS, 3.0));
-    assert_eq!(desk.last(speed).0, Stage::Done);
-    desk.apply(Input::PortClosed);
-    let speed = desk.parameter(write(0, port::CRUISE_SPEED_MPS, 3.0));
-    assert_eq!(desk.last(speed), refused(Reason::LinkDown));
+    let mut rig = Rig::flying();
+    let gain = rig.parameter(write(0, port::YAW_GAIN, 1.0));
+    assert_eq!(rig.last(gain), refused(Reason::NotInFlight));
+    let speed = rig.parameter(write(0, port::CRUISE_SPEED_MPS, 3.0));
+    assert_eq!(rig.last(speed).0, Stage::Done);
+    rig.apply(Input::PortClosed);
+    let speed = rig.parameter(write(0, port::CRUISE_SPEED_MPS, 3.0));
+    assert_eq!(rig.last(speed), refused(Reason::LinkDown));
 }
 
 #[test]
 fn a_value_that_the_dsp_refuses_is_reported_with_its_own() {
-    let mut desk = Desk::started();
-    desk.dsp.ports_32.insert(port::CRUISE_SPEED_MPS, 5.0);
-    desk.dsp.refuses = Some(port::CRUISE_SPEED_MPS);
-    let write = desk.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5));
-    assert_eq!(desk.last(write), aborted(Reason::RefusedByDsp));
-    let report = desk.last_report(write);
+    let mut rig = Rig::started();
+    rig.dsp.ports_32.insert(port::CRUISE_SPEED_MPS, 5.0);
+    rig.dsp.refuses = Some(port::CRUISE_SPEED_MPS);
+    let write = rig.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5));
+    assert_eq!(rig.last(write), aborted(Reason::RefusedByDsp));
+    let report = rig.last_report(write);
     let invalid = u32::from(DspErrorCode::INVALID_COMMAND.0);
     assert_eq!(
         (report.value(), report.dsp_error()),
@@ -122,27 +120,27 @@ fn a_value_that_the_dsp_refuses_is_reported_with_its_own() {
 
 #[test]
 fn what_was_written_is_written_again_after_a_reboot_of_the_dsp() {
-    let mut desk = Desk::started();
+    let mut rig = Rig::started();
     for value in [6.0, 7.5] {
-        desk.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, value));
+        rig.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, value));
     }
-    desk.run(3000);
-    desk.dsp.reboot();
-    desk.run(6000);
-    assert_eq!(desk.link(), LinkState::Up);
-    assert_eq!(desk.bridge.state().link.dsp_boots, 1);
-    assert_eq!(desk.dsp.ports_32[&port::CRUISE_SPEED_MPS], 7.5);
+    rig.run(3000);
+    rig.dsp.reboot();
+    rig.run(6000);
+    assert_eq!(rig.link(), LinkState::Up);
+    assert_eq!(rig.bridge.state().link.dsp_boots, 1);
+    assert_eq!(rig.dsp.ports_32[&port::CRUISE_SPEED_MPS], 7.5);
 }
 
 #[test]
 fn a_parameter_of_the_configuration_that_the_dsp_refuses_is_told_by_name() {
     let config: BridgeConfig =
         runtime::config::parse("[parameters]\ncruise_speed_mps = 8.0\n", "test.toml").unwrap();
-    let mut desk = Desk::closed(&config);
-    desk.dsp.refuses = Some(port::CRUISE_SPEED_MPS);
-    desk.open();
-    assert_eq!(desk.link(), LinkState::Up);
-    let told = desk.out.notices.iter();
+    let mut rig = Rig::closed(&config);
+    rig.dsp.refuses = Some(port::CRUISE_SPEED_MPS);
+    rig.open();
+    assert_eq!(rig.link(), LinkState::Up);
+    let told = rig.out.notices.iter();
     let told: Vec<_> = told
         .filter_map(|notice| match notice {
             Notice::ParameterRefused { written, .. } => Some(*written),
@@ -158,28 +156,28 @@ fn a_parameter_of_the_configuration_that_the_dsp_refuses_is_told_by_name() {
 
 #[test]
 fn requests_wait_for_one_another_and_the_bound_is_stated() {
-    let mut desk = Desk::started();
-    desk.dsp.acknowledges = false;
+    let mut rig = Rig::started();
+    rig.dsp.acknowledges = false;
     let read = || ParameterRequest::read(0, port::CRUISE_SPEED_MPS);
     let open: Vec<u64> = (0..bridge::flight::parameters::MAX_OPEN)
-        .map(|_| desk.parameter(read()))
+        .map(|_| rig.parameter(read()))
         .collect();
-    let one_more = desk.parameter(read());
-    assert_eq!(desk.last(one_more), refused(Reason::TooManyRequests));
-    desk.dsp.acknowledges = true;
-    desk.run(500);
+    let one_more = rig.parameter(read());
+    assert_eq!(rig.last(one_more), refused(Reason::TooManyRequests));
+    rig.dsp.acknowledges = true;
+    rig.run(500);
     for request in open {
-        assert_eq!(desk.last(request).0, Stage::Done);
+        assert_eq!(rig.last(request).0, Stage::Done);
     }
 }
 
 #[test]
 fn a_write_that_is_not_acknowledged_has_an_unknown_outcome() {
-    let mut desk = Desk::started();
-    desk.dsp.acknowledges = false;
-    let write = desk.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5));
-    let read = desk.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
-    desk.run(1500);
-    assert_eq!(desk.last(write).0, Stage::Unknown);
-    assert_eq!(desk.last(read).0, Stage::Aborted);
+    let mut rig = Rig::started();
+    rig.dsp.acknowledges = false;
+    let write = rig.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5));
+    let read = rig.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
+    rig.run(1500);
+    assert_eq!(rig.last(write).0, Stage::Unknown);
+    assert_eq!(rig.last(read).0, Stage::Aborted);
 }

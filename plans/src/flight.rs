@@ -3,8 +3,8 @@
 //! What the helicopter offers: a vertical take-off to a height, paths of waypoints with telemetry altitudes, a
 //! cruise speed, hovering, and landing on the spot. An item that needs anything else is a finding, never left out in silence.
 
-use bridge::flight::arrival::distance_m;
 use bridge::flight::assembly::MAX_WAYPOINTS;
+use bridge::geodesy::distance_m;
 use dsp_protocol::Waypoint;
 
 use crate::altitude::in_telemetry;

@@ -1,6 +1,6 @@
 //! What the helicopter does for a plan: steps, and the legs of its paths.
 
-use bridge::flight::arrival::{distance_m, ground_distance_m};
+use bridge::geodesy::{distance_m, ground_distance_m};
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 

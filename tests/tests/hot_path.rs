@@ -25,7 +25,7 @@ struct Behind {
 impl Outputs for Behind {
     fn notice(&mut self, _: &bridge::outputs::Notice) {}
 
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);
         self.samples += 1;

@@ -39,7 +39,9 @@ mod range;
 mod safety;
 
 pub use link::{LinkConfig, SerialConfig, StatusConfig};
-pub use movement::{ArrivalConfig, MovementLimits, STOP_WITHIN, TrajectoryConfig, TrajectoryKind};
+pub use movement::{
+    ArrivalConfig, MovementLimits, STOP_WITHIN, Tolerance, TrajectoryConfig, TrajectoryKind,
+};
 pub use parameters::Parameters;
 use range::state_period_ms;
 pub use safety::{BreachAction, SafetyConfig, SupplyLimits};

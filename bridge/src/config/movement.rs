@@ -2,13 +2,15 @@
 
 use std::time::Duration;
 
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::Geographic;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::range::{
     altitude_m, distance_m, milliseconds, seconds, spacing_m, speed_mps, tolerance_deg, tolerance_m,
 };
-use crate::flight::arrival::Tolerance;
+use crate::geodesy::longitude_difference_deg;
 
 checked!(MovementLimits);
 
@@ -162,5 +164,26 @@ impl Default for TrajectoryConfig {
             kind: TrajectoryKind::PassThrough,
             spacing_m: 50.0,
         }
+    }
+}
+
+/// Half the edges of the box around a waypoint (`DELTA_DEG`, `DELTA_M`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tolerance {
+    /// Degrees of latitude.
+    pub latitude_deg: f64,
+    /// Degrees of longitude.
+    pub longitude_deg: f64,
+    /// Metres of altitude.
+    pub altitude_m: f64,
+}
+
+impl Tolerance {
+    /// Whether `position` lies in the box around `target`. Longitudes are compared across the antimeridian.
+    pub fn holds(&self, target: &Waypoint, position: &Geographic) -> bool {
+        (target.latitude_deg - position.latitude_deg).abs() <= self.latitude_deg
+            && longitude_difference_deg(target.longitude_deg, position.longitude_deg).abs()
+                <= self.longitude_deg
+            && (target.altitude_m - position.altitude_m).abs() <= self.altitude_m
     }
 }

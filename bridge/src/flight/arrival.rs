@@ -12,63 +12,8 @@ use dsp_protocol::{Waypoint, downlink::Geographic};
 use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
-use crate::flight::assembly::MAX_WAYPOINTS;
-
-/// Half the edges of the box around a waypoint (`DELTA_DEG`, `DELTA_M`).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Tolerance {
-    /// Degrees of latitude.
-    pub latitude_deg: f64,
-    /// Degrees of longitude.
-    pub longitude_deg: f64,
-    /// Metres of altitude.
-    pub altitude_m: f64,
-}
-
-impl Tolerance {
-    /// Whether `position` lies in the box around `target`. Longitudes are compared across the antimeridian.
-    pub fn holds(&self, target: &Waypoint, position: &Geographic) -> bool {
-        (target.latitude_deg - position.latitude_deg).abs() <= self.latitude_deg
-            && longitude_difference_deg(target.longitude_deg, position.longitude_deg).abs()
-                <= self.longitude_deg
-            && (target.altitude_m - position.altitude_m).abs() <= self.altitude_m
-    }
-}
-
-/// `a − b` the short way round, −180 … 180 degrees.
-pub fn longitude_difference_deg(a: f64, b: f64) -> f64 {
-    (a - b + 540.0).rem_euclid(360.0) - 180.0
-}
-
-/// Metres along the ground between two points, on a sphere with the Earth's mean radius. Good to 0.6 %, which is enough
-/// to refuse what is absurdly far and to show progress.
-pub fn ground_distance_m(a: &Geographic, b: &Waypoint) -> f64 {
-    const EARTH_RADIUS_M: f64 = 6_371_008.8;
-    let (lat_a, lat_b) = (a.latitude_deg.to_radians(), b.latitude_deg.to_radians());
-    let half_lat = (lat_b - lat_a) / 2.0;
-    let half_lon = longitude_difference_deg(b.longitude_deg, a.longitude_deg).to_radians() / 2.0;
-    let haversine = half_lat.sin().powi(2) + lat_a.cos() * lat_b.cos() * half_lon.sin().powi(2);
-    2.0 * EARTH_RADIUS_M * haversine.clamp(0.0, 1.0).sqrt().asin()
-}
-
-/// A position as a waypoint.
-pub fn here(position: &Geographic) -> Waypoint {
-    Waypoint {
-        latitude_deg: position.latitude_deg,
-        longitude_deg: position.longitude_deg,
-        altitude_m: position.altitude_m,
-    }
-}
-
-/// Metres between two waypoints, along the ground and up or down.
-pub fn distance_m(a: &Waypoint, b: &Waypoint) -> f64 {
-    let from = Geographic {
-        latitude_deg: a.latitude_deg,
-        longitude_deg: a.longitude_deg,
-        altitude_m: a.altitude_m,
-    };
-    ground_distance_m(&from, b).hypot(a.altitude_m - b.altitude_m)
-}
+use super::assembly::MAX_WAYPOINTS;
+use crate::config::Tolerance;
 
 /// Watches one path being flown.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -162,6 +107,7 @@ impl Tracker {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geodesy::there as at;
 
     const TOLERANCE: Tolerance = Tolerance {
         latitude_deg: 1e-5,
@@ -178,14 +124,6 @@ mod tests {
         }
     }
 
-    fn at(point: Waypoint) -> Geographic {
-        Geographic {
-            latitude_deg: point.latitude_deg,
-            longitude_deg: point.longitude_deg,
-            altitude_m: point.altitude_m,
-        }
-    }
-
     const A: fn() -> Waypoint = || waypoint(37.0, -6.0);
     const B: fn() -> Waypoint = || waypoint(37.001, -6.0);
     const C: fn() -> Waypoint = || waypoint(37.001, -6.001);
@@ -193,13 +131,13 @@ mod tests {
     /// Flies `positions` one second apart with everything sent; returns after how many of them the path has ended.
     fn fly(path: &[Waypoint], positions: &[Waypoint]) -> Option<usize> {
         let mut tracker = Tracker::new(TOLERANCE, DWELL);
-        tracker.begin(&at(positions[0]), path);
+        tracker.begin(&at(&positions[0]), path);
         positions
             .iter()
             .enumerate()
             .position(|(second, point)| {
                 let now = MonotonicNs(second as u64 * 1_000_000_000);
-                tracker.observe(now, &at(*point), path.len())
+                tracker.observe(now, &at(point), path.len())
             })
             .map(|index| index + 1)
     }
@@ -238,10 +176,10 @@ mod tests {
     fn a_path_ends_although_no_position_between_its_start_and_its_end_was_seen() {
         let (a, b, c) = (A(), B(), C());
         let mut tracker = Tracker::new(TOLERANCE, DWELL);
-        tracker.begin(&at(a), &[b, c]);
+        tracker.begin(&at(&a), &[b, c]);
         for (second, has_ended) in [(5, false), (10, true)] {
             let now = MonotonicNs(second * 1_000_000_000);
-            assert_eq!(tracker.observe(now, &at(c), 2), has_ended, "{second} s");
+            assert_eq!(tracker.observe(now, &at(&c), 2), has_ended, "{second} s");
         }
     }
 
@@ -249,28 +187,28 @@ mod tests {
     fn what_has_not_been_sent_cannot_be_reached() {
         let (b, c) = (B(), C());
         let mut tracker = Tracker::new(TOLERANCE, DWELL);
-        tracker.begin(&at(A()), &[b, c]);
+        tracker.begin(&at(&A()), &[b, c]);
         for second in 0..10 {
             let now = MonotonicNs(second * 1_000_000_000);
-            assert!(!tracker.observe(now, &at(b), 0));
-            assert!(!tracker.observe(now, &at(c), 1));
+            assert!(!tracker.observe(now, &at(&b), 0));
+            assert!(!tracker.observe(now, &at(&c), 1));
         }
         assert_eq!(tracker.reached(), 0);
-        assert!(!tracker.observe(MonotonicNs(0), &at(b), 1));
+        assert!(!tracker.observe(MonotonicNs(0), &at(&b), 1));
         assert_eq!(tracker.reached(), 1);
-        assert!(tracker.observe(MonotonicNs(0), &at(c), 2));
+        assert!(tracker.observe(MonotonicNs(0), &at(&c), 2));
     }
 
     #[test]
     fn each_edge_of_the_box_counts() {
         let target = waypoint(37.0, -6.0);
-        let mut inside = at(target);
+        let mut inside = at(&target);
         inside.latitude_deg += 0.9e-5;
         inside.longitude_deg -= 0.9e-5;
         inside.altitude_m += 0.9;
         assert!(TOLERANCE.holds(&target, &inside));
         for edge in 0..3 {
-            let mut outside = at(target);
+            let mut outside = at(&target);
             match edge {
                 0 => outside.latitude_deg += 1.1e-5,
                 1 => outside.longitude_deg += 1.1e-5,
@@ -284,11 +222,7 @@ mod tests {
     fn the_antimeridian_is_no_edge() {
         assert!(TOLERANCE.holds(
             &waypoint(0.0, 179.999_998),
-            &at(waypoint(0.0, -179.999_998))
+            &at(&waypoint(0.0, -179.999_998))
         ));
-        assert!((longitude_difference_deg(179.5, -179.5) + 1.0).abs() < 1e-9);
-        assert!((longitude_difference_deg(-179.5, 179.5) - 1.0).abs() < 1e-9);
-        let metres = ground_distance_m(&at(waypoint(0.0, 179.5)), &waypoint(0.0, -179.5));
-        assert!((metres - 111_195.0).abs() < 1.0, "{metres}");
     }
 }

@@ -15,44 +15,19 @@ use dsp_protocol::Waypoint;
 use ipc_types::code::Reason;
 use serde::{Deserialize, Serialize};
 
+use super::request::{RequestHeader, Segment};
+
 /// Waypoints of one path. The bridge takes the memory for one path under assembly, one under way and one in the trajectory
 /// generator when it starts: 3 × 1024 × 24 bytes. A waypoint more is refused as `path-too-long`.
 pub const MAX_WAYPOINTS: usize = 1024;
-
-/// One waypoint with its frame bits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Segment {
-    /// The path that it belongs to.
-    pub path_id: u64,
-    /// Opens a path (`first_waypoint_data`).
-    pub first: bool,
-    /// Closes the path (`last_waypoint_data`).
-    pub last: bool,
-    /// The point.
-    pub waypoint: Waypoint,
-}
-
-/// What a waypoint did to the path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// The path is open and goes on.
-    Open,
-    /// The path is complete: [`Assembler::waypoints`] has it.
-    Closed,
-    /// The waypoint is refused. Any open path is as it was, unless `broken`, when it is gone.
-    Refused {
-        /// Why.
-        reason: Reason,
-        /// The open path is gone as well.
-        broken: bool,
-    },
-}
 
 /// A path under construction.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Assembler {
     path_id: Option<u64>,
     waypoints: Vec<Waypoint>,
+    /// The request of the newest waypoint of the open path; those before it are done.
+    newest: Option<RequestHeader>,
 }
 
 impl Assembler {
@@ -61,6 +36,7 @@ impl Assembler {
         Assembler {
             path_id: None,
             waypoints: Vec::with_capacity(MAX_WAYPOINTS),
+            newest: None,
         }
     }
 
@@ -69,35 +45,45 @@ impl Assembler {
         self.path_id
     }
 
-    /// Whether adding `segment` would discard the open path in favour of a new one.
-    pub fn replaces(&self, segment: &Segment) -> bool {
-        segment.first && self.path_id.is_some()
+    /// The request of the newest waypoint of the open path.
+    pub fn newest(&self) -> Option<&RequestHeader> {
+        self.newest.as_ref()
     }
 
-    /// Adds a waypoint.
-    pub fn add(&mut self, segment: &Segment) -> Outcome {
+    /// The request of the newest waypoint, which has its final report from now on.
+    pub fn take_newest(&mut self) -> Option<RequestHeader> {
+        self.newest.take()
+    }
+
+    /// A waypoint was added by this request, and the path is open.
+    pub fn set_newest(&mut self, header: RequestHeader) {
+        self.newest = Some(header);
+    }
+
+    /// Whether this waypoint goes on with the open path.
+    pub fn continues(&self, segment: &Segment) -> bool {
+        !segment.first && self.path_id == Some(segment.path_id)
+    }
+
+    /// Adds a waypoint; true when the path is closed.
+    ///
+    /// # Errors
+    /// Why it is refused. An open path is as it was, unless it is full: then it is gone.
+    pub fn add(&mut self, segment: &Segment) -> Result<bool, Reason> {
         if segment.first {
             self.clear();
             self.path_id = Some(segment.path_id);
         } else if self.path_id != Some(segment.path_id) {
-            return Outcome::Refused {
-                reason: Reason::PathWithoutHead,
-                broken: false,
-            };
+            return Err(Reason::PathWithoutHead);
         } else if self.waypoints.len() == MAX_WAYPOINTS {
             self.clear();
-            return Outcome::Refused {
-                reason: Reason::PathTooLong,
-                broken: true,
-            };
+            return Err(Reason::PathTooLong);
         }
         self.waypoints.push(segment.waypoint);
         if segment.last {
             self.path_id = None;
-            Outcome::Closed
-        } else {
-            Outcome::Open
         }
+        Ok(segment.last)
     }
 
     /// The waypoints collected so far, or those of the path just closed.
@@ -105,7 +91,7 @@ impl Assembler {
         &self.waypoints
     }
 
-    /// Discards everything.
+    /// Discards the path.
     pub fn clear(&mut self) {
         self.path_id = None;
         self.waypoints.clear();
@@ -128,14 +114,10 @@ mod tests {
         }
     }
 
-    const HEADLESS: Outcome = Outcome::Refused {
-        reason: Reason::PathWithoutHead,
-        broken: false,
-    };
-    const TOO_LONG: Outcome = Outcome::Refused {
-        reason: Reason::PathTooLong,
-        broken: true,
-    };
+    const OPEN: Result<bool, Reason> = Ok(false);
+    const CLOSED: Result<bool, Reason> = Ok(true);
+    const HEADLESS: Result<bool, Reason> = Err(Reason::PathWithoutHead);
+    const TOO_LONG: Result<bool, Reason> = Err(Reason::PathTooLong);
 
     /// State of the assembler before the event.
     #[derive(Clone, Copy, Debug)]
@@ -154,7 +136,7 @@ mod tests {
         };
         for index in 0..count {
             let first = u8::from(index == 0);
-            assert_eq!(assembler.add(&segment(1, first, 0)), Outcome::Open);
+            assert_eq!(assembler.add(&segment(1, first, 0)), OPEN);
         }
         assembler
     }
@@ -164,20 +146,20 @@ mod tests {
         use Before::{Full, NoPath, Open};
         // State, (first, last) and id of the waypoint, outcome, waypoints kept, id of the open path afterwards.
         let table = [
-            (NoPath, (1, 1), 2, Outcome::Closed, 1, None),
-            (NoPath, (1, 0), 2, Outcome::Open, 1, Some(2)),
+            (NoPath, (1, 1), 2, CLOSED, 1, None),
+            (NoPath, (1, 0), 2, OPEN, 1, Some(2)),
             (NoPath, (0, 0), 2, HEADLESS, 0, None),
             (NoPath, (0, 1), 2, HEADLESS, 0, None),
-            (Open, (1, 1), 2, Outcome::Closed, 1, None),
-            (Open, (1, 0), 2, Outcome::Open, 1, Some(2)),
+            (Open, (1, 1), 2, CLOSED, 1, None),
+            (Open, (1, 0), 2, OPEN, 1, Some(2)),
             (Open, (0, 0), 2, HEADLESS, 2, Some(1)),
             (Open, (0, 1), 2, HEADLESS, 2, Some(1)),
-            (Open, (1, 1), 1, Outcome::Closed, 1, None),
-            (Open, (1, 0), 1, Outcome::Open, 1, Some(1)),
-            (Open, (0, 0), 1, Outcome::Open, 3, Some(1)),
-            (Open, (0, 1), 1, Outcome::Closed, 3, None),
-            (Full, (1, 1), 2, Outcome::Closed, 1, None),
-            (Full, (1, 0), 2, Outcome::Open, 1, Some(2)),
+            (Open, (1, 1), 1, CLOSED, 1, None),
+            (Open, (1, 0), 1, OPEN, 1, Some(1)),
+            (Open, (0, 0), 1, OPEN, 3, Some(1)),
+            (Open, (0, 1), 1, CLOSED, 3, None),
+            (Full, (1, 1), 2, CLOSED, 1, None),
+            (Full, (1, 0), 2, OPEN, 1, Some(2)),
             (Full, (0, 0), 2, HEADLESS, MAX_WAYPOINTS, Some(1)),
             (Full, (0, 1), 2, HEADLESS, MAX_WAYPOINTS, Some(1)),
             (Full, (0, 0), 1, TOO_LONG, 0, None),
@@ -186,8 +168,6 @@ mod tests {
         for (before, (first, last), id, outcome, kept, open) in table {
             let mut assembler = assembler(before);
             let event = segment(id, first, last);
-            let replaces = first == 1 && !matches!(before, NoPath);
-            assert_eq!(assembler.replaces(&event), replaces);
             assert_eq!(
                 assembler.add(&event),
                 outcome,
@@ -211,9 +191,9 @@ mod tests {
         let mut assembler = assembler(Before::NoPath);
         let capacity = assembler.waypoints.capacity();
         for index in 0..MAX_WAYPOINTS - 1 {
-            assembler.add(&segment(1, u8::from(index == 0), 0));
+            let _ = assembler.add(&segment(1, u8::from(index == 0), 0));
         }
-        assert_eq!(assembler.add(&segment(1, 0, 1)), Outcome::Closed);
+        assert_eq!(assembler.add(&segment(1, 0, 1)), CLOSED);
         assert_eq!(assembler.waypoints().len(), MAX_WAYPOINTS);
         assert_eq!(assembler.waypoints.capacity(), capacity);
     }

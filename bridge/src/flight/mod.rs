@@ -1,71 +1,47 @@
 //! The functionality of the module: movements from the request to the final report.
 //!
-//! It owns the path under assembly, the movement under way and what was last seen of the helicopter; it is given
-//! requests, events of the link and the time, and answers through the link's commands and [`Outputs`]. What the module does is
-//! one value, [`Motion`]; the published state follows from it.
-//!
-//! | motion | ends well | ends early |
-//! |---|---|---|
-//! | taking off | the DSP's word: flow control 1, or port 10121 reads 0 in the air | refused by the DSP, ack error, time limit, DSP error, link lost, reboot, pilot |
-//! | following | at the last waypoint, and the DSP's path buffer is known to be empty | the same, stop, pre-emption, safety rule |
-//! | landing | on the ground, and port 10122 reads 0 | as taking off |
-//! | holding, stopping | the DSP's path buffer is known to be empty | ack error, link lost, reboot |
-//! | wanted | → landing or holding, when the DSP is heard | its moment has passed, stop, on the ground |
-//!
-//! Every request ends in exactly one final report. Where the DSP may be doing what cannot be seen any more, it is
-//! `unknown`.
+//! [`Flight`] is given requests, events of the link and the time, and answers through the link's commands and [`Outputs`]. What the
+//! module does is one value, [`Motion`](motion::Motion): its file has the tables of states, orders and events. This file has what comes
+//! in and what is answered; `actions` carries out what the tables say; the other files are values that both ask.
 
-mod answer;
+mod actions;
 pub mod arrival;
 pub mod assembly;
 pub mod dsp_order;
-mod end;
-mod enforcement;
-mod feed;
-pub mod issue_order;
 pub mod motion;
-mod movement;
 pub mod observation;
-mod parameter_jobs;
 pub mod parameters;
-mod port_number;
 pub mod report;
 pub mod request;
 pub mod route;
 pub mod safety;
 pub mod trajectory;
 pub mod verification;
-pub mod violation;
 
-use dsp_protocol::{Command, DspErrorCode};
+use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ControlCommand, ImiError, Reason, Stage};
-use ipc_types::payload::{MovementState, SafetyState};
-use module_kit::completed::Completed;
+use ipc_types::code::{ImiError, Reason, Stage};
+use ipc_types::payload::{MovementState, RequestReport, SafetyState};
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
-use crate::link::commands::AckData;
+use crate::geodesy::{ground_distance_m, here};
 use crate::link::dsp_path::DspPath;
-use crate::link::{FlightCommand, Link, LinkEvent, Sample};
+use crate::link::{FlightCommand, Link, LinkEvent};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
-use issue_order::Mark;
-use motion::{Motion, PathStep, Rest};
+use motion::{Action, Asked, Event, Facts, Motion, Order, Rest};
 use observation::{Observation, known_position};
-use parameter_jobs::ParameterRequests;
-use report::{Refusal, Verdict, in_time};
-use request::{RequestHeader, RequestKey};
+use parameters::ParameterRequests;
+use report::{Answers, Verdict, in_time};
+use request::{Movement, Request, RequestHeader, RequestKey, Segment};
 use route::{NotASnapshot, Route};
 use safety::Safety;
 use trajectory::Trajectory;
-
-/// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB.
-const REMEMBERED: usize = 2048;
 
 timers! {
     /// What the flight waits for.
@@ -84,13 +60,13 @@ timers! {
 }
 
 /// What a step of the flight works with.
-pub struct Context<'a, O> {
+pub struct Context<'a> {
     /// The present moment.
     pub now: MonotonicNs,
     /// The link to the DSP.
     pub link: &'a mut Link,
     /// Where reports go.
-    pub out: &'a mut O,
+    pub out: &'a mut dyn Outputs,
 }
 
 /// See the module's documentation.
@@ -100,12 +76,8 @@ pub struct Flight {
     config: BridgeConfig,
     motion: Motion,
     assembler: Assembler,
-    /// The request of the newest waypoint of the path under assembly; those before it are done.
-    newest_waypoint: Option<RequestHeader>,
     route: Route,
-    completed: Completed,
-    /// The orders that were taken.
-    mark: Mark,
+    answers: Answers,
     observation: Observation,
     safety: Safety,
     parameters: ParameterRequests,
@@ -128,10 +100,8 @@ impl Flight {
             config: config.clone(),
             motion: Motion::Idle(Rest::Waiting(ImiError::None)),
             assembler: Assembler::new(),
-            newest_waypoint: None,
             route: Route::new(&config.arrival, trajectory),
-            completed: Completed::with_capacity(REMEMBERED),
-            mark: Mark::default(),
+            answers: Answers::new(),
             observation: Observation::default(),
             safety: Safety::new(config),
             parameters: ParameterRequests::new(),
@@ -157,28 +127,51 @@ impl Flight {
     ) -> Result<(), NotASnapshot> {
         self.route.configure(&config.arrival, trajectory)?;
         self.safety.configure(config, fence);
-        self.completed.set_capacity(REMEMBERED);
+        self.answers.configure();
         self.config = config.clone();
         Ok(())
     }
 
-    /// The geofence in force.
-    pub(crate) fn fence(&self) -> &Fence {
-        self.safety.fence()
-    }
-
     /// Takes an event of the link.
-    pub fn link_event<O: Outputs>(&mut self, event: &LinkEvent, cx: &mut Context<'_, O>) {
+    pub fn link_event(&mut self, event: &LinkEvent, cx: &mut Context<'_>) {
         match event {
             LinkEvent::Ready => {}
-            LinkEvent::Sample(sample) => self.sample(sample, cx),
-            LinkEvent::Grant => self.granted(cx),
-            LinkEvent::PathEmptied => self.path_emptied(cx),
-            LinkEvent::PathNotEmptied => self.path_not_emptied(cx),
-            LinkEvent::Delivered(command, data) => self.delivered(*command, *data, cx),
-            LinkEvent::Undelivered(command) => self.undelivered(*command, cx),
-            LinkEvent::PathDropped => self.path_dropped(cx),
-            LinkEvent::DspError { code, starting } => self.dsp_error(*code, *starting, cx),
+            LinkEvent::Sample(sample) => {
+                self.observation.take(sample, cx.link.status_fresh_for());
+                let event = Event::Status {
+                    flying: sample.status.flying,
+                    position: known_position(&sample.status),
+                };
+                self.happen(event, cx);
+                self.enforce_safety(cx);
+            }
+            LinkEvent::Grant => self.happen(Event::Grant, cx),
+            LinkEvent::PathEmptied => self.happen(Event::PathEmptied, cx),
+            LinkEvent::PathNotEmptied => self.happen(Event::PathNotEmptied, cx),
+            LinkEvent::PathDropped => self.happen(Event::PathDropped, cx),
+            LinkEvent::Delivered(FlightCommand::Parameter, data) => {
+                let end = self.parameters.delivered(*data, cx.link);
+                self.parameter_ended(end, cx);
+            }
+            LinkEvent::Undelivered(FlightCommand::Parameter) => {
+                let end = self
+                    .parameters
+                    .fail(Reason::CommunicationFatalError, cx.link);
+                self.parameter_ended(end, cx);
+            }
+            LinkEvent::Delivered(command, data) => {
+                self.happen(Event::Delivered(*command, *data), cx)
+            }
+            LinkEvent::Undelivered(command) => self.happen(Event::Undelivered(*command), cx),
+            LinkEvent::DspError { code, starting } => {
+                let (code, starting) = (*code, *starting);
+                cx.out.notice(&Notice::DspError { code, starting });
+                match self.config.errors.escalates(code) {
+                    _ if starting => {}
+                    Some(error) => self.fatal(error, reason_of(error), cx),
+                    None => self.happen(Event::DspError(code), cx),
+                }
+            }
             LinkEvent::Rebooted => {
                 self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx);
             }
@@ -187,31 +180,39 @@ impl Flight {
                 self.dsp_vanished(error, Reason::CommunicationFatalError, cx);
             }
             LinkEvent::ParameterRefused { written, found } => {
-                cx.out.notice(&Notice::ParameterRefused {
-                    written: *written,
-                    found: *found,
-                });
+                let (written, found) = (*written, *found);
+                cx.out.notice(&Notice::ParameterRefused { written, found });
             }
             LinkEvent::OddStatus { groups } => {
                 cx.out.notice(&Notice::OddStatus { groups: *groups });
             }
         }
-        self.carry_out_wanted(cx);
+        if let Motion::Deferred { .. } = self.motion {
+            self.happen(Event::Heard, cx);
+        }
+    }
+
+    /// What the DSP was doing has an outcome, and at rest nothing is lost.
+    fn dsp_vanished(&mut self, error: ImiError, reason: Reason, cx: &mut Context<'_>) {
+        self.break_path(reason, cx);
+        self.end_parameter_requests(reason, cx);
+        self.happen(Event::Vanished(error, reason), cx);
     }
 
     /// Handles the next deadline that has passed; false when none has.
-    pub fn expire<O: Outputs>(&mut self, cx: &mut Context<'_, O>) -> bool {
+    pub fn expire(&mut self, cx: &mut Context<'_>) -> bool {
         let Some(timer) = self.timers.expired(cx.now) else {
             return false;
         };
         match timer {
             FlightTimer::Assembly => self.break_path(Reason::TooLate, cx),
-            FlightTimer::Begin => self.begin_expired(cx),
-            FlightTimer::Limit => {
-                self.fatal(ImiError::MovementTimeout, Reason::MovementTimeout, cx);
+            FlightTimer::Begin => self.happen(Event::BeginByPassed, cx),
+            FlightTimer::Limit => self.happen(Event::TimeLimit, cx),
+            FlightTimer::Step => self.happen(Event::StepDue, cx),
+            FlightTimer::Parameter => {
+                let end = self.parameters.expire(cx.now, cx.link);
+                self.parameter_ended(end, cx);
             }
-            FlightTimer::Step => self.step_due(cx),
-            FlightTimer::Parameter => self.parameter_expired(cx),
         }
         true
     }
@@ -221,59 +222,75 @@ impl Flight {
         self.timers.next()
     }
 
-    /// Takes a control request, or the reason why it cannot be one.
-    pub fn control_request<O: Outputs>(
+    /// Takes a request, or the reason why it cannot be one.
+    pub fn request(
         &mut self,
         header: &RequestHeader,
-        control: Result<ControlCommand, Reason>,
-        cx: &mut Context<'_, O>,
+        request: Result<Request, Reason>,
+        cx: &mut Context<'_>,
     ) {
         if !self.is_new(header, cx) {
             return;
         }
-        let outcome = control
-            .map_err(Refusal::from)
-            .and_then(|control| match control {
-                ControlCommand::Start => {
-                    self.may_begin(header, cx.now)?;
-                    self.start(header, cx)
-                }
-                ControlCommand::Stop => {
-                    self.mark.take(&header.issued);
-                    in_time(header, cx.now)?;
-                    self.stop(header, cx)
-                }
-                // The shell reads the configuration and calls `new_fence`.
-                ControlCommand::ReloadFence => Err(Reason::InvalidFence.into()),
-            });
+        let outcome = match request {
+            Err(reason) => Err(reason.into()),
+            Ok(Request::Start) => self.start(header, cx),
+            Ok(Request::Stop) => self.stop(header, cx),
+            Ok(Request::NewFence(fence)) => self.new_fence(header, fence, cx),
+            Ok(Request::Movement(movement)) => self.take_movement(header, &movement, cx),
+            Ok(Request::Port {
+                operation,
+                port,
+                value,
+            }) => {
+                let flying = self.observation.flying(cx.now);
+                let taken = self.parameters.take(
+                    header,
+                    operation,
+                    (port, value),
+                    flying,
+                    (cx.now, cx.link),
+                );
+                taken.map(|verdict| {
+                    self.report(header, &verdict, cx);
+                    self.parameter_ended(None, cx);
+                })
+            }
+        };
         if let Err(refusal) = outcome {
-            self.refuse(header, &refusal, cx);
+            // A path with a hole is never flown: a refused waypoint takes its open path along.
+            let is_of_open_path = self.assembler.open_path() == Some(header.path_id);
+            if is_of_open_path && matches!(header.key, RequestKey::Movement(_)) {
+                self.break_path(Reason::PathBroken, cx);
+            }
+            self.refused_requests = self.refused_requests.saturating_add(1);
+            if refusal.error != ImiError::None {
+                self.refusal = refusal.error;
+            }
+            self.is_changed = true;
+            self.report(header, &refusal, cx);
         }
     }
 
-    fn start<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        cx: &mut Context<'_, O>,
-    ) -> Result<(), Refusal> {
+    fn start(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
+        self.answers.may_begin(header, cx.now)?;
         if !cx.link.is_up() {
             return Err(Reason::LinkDown.into());
         }
-        let rest = self.motion.standing().start().map_err(Refusal::from)?;
-        self.mark.take(&header.issued);
+        let rest = self.motion.standing().start()?;
+        self.answers.take(header);
         self.change_motion(Motion::Idle(rest));
         self.report(header, &Verdict::DONE, cx);
         Ok(())
     }
 
-    fn stop<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        cx: &mut Context<'_, O>,
-    ) -> Result<(), Refusal> {
-        let then = self.motion.standing().stop().map_err(Refusal::from)?;
+    fn stop(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
+        // It counts even when it is refused.
+        self.answers.take(header);
+        in_time(header, cx.now)?;
+        let then = self.motion.standing().stop()?;
         self.break_path(Reason::Stopped, cx);
-        self.give_up_movement(&Verdict::aborted(Reason::Stopped), then, cx);
+        self.give_up(&Verdict::aborted(Reason::Stopped), then, cx);
         if !cx.link.is_up() {
             // This side is empty now. The link empties the DSP's path buffer as soon as it can.
             self.change_motion(Motion::Idle(then));
@@ -289,79 +306,331 @@ impl Flight {
         self.report(header, &Verdict::ACCEPTED, cx);
         cx.link.forget_path();
         if !self.clear_errors(cx) {
-            self.undelivered(FlightCommand::ClearErrors, cx);
+            self.happen(Event::Undelivered(FlightCommand::ClearErrors), cx);
         }
         Ok(())
     }
 
+    /// The geofence of the configuration was read again, or could not be. What is left of the path under way is checked against it.
+    fn new_fence(
+        &mut self,
+        header: &RequestHeader,
+        fence: Result<Fence, Reason>,
+        cx: &mut Context<'_>,
+    ) -> Result<(), Verdict> {
+        in_time(header, cx.now)?;
+        self.safety.fence = fence?;
+        self.report(header, &Verdict::DONE, cx);
+        if let (Some(_), Some(position)) =
+            (self.motion.path_step(), self.observation.position(cx.now))
+            && let Some((leg, violation)) = self.safety.check_path(&position, self.route.ahead())
+        {
+            let reached = self.movement.waypoints_reached as usize;
+            self.intervene(violation, reached + leg, cx);
+        }
+        Ok(())
+    }
+
+    fn take_movement(
+        &mut self,
+        header: &RequestHeader,
+        movement: &Movement,
+        cx: &mut Context<'_>,
+    ) -> Result<(), Verdict> {
+        match movement {
+            Movement::TakeOff { .. } | Movement::Waypoint(_) => {
+                let newest = self.assembler.newest();
+                self.answers.may_begin_after(newest, header, cx.now)?;
+            }
+            // They count even when they are refused.
+            Movement::Land | Movement::Hold => {
+                self.answers.take(header);
+                in_time(header, cx.now)?;
+            }
+        }
+        self.safety
+            .check_movement(movement, &self.observation, cx.now)?;
+        let asked = match movement {
+            Movement::TakeOff { .. } => Asked::TakeOff,
+            Movement::Land => Asked::Land,
+            Movement::Hold => Asked::Hold,
+            Movement::Waypoint(_) => Asked::Path,
+        };
+        let facts = self.facts(cx);
+        let order = Order {
+            requester: Some(*header),
+            then: self.motion.allows(asked, header.preempt, &facts)?,
+        };
+        match *movement {
+            Movement::TakeOff { altitude_m } => self.take_off(order, altitude_m, cx)?,
+            Movement::Waypoint(segment) => self.waypoint(order, header, &segment, cx)?,
+            Movement::Land if !facts.may_fly => return Err(Reason::NotFlying.into()),
+            Movement::Land if facts.is_link_up => self.order_landing(order, cx),
+            Movement::Hold if facts.is_link_up => self.order_hold(order, cx),
+            Movement::Land | Movement::Hold => {
+                let lands = *movement == Movement::Land;
+                self.defer(order, lands, cx);
+            }
+        }
+        Ok(())
+    }
+
+    fn waypoint(
+        &mut self,
+        order: Order,
+        header: &RequestHeader,
+        segment: &Segment,
+        cx: &mut Context<'_>,
+    ) -> Result<(), Verdict> {
+        if !self.known_flying(cx)? {
+            return Err(Reason::NotFlying.into());
+        }
+        let position = self.known_position(cx)?;
+        if ground_distance_m(&position, &segment.waypoint) > self.config.movement.max_distance_m {
+            return Err(Reason::TooFar.into());
+        }
+        let header = self.part_of_path(header, segment, cx.now)?;
+        // First, so that a waypoint that is refused disturbs no path of another client.
+        self.check_leg_to(segment, &position)?;
+        if segment.first {
+            self.break_path(Reason::PathReplaced, cx);
+        }
+        match self.assembler.add(segment) {
+            Ok(false) => {
+                self.answer_newest(&Verdict::DONE, cx);
+                self.assembler.set_newest(header);
+                self.timers.arm(FlightTimer::Assembly, header.begin_by);
+                self.is_changed = true;
+                self.report(&header, &Verdict::ACCEPTED, cx);
+                Ok(())
+            }
+            Ok(true) => {
+                let requester = Some(header);
+                self.follow(Order { requester, ..order }, &position, cx)
+            }
+            Err(reason) => {
+                if self.assembler.open_path().is_none() {
+                    self.break_path(reason, cx);
+                }
+                Err(reason.into())
+            }
+        }
+    }
+
+    /// A waypoint of the open path: it came in time for the one before it, and carries the moment of the whole path.
+    fn part_of_path(
+        &self,
+        header: &RequestHeader,
+        segment: &Segment,
+        now: MonotonicNs,
+    ) -> Result<RequestHeader, Verdict> {
+        let is_part = self.assembler.continues(segment);
+        let Some(newest) = self.assembler.newest().filter(|_| is_part) else {
+            return Ok(*header);
+        };
+        in_time(newest, now)?;
+        let header = RequestHeader {
+            issued: header.issued.with(&newest.issued),
+            ..*header
+        };
+        self.answers.may_begin(&header, now)?;
+        Ok(header)
+    }
+
+    /// The leg that ends at this waypoint, against the geofence and the ground.
+    fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Verdict> {
+        let waypoints = self.assembler.waypoints();
+        let (from, leg) = match waypoints.last() {
+            Some(last) if self.assembler.continues(segment) => (*last, waypoints.len() + 1),
+            _ => (here(position), 1),
+        };
+        let ground_m = self.observation.ground_altitude_m();
+        self.safety
+            .check_leg(&from, &segment.waypoint, leg, ground_m)?;
+        Ok(())
+    }
+
+    fn known_position(&self, cx: &Context<'_>) -> Result<Geographic, Reason> {
+        self.observation.position(cx.now).ok_or(Reason::NoPosition)
+    }
+
+    fn known_flying(&self, cx: &Context<'_>) -> Result<bool, Reason> {
+        self.observation.flying(cx.now).ok_or(Reason::NoPosition)
+    }
+
     /// The sender of a request is gone. A path that it was still sending is broken; a movement goes on to its end,
     /// which is a hover or the ground.
-    pub fn sender_gone<O: Outputs>(&mut self, key: RequestKey, cx: &mut Context<'_, O>) {
-        if self.newest_waypoint.is_some_and(|newest| newest.key == key) {
+    pub fn sender_gone(&mut self, key: RequestKey, cx: &mut Context<'_>) {
+        if self
+            .assembler
+            .newest()
+            .is_some_and(|newest| newest.key == key)
+        {
             self.break_path(Reason::PathBroken, cx);
         }
     }
 
     /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under way gets its
     /// final report when the DSP has acknowledged that, or from [`Flight::close`].
-    pub fn wind_down<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+    pub fn wind_down(&mut self, cx: &mut Context<'_>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
-        if let Motion::Following(following) = &mut self.motion {
-            match following.step {
-                // The DSP has nothing of it.
-                PathStep::AwaitingEmpty | PathStep::Ready => {
-                    let verdict = Verdict::aborted(Reason::BridgeEnding);
-                    self.give_up_movement(&verdict, Rest::Ready, cx);
-                }
-                PathStep::Flying | PathStep::Settling => {
-                    following.step = PathStep::BridgeEnding;
-                    self.timers.stop(FlightTimer::Step);
-                    self.timers.stop(FlightTimer::Limit);
-                    cx.link.forget_movement();
-                    cx.link.forget_path();
-                }
-                PathStep::Finishing | PathStep::BridgeEnding => {}
-            }
-        }
+        self.happen(Event::WindDown, cx);
     }
 
     /// The bridge is ending: every open request gets its final report.
-    pub fn close<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
+    pub fn close(&mut self, cx: &mut Context<'_>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
-        // A take-off or landing goes on; its end will not be seen.
-        let verdict = Verdict::ended(Stage::Unknown, Reason::BridgeEnding, ImiError::None);
-        match self.motion {
-            // The last published state says how the module rested.
-            Motion::Idle(_) => {}
-            Motion::Stopping { then, .. } => self.finish(&verdict, then, cx),
-            Motion::Wanted { .. } => {
-                self.finish(&Verdict::aborted(Reason::BridgeEnding), Rest::Ready, cx);
-            }
-            _ => self.finish(&verdict, Rest::Ready, cx),
-        }
+        self.happen(Event::Close, cx);
         self.end_parameter_requests(Reason::BridgeEnding, cx);
     }
 
-    /// The geofence of the configuration was read again, or could not be.
-    pub fn new_fence<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        fence: Result<Fence, Reason>,
-        cx: &mut Context<'_, O>,
-    ) {
-        if !self.is_new(header, cx) {
-            return;
+    fn happen(&mut self, event: Event, cx: &mut Context<'_>) {
+        let facts = self.facts(cx);
+        let action = self.motion.happen(event, &facts);
+        if action != Action::None {
+            self.act(action, cx);
         }
-        match in_time(header, cx.now).and(fence.map_err(Refusal::from)) {
-            Ok(fence) => {
-                self.safety.set_fence(fence);
-                self.report(header, &Verdict::DONE, cx);
-                self.check_path_under_way(cx);
+    }
+
+    fn facts(&self, cx: &Context<'_>) -> Facts {
+        Facts {
+            now: cx.now,
+            is_link_up: cx.link.is_up(),
+            is_path_empty: cx.link.path() == DspPath::Empty,
+            flying: self.observation.flying(cx.now),
+            may_fly: self.observation.may_fly(),
+            looks_later: self.timers.is_armed(FlightTimer::Step),
+        }
+    }
+
+    /// Reports the end of a parameter request, and gives the next one to the DSP.
+    fn parameter_ended(&mut self, end: Option<(RequestHeader, Verdict)>, cx: &mut Context<'_>) {
+        let mut end = end;
+        loop {
+            if let Some((header, verdict)) = end {
+                self.report(&header, &verdict, cx);
             }
-            Err(refusal) => self.refuse(header, &refusal, cx),
+            end = self.parameters.send(cx.link);
+            if end.is_none() {
+                break;
+            }
         }
+        match self.parameters.deadline() {
+            Some(deadline) => self.timers.arm(FlightTimer::Parameter, deadline),
+            None => self.timers.stop(FlightTimer::Parameter),
+        }
+    }
+
+    /// All parameter requests end: the DSP is gone, or the bridge ends.
+    fn end_parameter_requests(&mut self, reason: Reason, cx: &mut Context<'_>) {
+        self.timers.stop(FlightTimer::Parameter);
+        let mut is_first = true;
+        while let Some((header, verdict)) = self.parameters.end_next(reason, is_first) {
+            is_first = false;
+            self.report(&header, &verdict, cx);
+        }
+        cx.link.forget_parameter();
+    }
+
+    /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were done when
+    /// they became part of it.
+    fn break_path(&mut self, reason: Reason, cx: &mut Context<'_>) {
+        self.answer_newest(&Verdict::aborted(reason), cx);
+        if self.assembler.open_path().is_some() {
+            self.is_changed = true;
+        }
+        self.assembler.clear();
+    }
+
+    /// The final report for the newest waypoint of the path under assembly.
+    fn answer_newest(&mut self, verdict: &Verdict, cx: &mut Context<'_>) {
+        self.timers.stop(FlightTimer::Assembly);
+        if let Some(newest) = self.assembler.take_newest() {
+            self.report(&newest, verdict, cx);
+        }
+    }
+
+    fn progress(&mut self, cx: &mut Context<'_>) {
+        self.is_changed = true;
+        if let Some(requester) = self.motion.requester().copied() {
+            self.report(&requester, &Verdict::PROGRESS, cx);
+        }
+    }
+
+    fn report(&mut self, header: &RequestHeader, verdict: &Verdict, cx: &mut Context<'_>) {
+        if verdict.stage == Stage::Accepted {
+            self.refusal = ImiError::None;
+        }
+        // The counts belong to the movement of this request, or to the path that its waypoint lies in.
+        let own = header.request_id == self.movement.request_id
+            && header.path_id == self.movement.path_id;
+        let counts = if own {
+            self.movement
+        } else {
+            MovementState {
+                waypoints_total: self.assembler.waypoints().len() as u32,
+                ..MovementState::default()
+            }
+        };
+        let mut report = RequestReport {
+            request_id: header.request_id,
+            path_id: header.path_id,
+            reported_ns: cx.now.0,
+            waypoints_total: counts.waypoints_total,
+            waypoints_sent: counts.waypoints_sent,
+            waypoints_reached: counts.waypoints_reached,
+            ..RequestReport::default()
+        };
+        verdict.write(&mut report);
+        if verdict.stage.is_final() {
+            self.answers.note(&report);
+        }
+        cx.out.report(header.key, &report);
+    }
+
+    /// Whether this request may be executed. One that was asked before is answered here, and never executed twice.
+    fn is_new(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> bool {
+        let id = header.request_id;
+        if let Some(report) = self.answers.report_of(id) {
+            let report = RequestReport {
+                reported_ns: cx.now.0,
+                ..*report
+            };
+            cx.out.report(header.key, &report);
+            return false;
+        }
+        // A request is open until it has had its final report.
+        let mut open = (self.assembler.newest().into_iter())
+            .chain(self.motion.requester())
+            .chain(self.parameters.open());
+        let (stage, reason) = if id == 0 {
+            (Stage::Refused, Reason::InvalidRequest)
+        } else if open.any(|header| header.request_id == id) {
+            (Stage::Refused, Reason::StillOpen)
+        } else if header.repeat {
+            (Stage::Unknown, Reason::NotRemembered)
+        } else if self.is_ending {
+            (Stage::Refused, Reason::BridgeEnding)
+        } else {
+            return true;
+        };
+        // Not remembered: this is not the final report of the request that was asked first.
+        let report = RequestReport {
+            request_id: id,
+            path_id: header.path_id,
+            reported_ns: cx.now.0,
+            ..RequestReport::new(stage, reason)
+        };
+        self.refused_requests = self.refused_requests.saturating_add(1);
+        cx.out.report(header.key, &report);
+        false
+    }
+
+    /// The geofence in force.
+    pub(crate) fn fence(&self) -> &Fence {
+        &self.safety.fence
     }
 
     /// What the module does.
@@ -400,11 +669,9 @@ impl Flight {
 
     /// Horizontal distance from the last known position to the last waypoint of the path being flown, m.
     pub fn distance_to_go_m(&self, now: MonotonicNs) -> Option<f64> {
-        let Motion::Following(_) = self.motion else {
-            return None;
-        };
+        self.motion.path_step()?;
         let position = self.observation.position(now)?;
-        Some(arrival::ground_distance_m(&position, self.route.target()?))
+        Some(ground_distance_m(&position, self.route.target()?))
     }
 
     /// Requests refused so far.
@@ -420,158 +687,5 @@ impl Flight {
     /// Whether the published state changed since the last time; asking resets it.
     pub fn take_changed(&mut self) -> bool {
         std::mem::take(&mut self.is_changed)
-    }
-
-    fn sample<O: Outputs>(&mut self, sample: &Sample, cx: &mut Context<'_, O>) {
-        self.observation.take(sample, cx.link.status_fresh_for());
-        match self.motion {
-            Motion::Following(_) => {
-                self.route.verification.status_arrived();
-                if let Some(position) = known_position(&sample.status) {
-                    self.watch_arrival(&position, cx);
-                }
-            }
-            Motion::TakingOff(_) | Motion::Landing(_) => {
-                self.watch_dsp_order(sample.status.flying, cx);
-            }
-            Motion::Idle(_)
-            | Motion::Holding { .. }
-            | Motion::Wanted { .. }
-            | Motion::Stopping { .. } => {}
-        }
-        self.enforce_safety(cx);
-    }
-
-    /// Flow control: the DSP asks for a waypoint, which it does only when it flies and neither takes off nor lands.
-    fn granted<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        match self.motion {
-            Motion::TakingOff(_) | Motion::Landing(_) => self.granted_in_dsp_order(cx),
-            Motion::Following(_) => self.send_waypoint(cx),
-            Motion::Idle(_)
-            | Motion::Holding { .. }
-            | Motion::Wanted { .. }
-            | Motion::Stopping { .. } => {}
-        }
-    }
-
-    fn delivered<O: Outputs>(
-        &mut self,
-        command: FlightCommand,
-        data: AckData,
-        cx: &mut Context<'_, O>,
-    ) {
-        match command {
-            FlightCommand::WriteTakeOffAltitude
-            | FlightCommand::ReadTakeOffAltitude
-            | FlightCommand::TakeOff
-            | FlightCommand::Land
-            | FlightCommand::ReadMovement => self.dsp_order_delivered(command, data, cx),
-            FlightCommand::CountWaypoints => {
-                if let AckData::Bits16(count) = data {
-                    self.waypoints_counted(count, cx);
-                }
-            }
-            FlightCommand::ClearErrors => {
-                if let Motion::Stopping { errors_cleared, .. } = &mut self.motion {
-                    *errors_cleared = true;
-                    self.stop_if_done(cx);
-                }
-            }
-            FlightCommand::Parameter => self.parameter_delivered(data, cx),
-        }
-    }
-
-    fn dsp_error<O: Outputs>(
-        &mut self,
-        code: DspErrorCode,
-        starting: bool,
-        cx: &mut Context<'_, O>,
-    ) {
-        cx.out.notice(&Notice::DspError { code, starting });
-        if starting {
-            return;
-        }
-        if let Some(error) = self.config.errors.escalates(code) {
-            return self.fatal(error, reason_of(error), cx);
-        }
-        // The DSP refused a command, a port's value or a waypoint, or could not read it. Which one, the movement under way knows.
-        match (code, self.motion) {
-            (DspErrorCode::INVALID_COMMAND, Motion::TakingOff(_) | Motion::Landing(_)) => {
-                self.dsp_order_refused(cx);
-            }
-            (
-                DspErrorCode::INVALID_COMMAND
-                | DspErrorCode::UART_QUEUE_FULL
-                | DspErrorCode::UNKNOWN_HEADER
-                | DspErrorCode::PC_CHECKSUM,
-                Motion::Following(_),
-            ) => self.waypoint_refused(code, cx),
-            _ => {}
-        }
-    }
-
-    fn path_emptied<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        match self.motion {
-            Motion::Following(following) => match following.step {
-                PathStep::AwaitingEmpty => self.begin_feed(cx),
-                PathStep::Finishing => self.finish(&Verdict::DONE, Rest::Done, cx),
-                PathStep::BridgeEnding => {
-                    self.finish(&Verdict::aborted(Reason::BridgeEnding), Rest::Ready, cx);
-                }
-                PathStep::Ready | PathStep::Flying | PathStep::Settling => {}
-            },
-            Motion::Holding { .. } => self.finish(&Verdict::DONE, Rest::Done, cx),
-            Motion::Stopping { .. } => self.stop_if_done(cx),
-            Motion::Idle(_) | Motion::TakingOff(_) | Motion::Landing(_) | Motion::Wanted { .. } => {
-            }
-        }
-    }
-
-    fn stop_if_done<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        let is_empty = cx.link.path() == DspPath::Empty;
-        if let Motion::Stopping {
-            errors_cleared: true,
-            then,
-            ..
-        } = self.motion
-            && is_empty
-        {
-            self.finish(&Verdict::DONE, then, cx);
-        }
-    }
-
-    /// Queues the emptying of the DSP's error queue; false when there is no room.
-    fn clear_errors<O>(&self, cx: &mut Context<'_, O>) -> bool {
-        cx.link.has(FlightCommand::ClearErrors)
-            || cx
-                .link
-                .command(Command::ClearErrors, FlightCommand::ClearErrors)
-                .is_ok()
-    }
-
-    /// Gives the final report to the sender of the present motion's request, and rests.
-    fn finish<O: Outputs>(&mut self, verdict: &Verdict, rest: Rest, cx: &mut Context<'_, O>) {
-        let requester = self.motion.requester().copied();
-        let then = match self.motion.order() {
-            Some(order) if verdict.stage == Stage::Done => order.then,
-            // However a hold or landing ends, it does not start the module.
-            Some(order) if order.then.is_blocked() && !rest.is_blocked() => order.then,
-            _ => rest,
-        };
-        self.route.clear();
-        self.change_motion(Motion::Idle(then));
-        if let Some(requester) = requester {
-            self.report(&requester, verdict, cx);
-        }
-    }
-
-    /// The one place where the motion changes as a whole; its timers go with it.
-    fn change_motion(&mut self, motion: Motion) {
-        self.motion = motion;
-        for timer in [FlightTimer::Begin, FlightTimer::Limit, FlightTimer::Step] {
-            self.timers.stop(timer);
-        }
-        self.refusal = ImiError::None;
-        self.is_changed = true;
     }
 }

@@ -1,32 +1,65 @@
-//! [`Motion`]: what the module does. One value from which its published state follows (requirements B3, D6, D8).
+//! [`Motion`]: what the module does, and what every order and every event makes of it (requirements B3, D6, D8).
 //!
-//! | motion | published as | start | stop | a new movement | fatal error |
+//! The published state follows from the motion alone. [`Motion::allows`] is the first table, [`Motion::happen`] the second one; the flight
+//! carries out the [`Action`] that comes of it.
+//!
+//! | motion | published as | start | stop | take-off | path | hold | landing |
+//! |---|---|---|---|---|---|---|---|
+//! | idle, waiting | waiting-data-to-start, blocked | → ready | → stopped | not started | not started | may fly | may fly |
+//! | idle, ready | running | error 1 | → stopped | taken | taken | taken | taken |
+//! | idle, done | ended | → ready | → stopped | taken | taken | taken | taken |
+//! | idle, stopped | ended, blocked | → ready | → stopped | not started | not started | may fly | may fly |
+//! | idle, aborted | aborted, blocked | → ready | → aborted | not started | not started | may fly | may fly |
+//! | following a path | running | error 1 | → aborted | busy | pre-empts | replaces it | pre-empts |
+//! | taking off, landing | running, unable to abort | error 1 | error 2 | busy | busy | refused | busy |
+//! | holding | running | error 1 | → stopped | busy | pre-empts | replaces it | pre-empts |
+//! | deferred | running | error 1 | → stopped | busy | busy | replaces it | replaces it |
+//! | stopping | ended or aborted, blocked | busy | busy | not started | not started | busy | busy |
+//!
+//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "May fly": taken as long as the
+//! helicopter flies or may fly, also while the module is blocked; the module rests afterwards as it did before. "Pre-empts": the
+//! request says that it may replace what is under way, otherwise the module is busy. While the DSP cannot be reached, hold and landing are
+//! *deferred*: accepted with the reason link-down, and carried out when the DSP is heard before their moment has passed. A stop at
+//! rest empties the DSP's buffer as well: the operator who repeats it means it.
+//!
+//! | event | taking off, landing | following | holding | deferred | stopping |
 //! |---|---|---|---|---|---|
-//! | idle, waiting | waiting-data-to-start, blocked | → ready | → stopped | refused | noted |
-//! | idle, ready | running | error 1 | → stopped | taken | → aborted |
-//! | idle, done | ended | → ready | → stopped | taken | → aborted |
-//! | idle, stopped | ended, blocked | → ready | → stopped | refused | noted |
-//! | idle, aborted | aborted, blocked | → ready | → aborted | refused | noted |
-//! | following a path | running | error 1 | → aborted | busy, or pre-empts it | → aborted |
-//! | taking off, landing | running, unable to abort | error 1 | error 2 | busy | → aborted |
-//! | holding | running | error 1 | → stopped | busy, or pre-empts it | → aborted |
-//! | wanted hold or landing | running | error 1 | → stopped | a hold or landing replaces it | → aborted |
-//! | stopping | ended or aborted, blocked | busy | busy | refused | noted |
+//! | status | its order ([`DspOrder`]) | arrival | – | – | – |
+//! | flow control 1 | its order | the next waypoint | – | – | – |
+//! | a command acknowledged | its order | verifies a waypoint | – | – | errors cleared |
+//! | error 15, 30, 102, 240 | its order | may be about a waypoint | – | – | – |
+//! | path buffer empty | – | may send; or done, if flown | done | – | done |
+//! | path buffer not emptied | – | fatal | unknown | – | unknown |
+//! | path dropped | – | fatal | – | – | – |
+//! | a command not acknowledged | fatal | fatal | fatal | fatal | unknown, if it clears errors |
+//! | DSP rebooted, link lost | fatal | fatal | fatal | – | aborted |
+//! | DSP heard | – | – | – | → landing, holding | – |
+//! | moment to begin passed | aborted if not begun | aborted if not begun | unknown | aborted | unknown |
+//! | time limit | fatal | fatal | – | – | – |
+//! | safety rule: hold | aborted, by the pilot's switch only | aborted | – | – | – |
+//! | safety rule: land | – | – | → landing | – | – |
+//! | bridge winds down | – | aborted if not begun, else its buffer is emptied | – | – | – |
+//! | bridge closes | unknown | unknown | unknown | aborted | unknown |
 //!
-//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "Noted" publishes the error and
-//! changes nothing else: nothing is running that could be ended. A stop at rest empties the DSP's buffer as well: the
-//! operator who repeats it means it.
-//!
-//! **Hold and landing** are also taken while the module is blocked, as long as the helicopter flies or may fly: *waiting*, *stopped*
-//! and *aborted* alike. No other movement is taken meanwhile, and the module rests afterwards as it did before. While the DSP cannot be reached they are *wanted*:
-//! accepted with the reason link-down, and carried out when the DSP is heard, if that is before their moment has passed.
+//! At rest, only a safety rule makes something of an event: a landing. Every request ends in exactly one final report. Where the DSP
+//! may be doing what cannot be seen any more, it is `unknown`. A *fatal* error ends the functionality: → aborted. Where nothing runs
+//! that could be ended it is only noted.
 
+use dsp_protocol::DspErrorCode;
+use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{Functionality, ImiError, ModuleStatus, MovementKind};
+use ipc_types::code::{
+    Functionality, ImiError, ModuleStatus, MovementKind, Reason, SafetyRule, Stage,
+};
 use module_kit::rules::{OnStop, Standing};
 use serde::{Deserialize, Serialize};
 
+use super::dsp_order::{Doubt, DspOrder, Next, Signs};
+use super::report::Verdict;
 use super::request::RequestHeader;
+use crate::link::FlightCommand;
+use crate::link::commands::AckData;
+use crate::safety::Violation;
 
 /// How a module without a movement came to rest.
 pub type Rest = module_kit::rules::Rest<ImiError>;
@@ -37,18 +70,39 @@ pub enum Motion {
     /// No movement; a path may be under assembly.
     Idle(Rest),
     /// A take-off.
-    TakingOff(TakeOff),
+    TakingOff {
+        /// Whose request it is.
+        order: Order,
+        /// Height above take-off, m.
+        height_m: f32,
+        /// Telemetry altitude of the point of take-off, m.
+        ground_altitude_m: f64,
+        /// Flow control 1 came since the order, before a flying flag did, and the port has not read 1 after it.
+        is_granted: bool,
+        /// How far it is.
+        step: DspOrder,
+    },
     /// A landing.
-    Landing(Landing),
-    /// A path.
-    Following(Following),
+    Landing {
+        /// Whose request it is.
+        order: Order,
+        /// How far it is.
+        step: DspOrder,
+    },
+    /// A path. Its waypoints are in [`Route`](super::route::Route).
+    Following {
+        /// The request that closed the path.
+        order: Order,
+        /// How far it is.
+        step: PathStep,
+    },
     /// The DSP's path buffer is being emptied so that the helicopter hovers; the module stays started.
     Holding {
         /// Whose request it is.
         order: Order,
     },
     /// A hold or a landing that is carried out when the DSP is heard.
-    Wanted {
+    Deferred {
         /// Whose request it is.
         order: Order,
         /// It is a landing.
@@ -74,76 +128,6 @@ pub struct Order {
     pub then: Rest,
 }
 
-impl Order {
-    /// The order of a request.
-    pub const fn of(requester: RequestHeader) -> Order {
-        Order {
-            requester: Some(requester),
-            then: Rest::Done,
-        }
-    }
-}
-
-/// A take-off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TakeOff {
-    /// Whose request it is.
-    pub order: Order,
-    /// Height above take-off, m.
-    pub height_m: f32,
-    /// Telemetry altitude of the point of take-off, m.
-    pub ground_altitude_m: f64,
-    /// Flow control 1 came since the order, before a flying flag did, and the port has not read 1 after it.
-    pub is_granted: bool,
-    /// How far it is.
-    pub step: DspOrder,
-}
-
-/// A landing.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Landing {
-    /// Whose request it is.
-    pub order: Order,
-    /// How far it is.
-    pub step: DspOrder,
-}
-
-/// How far an order for take-off or landing is: the DSP forms these movements itself.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum DspOrder {
-    /// What it needs is being written and read back.
-    Preparing,
-    /// The command is on its way.
-    Ordering(Doubt),
-    /// The command was acknowledged; that it is carried out is not known yet.
-    Confirming {
-        /// Until when the DSP must show that it carries it out.
-        until: MonotonicNs,
-        /// What speaks against it.
-        doubt: Doubt,
-    },
-    /// The DSP carries it out.
-    UnderWay,
-}
-
-/// What speaks against an order being carried out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Doubt {
-    /// The DSP reported "invalid command" since it was given the order.
-    pub is_refused: bool,
-    /// The port of the movement read 0.
-    pub reads_zero: bool,
-}
-
-/// A path being flown. Its waypoints are in [`Route`](super::route::Route).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Following {
-    /// The request that closed the path.
-    pub order: Order,
-    /// How far it is.
-    pub step: PathStep,
-}
-
 /// How far a path is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PathStep {
@@ -161,21 +145,452 @@ pub enum PathStep {
     BridgeEnding,
 }
 
-impl DspOrder {
-    /// Whether the DSP may have got the order.
-    pub fn may_be_begun(&self) -> bool {
-        !matches!(self, DspOrder::Preparing)
-    }
+/// What an event or an order depends on besides the motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Facts {
+    /// The present moment.
+    pub now: MonotonicNs,
+    /// The DSP takes commands.
+    pub is_link_up: bool,
+    /// The DSP's path buffer is known to be empty.
+    pub is_path_empty: bool,
+    /// Whether the helicopter is in the air, if that is known.
+    pub flying: Option<bool>,
+    /// It was in the air when that was last known, or that was never known.
+    pub may_fly: bool,
+    /// The next look at a take-off or landing has its time.
+    pub looks_later: bool,
+}
+
+/// What happens to a motion.
+#[derive(Clone, Copy, Debug)]
+pub enum Event {
+    /// A status arrived.
+    Status {
+        /// Its flying flag.
+        flying: bool,
+        /// Its position, if it has one.
+        position: Option<Geographic>,
+    },
+    /// Flow control 1: the DSP asks for a waypoint, which it does only when it flies and neither takes off nor lands.
+    Grant,
+    /// A command was acknowledged.
+    Delivered(FlightCommand, AckData),
+    /// A command was not acknowledged in three attempts.
+    Undelivered(FlightCommand),
+    /// The DSP reported an error that is not fatal.
+    DspError(DspErrorCode),
+    /// The DSP's path buffer is known to be empty.
+    PathEmptied,
+    /// The DSP did not acknowledge that it empties its path buffer. The link goes on trying.
+    PathNotEmptied,
+    /// The DSP may take the bridge for gone and stop by itself.
+    PathDropped,
+    /// The DSP cannot be reached, or is not the one it was. The start-up sequence, which runs next, empties its path buffer.
+    Vanished(ImiError, Reason),
+    /// The link said something: the DSP may be heard again.
+    Heard,
+    /// The moment to begin has passed, or that to end of a hold or stop.
+    BeginByPassed,
+    /// A movement that has begun has not ended in time.
+    TimeLimit,
+    /// The next look at how the movement goes on is due.
+    StepDue,
+    /// A safety rule that is broken ends what it must end.
+    SafetyHold(Violation),
+    /// A safety rule that is broken lands the helicopter.
+    SafetyLand,
+    /// The bridge is about to end.
+    WindDown,
+    /// The bridge ends: every request gets its final report.
+    Close,
+}
+
+/// What the flight does about an event.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// Nothing.
+    None,
+    /// The movement or stop has ended: its request gets this final report, and the module rests.
+    End(Verdict, Rest),
+    /// The movement ends early, and what the DSP may hold of it is taken back.
+    GiveUp(Verdict, Rest),
+    /// A fatal error (requirement D8).
+    Fatal(ImiError, Reason),
+    /// A fatal error that the safety rule about a lost link remembers.
+    PathLost(ImiError, Reason),
+    /// Gives up the movement if its command has not been sent.
+    Withdraw(FlightCommand, Verdict),
+    /// Gives up the movement for a safety rule.
+    Intervene(Violation),
+    /// Begins a hold whose request was taken before.
+    Hold(Order),
+    /// Begins a landing whose request was taken before, or that a safety rule orders.
+    Land(Order),
+    /// Reads the take-off altitude back.
+    ReadTakeOffAltitude,
+    /// Orders the take-off.
+    OrderTakeOff,
+    /// The DSP has the order for the take-off or landing.
+    Ordered,
+    /// Reads the port of the take-off or landing.
+    Look,
+    /// The DSP carries the take-off or landing out.
+    UnderWay,
+    /// The take-off or landing has ended as it should.
+    OrderDone,
+    /// The path may be sent.
+    BeginPath,
+    /// Sends a waypoint.
+    SendWaypoint,
+    /// The DSP's count of waypoints was read.
+    Counted(u16),
+    /// The DSP's error may be about a waypoint.
+    WaypointError(DspErrorCode),
+    /// A status while a path is under way, with its position.
+    Watch(Option<Geographic>),
+    /// The time for the helicopter to reach the last waypoint itself is over.
+    SettlingOver,
+    /// The bridge is about to end: the DSP's path buffer is emptied.
+    EmptyPath,
+}
+
+/// An order whose admission depends on the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// A take-off.
+    TakeOff,
+    /// A waypoint of a path.
+    Path,
+    /// A hold.
+    Hold,
+    /// A landing.
+    Land,
 }
 
 impl Motion {
-    /// The movement's order.
-    pub fn order(&self) -> Option<&Order> {
+    /// Whether an order may be taken, and how the module rests when it has ended as it should.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn allows(&self, asked: Asked, preempt: bool, facts: &Facts) -> Result<Rest, Reason> {
+        let on_the_spot = matches!(asked, Asked::Hold | Asked::Land);
+        let preempts = asked == Asked::Hold || asked != Asked::TakeOff && preempt;
+        let wants_start = match on_the_spot {
+            true => self.is_blocked() && !facts.may_fly,
+            false => self.wants_start(),
+        };
+        match *self {
+            _ if asked == Asked::Hold && self.unable_to_abort() => Err(Reason::UnableToAbort),
+            _ if wants_start => Err(Reason::NotStarted),
+            _ if !facts.is_link_up && !(on_the_spot && facts.may_fly) => Err(Reason::LinkDown),
+            Motion::Idle(rest) => Ok(rest_after(rest)),
+            Motion::Following { order, .. } | Motion::Holding { order } if preempts => {
+                Ok(rest_after(order.then))
+            }
+            Motion::Deferred { order, .. } if on_the_spot => Ok(rest_after(order.then)),
+            _ => Err(Reason::Busy),
+        }
+    }
+
+    /// What an event makes of the motion, and what is to be done about it.
+    pub fn happen(&mut self, event: Event, facts: &Facts) -> Action {
+        use Event as E;
+        use Motion as M;
+        let lost = ImiError::CommunicationFatalError;
+        let reason = Reason::CommunicationFatalError;
+        let unknown = Verdict::ended(Stage::Unknown, reason, lost);
+        match (*self, event) {
+            (M::TakingOff { .. } | M::Landing { .. }, E::Status { flying, .. }) => {
+                self.order(|signs| signs.status(flying), facts)
+            }
+            (M::TakingOff { .. } | M::Landing { .. }, E::Grant) => {
+                self.order(|signs| signs.flow_control(), facts)
+            }
+            (
+                M::TakingOff { .. } | M::Landing { .. },
+                E::DspError(DspErrorCode::INVALID_COMMAND),
+            ) => self.order(|signs| signs.step.error_30(), facts),
+            (M::TakingOff { .. } | M::Landing { .. }, E::StepDue) => {
+                self.order(|signs| signs.step.look_due(facts.now), facts)
+            }
+            (M::TakingOff { .. } | M::Landing { .. }, E::Delivered(command, data)) => {
+                self.ordered(command, data, facts)
+            }
+            (M::Following { .. }, E::Status { position, .. }) => Action::Watch(position),
+            (M::Following { .. }, E::Grant) => Action::SendWaypoint,
+            (
+                M::Following { .. },
+                E::Delivered(FlightCommand::CountWaypoints, AckData::Bits16(count)),
+            ) => Action::Counted(count),
+            (
+                M::Following { .. },
+                E::DspError(
+                    code @ (DspErrorCode::INVALID_COMMAND
+                    | DspErrorCode::UART_QUEUE_FULL
+                    | DspErrorCode::UNKNOWN_HEADER
+                    | DspErrorCode::PC_CHECKSUM),
+                ),
+            ) => Action::WaypointError(code),
+            (M::Following { .. }, E::StepDue) => Action::SettlingOver,
+            (M::Stopping { then, .. }, E::Delivered(FlightCommand::ClearErrors, _)) => {
+                if let M::Stopping { errors_cleared, .. } = self {
+                    *errors_cleared = true;
+                }
+                match facts.is_path_empty {
+                    true => Action::End(Verdict::DONE, then),
+                    false => Action::None,
+                }
+            }
+
+            (M::Following { step, .. }, E::PathEmptied) => match step {
+                PathStep::AwaitingEmpty => Action::BeginPath,
+                PathStep::Finishing => Action::End(Verdict::DONE, Rest::Done),
+                PathStep::BridgeEnding => {
+                    Action::End(Verdict::aborted(Reason::BridgeEnding), Rest::Ready)
+                }
+                PathStep::Ready | PathStep::Flying | PathStep::Settling => Action::None,
+            },
+            (M::Holding { .. }, E::PathEmptied) => Action::End(Verdict::DONE, Rest::Done),
+            (
+                M::Stopping {
+                    errors_cleared,
+                    then,
+                    ..
+                },
+                E::PathEmptied,
+            ) if errors_cleared && facts.is_path_empty => Action::End(Verdict::DONE, then),
+            (M::Stopping { then, .. }, E::PathNotEmptied) => {
+                Action::End(unknown, then.with_fatal(lost))
+            }
+            (M::Holding { .. }, E::PathNotEmptied) => Action::End(unknown, Rest::Aborted(lost)),
+            (M::Following { .. }, E::PathNotEmptied | E::PathDropped) => {
+                Action::Fatal(lost, reason)
+            }
+
+            (M::Stopping { then, .. }, E::Undelivered(FlightCommand::ClearErrors)) => {
+                Action::End(unknown, then.with_fatal(lost))
+            }
+            // It was sent because of another error, which is shown.
+            (_, E::Undelivered(FlightCommand::ClearErrors)) => Action::None,
+            (_, E::Undelivered(_)) => Action::Fatal(lost, reason),
+            (M::Stopping { then, .. }, E::Vanished(error, reason)) => {
+                Action::End(Verdict::ended(Stage::Aborted, reason, error), then)
+            }
+            (M::Following { .. } | M::Holding { .. }, E::Vanished(error, reason)) => {
+                Action::PathLost(error, reason)
+            }
+            (M::TakingOff { .. } | M::Landing { .. }, E::Vanished(error, reason)) => {
+                Action::Fatal(error, reason)
+            }
+            (M::Deferred { order, lands }, E::Heard) if facts.is_link_up => match lands {
+                true if facts.flying == Some(false) => {
+                    Action::End(Verdict::aborted(Reason::NotFlying), Rest::Ready)
+                }
+                true => Action::Land(order),
+                false => Action::Hold(order),
+            },
+
+            (_, E::BeginByPassed) => self.begin_by_passed(facts.now),
+            (_, E::TimeLimit) => Action::Fatal(ImiError::MovementTimeout, Reason::MovementTimeout),
+            (M::Following { .. }, E::SafetyHold(violation)) => Action::Intervene(violation),
+            (M::TakingOff { .. } | M::Landing { .. }, E::SafetyHold(violation))
+                if violation.rule == SafetyRule::PilotSwitch =>
+            {
+                Action::Intervene(violation)
+            }
+            (M::Idle(then), E::SafetyLand) => self.safety_landing(then, facts),
+            (M::Holding { .. }, E::SafetyLand) => self.safety_landing(Rest::Ready, facts),
+            (M::Following { step, .. }, E::WindDown) => match step {
+                // The DSP has nothing of it.
+                PathStep::AwaitingEmpty | PathStep::Ready => {
+                    Action::GiveUp(Verdict::aborted(Reason::BridgeEnding), Rest::Ready)
+                }
+                PathStep::Flying | PathStep::Settling => {
+                    self.set_path_step(PathStep::BridgeEnding);
+                    Action::EmptyPath
+                }
+                PathStep::Finishing | PathStep::BridgeEnding => Action::None,
+            },
+            // The last published state says how the module rested.
+            (M::Idle(_), E::Close) => Action::None,
+            (M::Deferred { .. }, E::Close) => {
+                Action::End(Verdict::aborted(Reason::BridgeEnding), Rest::Ready)
+            }
+            (motion, E::Close) => {
+                let then = match motion {
+                    M::Stopping { then, .. } => then,
+                    _ => Rest::Ready,
+                };
+                // A take-off or landing goes on; its end will not be seen.
+                let stage = Stage::Unknown;
+                Action::End(Verdict::aborted(Reason::BridgeEnding).at(stage), then)
+            }
+            _ => Action::None,
+        }
+    }
+
+    /// A fatal error comes. Whether something runs that it ends; else it is noted.
+    pub fn note_fatal(&mut self, error: ImiError) -> bool {
         match self {
-            Motion::TakingOff(take_off) => Some(&take_off.order),
-            Motion::Landing(landing) => Some(&landing.order),
-            Motion::Following(following) => Some(&following.order),
-            Motion::Holding { order } | Motion::Wanted { order, .. } => Some(order),
+            Motion::Stopping { then, .. } => {
+                *then = then.with_fatal(error);
+                false
+            }
+            Motion::Idle(rest) => {
+                let was_blocked = rest.is_blocked();
+                *rest = rest.with_fatal(error);
+                !was_blocked
+            }
+            _ => true,
+        }
+    }
+
+    /// Whether an early end is known to be one. Once the DSP may have the movement, a broken link says nothing about what it does
+    /// with it.
+    pub fn stage_of_early_end(&self, reason: Reason) -> Stage {
+        let is_lost = reason == Reason::CommunicationFatalError;
+        let out_of_sight = is_lost || reason == Reason::MovementTimeout;
+        let may_go_on = match self {
+            Motion::TakingOff { step, .. } | Motion::Landing { step, .. } => {
+                step.may_be_begun() && out_of_sight
+            }
+            Motion::Following { step, .. } => step.has_begun() && is_lost,
+            Motion::Holding { .. } => out_of_sight,
+            Motion::Idle(_) | Motion::Deferred { .. } | Motion::Stopping { .. } => false,
+        };
+        match may_go_on {
+            true => Stage::Unknown,
+            false => Stage::Aborted,
+        }
+    }
+
+    fn begin_by_passed(&self, now: MonotonicNs) -> Action {
+        let late = match self.requester() {
+            Some(requester) => Verdict::too_late(requester, now),
+            None => Reason::TooLate.into(),
+        };
+        let (aborted, unknown) = (late.at(Stage::Aborted), late.at(Stage::Unknown));
+        match *self {
+            Motion::TakingOff { step, .. } | Motion::Landing { step, .. }
+                if !step.may_be_begun() =>
+            {
+                Action::GiveUp(aborted, Rest::Ready)
+            }
+            // An order that is on its way is decided by its acknowledgement, which comes or fails soon.
+            Motion::TakingOff { .. } => Action::Withdraw(FlightCommand::TakeOff, aborted),
+            Motion::Landing { .. } => Action::Withdraw(FlightCommand::Land, aborted),
+            Motion::Following { step, .. } if step.has_begun() => Action::None,
+            Motion::Following { .. } => Action::GiveUp(aborted, Rest::Ready),
+            Motion::Holding { .. } => Action::End(unknown, Rest::Ready),
+            Motion::Stopping { then, .. } => Action::End(unknown, then),
+            // The DSP was not heard: it has nothing of it.
+            Motion::Deferred { .. } => Action::End(aborted, Rest::Ready),
+            Motion::Idle(_) => Action::None,
+        }
+    }
+
+    fn safety_landing(&self, then: Rest, facts: &Facts) -> Action {
+        match facts.flying == Some(true) && facts.is_link_up {
+            true => Action::Land(Order {
+                requester: None,
+                then,
+            }),
+            false => Action::None,
+        }
+    }
+
+    /// A command of a take-off or landing was acknowledged.
+    fn ordered(&mut self, command: FlightCommand, data: AckData, facts: &Facts) -> Action {
+        match (command, &mut *self) {
+            (FlightCommand::WriteTakeOffAltitude, Motion::TakingOff { .. }) => {
+                Action::ReadTakeOffAltitude
+            }
+            (FlightCommand::ReadTakeOffAltitude, Motion::TakingOff { height_m, .. }) => {
+                match data == AckData::Bits32(*height_m) {
+                    true => Action::OrderTakeOff,
+                    // A DSP that has another altitude than the one that was asked for must not take off.
+                    false => refused_by_dsp(Some(DspErrorCode::INVALID_COMMAND)),
+                }
+            }
+            (FlightCommand::TakeOff, Motion::TakingOff { step, .. })
+            | (FlightCommand::Land, Motion::Landing { step, .. }) => {
+                match step.acknowledged(facts.now) {
+                    true => Action::Ordered,
+                    false => Action::None,
+                }
+            }
+            (FlightCommand::ReadMovement, _) => {
+                let is_under_way = data != AckData::Bits16(0);
+                self.order(|signs| signs.port_read(is_under_way), facts)
+            }
+            // Of a movement that has ended meanwhile.
+            _ => Action::None,
+        }
+    }
+
+    /// A sign of the DSP about the order of a take-off or landing.
+    fn order(&mut self, sign: impl FnOnce(Signs<'_>) -> Next, facts: &Facts) -> Action {
+        let (step, granted) = match self {
+            Motion::TakingOff {
+                step, is_granted, ..
+            } => (step, Some(is_granted)),
+            Motion::Landing { step, .. } => (step, None),
+            _ => return Action::None,
+        };
+        let signs = Signs {
+            step,
+            granted,
+            flying: facts.flying,
+            looks_later: facts.looks_later,
+        };
+        match sign(signs) {
+            Next::Wait => Action::None,
+            Next::Look => Action::Look,
+            Next::UnderWay => Action::UnderWay,
+            Next::Done => Action::OrderDone,
+            Next::Refused(error) => refused_by_dsp(error),
+        }
+    }
+
+    /// How far the order for take-off or landing is; `None` if none is under way.
+    pub fn dsp_order(&self) -> Option<&DspOrder> {
+        match self {
+            Motion::TakingOff { step, .. } | Motion::Landing { step, .. } => Some(step),
+            _ => None,
+        }
+    }
+
+    /// The order for the take-off is on its way.
+    pub fn take_off_sent(&mut self) {
+        if let Motion::TakingOff { step, .. } = self {
+            *step = DspOrder::Ordering(Doubt::default());
+        }
+    }
+
+    /// How far the path under way is; `None` if none is.
+    pub fn path_step(&self) -> Option<PathStep> {
+        match self {
+            Motion::Following { step, .. } => Some(*step),
+            _ => None,
+        }
+    }
+
+    /// The path under way is so far now.
+    pub fn set_path_step(&mut self, to: PathStep) {
+        if let Motion::Following { step, .. } = self {
+            *step = to;
+        }
+    }
+
+    /// The movement's order.
+    pub fn movement_order(&self) -> Option<&Order> {
+        match self {
+            Motion::TakingOff { order, .. }
+            | Motion::Landing { order, .. }
+            | Motion::Following { order, .. }
+            | Motion::Holding { order }
+            | Motion::Deferred { order, .. } => Some(order),
             Motion::Idle(_) | Motion::Stopping { .. } => None,
         }
     }
@@ -184,18 +599,18 @@ impl Motion {
     pub fn requester(&self) -> Option<&RequestHeader> {
         match self {
             Motion::Stopping { requester, .. } => Some(requester),
-            other => other.order()?.requester.as_ref(),
+            other => other.movement_order()?.requester.as_ref(),
         }
     }
 
     /// Which movement it is.
     pub fn kind(&self) -> Option<MovementKind> {
         match self {
-            Motion::TakingOff(_) => Some(MovementKind::TakeOff),
-            Motion::Landing(_) => Some(MovementKind::Land),
-            Motion::Following(_) => Some(MovementKind::GoToWaypoint),
-            Motion::Wanted { lands: true, .. } => Some(MovementKind::Land),
-            Motion::Holding { .. } | Motion::Wanted { .. } => Some(MovementKind::Hold),
+            Motion::TakingOff { .. } => Some(MovementKind::TakeOff),
+            Motion::Landing { .. } => Some(MovementKind::Land),
+            Motion::Following { .. } => Some(MovementKind::GoToWaypoint),
+            Motion::Deferred { lands: true, .. } => Some(MovementKind::Land),
+            Motion::Holding { .. } | Motion::Deferred { .. } => Some(MovementKind::Hold),
             Motion::Idle(_) | Motion::Stopping { .. } => None,
         }
     }
@@ -204,9 +619,9 @@ impl Motion {
     pub fn standing(&self) -> Standing<ImiError> {
         match self {
             Motion::Idle(rest) => Standing::Resting(*rest),
-            Motion::TakingOff(_) | Motion::Landing(_) => Standing::Working(OnStop::Refused),
-            Motion::Following(_) => Standing::Working(OnStop::Aborts),
-            Motion::Holding { .. } | Motion::Wanted { .. } => Standing::Working(OnStop::Ends),
+            Motion::TakingOff { .. } | Motion::Landing { .. } => Standing::Working(OnStop::Refused),
+            Motion::Following { .. } => Standing::Working(OnStop::Aborts),
+            Motion::Holding { .. } | Motion::Deferred { .. } => Standing::Working(OnStop::Ends),
             Motion::Stopping { then, .. } => Standing::Stopping { then: *then },
         }
     }
@@ -223,7 +638,10 @@ impl Motion {
 
     /// Whether any movement but a hold or a landing wants a start first, also while one of these is carried out.
     pub fn wants_start(&self) -> bool {
-        self.is_blocked() || self.order().is_some_and(|order| order.then.is_blocked())
+        self.is_blocked()
+            || self
+                .movement_order()
+                .is_some_and(|order| order.then.is_blocked())
     }
 
     /// The published state.
@@ -241,11 +659,41 @@ impl Motion {
         match self {
             Motion::Idle(_) if is_receiving_path => Functionality::ReceivingPath,
             Motion::Idle(_) => Functionality::AtRest,
-            Motion::TakingOff(_) => Functionality::TakingOff,
-            Motion::Following(_) => Functionality::FollowingPath,
-            Motion::Landing(_) => Functionality::Landing,
-            Motion::Holding { .. } | Motion::Wanted { .. } => Functionality::Holding,
+            Motion::TakingOff { .. } => Functionality::TakingOff,
+            Motion::Following { .. } => Functionality::FollowingPath,
+            Motion::Landing { .. } => Functionality::Landing,
+            Motion::Holding { .. } | Motion::Deferred { .. } => Functionality::Holding,
             Motion::Stopping { .. } => Functionality::Stopping,
+        }
+    }
+}
+
+/// A module that is blocked rests after a hold or landing as it did before.
+fn rest_after(before: Rest) -> Rest {
+    match before.is_blocked() {
+        true => before,
+        false => Rest::Done,
+    }
+}
+
+/// The DSP does not do what it was ordered to. Nothing is under way, so the next order may come.
+fn refused_by_dsp(error: Option<DspErrorCode>) -> Action {
+    Action::GiveUp(Verdict::refused_by_dsp(error), Rest::Ready)
+}
+
+impl PathStep {
+    /// Whether the DSP may have a waypoint of it.
+    pub fn has_begun(self) -> bool {
+        !matches!(self, PathStep::AwaitingEmpty | PathStep::Ready)
+    }
+}
+
+impl Order {
+    /// The order of a request.
+    pub const fn of(requester: RequestHeader) -> Order {
+        Order {
+            requester: Some(requester),
+            then: Rest::Done,
         }
     }
 }
@@ -263,23 +711,23 @@ mod tests {
     };
     const REQUESTER: RequestHeader = RequestHeader::TEST;
 
-    const TAKING_OFF: Motion = Motion::TakingOff(TakeOff {
+    const TAKING_OFF: Motion = Motion::TakingOff {
         order: ORDER,
         height_m: 5.0,
         ground_altitude_m: 0.0,
         is_granted: false,
         step: DspOrder::Preparing,
-    });
-    const LANDING: Motion = Motion::Landing(Landing {
+    };
+    const LANDING: Motion = Motion::Landing {
         order: ORDER,
         step: DspOrder::UnderWay,
-    });
-    const FOLLOWING: Motion = Motion::Following(Following {
+    };
+    const FOLLOWING: Motion = Motion::Following {
         order: ORDER,
         step: PathStep::Flying,
-    });
+    };
     const HOLDING: Motion = Motion::Holding { order: ORDER };
-    const WANTED: Motion = Motion::Wanted {
+    const DEFERRED: Motion = Motion::Deferred {
         order: Order {
             requester: None,
             then: Rest::Stopped(NONE),
@@ -309,7 +757,7 @@ mod tests {
             ),
             (FOLLOWING, Err(Running), Ok(aborted)),
             (HOLDING, Err(Running), Ok(stopped)),
-            (WANTED, Err(Running), Ok(stopped)),
+            (DEFERRED, Err(Running), Ok(stopped)),
             (TAKING_OFF, Err(Running), Err(UnableToAbort)),
             (LANDING, Err(Running), Err(UnableToAbort)),
             (STOPPING, Err(Busy), Err(Busy)),
@@ -340,7 +788,7 @@ mod tests {
             (TAKING_OFF, S::Running, false, F::TakingOff),
             (LANDING, S::Running, false, F::Landing),
             (HOLDING, S::Running, false, F::Holding),
-            (WANTED, S::Running, false, F::Holding),
+            (DEFERRED, S::Running, false, F::Holding),
             (STOPPING, S::Ended, true, F::Stopping),
         ];
         for (motion, status, blocked, functionality) in table {

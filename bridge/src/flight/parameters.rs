@@ -3,238 +3,214 @@
 //! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands that
 //! it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
 
-use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port};
+use std::collections::VecDeque;
+
+use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port, port16, port32};
 use dsp_protocol::{Command, DspErrorCode};
+use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, ParameterOperation, PortKind, Reason, Stage};
-use ipc_types::payload::{ParameterRequest, PortInfo};
+use ipc_types::payload::PortInfo;
+use serde::{Deserialize, Serialize};
 
-use super::parameter_jobs::Job;
-pub use super::parameter_jobs::{MAX_OPEN, ParameterRequests};
-use super::port_number;
-use super::report::{Detail, Refusal, Verdict, in_time, too_late};
+use super::report::{Detail, Verdict, in_time};
 use super::request::RequestHeader;
-use super::{Context, Flight, FlightTimer};
-use crate::link::FlightCommand;
 use crate::link::commands::AckData;
-use crate::outputs::Outputs;
+use crate::link::{FlightCommand, Link};
 
-impl Flight {
-    /// Takes a parameter request, or the reason why it cannot be one.
-    pub fn parameter_request<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        operation: Result<ParameterOperation, Reason>,
-        request: &ParameterRequest,
-        cx: &mut Context<'_, O>,
-    ) {
-        if !self.is_new(header, cx) {
-            return;
-        }
-        let outcome = operation
-            .map_err(Refusal::from)
-            .and_then(|operation| match operation {
-                ParameterOperation::List => self.describe(header, request.port, cx),
-                ParameterOperation::Read => self.enqueue(header, request.port, None, cx),
-                ParameterOperation::Write => {
-                    self.enqueue(header, request.port, Some(request.value), cx)
-                }
-            });
-        if let Err(refusal) = outcome {
-            self.refuse(header, &refusal, cx);
-        }
-    }
+/// Parameter requests that may be open at once. One more is refused with `too-many-requests`.
+pub const MAX_OPEN: usize = 8;
 
-    fn describe<O: Outputs>(
-        &mut self,
-        header: &RequestHeader,
-        index: u32,
-        cx: &mut Context<'_, O>,
-    ) -> Result<(), Refusal> {
-        let port = port_at(index as usize).ok_or(Reason::NoSuchPort)?;
-        let detail = Detail {
-            port: Some(info(port)),
-            ..Detail::default()
+/// Requests to read and write ports that have had no final report. The first one is with the DSP.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct ParameterRequests(VecDeque<Job>);
+
+/// A request to read or write a port.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Job {
+    header: RequestHeader,
+    #[serde(with = "port_number")]
+    port: Port,
+    /// The command that writes the port; `None` if it is only read.
+    write: Option<Command>,
+    /// The write was acknowledged, and the port is being read.
+    is_written: bool,
+}
+
+impl Job {
+    /// The end of the request without an answer of the DSP. A write that was sent may have been carried out.
+    fn failed(&self, reason: Reason) -> (RequestHeader, Verdict) {
+        let stage = match self.write {
+            Some(_) => Stage::Unknown,
+            None => Stage::Aborted,
         };
-        self.report(header, &Verdict::DONE.about(detail), cx);
-        Ok(())
+        (self.header, Verdict::ended(stage, reason, ImiError::None))
+    }
+}
+
+impl ParameterRequests {
+    /// None.
+    pub fn new() -> Self {
+        ParameterRequests(VecDeque::with_capacity(MAX_OPEN))
     }
 
-    fn enqueue<O: Outputs>(
+    /// The requests that have had no final report.
+    pub fn open(&self) -> impl Iterator<Item = &RequestHeader> {
+        self.0.iter().map(|job| &job.header)
+    }
+
+    /// Until when the request that is with the DSP may be.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.open().next().map(|header| header.begin_by)
+    }
+
+    /// Takes a request while the helicopter flies, or not, as far as that is known. Returns its first report, which is its last one for
+    /// the description of a port.
+    ///
+    /// # Errors
+    /// The refusal.
+    pub fn take(
         &mut self,
         header: &RequestHeader,
-        number: u32,
-        value: Option<f64>,
-        cx: &mut Context<'_, O>,
-    ) -> Result<(), Refusal> {
-        in_time(header, cx.now)?;
+        operation: ParameterOperation,
+        (number, value): (u32, f64),
+        flying: Option<bool>,
+        (now, link): (MonotonicNs, &Link),
+    ) -> Result<Verdict, Verdict> {
+        if operation == ParameterOperation::List {
+            let port = port_at(number as usize).ok_or(Reason::NoSuchPort)?;
+            return Ok(Verdict::DONE.about(Detail {
+                port: Some(info(port)),
+                ..Detail::default()
+            }));
+        }
+        in_time(header, now)?;
         let port = port_number::find(number).ok_or(Reason::NoSuchPort)?;
-        let write = match value {
-            Some(value) => Some(self.write_command(port, value, cx)?),
-            None => None,
+        let write = match operation {
+            ParameterOperation::Write => Some(write_command(port, value, flying)?),
+            _ => None,
         };
-        if !cx.link.is_up() {
+        if !link.is_up() {
             return Err(Reason::LinkDown.into());
         }
-        if self.parameters.open.len() == MAX_OPEN {
+        if self.0.len() == MAX_OPEN {
             return Err(Reason::TooManyRequests.into());
         }
-        self.parameters.open.push_back(Job {
+        self.0.push_back(Job {
             header: *header,
             port,
             write,
             is_written: false,
         });
-        self.report(header, &Verdict::ACCEPTED, cx);
-        if self.parameters.open.len() == 1 {
-            self.next_parameter(cx);
-        }
-        Ok(())
+        Ok(Verdict::ACCEPTED)
     }
 
-    /// The command that writes `value`, if the port takes it now.
-    fn write_command<O>(
-        &self,
-        port: Port,
-        value: f64,
-        cx: &Context<'_, O>,
-    ) -> Result<Command, Refusal> {
-        match access(port) {
-            Access::Bridge => return Err(Reason::NoSuchPort.into()),
-            // Not known to stand on the ground counts as in flight.
-            Access::OnGround if self.observation.flying(cx.now) != Some(false) => {
-                return Err(Reason::NotInFlight.into());
-            }
-            Access::OnGround | Access::Always => {}
+    /// Gives the first request to the DSP, unless that has it. Returns the end of one that cannot be sent.
+    pub fn send(&mut self, link: &mut Link) -> Option<(RequestHeader, Verdict)> {
+        let job = self.0.front()?;
+        if link.has(FlightCommand::Parameter) {
+            return None;
         }
-        if !value.is_finite() {
-            return Err(Reason::NotFinite.into());
-        }
-        let command = match port {
-            Port::Bits16(port) => {
-                let bits = (value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX))
-                    .then(|| port.bits_of(value as i32))
-                    .flatten();
-                bits.map(|value| Command::Write16 {
-                    port: port.number,
-                    value,
-                })
-            }
-            Port::Bits32(port) => {
-                let value = value as f32;
-                port.accepts(value).then_some(Command::Write32 {
-                    port: port.number,
-                    value,
-                })
-            }
-        };
-        Ok(command.ok_or(Reason::OutOfRange)?)
-    }
-
-    /// Gives the first request to the DSP.
-    fn next_parameter<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        self.timers.stop(FlightTimer::Parameter);
-        let Some(job) = self.parameters.open.front() else {
-            return;
-        };
-        let until = job.header.begin_by;
-        self.timers.arm(FlightTimer::Parameter, until);
         let command = match job.write {
             Some(write) if !job.is_written => write,
             _ => read(job.port),
         };
-        let queued = cx
-            .link
-            .command_until(command, FlightCommand::Parameter, until);
-        if queued.is_err() {
-            self.parameter_failed(Reason::TooManyRequests, cx);
-        }
+        let until = job.header.begin_by;
+        let queued = link.command_until(command, FlightCommand::Parameter, until);
+        queued.err()?;
+        self.fail(Reason::TooManyRequests, link)
     }
 
-    /// The DSP has answered the first request's command.
-    pub(super) fn parameter_delivered<O: Outputs>(
+    /// The DSP has answered the first request's command. Returns the end of the request, if that was its last command.
+    pub fn delivered(
         &mut self,
         data: AckData,
-        cx: &mut Context<'_, O>,
-    ) {
-        let Some(job) = self.parameters.open.front_mut() else {
-            return;
-        };
+        link: &mut Link,
+    ) -> Option<(RequestHeader, Verdict)> {
+        let job = self.0.front_mut()?;
         if job.write.is_some() && !job.is_written {
             job.is_written = true;
-            return self.next_parameter(cx);
+            return None;
         }
-        let job = *job;
+        let job = self.0.pop_front()?;
         let found = value_of(job.port, data);
-        let detail = Detail {
-            value: found,
-            port: Some(info(job.port)),
-            ..Detail::default()
-        };
         let is_refused = job
             .write
             .is_some_and(|write| wrote(job.port, write) != found);
-        let verdict = if is_refused {
-            let detail = Detail {
-                dsp_error: Some(DspErrorCode::INVALID_COMMAND),
-                ..detail
-            };
-            Verdict::aborted(Reason::RefusedByDsp).about(detail)
-        } else {
-            if let Some(write) = job.write {
-                cx.link.parameters_mut().set(write);
-            }
-            Verdict::DONE.about(detail)
+        let detail = Detail {
+            value: found,
+            port: Some(info(job.port)),
+            dsp_error: is_refused.then_some(DspErrorCode::INVALID_COMMAND),
+            ..Detail::default()
         };
-        self.end_parameter(&verdict, cx);
+        let verdict = match is_refused {
+            true => Verdict::aborted(Reason::RefusedByDsp),
+            false => Verdict::DONE,
+        };
+        if let (false, Some(write)) = (is_refused, job.write) {
+            link.parameters_mut().set(write);
+        }
+        link.forget_parameter();
+        Some((job.header, verdict.about(detail)))
     }
 
     /// The first request's command was not acknowledged, or cannot be sent.
-    pub(super) fn parameter_failed<O: Outputs>(&mut self, reason: Reason, cx: &mut Context<'_, O>) {
-        let Some(job) = self.parameters.open.front() else {
-            return;
-        };
-        let verdict = Verdict::ended(job.stage_of_failure(), reason, ImiError::None);
-        self.end_parameter(&verdict, cx);
+    pub fn fail(&mut self, reason: Reason, link: &mut Link) -> Option<(RequestHeader, Verdict)> {
+        link.forget_parameter();
+        Some(self.0.pop_front()?.failed(reason))
     }
 
-    pub(super) fn parameter_expired<O: Outputs>(&mut self, cx: &mut Context<'_, O>) {
-        if let Some(job) = self.parameters.open.front() {
-            let verdict = too_late(&job.header, cx.now).at(job.stage_of_failure());
-            self.end_parameter(&verdict, cx);
-        }
-    }
-
-    fn end_parameter<O: Outputs>(&mut self, verdict: &Verdict, cx: &mut Context<'_, O>) {
-        cx.link.forget_parameter();
-        if let Some(job) = self.parameters.open.pop_front() {
-            self.report(&job.header, verdict, cx);
-        }
-        self.next_parameter(cx);
-    }
-
-    /// All parameter requests end: the DSP is gone, or the bridge ends.
-    pub(super) fn end_parameter_requests<O: Outputs>(
+    /// The first request's moment has passed.
+    pub fn expire(
         &mut self,
-        reason: Reason,
-        cx: &mut Context<'_, O>,
-    ) {
-        self.timers.stop(FlightTimer::Parameter);
-        let mut is_first = true;
-        while let Some(job) = self.parameters.open.pop_front() {
-            let stage = if is_first {
-                job.stage_of_failure()
-            } else {
-                Stage::Aborted
-            };
-            is_first = false;
-            self.report(
-                &job.header,
-                &Verdict::ended(stage, reason, ImiError::None),
-                cx,
-            );
-        }
-        cx.link.forget_parameter();
+        now: MonotonicNs,
+        link: &mut Link,
+    ) -> Option<(RequestHeader, Verdict)> {
+        let (header, verdict) = self.fail(Reason::TooLate, link)?;
+        let late = Verdict::too_late(&header, now);
+        Some((header, late.at(verdict.stage)))
     }
+
+    /// The end of the next request, when all of them end. Of those behind the first one, the DSP has nothing.
+    pub fn end_next(&mut self, reason: Reason, is_first: bool) -> Option<(RequestHeader, Verdict)> {
+        let (header, verdict) = self.0.pop_front()?.failed(reason);
+        let stage = match is_first {
+            true => verdict.stage,
+            false => Stage::Aborted,
+        };
+        Some((header, verdict.at(stage)))
+    }
+}
+
+/// The command that writes `value`, if the port takes it now.
+fn write_command(port: Port, value: f64, flying: Option<bool>) -> Result<Command, Reason> {
+    match access(port) {
+        Access::Bridge => return Err(Reason::NoSuchPort),
+        // Not known to stand on the ground counts as in flight.
+        Access::OnGround if flying != Some(false) => return Err(Reason::NotInFlight),
+        Access::OnGround | Access::Always => {}
+    }
+    if !value.is_finite() {
+        return Err(Reason::NotFinite);
+    }
+    let command = match port {
+        Port::Bits16(port) => {
+            let bits = (value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX))
+                .then(|| port.bits_of(value as i32))
+                .flatten();
+            bits.map(|value| Command::Write16 {
+                port: port.number,
+                value,
+            })
+        }
+        Port::Bits32(port) => {
+            let value = value as f32;
+            port.accepts(value).then_some(Command::Write32 {
+                port: port.number,
+                value,
+            })
+        }
+    };
+    command.ok_or(Reason::OutOfRange)
 }
 
 /// The ports of the list: those of 16 bits, then those of 32 bits.
@@ -307,5 +283,34 @@ fn info(port: Port) -> PortInfo {
         access,
         count: (PORTS_16.len() + PORTS_32.len()) as u32,
         name: PortInfo::name_bytes(name),
+    }
+}
+
+/// A port by its number: what a request names, and what stands for it in a snapshot.
+mod port_number {
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::{Serialize, Serializer};
+
+    use super::{Port, port16, port32};
+
+    /// The port of this number, if there is one.
+    pub fn find(number: u32) -> Option<Port> {
+        let number = u16::try_from(number).ok()?;
+        port16(number)
+            .map(Port::Bits16)
+            .or_else(|| port32(number).map(Port::Bits32))
+    }
+
+    pub fn serialize<S: Serializer>(port: &Port, to: S) -> Result<S::Ok, S::Error> {
+        let number = match port {
+            Port::Bits16(port) => port.number,
+            Port::Bits32(port) => port.number,
+        };
+        number.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Port, D::Error> {
+        let number = u16::deserialize(from)?;
+        find(number.into()).ok_or_else(|| D::Error::custom("no such port"))
     }
 }

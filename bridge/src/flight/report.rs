@@ -1,15 +1,21 @@
-//! What a report says about a request, besides whose it is.
+//! What a request is answered: each gets one final report, and none is executed twice (requirement D15).
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
+use module_kit::completed::Completed;
 use module_kit::rules::Refused;
+use serde::{Deserialize, Serialize};
 
-use super::request::RequestHeader;
-use super::violation::Violation;
+use super::request::{IssueMark, RequestHeader};
+use super::safety::Intervention;
+use crate::safety::Violation;
 
-/// How far a request has come, and why.
+/// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB.
+const REMEMBERED: usize = 2048;
+
+/// How far a request has come, and why. As an error it is a refusal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Verdict {
     /// How far.
@@ -35,17 +41,6 @@ pub struct Detail {
     pub value: Option<f64>,
     /// The port of a parameter request.
     pub port: Option<PortInfo>,
-}
-
-/// Why a request is not carried out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Refusal {
-    /// Why.
-    pub reason: Reason,
-    /// The error of the source.
-    pub error: ImiError,
-    /// What the reason is about.
-    pub detail: Detail,
 }
 
 impl Verdict {
@@ -85,10 +80,32 @@ impl Verdict {
         Verdict::ended(Stage::Aborted, reason, ImiError::None)
     }
 
+    /// The DSP does not do what it was ordered to, perhaps with this error.
+    pub fn refused_by_dsp(dsp_error: Option<DspErrorCode>) -> Verdict {
+        Verdict::aborted(Reason::RefusedByDsp).about(Detail {
+            dsp_error,
+            ..Detail::default()
+        })
+    }
+
+    /// The moment of a request has come, or has passed, at `now`.
+    pub fn too_late(header: &RequestHeader, now: MonotonicNs) -> Verdict {
+        Verdict::from(Reason::TooLate).about(Detail {
+            value: Some(now.since(header.begin_by).as_secs_f64()),
+            ..Detail::default()
+        })
+    }
+
     /// With what the reason is about.
     #[must_use]
     pub const fn about(self, detail: Detail) -> Verdict {
         Verdict { detail, ..self }
+    }
+
+    /// The same for a request that has come as far as `stage`.
+    #[must_use]
+    pub const fn at(self, stage: Stage) -> Verdict {
+        Verdict { stage, ..self }
     }
 
     /// Writes it into a report.
@@ -114,24 +131,25 @@ impl Verdict {
     }
 }
 
-impl Refusal {
-    /// With the error of the source that the state shows.
-    pub const fn with_error(reason: Reason, error: ImiError) -> Refusal {
-        Refusal {
-            reason,
-            error,
-            detail: Verdict::DONE.detail,
-        }
+impl From<Reason> for Verdict {
+    fn from(reason: Reason) -> Verdict {
+        Verdict::ended(Stage::Refused, reason, ImiError::None)
     }
+}
 
-    /// The final report.
-    pub const fn verdict(&self) -> Verdict {
-        self.at(Stage::Refused)
+impl From<Refused> for Verdict {
+    fn from(refused: Refused) -> Verdict {
+        Verdict::ended(Stage::Refused, refused.reason(), refused.error())
     }
+}
 
-    /// The final report of what was accepted before.
-    pub const fn at(&self, stage: Stage) -> Verdict {
-        Verdict::ended(stage, self.reason, self.error).about(self.detail)
+impl From<Intervention> for Verdict {
+    fn from(Intervention { violation, leg }: Intervention) -> Verdict {
+        Verdict::from(violation.reason()).about(Detail {
+            violation: Some(violation),
+            waypoint: leg,
+            ..Detail::default()
+        })
     }
 }
 
@@ -139,33 +157,77 @@ impl Refusal {
 ///
 /// # Errors
 /// By how much it has.
-pub fn in_time(header: &RequestHeader, now: MonotonicNs) -> Result<(), Refusal> {
+pub fn in_time(header: &RequestHeader, now: MonotonicNs) -> Result<(), Verdict> {
     match now <= header.begin_by {
         true => Ok(()),
-        false => Err(too_late(header, now)),
+        false => Err(Verdict::too_late(header, now)),
     }
 }
 
-/// The refusal of a request whose moment has come, or has passed, at `now`.
-pub fn too_late(header: &RequestHeader, now: MonotonicNs) -> Refusal {
-    let detail = Detail {
-        value: Some(now.since(header.begin_by).as_secs_f64()),
-        ..Detail::default()
-    };
-    Refusal {
-        detail,
-        ..Reason::TooLate.into()
-    }
+/// The requests that were answered, and the last order that was taken.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Answers {
+    completed: Completed,
+    mark: IssueMark,
 }
 
-impl From<Refused> for Refusal {
-    fn from(refused: Refused) -> Refusal {
-        Refusal::with_error(refused.reason(), refused.error())
+impl Answers {
+    /// None. All memory that they will ever need is taken here.
+    pub fn new() -> Answers {
+        Answers {
+            completed: Completed::with_capacity(REMEMBERED),
+            mark: IssueMark::default(),
+        }
     }
-}
 
-impl From<Reason> for Refusal {
-    fn from(reason: Reason) -> Refusal {
-        Refusal::with_error(reason, ImiError::None)
+    /// After a snapshot: takes the memory again.
+    pub fn configure(&mut self) {
+        self.completed.set_capacity(REMEMBERED);
+    }
+
+    /// Remembers a final report.
+    pub fn note(&mut self, report: &RequestReport) {
+        self.completed.note(report);
+    }
+
+    /// An order was taken.
+    pub fn take(&mut self, header: &RequestHeader) {
+        self.mark.take(&header.issued);
+    }
+
+    /// Whether an order may begin at `now`, or begin on the DSP after it was accepted.
+    ///
+    /// # Errors
+    /// A later order was taken, or its moment has passed.
+    pub fn may_begin(&self, header: &RequestHeader, now: MonotonicNs) -> Result<(), Verdict> {
+        self.may_begin_after(None, header, now)
+    }
+
+    /// As [`Answers::may_begin`], for a request that must not have been issued before `newest` either: the newest waypoint of a path
+    /// that it does not belong to.
+    ///
+    /// # Errors
+    /// As [`Answers::may_begin`].
+    pub fn may_begin_after(
+        &self,
+        newest: Option<&RequestHeader>,
+        header: &RequestHeader,
+        now: MonotonicNs,
+    ) -> Result<(), Verdict> {
+        let mut mark = self.mark;
+        if let Some(newest) = newest
+            && newest.path_id != header.path_id
+        {
+            mark.take(&newest.issued);
+        }
+        match mark.supersedes(&header.issued) {
+            true => Err(Reason::Superseded.into()),
+            false => in_time(header, now),
+        }
+    }
+
+    /// The final report of this request, if it is remembered.
+    pub fn report_of(&self, request_id: u64) -> Option<&RequestReport> {
+        self.completed.report_of(request_id)
     }
 }

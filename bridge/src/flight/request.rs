@@ -1,7 +1,12 @@
-//! Requests as they are read from shared memory, parsed once into what the core works with.
+//! Requests as they are read from shared memory, parsed once into what the core works with, and which of two was issued later.
 //!
-//! Any bit pattern may lie in a request: here is where it either becomes a typed value or a refusal with its reason.
-//! Inside the core nothing is checked again, but for what depends on the state of the flight.
+//! Any bit pattern may lie in a request: here it becomes either a typed value or a refusal with its reason. Inside the core nothing
+//! is checked again, but for what depends on the state of the flight.
+//!
+//! **Order of issue.** An order says by its sender's clock when it was issued ([`Issued`]), because two orders may take ways of
+//! different lengths. Orders by one clock are compared as they are. Those by two clocks are compared on the safe side: an order is
+//! the later one only when it surely is. The bridge keeps one [`IssueMark`], of all orders that it has taken, and carries out no
+//! movement that lies before it.
 
 use std::time::Duration;
 
@@ -12,19 +17,72 @@ use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{MovementLimits, STOP_WITHIN};
-use crate::flight::assembly::Segment;
-use crate::flight::issue_order::Issued;
+pub use crate::outputs::RequestKey;
+use crate::safety::fence::Fence;
 
-/// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
-/// that service has. The core only compares and returns it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum RequestKey {
-    /// A control request.
-    Control(u64),
-    /// A movement request.
-    Movement(u64),
-    /// A parameter request.
-    Parameter(u64),
+/// When an order was issued, as its sender says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Issued {
+    /// By which clock: 0 for the robot's own, else that of one station.
+    pub origin: u32,
+    /// Not later than it truly was.
+    pub at: MonotonicNs,
+    /// Not earlier than it truly was; the same as `at` by the robot's own clock.
+    pub latest: MonotonicNs,
+}
+
+impl Issued {
+    /// Whether it says a moment that has been. What comes from the future, or says no moment, has no place among the orders.
+    pub fn is_past(&self, now: MonotonicNs) -> bool {
+        self.at > MonotonicNs(0) && self.at <= now
+    }
+
+    /// The moment of two parts of one order.
+    #[must_use]
+    pub fn with(&self, other: &Issued) -> Issued {
+        Issued {
+            origin: self.origin,
+            at: self.at.min(other.at),
+            latest: self.latest.max(other.latest),
+        }
+    }
+}
+
+/// The moment before which an order is not carried out any more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct IssueMark {
+    /// Whose clock the last order was issued by.
+    origin: u32,
+    /// For orders by that clock.
+    floor_same: MonotonicNs,
+    /// For orders by any other clock.
+    floor_other: MonotonicNs,
+}
+
+impl IssueMark {
+    /// Whether a later order than this one was taken.
+    pub fn supersedes(&self, issued: &Issued) -> bool {
+        issued.at < self.floor(issued)
+    }
+
+    /// Takes an order. One by another clock that is surely not the last changes nothing.
+    pub fn take(&mut self, issued: &Issued) {
+        if issued.origin != self.origin && issued.latest <= self.floor_same {
+            return;
+        }
+        *self = IssueMark {
+            origin: issued.origin,
+            floor_same: self.floor(issued).max(issued.at),
+            floor_other: self.floor_other.max(issued.latest),
+        };
+    }
+
+    fn floor(&self, issued: &Issued) -> MonotonicNs {
+        match issued.origin == self.origin {
+            true => self.floor_same,
+            false => self.floor_other,
+        }
+    }
 }
 
 /// What every request carries.
@@ -63,6 +121,19 @@ impl RequestHeader {
     };
 }
 
+/// One waypoint with its frame bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// The path that it belongs to.
+    pub path_id: u64,
+    /// Opens a path (`first_waypoint_data`).
+    pub first: bool,
+    /// Closes the path (`last_waypoint_data`).
+    pub last: bool,
+    /// The point.
+    pub waypoint: Waypoint,
+}
+
 /// A movement with values that can be flown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Movement {
@@ -79,13 +150,40 @@ pub enum Movement {
     Waypoint(Segment),
 }
 
-/// Reads a control request at `now`.
+/// What is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// Start the module.
+    Start,
+    /// Stop the module.
+    Stop,
+    /// Keep to this geofence: that of the configuration, read again, or why it cannot be used.
+    NewFence(Result<Fence, Reason>),
+    /// Move the helicopter.
+    Movement(Movement),
+    /// Describe, read or write a port. Which port it names, and whether that takes the value, is for
+    /// [`parameters`](crate::flight::parameters) to say.
+    Port {
+        /// What is done.
+        operation: ParameterOperation,
+        /// The number of the port, or its place in the list.
+        port: u32,
+        /// What is written.
+        value: f64,
+    },
+}
+
+/// A request as it was read, with what is asked for or why that cannot be.
+pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
+
+/// Reads a control request at `now`; `fence` is the geofence of the configuration, for the request that asks to read it again.
 pub fn parse_control(
     key: RequestKey,
     control: &ModuleControl,
+    fence: Option<Result<Fence, Reason>>,
     limits: &MovementLimits,
     now: MonotonicNs,
-) -> (RequestHeader, Result<ControlCommand, Reason>) {
+) -> Parsed<Request> {
     let command = ControlCommand::from_code(control.command);
     let within = match command {
         Some(ControlCommand::Stop) => STOP_WITHIN,
@@ -103,7 +201,16 @@ pub fn parse_control(
         preempt: false,
     };
     let command = command.filter(|_| issued.is_past(now));
-    (header, command.ok_or(Reason::InvalidRequest))
+    let command = command.ok_or(Reason::InvalidRequest);
+    let request = match (fence, command) {
+        (Some(fence), command) => Ok(Request::NewFence(command.and(fence))),
+        (None, Ok(ControlCommand::Start)) => Ok(Request::Start),
+        (None, Ok(ControlCommand::Stop)) => Ok(Request::Stop),
+        // The shell reads the configuration and gives the fence.
+        (None, Ok(ControlCommand::ReloadFence)) => Err(Reason::InvalidFence),
+        (None, Err(reason)) => Err(reason),
+    };
+    (header, request)
 }
 
 /// Reads a movement request at `now`.
@@ -112,7 +219,7 @@ pub fn parse_movement(
     data: &MovementData,
     limits: &MovementLimits,
     now: MonotonicNs,
-) -> (RequestHeader, Result<Movement, Reason>) {
+) -> Parsed<Movement> {
     let kind = MovementKind::from_code(data.kind);
     let issued = issued(data.issued_ns, data.issued_within_ns, data.origin);
     let (from, within) = match kind {
@@ -141,14 +248,13 @@ pub fn parse_movement(
     (header, movement)
 }
 
-/// Reads a parameter request at `now`. Which port it names, and whether that takes the value, is for
-/// [`parameters`](crate::flight::parameters) to say.
+/// Reads a parameter request at `now`.
 pub fn parse_parameter(
     key: RequestKey,
     request: &ParameterRequest,
     limits: &MovementLimits,
     now: MonotonicNs,
-) -> (RequestHeader, Result<ParameterOperation, Reason>) {
+) -> Parsed<Request> {
     let issued = issued(request.issued_ns, request.issued_within_ns, request.origin);
     let header = RequestHeader {
         key,
@@ -161,7 +267,12 @@ pub fn parse_parameter(
         preempt: false,
     };
     let operation = request.operation().filter(|_| issued.is_past(now));
-    (header, operation.ok_or(Reason::InvalidRequest))
+    let port = |operation| Request::Port {
+        operation,
+        port: request.port,
+        value: request.value,
+    };
+    (header, operation.map(port).ok_or(Reason::InvalidRequest))
 }
 
 fn issued(at_ns: u64, within_ns: u32, origin: u32) -> Issued {
@@ -314,10 +425,10 @@ mod tests {
     #[test]
     fn a_control_request_is_start_or_stop() {
         for (code, expected) in [
-            (1, Ok(ControlCommand::Start)),
-            (2, Ok(ControlCommand::Stop)),
+            (1, Ok(Request::Start)),
+            (2, Ok(Request::Stop)),
             (0, Err(Reason::InvalidRequest)),
-            (3, Ok(ControlCommand::ReloadFence)),
+            (3, Err(Reason::InvalidFence)),
             (4, Err(Reason::InvalidRequest)),
         ] {
             let control = ModuleControl {
@@ -325,10 +436,62 @@ mod tests {
                 issued_ns: NOW.0,
                 ..ModuleControl::default()
             };
-            assert_eq!(
-                parse_control(KEY, &control, &MovementLimits::default(), NOW).1,
-                expected
-            );
+            let limits = MovementLimits::default();
+            assert_eq!(parse_control(KEY, &control, None, &limits, NOW).1, expected);
         }
+    }
+
+    const fn order(origin: u32, at: u64, within: u64) -> Issued {
+        Issued {
+            origin,
+            at: MonotonicNs(at),
+            latest: MonotonicNs(at + within),
+        }
+    }
+
+    #[test]
+    fn orders_by_one_clock_are_compared_as_they_are() {
+        let mut mark = IssueMark::default();
+        for origin in [0, 7] {
+            assert!(!mark.supersedes(&order(origin, 0, 0)));
+        }
+        mark.take(&order(7, 100, 50));
+        assert!(mark.supersedes(&order(7, 99, 50)));
+        assert!(!mark.supersedes(&order(7, 100, 50)));
+        assert!(!mark.supersedes(&order(7, 101, 50)));
+        mark.take(&order(7, 90, 50));
+        assert!(
+            mark.supersedes(&order(7, 99, 50)),
+            "an earlier order takes nothing back"
+        );
+    }
+
+    #[test]
+    fn an_order_by_another_clock_is_later_only_when_it_surely_is() {
+        let mut mark = IssueMark::default();
+        mark.take(&order(7, 100, 50));
+        assert!(mark.supersedes(&order(0, 149, 0)));
+        assert!(!mark.supersedes(&order(0, 150, 0)));
+        assert!(mark.supersedes(&order(8, 149, 50)));
+        // A hold of the robot itself, which counts though it may have been issued before.
+        mark.take(&order(0, 120, 0));
+        assert!(mark.supersedes(&order(7, 149, 50)));
+        assert!(mark.supersedes(&order(0, 149, 0)));
+        assert!(!mark.supersedes(&order(0, 150, 0)));
+        // One that is surely older leaves those by the clock of the last order in their places.
+        mark.take(&order(8, 200, 50));
+        mark.take(&order(0, 200, 0));
+        assert!(!mark.supersedes(&order(8, 200, 50)));
+        mark.take(&order(0, 201, 0));
+        assert!(mark.supersedes(&order(8, 200, 50)));
+    }
+
+    #[test]
+    fn the_parts_of_an_order_have_its_earliest_moment() {
+        let whole = order(7, 100, 50).with(&order(7, 90, 80));
+        assert_eq!(whole, order(7, 90, 80));
+        assert!(whole.is_past(MonotonicNs(90)));
+        assert!(!whole.is_past(MonotonicNs(89)));
+        assert!(!order(0, 0, 0).is_past(MonotonicNs(89)));
     }
 }

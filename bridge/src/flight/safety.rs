@@ -10,31 +10,38 @@ use std::time::Duration;
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, PilotSwitch, Reason, SafetyAction, SafetyRule};
+use ipc_types::code::{PilotSwitch, Reason, SafetyAction, SafetyRule};
 use ipc_types::payload::SafetyState;
 use serde::{Deserialize, Serialize};
 
-use super::arrival::here;
 use super::observation::Observation;
-use super::report::{Detail, Refusal};
 use super::request::Movement;
-use super::violation::Violation;
 use crate::config::{BreachAction, BridgeConfig, SafetyConfig, SupplyLimits};
+use crate::geodesy::here;
+use crate::safety::Violation;
 use crate::safety::fence::{Breach, Fence, FenceRule};
-use crate::safety::ground;
+
+/// A movement that a broken rule refuses or ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intervention {
+    /// The rule.
+    pub violation: Violation,
+    /// The leg that breaks it, by the number of the waypoint at its end, counted from 1; 0 for none.
+    pub leg: u32,
+}
 
 /// The judge of the rules.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Safety {
     #[serde(skip)]
-    pub(super) config: SafetyConfig,
+    config: SafetyConfig,
     /// That of the configuration, or the one that was read since. A snapshot has it beside.
     #[serde(skip)]
     pub(super) fence: Fence,
     battery: SupplyWatch,
     fuel: SupplyWatch,
-    /// When a path was lost with the link; nothing once the reaction has begun.
-    pub(super) path_lost: Option<MonotonicNs>,
+    /// When a path was lost with the link; `None` once the reaction has begun.
+    path_lost: Option<MonotonicNs>,
     /// The most severe rule that is broken now.
     pub(super) present: Option<Violation>,
     interventions: u32,
@@ -62,14 +69,14 @@ impl Safety {
         self.fence = fence;
     }
 
-    /// The geofence in force.
-    pub(super) fn fence(&self) -> &Fence {
-        &self.fence
-    }
-
-    /// Another geofence holds from now on.
-    pub fn set_fence(&mut self, fence: Fence) {
-        self.fence = fence;
+    /// The first leg of `path`, flown from `from`, that the geofence forbids.
+    pub(super) fn check_path(
+        &self,
+        from: &Geographic,
+        path: &[Waypoint],
+    ) -> Option<(usize, Violation)> {
+        let (leg, breach) = self.fence.check_path(&here(from), path)?;
+        Some((leg, refuse(breach)))
     }
 
     /// A path ended because the link or the DSP was lost.
@@ -77,6 +84,16 @@ impl Safety {
         if reason == Reason::CommunicationFatalError {
             self.path_lost = Some(now);
         }
+    }
+
+    /// The DSP is heard. When a path was lost with the link: the rule about that, with what the configuration says.
+    pub(super) fn link_back(&mut self, now: MonotonicNs) -> Option<Violation> {
+        let lost = self.path_lost.take()?;
+        Some(Violation {
+            rule: SafetyRule::LinkLoss,
+            action: action_of(self.config.link_loss),
+            amount: now.since(lost).as_secs_f64(),
+        })
     }
 
     /// Whether the rules allow this kind of movement now. Legs are checked by themselves.
@@ -88,7 +105,7 @@ impl Safety {
         movement: &Movement,
         observation: &Observation,
         now: MonotonicNs,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), Intervention> {
         if let Some(violation) = self.pilot(observation, now) {
             return Err(self.intervene(violation, 0));
         }
@@ -105,7 +122,7 @@ impl Safety {
     ///
     /// # Errors
     /// The refusal, with the rule and by how much it would be broken.
-    pub fn check_take_off(&mut self, from: &Geographic, height_m: f32) -> Result<(), Refusal> {
+    pub fn check_take_off(&mut self, from: &Geographic, height_m: f32) -> Result<(), Intervention> {
         let top = Waypoint {
             altitude_m: from.altitude_m + f64::from(height_m),
             ..here(from)
@@ -126,27 +143,20 @@ impl Safety {
         to: &Waypoint,
         leg: usize,
         ground_m: Option<f64>,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), Intervention> {
         let ground_m = ground_m.filter(|_| !self.config.below_take_off);
-        let into_ground = ground_m.and_then(|ground_m| ground::breach(to, ground_m));
+        let into_ground = ground_m.and_then(|ground_m| Breach::of_ground(to, ground_m));
         match into_ground.or_else(|| self.fence.check_leg(from, to)) {
             Some(breach) => Err(self.intervene(refuse(breach), leg)),
             None => Ok(()),
         }
     }
 
-    /// What a report says of a rule that refuses or ends a movement.
-    pub(super) fn intervene(&mut self, violation: Violation, leg: usize) -> Refusal {
+    /// A rule refuses or ends a movement.
+    pub(super) fn intervene(&mut self, violation: Violation, leg: usize) -> Intervention {
         self.count_intervention();
-        Refusal {
-            reason: violation.reason(),
-            error: ImiError::None,
-            detail: Detail {
-                violation: Some(violation),
-                waypoint: leg as u32,
-                ..Detail::default()
-            },
-        }
+        let leg = leg as u32;
+        Intervention { violation, leg }
     }
 
     /// One more movement was refused or ended.
@@ -154,13 +164,16 @@ impl Safety {
         self.interventions = self.interventions.saturating_add(1);
     }
 
-    /// Looks at the helicopter; returns the most severe rule that is broken.
+    /// Looks at the helicopter for the most severe rule that is broken, and returns whether that is another one. Amounts change all the
+    /// time.
     pub(super) fn look(
         &mut self,
         observation: &Observation,
         now: MonotonicNs,
         is_flown: bool,
-    ) -> Option<Violation> {
+    ) -> bool {
+        let key = |violation: Violation| (violation.rule, violation.action);
+        let before = self.present.map(key);
         let supply = observation.supply(now);
         let hold_for = Duration::from_secs_f64(self.config.supply_for_s);
         let battery_v = supply.map(|supply| f64::from(supply.battery_mv) / 1000.0);
@@ -175,7 +188,7 @@ impl Safety {
             .into_iter()
             .flatten()
             .max_by_key(|violation| violation.action.code());
-        self.present
+        before != self.present.map(key)
     }
 
     fn pilot(&self, observation: &Observation, now: MonotonicNs) -> Option<Violation> {
@@ -271,7 +284,7 @@ fn switch(observation: &Observation, now: MonotonicNs) -> PilotSwitch {
 }
 
 /// The action that the configuration names.
-pub(super) fn action_of(action: BreachAction) -> SafetyAction {
+fn action_of(action: BreachAction) -> SafetyAction {
     match action {
         BreachAction::Warn => SafetyAction::Warn,
         BreachAction::Hold => SafetyAction::Hold,
@@ -280,7 +293,7 @@ pub(super) fn action_of(action: BreachAction) -> SafetyAction {
 }
 
 /// The violation that a breach of the geofence is, when it refuses something.
-pub(super) fn refuse(breach: Breach) -> Violation {
+fn refuse(breach: Breach) -> Violation {
     let rule = match breach.rule {
         FenceRule::Inclusion => SafetyRule::FenceInclusion,
         FenceRule::Exclusion => SafetyRule::FenceExclusion,

@@ -93,6 +93,20 @@ pub struct Breach {
 }
 
 impl Breach {
+    /// How a waypoint lies below the ground of the take-off, whose telemetry altitude is `ground_m`: as a floor that may be touched.
+    ///
+    /// A telemetry altitude that was meant as a height above take-off, such as 5 m where telemetry shows 10 m on the ground, leads
+    /// into the ground. A field that falls away from the place of the take-off is the exception, and its operator says so
+    /// (`safety.below_take_off`).
+    pub fn of_ground(to: &Waypoint, ground_m: f64) -> Option<Breach> {
+        let amount_m = ground_m - to.altitude_m;
+        (amount_m > 0.0).then_some(Breach {
+            rule: FenceRule::Floor,
+            amount_m,
+            area: None,
+        })
+    }
+
     /// What cannot be judged.
     const UNJUDGEABLE: Breach = Breach {
         rule: FenceRule::Unjudgeable,

@@ -132,8 +132,8 @@ fn drain<R: Request>(
 }
 
 impl Outputs for Services {
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
-        if let Err(error) = self.telemetry.publish_batched(fill) {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
+        if let Err(error) = self.telemetry.publish_batched(|sample| fill(sample)) {
             tracing::warn!(%error, "telemetry was not published");
         }
     }

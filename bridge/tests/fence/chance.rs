@@ -5,6 +5,8 @@ use std::f64::consts::TAU;
 use bridge::safety::fence::{AreaConfig, AreaKind, Breach, Fence, FenceRule};
 use dsp_protocol::Waypoint;
 
+use crate::rig::Random;
+
 use super::oracle::{GREY_M, Oracle, Site, metres_per_degree, normal_deg};
 
 /// How many legs one random fence is asked about.
@@ -12,32 +14,32 @@ const LEGS_PER_SITE: u64 = 200;
 
 /// What came out of a comparison.
 #[derive(Clone, Debug, Default)]
-pub struct Counts {
-    pub legs: u64,
-    pub allowed: u64,
-    pub floor: u64,
-    pub ceiling: u64,
-    pub exclusion: u64,
-    pub inclusion: u64,
+struct Counts {
+    legs: u64,
+    allowed: u64,
+    floor: u64,
+    ceiling: u64,
+    exclusion: u64,
+    inclusion: u64,
     /// Of all legs, those that touch so exactly that both answers are right: each is still checked for the rest.
-    pub doubtful: u64,
+    doubtful: u64,
     /// Breaches whose amount was compared as well.
-    pub amounts: u64,
+    amounts: u64,
 }
 
 /// Compares `legs` legs.
 ///
 /// # Panics
 /// The judges disagree; the message has all that is needed to repeat it.
-pub fn compare(seed: u64, legs: u64) -> Counts {
+fn compare(seed: u64, legs: u64) -> Counts {
     let mut counts = Counts::default();
     for site_number in 0..legs.div_ceil(LEGS_PER_SITE) {
-        let mut chance = Chance(seed ^ site_number.wrapping_mul(0xD6E8_FEB8_6659_FD93));
-        let place = Place::random(&mut chance);
-        let site = place.site(&mut chance);
+        let mut random = Random(seed ^ site_number.wrapping_mul(0xD6E8_FEB8_6659_FD93));
+        let place = Place::random(&mut random);
+        let site = place.site(&mut random);
         let (fence, oracle) = (site.fence(), Oracle::new(&site));
         for _ in 0..LEGS_PER_SITE.min(legs - counts.legs) {
-            let (from, to) = place.leg(&site, &mut chance);
+            let (from, to) = place.leg(&site, &mut random);
             let outcome = compare_leg(&fence, &oracle, &from, &to, &mut counts);
             if let Err(why) = outcome {
                 panic!(
@@ -111,54 +113,25 @@ fn check_amount(
     ))
 }
 
-/// SplitMix64.
-pub struct Chance(pub u64);
-
-impl Chance {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        bits ^ (bits >> 31)
-    }
-
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count as u64) as usize
-    }
-
-    fn one_in(&mut self, count: usize) -> bool {
-        self.below(count) == 0
-    }
-
-    fn one_of<T: Copy>(&mut self, values: &[T]) -> T {
-        values[self.below(values.len())]
-    }
-}
-
 /// Where a random fence is: metres round an origin.
-pub struct Place {
+struct Place {
     origin_deg: [f64; 2],
     scale: [f64; 2],
     size_m: f64,
 }
 
 impl Place {
-    pub fn random(chance: &mut Chance) -> Place {
-        let latitude_deg = chance.between(-84.0, 84.0);
-        let longitude_deg = if chance.one_in(4) {
-            normal_deg(chance.between(179.99, 180.01))
+    fn random(random: &mut Random) -> Place {
+        let latitude_deg = random.between(-84.0, 84.0);
+        let longitude_deg = if random.one_in(4) {
+            normal_deg(random.between(179.99, 180.01))
         } else {
-            chance.between(-180.0, 180.0)
+            random.between(-180.0, 180.0)
         };
         Place {
             origin_deg: [latitude_deg, longitude_deg],
             scale: metres_per_degree(latitude_deg),
-            size_m: chance.one_of(&[20.0, 200.0, 2000.0]),
+            size_m: random.pick(&[20.0, 200.0, 2000.0]),
         }
     }
 
@@ -170,50 +143,50 @@ impl Place {
         ]
     }
 
-    fn anywhere(&self, chance: &mut Chance) -> [f64; 2] {
+    fn anywhere(&self, random: &mut Random) -> [f64; 2] {
         let size_m = self.size_m * 1.5;
         [
-            chance.between(-size_m, size_m),
-            chance.between(-size_m, size_m),
+            random.between(-size_m, size_m),
+            random.between(-size_m, size_m),
         ]
     }
 
-    pub fn site(&self, chance: &mut Chance) -> Site {
-        let count = 1 + chance.below(5);
-        let altitude = |chance: &mut Chance, low, high| {
-            let value = chance.between(low, high);
-            chance.one_in(3).then_some(value)
+    fn site(&self, random: &mut Random) -> Site {
+        let count = 1 + random.below(5);
+        let altitude = |random: &mut Random, low, high| {
+            let value = random.between(low, high);
+            random.one_in(3).then_some(value)
         };
         Site {
-            floor_m: altitude(chance, 0.0, 20.0),
-            ceiling_m: altitude(chance, 80.0, 120.0),
+            floor_m: altitude(random, 0.0, 20.0),
+            ceiling_m: altitude(random, 80.0, 120.0),
             areas: (0..count)
                 .map(|number| AreaConfig {
-                    floor_m: altitude(chance, 10.0, 50.0),
-                    ceiling_m: altitude(chance, 51.0, 90.0),
-                    ..self.area(format!("area {number}"), chance)
+                    floor_m: altitude(random, 10.0, 50.0),
+                    ceiling_m: altitude(random, 51.0, 90.0),
+                    ..self.area(format!("area {number}"), random)
                 })
                 .collect(),
         }
     }
 
-    fn area(&self, name: String, chance: &mut Chance) -> AreaConfig {
-        let kind = chance.one_of(&[AreaKind::Inclusion, AreaKind::Exclusion]);
+    fn area(&self, name: String, random: &mut Random) -> AreaConfig {
+        let kind = random.pick(&[AreaKind::Inclusion, AreaKind::Exclusion]);
         // Inclusion areas are larger, so that some legs stay inside.
         let size_m = match kind {
-            AreaKind::Inclusion => self.size_m * chance.between(0.7, 1.5),
-            AreaKind::Exclusion => self.size_m * chance.between(0.1, 0.6),
+            AreaKind::Inclusion => self.size_m * random.between(0.7, 1.5),
+            AreaKind::Exclusion => self.size_m * random.between(0.1, 0.6),
         };
         let spread = if kind == AreaKind::Inclusion {
             0.3
         } else {
             0.6
         };
-        let [north_m, east_m] = self.anywhere(chance).map(|metres| metres * spread);
-        let outline = match chance.below(3) {
+        let [north_m, east_m] = self.anywhere(random).map(|metres| metres * spread);
+        let outline = match random.below(3) {
             0 => None,
-            1 => Some(star(chance)),
-            _ => Some(comb(1 + chance.below(4), chance)),
+            1 => Some(star(random)),
+            _ => Some(comb(1 + random.below(4) as usize, random)),
         };
         let vertex = |[north, east]: [f64; 2]| {
             self.degrees([north_m + north * size_m, east_m + east * size_m])
@@ -230,7 +203,7 @@ impl Place {
     }
 
     /// A leg that is anywhere, or aims at what is difficult.
-    pub fn leg(&self, site: &Site, chance: &mut Chance) -> (Waypoint, Waypoint) {
+    fn leg(&self, site: &Site, random: &mut Random) -> (Waypoint, Waypoint) {
         let altitudes: Vec<f64> = site
             .areas
             .iter()
@@ -238,15 +211,15 @@ impl Place {
             .chain([site.floor_m, site.ceiling_m])
             .flatten()
             .collect();
-        let altitude_m = |chance: &mut Chance| match chance.below(8) {
-            0 if !altitudes.is_empty() => chance.one_of(&altitudes),
-            1 if !altitudes.is_empty() => chance.one_of(&altitudes) + chance.between(-0.02, 0.02),
-            _ => chance.between(5.0, 95.0),
+        let altitude_m = |random: &mut Random| match random.below(8) {
+            0 if !altitudes.is_empty() => random.pick(&altitudes),
+            1 if !altitudes.is_empty() => random.pick(&altitudes) + random.between(-0.02, 0.02),
+            _ => random.between(5.0, 95.0),
         };
-        let [start, end] = self.ground(site, chance);
-        let low_m = altitude_m(chance);
-        let level = chance.one_in(3);
-        let high_m = if level { low_m } else { altitude_m(chance) };
+        let [start, end] = self.ground(site, random);
+        let low_m = altitude_m(random);
+        let level = random.one_in(3);
+        let high_m = if level { low_m } else { altitude_m(random) };
         let waypoint = |[latitude_deg, longitude_deg]: [f64; 2], altitude_m| Waypoint {
             latitude_deg,
             longitude_deg,
@@ -256,8 +229,8 @@ impl Place {
     }
 
     /// Begin and end of a leg on the ground, degrees.
-    fn ground(&self, site: &Site, chance: &mut Chance) -> [[f64; 2]; 2] {
-        let any = [self.anywhere(chance), self.anywhere(chance)].map(|point| self.degrees(point));
+    fn ground(&self, site: &Site, random: &mut Random) -> [[f64; 2]; 2] {
+        let any = [self.anywhere(random), self.anywhere(random)].map(|point| self.degrees(point));
         let edges: Vec<[[f64; 2]; 2]> = site
             .areas
             .iter()
@@ -268,17 +241,17 @@ impl Place {
             })
             .collect();
         if edges.is_empty() {
-            return if chance.one_in(10) { [any[0]; 2] } else { any };
+            return if random.one_in(10) { [any[0]; 2] } else { any };
         }
-        let [a, b] = chance.one_of(&edges);
+        let [a, b] = random.pick(&edges);
         let on_line = |t: f64| {
             let east_deg = normal_deg(b[1] - a[1]);
             [a[0] + t * (b[0] - a[0]), normal_deg(a[1] + t * east_deg)]
         };
-        match chance.below(12) {
+        match random.below(12) {
             // To a vertex; to a point of an edge.
             0 => [any[0], a],
-            1 => [any[0], on_line(chance.between(0.0, 1.0))],
+            1 => [any[0], on_line(random.between(0.0, 1.0))],
             // Through a vertex.
             2 => {
                 let opposite_deg = 2.0 * normal_deg(any[0][1] - a[1]);
@@ -289,12 +262,12 @@ impl Place {
             }
             // Along an edge and beyond it; part of an edge; the edge itself.
             3 => [
-                on_line(chance.between(-1.0, 0.0)),
-                on_line(chance.between(1.0, 2.0)),
+                on_line(random.between(-1.0, 0.0)),
+                on_line(random.between(1.0, 2.0)),
             ],
             4 => [
-                on_line(chance.between(0.0, 0.5)),
-                on_line(chance.between(0.5, 1.0)),
+                on_line(random.between(0.0, 0.5)),
+                on_line(random.between(0.5, 1.0)),
             ],
             5 => [a, b],
             // Beside an edge, at about the distance that counts as touching.
@@ -304,10 +277,10 @@ impl Place {
                     normal_deg(b[1] - a[1]) * self.scale[1],
                 ];
                 let edge_m = along[0].hypot(along[1]);
-                let beside = chance.between(-0.02, 0.02) / edge_m;
+                let beside = random.between(-0.02, 0.02) / edge_m;
                 // Short, because the other judge walks all of it in millimetres.
-                let begin = chance.between(-0.1, 1.0);
-                let end = begin + chance.between(0.0, 5.0) / edge_m;
+                let begin = random.between(-0.1, 1.0);
+                let end = begin + random.between(0.0, 5.0) / edge_m;
                 [on_line(begin), on_line(end)].map(|[lat, lon]| {
                     [
                         lat + along[1] * beside / self.scale[0],
@@ -324,22 +297,22 @@ impl Place {
 }
 
 /// A polygon round the origin whose vertices lie in all directions at any distance up to 1; most are concave.
-fn star(chance: &mut Chance) -> Vec<[f64; 2]> {
-    let count = 3 + chance.below(10);
+fn star(random: &mut Random) -> Vec<[f64; 2]> {
+    let count = 3 + random.below(10);
     (0..count)
         .map(|index| {
             // Steps below half a turn keep it simple.
-            let angle = TAU * (index as f64 + chance.between(0.0, 0.49)) / count as f64;
-            let radius = chance.between(0.2, 1.0);
+            let angle = TAU * (index as f64 + random.between(0.0, 0.49)) / count as f64;
+            let radius = random.between(0.2, 1.0);
             [radius * angle.cos(), radius * angle.sin()]
         })
         .collect()
 }
 
 /// A comb: right angles, and edges on one line.
-fn comb(teeth: usize, chance: &mut Chance) -> Vec<[f64; 2]> {
+fn comb(teeth: usize, random: &mut Random) -> Vec<[f64; 2]> {
     let width = 2.0 / (2 * teeth - 1) as f64;
-    let gap_depth = chance.between(-0.8, 0.8);
+    let gap_depth = random.between(-0.8, 0.8);
     let mut outline = vec![[-1.0, 1.0], [-1.0, -1.0]];
     for tooth in 0..teeth {
         let left = -1.0 + 2.0 * width * tooth as f64;
@@ -356,4 +329,59 @@ fn comb(teeth: usize, chance: &mut Chance) -> Vec<[f64; 2]> {
         last[1] = 1.0;
     }
     outline
+}
+
+#[test]
+fn an_independent_judge_agrees_on_random_legs() {
+    // For the long form, such as a million of other legs.
+    let number = |name| std::env::var(name).map(|text| text.parse().expect("a whole number"));
+    let seed = number("RIL_SEED").unwrap_or(20);
+    let counts = compare(seed, number("RIL_LEGS").unwrap_or(20_000));
+    println!("{counts:?}");
+    // All kinds of answers occur often, and few legs touch so exactly that both answers are right.
+    let answers = [
+        counts.allowed,
+        counts.floor,
+        counts.ceiling,
+        counts.exclusion,
+        counts.inclusion,
+    ];
+    assert!(answers.iter().all(|&count| count > 400), "{counts:?}");
+    assert_eq!(answers.iter().sum::<u64>(), counts.legs);
+    assert!(counts.doubtful < counts.legs / 50, "{counts:?}");
+    assert!(counts.amounts > 1000, "{counts:?}");
+}
+
+#[test]
+fn no_numbers_make_it_panic_and_every_amount_is_a_length() {
+    let mut random = Random(7);
+    for _ in 0..200 {
+        let place = Place::random(&mut random);
+        let site = place.site(&mut random);
+        let fence = site.fence();
+        for _ in 0..50 {
+            let (mut from, mut to) = place.leg(&site, &mut random);
+            for value in [
+                &mut from.latitude_deg,
+                &mut from.altitude_m,
+                &mut to.longitude_deg,
+                &mut to.altitude_m,
+            ] {
+                let any = f64::from_bits(random.next());
+                let edge = [f64::NAN, f64::MIN_POSITIVE, -0.0, 180.0, -85.0, 1e5];
+                *value = match random.below(3) {
+                    0 => any,
+                    1 => random.pick(&edge),
+                    _ => *value,
+                };
+            }
+            let amount_m = fence
+                .check_leg(&from, &to)
+                .map_or(0.0, |breach| breach.amount_m);
+            assert!(
+                amount_m.is_finite() && amount_m >= 0.0,
+                "{fence:?} {from:?} {to:?}"
+            );
+        }
+    }
 }

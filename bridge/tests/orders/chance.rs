@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, Reason, Stage};
 use ipc_types::payload::{MovementData, RequestReport};
 
-use crate::desk::{Desk, go_to, north};
+use crate::rig::{Random, Rig, go_to, north};
 
 /// What the sequences had in them.
 #[derive(Debug, Default)]
@@ -22,23 +22,6 @@ pub struct Seen {
     pub superseded: u64,
     /// See `superseded`.
     pub too_late: u64,
-}
-
-/// SplitMix64: small, seeded, the same everywhere.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        (z ^ (z >> 31)) % bound
-    }
-
-    fn one_in(&mut self, bound: u64) -> bool {
-        self.below(bound) == 0
-    }
 }
 
 const MS: u64 = 1_000_000;
@@ -98,7 +81,7 @@ impl Order {
 type Message = (MonotonicNs, usize, usize);
 
 struct Sequence {
-    desk: Desk,
+    rig: Rig,
     orders: Vec<Order>,
     messages: Vec<Message>,
     /// From when to when the bridge stands still.
@@ -131,12 +114,12 @@ impl Sequence {
     fn new(random: &mut Random) -> Sequence {
         let mut config = BridgeConfig::default();
         config.movement.begin_within_ms = BEGIN_WITHIN_MS;
-        let mut desk = Desk::up(&config);
-        desk.control(ipc_types::code::ControlCommand::Start);
-        desk.lift_off();
+        let mut rig = Rig::up(&config);
+        rig.control(ipc_types::code::ControlCommand::Start);
+        rig.lift_off();
         // So that no order may have been issued before the start.
-        desk.run(MOST_UNCERTAIN_MS as u32);
-        let begin = desk.now;
+        rig.run(MOST_UNCERTAIN_MS as u32);
+        let begin = rig.now;
         let after = |ms: u64| MonotonicNs(begin.0 + ms * MS);
         let mut span = |longest_ms: u64| {
             let from = random.below(TROUBLE_MS - longest_ms);
@@ -233,9 +216,9 @@ impl Sequence {
             });
         }
         messages.sort_unstable();
-        let waypoints = desk.dsp.waypoints.len();
+        let waypoints = rig.dsp.waypoints.len();
         Sequence {
-            desk,
+            rig,
             orders,
             messages,
             stalls,
@@ -246,12 +229,12 @@ impl Sequence {
     }
 
     fn run(&mut self, seed: u64) {
-        let end = MonotonicNs(self.desk.now.0 + END_MS * MS);
-        while self.desk.now < end {
-            self.desk.now = MonotonicNs(self.desk.now.0 + u64::from(STEP_MS) * MS);
-            self.desk.dsp.time_ms += STEP_MS;
+        let end = MonotonicNs(self.rig.now.0 + END_MS * MS);
+        while self.rig.now < end {
+            self.rig.now = MonotonicNs(self.rig.now.0 + u64::from(STEP_MS) * MS);
+            self.rig.dsp.time_ms += STEP_MS;
             self.say();
-            if !is_in(&self.stalls, self.desk.now) {
+            if !is_in(&self.stalls, self.rig.now) {
                 self.wake();
             }
             self.look(seed);
@@ -260,7 +243,7 @@ impl Sequence {
 
     /// What the DSP says waits in the line.
     fn say(&mut self) {
-        let dsp = &mut self.desk.dsp;
+        let dsp = &mut self.rig.dsp;
         if dsp.time_ms.is_multiple_of(100) {
             let mut status = dsp.status;
             status.time_ms = Some(dsp.time_ms);
@@ -268,7 +251,7 @@ impl Sequence {
             let frame = dsp.frame(&Downlink::Status(status), None);
             self.line.extend_from_slice(frame.as_bytes());
         }
-        if dsp.time_ms.is_multiple_of(60) && !is_in(&self.pauses, self.desk.now) {
+        if dsp.time_ms.is_multiple_of(60) && !is_in(&self.pauses, self.rig.now) {
             let frame = dsp.frame(&Downlink::FlowControl(FlowControl::Send), None);
             self.line.extend_from_slice(frame.as_bytes());
         }
@@ -276,35 +259,35 @@ impl Sequence {
 
     /// One wake-up of the bridge: all that has come meanwhile, what the DSP says first, as the shell hands it on.
     fn wake(&mut self) {
-        let (desk, line) = (&mut self.desk, std::mem::take(&mut self.line));
-        desk.apply(Input::Received(&line));
+        let (rig, line) = (&mut self.rig, std::mem::take(&mut self.line));
+        rig.apply(Input::Received(&line));
         while let Some((_, number, index)) = self
             .messages
             .first()
             .copied()
-            .filter(|(arrives, ..)| *arrives <= desk.now)
+            .filter(|(arrives, ..)| *arrives <= rig.now)
         {
             self.messages.remove(0);
             let order = &mut self.orders[number];
             let data = &order.requests[index];
             let key = RequestKey::Movement(data.request_id);
-            desk.apply(Input::Movement {
+            rig.apply(Input::Movement {
                 key,
                 sender: None,
                 request: *data,
             });
             if index + 1 == order.requests.len() {
-                order.read.get_or_insert(desk.now);
+                order.read.get_or_insert(rig.now);
             }
         }
-        desk.apply(Input::Advance);
-        desk.exchange();
+        rig.apply(Input::Advance);
+        rig.exchange();
     }
 
     /// Which paths have begun: none late, and none after an order that was issued later.
     fn look(&mut self, seed: u64) {
-        let now = self.desk.now;
-        let new: Vec<usize> = self.desk.dsp.waypoints[self.waypoints..]
+        let now = self.rig.now;
+        let new: Vec<usize> = self.rig.dsp.waypoints[self.waypoints..]
             .iter()
             .filter_map(|waypoint| {
                 let is_first = |order: &Order| {
@@ -314,7 +297,7 @@ impl Sequence {
                 self.orders.iter().position(is_first)
             })
             .collect();
-        self.waypoints = self.desk.dsp.waypoints.len();
+        self.waypoints = self.rig.dsp.waypoints.len();
         for number in new {
             let order = &self.orders[number];
             assert_eq!(order.began, None, "seed {seed}: begun twice: {order:?}");
@@ -333,7 +316,7 @@ impl Sequence {
     fn reports(&self, order: &Order) -> impl Iterator<Item = &RequestReport> {
         let ids =
             order.requests[0].request_id..=order.requests[order.requests.len() - 1].request_id;
-        self.desk.out.reports.iter().filter(move |report| {
+        self.rig.out.reports.iter().filter(move |report| {
             ids.contains(&report.request_id) && report.reason() != Some(Reason::StillOpen)
         })
     }
@@ -352,7 +335,7 @@ impl Sequence {
             .filter(|order| order.began.is_some())
             .count() as u64;
         let said = |reason| {
-            let reports = self.desk.out.reports.iter();
+            let reports = self.rig.out.reports.iter();
             reports
                 .filter(|report| report.reason() == Some(reason))
                 .count() as u64
@@ -368,10 +351,10 @@ impl Sequence {
         };
         let last = &self.orders[number];
         let context = || {
-            let (last, orders, reports) = (last, &self.orders, &self.desk.out.reports);
+            let (last, orders, reports) = (last, &self.orders, &self.rig.out.reports);
             format!("seed {seed}: last {last:?}, all {orders:?}, said {reports:?}")
         };
-        let state = self.desk.bridge.state();
+        let state = self.rig.bridge.state();
         let follows = state.functionality() == Some(Functionality::FollowingPath);
         if last.ends_movements() {
             assert!(!follows, "a path goes on; {}", context());

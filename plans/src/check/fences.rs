@@ -1,7 +1,6 @@
 //! Each leg, and each end of a climb, against the robot's fence and against the plan's own, both as the bridge judges them.
 
 use bridge::safety::fence::{Area, AreaConfig, AreaKind, Breach, Fence, FenceConfig, FenceRule};
-use bridge::safety::ground;
 use dsp_protocol::Waypoint;
 
 use crate::finding::{Finding, Findings};
@@ -23,7 +22,7 @@ pub fn check_robot(fence: &Fence, flight: &Flight, site: &Site, findings: &mut F
 /// Checks that no waypoint lies below the ground of the take-off.
 pub fn check_ground(flight: &Flight, site: &Site, findings: &mut Findings) {
     for leg in &flight.legs {
-        if let Some(breach) = ground::breach(&leg.to, site.home.altitude_m) {
+        if let Some(breach) = Breach::of_ground(&leg.to, site.home.altitude_m) {
             let finding =
                 Finding::forbids("fence-floor", "is reached below the ground of the take-off");
             let remedy = "change its altitude; where the field falls away, set `below_take_off` in `[safety]` of bridge.toml";

@@ -166,7 +166,7 @@ impl Witness {
 impl Outputs for Witness {
     fn notice(&mut self, _: &bridge::outputs::Notice) {}
 
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);
         assert_eq!(

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use bridge::flight::issue_order::{Issued, Mark};
+use bridge::flight::request::{IssueMark, Issued};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
@@ -45,7 +45,7 @@ struct Case {
 
 #[derive(Default)]
 struct Bridge {
-    mark: Mark,
+    mark: IssueMark,
     waiting: Vec<Vec<u8>>,
     stalled_until: u64,
     /// The order that the helicopter carries out.

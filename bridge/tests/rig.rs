@@ -1,7 +1,5 @@
-//! A desk to try the bridge's core on: a scripted DSP in a few lines, a recorder of everything the core says, and time
-//! that moves only when a test says so.
-
-#![allow(missing_docs, dead_code)] // Each test binary uses its own part of the desk.
+//! A test rig for the bridge's core: a scripted DSP in a few lines, a recorder of everything the core says, and time that moves
+//! only when a test says so.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -30,7 +28,7 @@ pub struct Recorder {
 }
 
 impl Outputs for Recorder {
-    fn telemetry(&mut self, fill: impl FnOnce(&mut DspTelemetry)) {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
         let mut sample = DspTelemetry::default();
         fill(&mut sample);
         self.telemetry.push(sample);
@@ -174,12 +172,12 @@ pub const HOME: Geographic = Geographic {
 /// The commands of a stop.
 pub const STOP: [Command; 2] = [Command::InvalidatePath, Command::ClearErrors];
 
-/// A refusal, as [`Desk::last`] gives it.
+/// A refusal, as [`Rig::last`] gives it.
 pub fn refused(reason: Reason) -> (Stage, Reason, ImiError) {
     (Stage::Refused, reason, ImiError::None)
 }
 
-/// An early end without an IMI error, as [`Desk::last`] gives it.
+/// An early end without an IMI error, as [`Rig::last`] gives it.
 pub fn aborted(reason: Reason) -> (Stage, Reason, ImiError) {
     (Stage::Aborted, reason, ImiError::None)
 }
@@ -332,7 +330,7 @@ impl ScriptedDsp {
 }
 
 /// Bridge, DSP, recorder and clock.
-pub struct Desk {
+pub struct Rig {
     pub bridge: Bridge,
     pub dsp: ScriptedDsp,
     pub out: Recorder,
@@ -342,39 +340,39 @@ pub struct Desk {
     next_request: u64,
 }
 
-impl Desk {
+impl Rig {
     /// A bridge whose port is closed.
-    pub fn closed(config: &BridgeConfig) -> Desk {
-        Desk::with(Bridge::new(config))
+    pub fn closed(config: &BridgeConfig) -> Rig {
+        Rig::with(Bridge::new(config))
     }
 
     /// A bridge that is up and started, with the helicopter on the ground.
-    pub fn started() -> Desk {
-        let mut desk = Desk::up(&BridgeConfig::default());
-        let start = desk.control(ControlCommand::Start);
-        assert_eq!(desk.last(start).0, Stage::Done);
-        desk
+    pub fn started() -> Rig {
+        let mut rig = Rig::up(&BridgeConfig::default());
+        let start = rig.control(ControlCommand::Start);
+        assert_eq!(rig.last(start).0, Stage::Done);
+        rig
     }
 
     /// A bridge that is up, not started.
-    pub fn up(config: &BridgeConfig) -> Desk {
-        let mut desk = Desk::closed(config);
-        desk.open();
-        assert_eq!(desk.link(), LinkState::Up);
-        desk
+    pub fn up(config: &BridgeConfig) -> Rig {
+        let mut rig = Rig::closed(config);
+        rig.open();
+        assert_eq!(rig.link(), LinkState::Up);
+        rig
     }
 
     /// A started bridge with the helicopter in the air.
-    pub fn flying() -> Desk {
-        let mut desk = Desk::started();
-        desk.lift_off();
-        desk
+    pub fn flying() -> Rig {
+        let mut rig = Rig::started();
+        rig.lift_off();
+        rig
     }
 }
 
-impl Desk {
-    pub fn with(bridge: Bridge) -> Desk {
-        Desk {
+impl Rig {
+    pub fn with(bridge: Bridge) -> Rig {
+        Rig {
             bridge,
             dsp: ScriptedDsp::default(),
             out: Recorder::default(),
@@ -630,5 +628,34 @@ pub fn go_to(point: Waypoint) -> MovementData {
         longitude_deg: point.longitude_deg,
         altitude_m: point.altitude_m,
         ..MovementData::default()
+    }
+}
+
+/// SplitMix64: small, seeded, the same everywhere.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, bound: u64) -> u64 {
+        self.next() % bound
+    }
+
+    pub fn one_in(&mut self, bound: u64) -> bool {
+        self.below(bound) == 0
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub fn pick<T: Copy>(&mut self, values: &[T]) -> T {
+        values[self.below(values.len() as u64) as usize]
     }
 }

@@ -3,9 +3,7 @@
 use bridge::safety::fence::{Fence, FenceRule, MAX_AREAS, MAX_VERTICES};
 use dsp_protocol::Waypoint;
 
-fn parse(text: &str) -> Result<Fence, String> {
-    runtime::config::parse(text, "fence.toml").map_err(|error| error.to_string())
-}
+use super::parse;
 
 fn polygon(name: &str, outline: &[[f64; 2]]) -> String {
     format!("[[area]]\nname = \"{name}\"\nkind = \"exclusion\"\npolygon = {outline:?}\n")
@@ -162,7 +160,7 @@ struct File {
 
 #[test]
 fn the_example_of_the_documentation_is_a_fence_of_two_areas() {
-    let blocks = include_str!("../../docs/safety.md").split("```");
+    let blocks = include_str!("../../../docs/safety.md").split("```");
     let example = blocks
         .filter_map(|block| block.strip_prefix("toml\n"))
         .find(|block| block.contains("[fence]"))

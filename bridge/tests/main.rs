@@ -1,0 +1,16 @@
+//! The bridge's core, tested as one value.
+
+#![allow(missing_docs)]
+
+mod authority;
+mod config;
+mod dsp_path;
+mod fence;
+mod flight;
+mod hostile;
+mod link;
+mod orders;
+mod parameters;
+mod paths;
+mod rig;
+mod take_off_and_landing;
