@@ -13,13 +13,13 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Stdio};
 
 use ipc_types::{RobotId, Schema};
 use relay::ros2::{Session, StandardMessage, add_packages, attachment, own_schemas, type_hash};
 use ril_tests::languages::run;
+use ril_tests::relayed::free_endpoint;
 use ril_tests::stranger::STRANGER;
 use serde_json::{Value, json};
 
@@ -66,7 +66,7 @@ fn zenoh_ros2_sdk_lists_and_echoes_the_topics() {
     };
     let samples = samples();
     let folder = folder_with_packages(&own_schemas());
-    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let endpoint = free_endpoint();
     let plan = folder.path().join("plan.json");
     fs::write(&plan, publisher_plan(&endpoint, &samples).to_string()).expect("a file");
     let _publisher = Publisher::start(python, &plan);
@@ -149,12 +149,6 @@ impl Drop for Publisher {
         drop(self.0.stdin.take());
         let _ = self.0.wait();
     }
-}
-
-/// A port that was free a moment ago.
-fn free_port() -> u16 {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
-    listener.local_addr().expect("an address").port()
 }
 
 /// A new folder with the packages of `schemas`.

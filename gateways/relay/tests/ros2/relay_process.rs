@@ -9,7 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{RobotId, Schema};
 use relay::ros2::{Qos, Session, StandardMessage, own_schemas};
-use ril_tests::process::Signal;
+use ril_tests::relayed::free_endpoint;
 use ril_tests::{Process, StandInStatus, StandInTopic, TestDomain};
 use serde_json::Value;
 use zenoh::Wait;
@@ -17,7 +17,7 @@ use zenoh::sample::{Sample, SampleKind};
 
 use super::python::python_or_skip;
 use super::samples::{self, samples};
-use super::{check_topics, folder_with_packages, free_port};
+use super::{check_topics, folder_with_packages};
 
 ipc_types::shared_struct! {
     /// A topic of a module, with a name that a standard message has too.
@@ -47,7 +47,7 @@ impl Robot {
     /// Starts `publish`, which is called again and again, and the relay; returns when the relay carries `keys`.
     fn start(domain: &TestDomain, keys: &[&str], publish: impl FnMut() + Send + 'static) -> Robot {
         let publishing = Publishing::start(publish);
-        let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+        let endpoint = free_endpoint();
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("relay.toml");
         let config = format!("[robot]\nlisten = [\"{endpoint}\"]\n[ros2]\nenabled = true\n");
@@ -70,10 +70,8 @@ impl Robot {
     }
 
     /// Ends it, and returns what the relay has logged.
-    fn end(mut self) -> Vec<String> {
-        self.relay.signal(Signal::TERM);
-        let finished = self.relay.wait_exit();
-        assert_eq!(finished.code(), Some(0));
+    fn end(self) -> Vec<String> {
+        let finished = self.relay.end();
         drop(self.publishing);
         finished.stderr
     }

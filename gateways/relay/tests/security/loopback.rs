@@ -1,11 +1,11 @@
 //! The built-in defaults, in a network of their own.
 
 use std::fs;
-use std::io::Write;
 use std::process::Command;
 
 use ril_tests::TestDomain;
-use ril_tests::process::{Process, Signal};
+use ril_tests::languages::skip;
+use ril_tests::process::Process;
 
 use crate::rig::RELAY;
 
@@ -34,10 +34,7 @@ fn can_have_networks() -> bool {
     let tried = Command::new("unshare").args(["--net", "true"]).output();
     let can = tried.is_ok_and(|output| output.status.success());
     if !can {
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: `unshare --net` makes no network of its own here"
-        );
+        skip("a network of its own", "`unshare --net` makes none here");
     }
     can
 }
@@ -72,7 +69,6 @@ fn by_default_a_relay_is_reached_from_its_own_machine_alone_and_by_no_multicast(
             );
         }
         assert_eq!(groups(&process), <[String; 0]>::default(), "{side}");
-        process.signal(Signal::TERM);
-        assert_eq!(process.wait_exit().code(), Some(0));
+        process.end();
     }
 }

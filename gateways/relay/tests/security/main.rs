@@ -12,11 +12,11 @@ use std::thread;
 
 use ipc_types::code::Stage;
 use relay::message::{Ask, Ping, Reply, decode, encode};
-
 use ril_tests::Received;
+use ril_tests::relayed::free_endpoint;
 
-use hostile::{Flood, Stranger};
-use rig::{RELAY, Rig, free_port};
+use hostile::{Flood, Heard, Stranger};
+use rig::{RELAY, Rig};
 
 /// Memory that a relay may take under any flood, kB: its queues are full, and Zenoh's buffers.
 const MAX_RESIDENT_KB: u64 = 400_000;
@@ -31,7 +31,7 @@ fn write(folder: &Path, name: &str, text: &str) {
 /// A rig without certificates, and where the robot's relay listens.
 fn open_rig() -> (Rig, String) {
     let folder = tempfile::tempdir().expect("a folder");
-    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let endpoint = free_endpoint();
     write(
         folder.path(),
         "robot.toml",
@@ -70,18 +70,23 @@ fn during(floods: Vec<Flood>, work: impl FnOnce()) -> u64 {
         .sum()
 }
 
+/// The session of the station, as an eavesdropper on its requests hears it.
+fn session_of(rig: &mut Rig, heard: &Heard) -> u64 {
+    rig.request_done();
+    loop {
+        rig.telemetry();
+        if let Some(session) = heard.session() {
+            return session;
+        }
+    }
+}
+
 #[test]
 fn a_flood_of_garbage_long_and_replayed_messages_stops_neither_telemetry_nor_requests() {
     let (mut rig, endpoint) = open_rig();
     let recorder = Stranger::plain(&endpoint);
     let heard = recorder.listen("hero/1/**");
-    rig.request_done();
-    let session = loop {
-        rig.telemetry();
-        if let Some(session) = heard.session() {
-            break session;
-        }
-    };
+    let session = session_of(&mut rig, &heard);
     let kinds = [
         (20, Flood::garbage as fn(Stranger) -> Flood),
         (1, Flood::long),
@@ -131,13 +136,7 @@ fn a_stranger_who_takes_the_name_of_the_station_executes_nothing_twice_and_when_
     let (mut rig, endpoint) = open_rig();
     let recorder = Stranger::plain(&endpoint);
     let heard = recorder.listen("hero/1/**");
-    rig.request_done();
-    let session = loop {
-        rig.telemetry();
-        if let Some(session) = heard.session() {
-            break session;
-        }
-    };
+    let session = session_of(&mut rig, &heard);
     let floods = vec![
         Flood::instances(Stranger::plain(&endpoint), "gcs"),
         Flood::replay(Stranger::plain(&endpoint), session),
@@ -192,35 +191,40 @@ fn certify(folder: &Path) {
     }
 }
 
-/// A rig with certificates over `protocol`.
-fn secured_rig(protocol: &str) -> (Rig, String) {
+/// A rig with certificates over `protocol`, through a router if it is asked for, and where others connect to.
+fn secured_rig(protocol: &str, through_router: bool) -> (Rig, String) {
     let folder = tempfile::tempdir().expect("a folder");
     certify(folder.path());
-    let endpoint = format!("{protocol}/127.0.0.1:{}", free_port());
-    let security = |name: &str| {
-        format!(
-            "[security]\nauthority = \"pki/ca.pem\"\ncertificate = \"pki/{name}.pem\"\nkey = \"pki/{name}-key.pem\"\n\
-             robots = {{ robot-1 = 1 }}\nstations = [\"viewer\"]\n[commands]\nstations = [\"gcs\"]\n"
-        )
-    };
-    write(
-        folder.path(),
-        "robot.toml",
-        &format!("{}[robot]\nlisten = [{endpoint:?}]\n", security("robot-1")),
-    );
-    write(
-        folder.path(),
-        "station.toml",
-        &format!(
-            "{}[station]\nname = \"gcs\"\nconnect = [{endpoint:?}]\n",
-            security("gcs")
-        ),
-    );
+    let endpoint = free_endpoint().replace("tcp", protocol);
+    let sides = [
+        ("robot", "robot-1"),
+        ("station", "gcs"),
+        ("router", "router"),
+    ];
+    for (side, name) in sides.into_iter().take(if through_router { 3 } else { 2 }) {
+        let through = if through_router { "router" } else { "peers" };
+        let listens = if through_router { "router" } else { "robot" };
+        let (listen, connect) = match side == listens {
+            true => (vec![&endpoint], Vec::new()),
+            false => (Vec::new(), vec![&endpoint]),
+        };
+        let station = if side == "station" {
+            "name = \"gcs\"\n"
+        } else {
+            ""
+        };
+        let text = format!(
+            "[network]\nthrough = \"{through}\"\n[security]\nauthority = \"pki/ca.pem\"\ncertificate = \"pki/{name}.pem\"\n\
+             key = \"pki/{name}-key.pem\"\nrobots = {{ robot-1 = 1 }}\nrouters = [\"router\"]\nstations = [\"viewer\"]\n\
+             [commands]\nstations = [\"gcs\"]\n[{side}]\nlisten = {listen:?}\nconnect = {connect:?}\n{station}"
+        );
+        write(folder.path(), &format!("{side}.toml"), &text);
+    }
     (Rig::start(folder), endpoint)
 }
 
 fn strangers_read_and_order_nothing(protocol: &str) {
-    let (mut rig, endpoint) = secured_rig(protocol);
+    let (mut rig, endpoint) = secured_rig(protocol, false);
     // As relays connect over QUIC.
     let endpoint = match protocol {
         "quic" => format!("{endpoint}?mixed_rel=1"),
@@ -245,7 +249,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
     let all = viewer.listen("**");
     let others = viewer.listen("hero/1/tell/gcs");
     let orders = viewer.listen("hero/1/order/*");
-    let told = viewer.listen("hero/1/tell/viewer");
+    let replies = viewer.listen("hero/1/tell/viewer");
     let topics = viewer.listen("hero/1/topic/**");
     let ping = Ask::Ping(Ping {
         station_instance: 77,
@@ -272,7 +276,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
     let pong = loop {
         rig.telemetry();
         viewer.put("hero/1/ask/viewer", &encode(&ping));
-        if let Some((_, message)) = told.drain().pop() {
+        if let Some((_, message)) = replies.drain().pop() {
             break decode::<Reply>(&message).expect("a message");
         }
     };
@@ -320,31 +324,7 @@ fn with_certificates_over_quic_strangers_read_and_order_nothing() {
 
 #[test]
 fn through_a_router_with_certificates_a_watcher_reads_and_orders_nothing_in_another_name() {
-    let folder = tempfile::tempdir().expect("a folder");
-    certify(folder.path());
-    let endpoint = format!("tls/127.0.0.1:{}", free_port());
-    for (file, name) in [
-        ("robot", "robot-1"),
-        ("station", "gcs"),
-        ("router", "router"),
-    ] {
-        let (listen, connect) = match file {
-            "router" => (vec![&endpoint], Vec::new()),
-            _ => (Vec::new(), vec![&endpoint]),
-        };
-        let text = format!(
-            "[network]\nthrough = \"router\"\n[security]\nauthority = \"pki/ca.pem\"\ncertificate = \"pki/{name}.pem\"\n\
-             key = \"pki/{name}-key.pem\"\nrobots = {{ robot-1 = 1 }}\nrouters = [\"router\"]\nstations = [\"viewer\"]\n\
-             [commands]\nstations = [\"gcs\"]\n[{file}]\nlisten = {listen:?}\nconnect = {connect:?}\n{}",
-            if file == "station" {
-                "name = \"gcs\"\n"
-            } else {
-                ""
-            }
-        );
-        write(folder.path(), &format!("{file}.toml"), &text);
-    }
-    let mut rig = Rig::start(folder);
+    let (mut rig, endpoint) = secured_rig("tls", true);
     rig.request_done();
     let viewer = Stranger::certified(&endpoint, rig.folder.path(), "pki", "viewer");
     let others = viewer.listen("hero/1/tell/gcs");
@@ -372,7 +352,7 @@ fn orders_from_other_machines_without_certificates_are_refused_at_the_start() {
         .current_dir("/")
         .output()
         .expect("the relay's program");
-    let told = String::from_utf8_lossy(&refused.stderr);
-    assert_eq!(refused.status.code(), Some(78), "{told}");
-    assert!(told.contains("ril relay certify"), "{told}");
+    let printed = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(78), "{printed}");
+    assert!(printed.contains("ril relay certify"), "{printed}");
 }

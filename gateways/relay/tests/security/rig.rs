@@ -1,14 +1,15 @@
 //! A robot and a station on this machine, each with a relay of its own and shared memory of its own, and strangers.
 
-use std::net::TcpListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
 use ipc_types::{Client, Ipc, Subscriber};
-use ril_tests::process::{Process, Signal, WAIT_LIMIT};
+use ril_tests::chain::place;
+use ril_tests::process::{Process, WAIT_LIMIT};
+use ril_tests::sandbox::Holdings;
 use ril_tests::{Received, Script, StandInBridge, StandInStatus, TestDomain};
 
 use crate::hostile::Flood;
@@ -19,19 +20,11 @@ pub const RELAY: &str = env!("CARGO_BIN_EXE_ril-relay");
 /// Pause between two samples.
 const SAMPLE_PERIOD: Duration = Duration::from_millis(20);
 
-/// A port of this machine that is free now.
-pub fn free_port() -> u16 {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    listener.local_addr().expect("its address").port()
-}
-
-/// Runs the relay's program in `folder`.
-pub fn relay(domain: &TestDomain, folder: &Path, args: &[&str]) -> Process {
+/// Runs a side of the relay in `folder`, with the configuration that it has there.
+fn relay(domain: &TestDomain, folder: &Path, side: &str) -> Process {
     let mut command = Command::new(RELAY);
-    command.args(args).current_dir(folder);
-    for variable in ["RIL_ROBOT", "RIL_CONFIG", "RIL_LOG"] {
-        command.env_remove(variable);
-    }
+    command.args([side, "--config", &format!("{side}.toml")]);
+    place(&mut command, folder);
     Process::spawn(domain, command)
 }
 
@@ -62,24 +55,10 @@ impl Rig {
         let (robot_domain, station_domain) = (TestDomain::new(), TestDomain::new());
         let bridge = StandInBridge::start(&robot_domain);
         let status = StandInStatus::start(&robot_domain);
-        let toml = |name: &str| -> PathBuf { folder.path().join(name) };
-        let router_toml = toml("router.toml");
-        let router = router_toml.is_file().then(|| {
-            let args = ["router", "--config", router_toml.to_str().expect("text")];
-            relay(&robot_domain, folder.path(), &args)
-        });
-        let (robot_toml, station_toml) = (toml("robot.toml"), toml("station.toml"));
-        let path = |path: &Path| path.to_str().expect("text").to_owned();
-        let robot = relay(
-            &robot_domain,
-            folder.path(),
-            &["robot", "--config", &path(&robot_toml)],
-        );
-        let mut station = relay(
-            &station_domain,
-            folder.path(),
-            &["station", "--config", &path(&station_toml)],
-        );
+        let has_router = folder.path().join("router.toml").is_file();
+        let router = has_router.then(|| relay(&robot_domain, folder.path(), "router"));
+        let robot = relay(&robot_domain, folder.path(), "robot");
+        let mut station = relay(&station_domain, folder.path(), "station");
         for key in ["movement", "hero_telemetry"] {
             station.wait_for_line(|line| {
                 line.text.contains("provided here") && line.text.contains(&format!("{key:?}"))
@@ -191,13 +170,7 @@ impl Rig {
 
     /// Memory of the robot's and the station's relay, kB.
     pub fn resident_kb(&self) -> [u64; 2] {
-        [&self.robot, &self.station].map(|process| {
-            let status = std::fs::read_to_string(format!("/proc/{}/status", process.id()));
-            let status = status.expect("a running process");
-            let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-            let number = line.and_then(|line| line.split_whitespace().next());
-            number.and_then(|number| number.parse().ok()).expect("kB")
-        })
+        [&self.robot, &self.station].map(|process| Holdings::of(process.id()).memory_kib)
     }
 
     /// Processor time of the robot's and the station's relay so far, s.
@@ -216,16 +189,11 @@ impl Rig {
         [self.robot.lines().len(), self.station.lines().len()]
     }
 
-    /// Ends both relays as an operator does.
-    pub fn end(mut self) {
-        let router = self.router.iter_mut();
-        for process in [&mut self.station, &mut self.robot]
-            .into_iter()
-            .chain(router)
-        {
-            process.signal(Signal::TERM);
-            let finished = process.wait_exit();
-            assert_eq!(finished.code(), Some(0), "{finished:#?}");
-        }
+    /// Ends the relays as an operator does.
+    pub fn end(self) {
+        let relays = [self.station, self.robot].into_iter();
+        relays.chain(self.router).for_each(|relay| {
+            relay.end();
+        });
     }
 }

@@ -46,6 +46,14 @@ impl Rig {
         }
     }
 
+    /// The same as a repetition.
+    fn repetition(&self, number: u64) -> Order {
+        Order {
+            is_repeat: true,
+            ..self.new_order(number)
+        }
+    }
+
     fn order(&mut self, order: &Order) -> Vec<Output> {
         self.order_of(order, true)
     }
@@ -120,6 +128,14 @@ fn sent(out: &[Output]) -> Vec<(u64, bool)> {
     sent.collect()
 }
 
+/// The same order after its client has gone.
+fn given_up_of(order: &Order) -> Order {
+    Order {
+        is_given_up: true,
+        ..order.clone()
+    }
+}
+
 fn is_give_up(output: &Output) -> bool {
     matches!(output, Output::GiveUp { .. })
 }
@@ -150,11 +166,14 @@ fn an_order_is_passed_on_once_and_every_copy_is_answered() {
     assert_eq!(answers(&rig.report(101, Stage::Done, Reason::None)), [done]);
     let out = rig.order(&order);
     assert_eq!((answers(&out), sent(&out)), (vec![accepted, done], vec![]));
-    assert_eq!(
-        rig.report(101, Stage::Done, Reason::None),
-        [],
-        "it has ended"
-    );
+    let again = rig.report(101, Stage::Done, Reason::None);
+    assert_eq!(again, [], "it has ended");
+
+    // A first request that its server refuses as busy has its final report as well.
+    rig.order(&rig.new_order(2));
+    let refused = answered(2, 1, Stage::Refused, Reason::Busy);
+    let out = rig.report(102, Stage::Refused, Reason::Busy);
+    assert_eq!(answers(&out), [refused]);
 }
 
 #[test]
@@ -218,10 +237,7 @@ fn an_order_that_waits_is_given_up_and_forgotten_without_being_passed_on() {
     let mut rig = Rig::new();
     let second = rig.new_order(2);
     rig.order(&second);
-    let given = Order {
-        is_given_up: true,
-        ..second
-    };
+    let given = given_up_of(&second);
     let out = rig.order(&given);
     assert!(!given_up(&out));
     assert_eq!(sent(&rig.order(&rig.new_order(1))), [(101, false)]);
@@ -260,25 +276,21 @@ fn below_the_floor_orders_are_forgotten_and_late_copies_ignored() {
 }
 
 #[test]
-fn an_order_that_comes_too_late_is_refused() {
-    let mut rig = Rig::new();
-    let order = rig.new_order(1);
-    rig.now += SECOND + 1;
-    let out = rig.order(&order);
-    let refused = answered(1, 1, Stage::Refused, Reason::TooLate);
-    assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
-}
-
-#[test]
-fn a_request_without_an_id_is_refused() {
-    let mut rig = Rig::new();
-    for request in [vec![], vec![1; 7], vec![0; 16]] {
-        let order = Order {
-            request,
-            ..rig.new_order(1)
-        };
+fn an_order_that_comes_too_late_or_without_an_id_is_refused() {
+    let late = |order: &mut Order| order.expires = MonotonicNs(SECOND - 1);
+    let without_id = |request: Vec<u8>| move |order: &mut Order| order.request = request;
+    let cases: [(Box<dyn FnOnce(&mut Order)>, _); 4] = [
+        (Box::new(late), Reason::TooLate),
+        (Box::new(without_id(vec![])), Reason::InvalidRequest),
+        (Box::new(without_id(vec![1; 7])), Reason::InvalidRequest),
+        (Box::new(without_id(vec![0; 16])), Reason::InvalidRequest),
+    ];
+    for (spoil, reason) in cases {
+        let mut rig = Rig::new();
+        let mut order = rig.new_order(1);
+        spoil(&mut order);
         let out = rig.order(&order);
-        let refused = answered(1, 1, Stage::Refused, Reason::InvalidRequest);
+        let refused = answered(1, 1, Stage::Refused, reason);
         assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
     }
 }
@@ -286,16 +298,10 @@ fn a_request_without_an_id_is_refused() {
 #[test]
 fn an_unknown_repetition_asks_the_server_or_is_unknown_however_late_it_comes() {
     let mut rig = Rig::new();
-    let order = Order {
-        is_repeat: true,
-        ..rig.new_order(1)
-    };
+    let order = rig.repetition(1);
     rig.now += 10 * SECOND;
     assert_eq!(sent(&rig.order(&order)), [(101, true)]);
-    let order = Order {
-        is_repeat: true,
-        ..rig.new_order(2)
-    };
+    let order = rig.repetition(2);
     let out = rig.order_of(&order, false);
     let unknown = answered(2, 1, Stage::Unknown, Reason::NotRemembered);
     assert_eq!((answers(&out), sent(&out)), (vec![unknown], vec![]));
@@ -304,10 +310,7 @@ fn an_unknown_repetition_asks_the_server_or_is_unknown_however_late_it_comes() {
 #[test]
 fn a_repetition_that_is_open_at_the_server_is_asked_again_until_it_ends() {
     let mut rig = Rig::new();
-    let order = Order {
-        is_repeat: true,
-        ..rig.new_order(1)
-    };
+    let order = rig.repetition(1);
     rig.order(&order);
     for _ in 0..3 {
         assert_eq!(rig.report(101, Stage::Refused, Reason::StillOpen), []);
@@ -323,26 +326,13 @@ fn a_repetition_that_is_open_at_the_server_is_asked_again_until_it_ends() {
 #[test]
 fn a_repetition_that_stays_busy_is_unknown_after_an_hour() {
     let mut rig = Rig::new();
-    let order = Order {
-        is_repeat: true,
-        ..rig.new_order(1)
-    };
+    let order = rig.repetition(1);
     rig.order(&order);
     rig.report(101, Stage::Refused, Reason::StillOpen);
     rig.tick_after(3600 * SECOND);
     let out = rig.report(101, Stage::Refused, Reason::StillOpen);
     let unknown = answered(1, 1, Stage::Unknown, Reason::StillOpen);
     assert_eq!(answers(&out), [unknown]);
-}
-
-#[test]
-fn a_first_request_that_is_refused_as_busy_has_its_final_report() {
-    let mut rig = Rig::new();
-    let order = rig.new_order(1);
-    rig.order(&order);
-    let out = rig.report(101, Stage::Refused, Reason::Busy);
-    let refused = answered(1, 1, Stage::Refused, Reason::Busy);
-    assert_eq!(answers(&out), [refused]);
 }
 
 #[test]
@@ -392,10 +382,7 @@ fn a_request_that_waits_is_not_sent_after_its_deadline() {
 fn an_order_that_is_given_up_is_dropped_at_the_server_and_settled() {
     let mut rig = Rig::new();
     let order = rig.new_order(1);
-    let given = Order {
-        is_given_up: true,
-        ..order.clone()
-    };
+    let given = given_up_of(&order);
     rig.order(&order);
     let settled = answered(1, 1, Stage::Unknown, Reason::None);
     let out = rig.order(&given);
@@ -409,10 +396,7 @@ fn an_order_that_is_given_up_is_dropped_at_the_server_and_settled() {
 fn an_order_that_is_given_up_before_it_came_is_never_passed_on() {
     let mut rig = Rig::new();
     let order = rig.new_order(1);
-    let given = Order {
-        is_given_up: true,
-        ..order.clone()
-    };
+    let given = given_up_of(&order);
     let settled = answered(1, 1, Stage::Unknown, Reason::None);
     for order in [given, order] {
         let out = rig.order(&order);
@@ -452,7 +436,7 @@ fn an_order_that_ends_while_it_moves_keeps_its_end() {
     let moved = Order {
         number: 70,
         is_repeat: true,
-        ..order
+        ..order.clone()
     };
     let out = rig.order_of(&moved, false);
     let done = answered(70, 1, Stage::Done, Reason::None);
@@ -656,10 +640,7 @@ fn a_station_that_is_forgotten_with_open_orders_is_lost() {
 #[test]
 fn a_repetition_waits_longer_for_room_at_the_server() {
     let mut rig = Rig::new();
-    let order = Order {
-        is_repeat: true,
-        ..rig.new_order(1)
-    };
+    let order = rig.repetition(1);
     rig.order(&order);
     rig.not_sent(101, NotSent::Full);
     assert_eq!(sent(&rig.tick_after(60 * SECOND)), [(101, true)]);
